@@ -1,0 +1,19 @@
+"""The errors that fcsim raises on purpose: each message names the file or argument, what was expected and what came."""
+
+from __future__ import annotations
+
+
+class FcsimError(Exception):
+    """Base of every error that fcsim raises on purpose; the command line prints its message without a traceback."""
+
+
+class InputError(FcsimError, ValueError):
+    """An argument, option or file content that cannot be used."""
+
+
+class MissingDependency(FcsimError, ImportError):
+    """An optional package is not installed; the message says which extra brings it."""
+
+
+class NotConverged(FcsimError, RuntimeError):
+    """A step did not converge, even after the whole fallback chain; the simulation stops there."""

@@ -1,0 +1,184 @@
+"""Materials, parts and bodies: what a simulation is made of, as arrays.
+
+A `Part` is a mesh with a material, in its own axes. A `Body` is a part placed by a rotation and a translation, so that a wall of
+thousands of bricks holds two meshes. A `RigidBody` has a mass, an inertia and a surface mesh, and moves with 6 (3 in 2D) dofs.
+
+All arrays are stored read-only. Node numbers in cells and surfaces are those of the part (or rigid body) itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fcsim.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+CELL_NODES = {"hexahedron": 8, "tetrahedron": 4, "quadrilateral": 4, "triangle": 3}
+CELL_DIMENSION = {"hexahedron": 3, "tetrahedron": 3, "quadrilateral": 2, "triangle": 2}
+FACET_NODES = {"hexahedron": 4, "tetrahedron": 3, "quadrilateral": 2, "triangle": 2}
+
+
+def _frozen(values: ArrayLike, dtype: type, what: str, shape: tuple[int | None, ...]) -> NDArray:
+    """Return a read-only copy of `values` as `dtype`, refusing a wrong shape (None = any length) and non-finite numbers."""
+    try:
+        array = np.array(values, dtype=dtype, order="C")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what}: expected numbers in an array of shape {shape}, got {type(values).__name__}: {error}") from None
+    if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
+        raise InputError(f"{what}: expected shape {tuple('any' if s is None else s for s in shape)}, got {array.shape}")
+    if not np.all(np.isfinite(array)):
+        raise InputError(f"{what}: expected finite numbers, got NaN or infinity")
+    array.setflags(write=False)
+    return array
+
+
+def _frozen_surfaces(surfaces: Mapping[str, ArrayLike], n_points: int, facet_nodes: int | None, what: str) -> Mapping[str, IntArray]:
+    frozen = {}
+    for name, facets in surfaces.items():
+        array = _frozen(facets, np.int64, f"{what}, surface {name!r}", (None, facet_nodes))
+        if array.size and (array.min() < 0 or array.max() >= n_points):
+            raise InputError(
+                f"{what}, surface {name!r}: expected node numbers 0 ... {n_points - 1}, got {array.min()} ... {array.max()}"
+            )
+        frozen[name] = array
+    return MappingProxyType(frozen)
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elastic material: Young's modulus E [Pa], Poisson's ratio nu [-], density [kg/m^3]."""
+
+    E: float
+    nu: float
+    density: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.E) and self.E > 0):
+            raise InputError(f"Material: expected Young's modulus E > 0 in Pa, got {self.E}")
+        if not -1 < self.nu < 0.5:
+            raise InputError(f"Material: expected Poisson's ratio -1 < nu < 0.5, got {self.nu}")
+        if not (np.isfinite(self.density) and self.density >= 0):
+            raise InputError(f"Material: expected a density >= 0 in kg/m^3, got {self.density}")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A meshed piece of one material, in its own axes.
+
+    points    (nn, d) [m], d = 2 or 3
+    cells     (ncells, k) node numbers, in VTK's (= gmsh's for first order) ordering
+    cell_type "hexahedron", "tetrahedron", "quadrilateral" or "triangle"
+    surfaces  name -> (nf, kf) node numbers of the facets; a 3D facet is ordered counter-clockwise seen from outside, so that its
+              right-hand normal points out of the body; a 2D facet (a, b) has the body on its left, outward normal (t_y, -t_x)
+    plane     2D only: "strain" or "stress"; thickness [m] multiplies every 2D integral
+    """
+
+    name: str
+    points: FloatArray
+    cells: IntArray
+    cell_type: str
+    surfaces: Mapping[str, IntArray]
+    material: Material
+    plane: Literal["strain", "stress"] = "strain"
+    thickness: float = 1.0
+
+    def __post_init__(self) -> None:
+        what = f"Part {self.name!r}"
+        if self.cell_type not in CELL_NODES:
+            raise InputError(f"{what}: expected a cell type among {', '.join(CELL_NODES)}, got {self.cell_type!r}")
+        if self.plane not in ("strain", "stress"):
+            raise InputError(f"{what}: expected plane 'strain' or 'stress', got {self.plane!r}")
+        if not self.thickness > 0:
+            raise InputError(f"{what}: expected a thickness > 0 in m, got {self.thickness}")
+        object.__setattr__(self, "points", _frozen(self.points, np.float64, f"{what}, points", (None, CELL_DIMENSION[self.cell_type])))
+        object.__setattr__(self, "cells", _frozen(self.cells, np.int64, f"{what}, cells", (None, CELL_NODES[self.cell_type])))
+        if self.cells.size == 0 or self.cells.min() < 0 or self.cells.max() >= len(self.points):
+            raise InputError(f"{what}: expected cells with node numbers 0 ... {len(self.points) - 1}, got {self.cells.shape[0]} cells")
+        object.__setattr__(
+            self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), FACET_NODES[self.cell_type], what)
+        )
+
+    @property
+    def dimension(self) -> int:
+        return self.points.shape[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A part placed in space: a point X of the part stands at `rotation @ X + translation`.
+
+    rotation (d, d) orthogonal with determinant +1; translation (d,) [m].
+    """
+
+    name: str
+    part: Part
+    rotation: FloatArray = None  # type: ignore[assignment]
+    translation: FloatArray = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        d = self.part.dimension
+        rotation = np.eye(d) if self.rotation is None else self.rotation
+        translation = np.zeros(d) if self.translation is None else self.translation
+        object.__setattr__(self, "rotation", _frozen(rotation, np.float64, f"Body {self.name!r}, rotation", (d, d)))
+        object.__setattr__(self, "translation", _frozen(translation, np.float64, f"Body {self.name!r}, translation", (d,)))
+        if not np.allclose(self.rotation @ self.rotation.T, np.eye(d), atol=1e-10) or np.linalg.det(self.rotation) < 0:
+            raise InputError(f"Body {self.name!r}: expected a rotation matrix (orthogonal, determinant +1), got {self.rotation.tolist()}")
+
+    @property
+    def dimension(self) -> int:
+        return self.part.dimension
+
+    @property
+    def points(self) -> FloatArray:
+        """Placed nodes (nn, d) [m] in the reference configuration."""
+        return self.part.points @ self.rotation.T + self.translation
+
+    @property
+    def surfaces(self) -> Mapping[str, IntArray]:
+        return self.part.surfaces
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody:
+    """A rigid body with 6 dofs (3D: v, omega) or 3 (2D), placed in space.
+
+    mass [kg]; inertia about the centre of mass in the world axes of the reference configuration, (3, 3) or 2D (1, 1) [kg m^2];
+    centre (d,) [m]; points (np, d) [m] and surfaces name -> (nf, kf) facets, oriented as those of a Part.
+    Its points move with v + omega x (p - c).
+    """
+
+    name: str
+    mass: float
+    inertia: FloatArray
+    centre: FloatArray
+    points: FloatArray
+    surfaces: Mapping[str, IntArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        what = f"RigidBody {self.name!r}"
+        d = np.asarray(self.points).shape[-1]
+        if d not in (2, 3):
+            raise InputError(f"{what}: expected points of shape (any, 2) or (any, 3), got {np.shape(self.points)}")
+        if not (np.isfinite(self.mass) and self.mass > 0):
+            raise InputError(f"{what}: expected a mass > 0 in kg, got {self.mass}")
+        rotations = 3 if d == 3 else 1
+        object.__setattr__(self, "points", _frozen(self.points, np.float64, f"{what}, points", (None, d)))
+        object.__setattr__(self, "centre", _frozen(self.centre, np.float64, f"{what}, centre", (d,)))
+        object.__setattr__(
+            self, "inertia", _frozen(np.atleast_2d(self.inertia), np.float64, f"{what}, inertia", (rotations, rotations))
+        )
+        if not np.allclose(self.inertia, self.inertia.T) or np.linalg.eigvalsh(self.inertia).min() <= 0:
+            raise InputError(f"{what}: expected a symmetric positive definite inertia [kg m^2], got {self.inertia.tolist()}")
+        object.__setattr__(self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), None, what))
+
+    @property
+    def dimension(self) -> int:
+        return self.points.shape[1]

@@ -1,0 +1,84 @@
+"""What belongs to the whole process, in one place: BLAS threads, dolfinx/PETSc, gmsh.
+
+* BLAS and OpenMP threads fight with numba, MUMPS and other processes, so they are limited to one unless the user's environment
+  (OMP_NUM_THREADS, OPENBLAS_NUM_THREADS, ...) or FCSIM_THREADS says otherwise. This must happen before NumPy is first imported, so
+  `fcsim/__init__.py` imports this module first; a program that imports NumPy before fcsim sets its own limits.
+* `dolfinx()` and `petsc()` are the only doors to those packages: where the `dolfinx_solver` wheel exists it must be imported first.
+* `gmsh_model()` is the only place that initialises and finalises gmsh, so that a failure inside cannot poison what comes next.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
+from typing import Any
+
+from fcsim.errors import MissingDependency
+
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def limit_threads() -> None:
+    """Give BLAS and OpenMP FCSIM_THREADS threads (default 1) wherever the user's environment does not say otherwise."""
+    for variable in THREAD_VARIABLES:
+        os.environ.setdefault(variable, os.environ.get("FCSIM_THREADS", "1"))
+
+
+def _import(name: str) -> ModuleType:
+    if find_spec("dolfinx_solver") is not None:  # the wheel that brings dolfinx, petsc4py and MPI must be loaded before them
+        import_module("dolfinx_solver")
+    return import_module(name)
+
+
+def dolfinx() -> ModuleType:
+    """Return the dolfinx package (>= 0.10) with its mesh, fem and io modules loaded; MissingDependency where it is absent."""
+    try:
+        package = _import("dolfinx")
+        for module in ("mesh", "fem", "io"):
+            import_module(f"dolfinx.{module}")
+    except ImportError as error:
+        raise MissingDependency(
+            f"dolfinx is needed for assembly and cannot be imported ({error}): pip install 'fcsim[fem]', or bring dolfinx >= 0.10"
+        ) from None
+    return package
+
+
+def petsc() -> Any:
+    """Return petsc4py.PETSc, initialised; MissingDependency where it is absent."""
+    try:
+        return _import("petsc4py.PETSc")
+    except ImportError as error:
+        raise MissingDependency(f"PETSc (petsc4py) cannot be imported ({error}): pip install 'fcsim[fem]', or bring it") from None
+
+
+def has_petsc() -> bool:
+    """Whether petsc4py is there (without loading it)."""
+    return find_spec("dolfinx_solver") is not None or find_spec("petsc4py") is not None
+
+
+@contextmanager
+def gmsh_model(name: str) -> Iterator[Any]:
+    """Yield the gmsh module with a new, empty model; gmsh is finalised however the block ends.
+
+    gmsh's own signal handler and terminal output are off: errors come as exceptions.
+    """
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:  # OSError: the wheel's library misses a system library
+        raise MissingDependency(
+            f"gmsh cannot be imported ({error}): pip install 'fcsim[fem]'; its wheel loads X and GL libraries, on Debian: "
+            "apt-get install libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libxext6"
+        ) from None
+    if gmsh.isInitialized():
+        raise RuntimeError("gmsh_model: gmsh is already initialised; nested use is not supported")
+    gmsh.initialize(interruptible=False, argv=["", "-nopopup"])
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add(name)
+        yield gmsh
+    finally:
+        gmsh.finalize()
