@@ -1,0 +1,37 @@
+# `make help` lists the targets. Each makes the environment .venv/ by itself when it is absent or out of date.
+.DEFAULT_GOAL := help
+.PHONY: env wall test slow lint benchmark clean help
+
+WALL := results/masonry_wall
+READY := .venv/.ready
+
+$(READY): pyproject.toml constraints.txt
+	@tools/environment.sh
+
+env: $(READY)  ## make the environment .venv/ (PYTHON=... names the Python >= 3.12 to use)
+
+wall: $(READY)  ## run the masonry wall and draw its pictures, in results/masonry_wall
+	.venv/bin/fcsim run cases/masonry_wall --out $(WALL)
+	.venv/bin/fcsim render $(WALL)
+	@echo "The wall's files, pictures and film are in $(WALL)/"
+
+test: $(READY)  ## run the tests but the slow ones (PYTEST_ARGS="..." are passed on)
+	.venv/bin/python -m pytest $(PYTEST_ARGS)
+
+slow: $(READY)  ## run the slow tests
+	.venv/bin/python -m pytest -m slow $(PYTEST_ARGS)
+
+lint: $(READY)  ## check style and types
+	.venv/bin/ruff check
+	.venv/bin/ruff format --check
+	.venv/bin/mypy
+
+benchmark: $(READY)  ## seconds a step of the wall by phase and solver
+	.venv/bin/python benchmarks/wall.py
+
+clean:  ## remove the environment and caches (results/ stays)
+	rm -rf .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+help:
+	@sed -n 's/^\([a-z]*\):.*##/  make \1:/p' Makefile
