@@ -1,0 +1,142 @@
+"""The solver table and `solve`: one visible place with the published names; a variant is a line of data.
+
+Names: Acary, Brémond, Huber, "On solving contact problems with Coulomb friction: formulations and numerical comparisons", 2018.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.errors import InputError
+from fcsim.problem import GlobalProblem, LocalProblem, check
+from fcsim.reduction import Reduction, eliminate_equalities, reduce
+from fcsim.solvers.base import Method, Monitor, Result, Status, override
+from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs_alart_curnier
+from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
+from fcsim.solvers.newton import NewtonOptions, newton
+from fcsim.solvers.newton_global import newton_global
+
+__all__ = ["SOLVERS", "Method", "Result", "Status", "solve"]
+
+FloatArray = NDArray[np.float64]
+
+_BOOK = "Acary, Brémond, Huber 2018"
+
+
+def _newton(formulation: str, source: str, siconos: str, rho: str = "split spectral norm") -> Method:
+    return Method(newton, NewtonOptions(formulation=formulation, rho=rho), "Newton", source, siconos, run_global=newton_global)
+
+
+SOLVERS: dict[str, Method] = {
+    "NSN-AC": _newton("AC", "Alart, Curnier 1991", "NSN_AC"),
+    "NSN-JM": _newton("JM", "Jean, Moreau 1987", "NSN_AC (JEANMOREAU)"),
+    "NSN-NM": _newton("NM", _BOOK, "NSN_NM", rho="spectral norm"),
+    "NSGS-AC": Method(nsgs_alart_curnier, GaussSeidelOptions(), "Gauss-Seidel", "Jourdan, Alart, Jean 1998", "NSGS + ONECONTACT_NSN"),
+    "NSN-AC-HYBRID": Method(
+        hybrid,
+        HybridOptions(stages=(Stage(nsgs_alart_curnier, GaussSeidelOptions(max_iterations=100)), Stage(newton, NewtonOptions()))),
+        "hybrid",
+        _BOOK,
+        "NSN_AC with an NSGS start",
+    ),
+}
+
+
+def method(name: str) -> Method:
+    """Return the method of that name; an unknown one is an InputError that lists the table."""
+    if name not in SOLVERS:
+        raise InputError(f"solver {name!r}: expected one of {', '.join(SOLVERS)}")
+    return SOLVERS[name]
+
+
+def solve(
+    problem: GlobalProblem | LocalProblem | Reduction,
+    solver: str = "NSN-AC",
+    r: FloatArray | None = None,
+    *,
+    tol: float = 1e-8,
+    floor: float = 0.0,
+    time_limit: float = float("inf"),
+    **overrides: Any,
+) -> Result:
+    """Solve a frictional contact problem by the named method and check the answer.
+
+    problem    in global or local form, or a `Reduction` whose factor of M is known already (a simulation's)
+    r          (m,) starting point, default 0
+    tol        on the one error of `fcsim.problem.error`; `floor` [unit of q] as there
+    time_limit [s], tested between iterations
+    overrides  options of the method by name
+
+    A global problem is reduced first (timed as "reduction") unless the method works on it as it is (linear="kkt").
+    Raises InputError for an unknown method or option and for arguments of a wrong shape.
+    """
+    chosen = method(solver)
+    options = override(chosen.options, overrides)
+    if not tol > 0:
+        raise InputError(f"tol: expected a number > 0, got {tol}")
+    start = time.perf_counter()
+    if isinstance(problem, GlobalProblem):
+        problem = reduce(problem)
+    keep_global = isinstance(problem, Reduction) and chosen.run_global is not None and options.linear == "kkt"
+    local: LocalProblem | None = None
+    if isinstance(problem, Reduction):
+        q, mu, dimension = problem.q, problem.problem.mu, problem.problem.dimension
+        if not keep_global:
+            local = problem.local
+    else:
+        local = eliminate_equalities(problem)
+        q, mu, dimension = local.q, local.mu, local.dimension
+    if dimension not in chosen.dimensions:
+        raise InputError(f"solver {solver!r}: works in {' and '.join(f'{d}D' for d in chosen.dimensions)}, the problem has {dimension}D")
+    r = np.zeros(len(q)) if r is None else np.array(r, dtype=np.float64)
+    if r.shape != q.shape:
+        raise InputError(f"r: expected a starting point of shape {q.shape}, got {r.shape}")
+    reduced = time.perf_counter()
+    monitor = Monitor(q, mu, dimension, tol, floor=floor, time_limit=time_limit, start=start)
+    r, status = _run(chosen, problem, local, r, monitor, options)
+    v, multiplier, momentum = None, None, None
+    if isinstance(problem, Reduction):
+        v, multiplier = problem.velocity(r)
+        momentum = problem.momentum_residual(r, v, multiplier)
+        u = problem.problem.H.T @ v + problem.problem.w
+    else:
+        assert local is not None
+        u = local.W @ r + local.q
+    error = monitor.error(r, u)
+    if status is Status.SOLVED and error > tol:  # the independent residual has the last word
+        status = Status.STAGNATED
+    end = time.perf_counter()
+    return Result(
+        r=r,
+        u=u,
+        v=v,
+        status=status,
+        error=error,
+        iterations=monitor.iterations,
+        seconds={"reduction": reduced - start, "solve": end - reduced},
+        history=monitor.history,
+        checks=check(r, u, mu, dimension, momentum),
+        method=solver,
+        multiplier=multiplier,
+    )
+
+
+def _run(
+    chosen: Method, problem: LocalProblem | Reduction, local: LocalProblem | None, r: FloatArray, monitor: Monitor, options: Any
+) -> tuple[FloatArray, Status]:
+    """Run the method; where it stops unsolved, hand back the best iterate seen."""
+    zero = np.zeros_like(r)
+    # r = 0 answers a problem without contacts, and one at rest up to round-off (see `floor`)
+    if monitor.error(zero, problem.q) <= monitor.tol:
+        return zero, Status.SOLVED
+    if local is None:
+        iterate = chosen.run_global(problem, r, monitor, options)
+    else:
+        iterate = chosen.run(local, r, monitor, options)
+    if not iterate.status.solved and monitor.best_r is not None:
+        return monitor.best_r, iterate.status
+    return iterate.r, iterate.status

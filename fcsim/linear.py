@@ -1,0 +1,176 @@
+"""Factorisations behind one small interface: `factorise(A).solve(rhs)` for vectors and for many right-hand sides.
+
+Small matrices are factored dense (LAPACK), larger ones by MUMPS where petsc4py is there, by SuperLU (SciPy) otherwise.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from fcsim import runtime
+from fcsim.errors import FcsimError
+
+FloatArray = NDArray[np.float64]
+
+DENSE_UP_TO = 1000
+"""Up to this size a dense factorisation is as fast as a sparse one for the blocks met here and solves many right-hand sides faster."""
+
+
+class SingularMatrix(FcsimError, ArithmeticError):
+    """A matrix that cannot be factored."""
+
+
+class Factor(Protocol):
+    """A factored matrix: `solve(rhs)` for rhs (n,) or (n, k), and the name of the method for reports."""
+
+    name: str
+
+    def solve(self, rhs: FloatArray) -> FloatArray: ...
+
+
+class DenseCholesky:
+    """Cholesky factorisation of a dense symmetric positive definite matrix."""
+
+    name = "dense Cholesky (LAPACK)"
+
+    def __init__(self, A: FloatArray) -> None:
+        try:
+            self._factor = sla.cho_factor(A, lower=True, check_finite=False)
+        except sla.LinAlgError as error:
+            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: {error}") from None
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        return sla.cho_solve(self._factor, rhs, check_finite=False)
+
+
+class DenseLU:
+    """LU factorisation with partial pivoting of a dense matrix."""
+
+    name = "dense LU (LAPACK)"
+
+    def __init__(self, A: FloatArray, overwrite: bool = False) -> None:
+        lu, pivots, info = sla.lapack.dgetrf(A, overwrite_a=overwrite)
+        if info != 0:
+            raise SingularMatrix(f"matrix of size {len(A)} is singular: zero pivot {info}")
+        self._factor = lu, pivots
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        return sla.lu_solve(self._factor, rhs, check_finite=False)
+
+
+class SuperLU:
+    """Sparse LU factorisation by SuperLU (SciPy)."""
+
+    name = "SuperLU (SciPy)"
+
+    def __init__(self, A: Any) -> None:
+        try:
+            self._factor = spla.splu(sp.csc_matrix(A))
+        except RuntimeError as error:
+            raise SingularMatrix(f"matrix of size {A.shape[0]} is singular: {error}") from None
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        return self._factor.solve(np.ascontiguousarray(rhs))
+
+
+class Mumps:
+    """Sparse LU (or LDL^T) factorisation by MUMPS through petsc4py.
+
+    `refactor` takes new values on the same pattern and keeps the symbolic analysis. The options that choose the ordering are set
+    under a prefix of this factor's own and removed once read.
+    """
+
+    name = "MUMPS (PETSc)"
+    _count = 0
+
+    def __init__(self, A: Any, ordering: int = 7) -> None:
+        PETSc = runtime.petsc()
+        A = sp.csr_array(A)
+        A.sort_indices()
+        self._shape = A.shape
+        Mumps._count += 1
+        prefix = f"fcsim_mumps_{Mumps._count}_"
+        self._matrix = PETSc.Mat().createAIJ(
+            A.shape, csr=(A.indptr.astype(PETSc.IntType), A.indices.astype(PETSc.IntType), A.data), comm=PETSc.COMM_SELF
+        )
+        self._solver = PETSc.PC().create(comm=PETSc.COMM_SELF)
+        self._solver.setOptionsPrefix(prefix)
+        self._solver.setType("lu")
+        self._solver.setFactorSolverType("mumps")
+        options = PETSc.Options()
+        chosen = {f"{prefix}mat_mumps_icntl_7": ordering, f"{prefix}mat_mumps_icntl_14": 50}
+        for key, value in chosen.items():
+            options[key] = value
+        try:
+            self._solver.setOperators(self._matrix)
+            self._solver.setFromOptions()
+            self._set_up(PETSc)
+        finally:
+            for key in chosen:
+                options.delValue(key)
+
+    def _set_up(self, PETSc: Any) -> None:
+        try:
+            self._solver.setUp()
+        except PETSc.Error as error:
+            raise SingularMatrix(f"MUMPS could not factor a matrix of size {self._shape[0]}: PETSc error {error.ierr}") from None
+        factor = self._solver.getFactorMatrix()
+        if factor.getMumpsInfog(1) != 0:
+            raise SingularMatrix(
+                f"MUMPS could not factor a matrix of size {self._shape[0]}: INFOG(1) = {factor.getMumpsInfog(1)}, "
+                f"INFOG(2) = {factor.getMumpsInfog(2)}"
+            )
+
+    def refactor(self, A: Any) -> None:
+        """Factor new values on the pattern given at construction."""
+        PETSc = runtime.petsc()
+        A = sp.csr_array(A)
+        A.sort_indices()
+        self._matrix.setValuesCSR(A.indptr.astype(PETSc.IntType), A.indices.astype(PETSc.IntType), A.data)
+        self._matrix.assemble()
+        self._solver.setOperators(self._matrix)
+        self._set_up(PETSc)
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        PETSc = runtime.petsc()
+        rhs = np.asarray(rhs, dtype=np.float64)
+        if rhs.ndim == 1:
+            b = PETSc.Vec().createWithArray(np.ascontiguousarray(rhs), comm=PETSc.COMM_SELF)
+            x = b.duplicate()
+            self._solver.apply(b, x)
+            solution = x.getArray().copy()
+            b.destroy()
+            x.destroy()
+            return solution
+        dense = np.asfortranarray(rhs)
+        B = PETSc.Mat().createDense(dense.shape, array=dense.ravel(order="F").copy(), comm=PETSc.COMM_SELF)
+        X = PETSc.Mat().createDense(dense.shape, comm=PETSc.COMM_SELF)
+        X.setUp()
+        for matrix in (B, X):
+            matrix.assemble()
+        self._solver.getFactorMatrix().matSolve(B, X)
+        solution = X.getDenseArray().copy()
+        B.destroy()
+        X.destroy()
+        return solution
+
+    def __del__(self) -> None:
+        for name in ("_solver", "_matrix"):
+            handle = self.__dict__.pop(name, None)
+            if handle is not None:
+                handle.destroy()
+
+
+def factorise(A: Any, *, positive_definite: bool = False) -> Factor:
+    """Factor a square matrix A (sparse or dense) by the method that fits its size; `SingularMatrix` where that fails."""
+    n = A.shape[0]
+    if n <= DENSE_UP_TO or not sp.issparse(A):
+        dense = A.toarray() if sp.issparse(A) else np.asarray(A)
+        return DenseCholesky(dense) if positive_definite else DenseLU(dense)
+    return Mumps(A) if runtime.has_petsc() else SuperLU(A)

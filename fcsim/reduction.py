@@ -1,0 +1,234 @@
+"""From the global to the local form: W = H^T M^-1 H, q = w + H^T M^-1 f, body by body.
+
+A global FCLIB file knows nothing of bodies, but its M is block diagonal over them: the blocks are the connected components of M's
+graph. Equal blocks are recognised and factored once, and a block's compliance is formed only on the degrees of freedom that H touches.
+Equality constraints G^T v + b = 0 are part of the factored matrix [[M, -G], [-G^T, 0]].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from fcsim.linear import DenseCholesky, DenseLU, Factor, SingularMatrix, factorise
+from fcsim.problem import GlobalProblem, LocalProblem
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+DENSE_W_UP_TO = 3000
+"""Up to this many contact unknowns W is stored dense (72 MB), above as block-sparse rows."""
+
+
+class MassFactor(Protocol):
+    """What stands for M^-1: by blocks of M for a file, by the parts' factors in a simulation."""
+
+    def solve(self, rhs: FloatArray) -> FloatArray: ...
+
+    def delassus(self, H: Any, dimension: int) -> Any: ...
+
+
+def assemble_delassus(tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int) -> Any:
+    """Sum the bodies' tiles (contacts (k,), W_body (k d, k d)) into W (m, m): dense up to `DENSE_W_UP_TO`, else block-sparse."""
+    d = dimension
+    if nc * d <= DENSE_W_UP_TO:
+        W = np.zeros((nc * d, nc * d))
+        for contacts, tile in tiles:
+            dofs = (contacts[:, None] * d + np.arange(d)).ravel()
+            W[np.ix_(dofs, dofs)] += tile
+        return W
+    keys, blocks = [], []
+    for contacts, tile in tiles:
+        k = len(contacts)
+        keys.append((contacts[:, None] * nc + contacts[None, :]).ravel())
+        blocks.append(tile.reshape(k, d, k, d).transpose(0, 2, 1, 3).reshape(k * k, d, d))
+    if not keys:
+        return sp.bsr_array((nc * d, nc * d), blocksize=(d, d))
+    key, block = np.concatenate(keys), np.concatenate(blocks)
+    order = np.argsort(key, kind="stable")
+    unique, first = np.unique(key[order], return_index=True)
+    data = np.add.reduceat(block[order], first, axis=0)
+    indptr = np.searchsorted(unique, np.arange(nc + 1) * nc)
+    return sp.bsr_array((data, unique % nc, indptr), shape=(nc * d, nc * d), blocksize=(d, d))
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Degrees of freedom of the components that share one factor: dofs (copies, size)."""
+
+    dofs: IntArray
+    factor: Factor
+
+
+class BlockFactor:
+    """Factor of a block diagonal sparse matrix A whose blocks are found as connected components; equal blocks are factored once."""
+
+    def __init__(self, A: Any) -> None:
+        A = sp.csr_array(A)
+        A.sort_indices()
+        self.n = A.shape[0]
+        count, label = connected_components(A, directed=False)
+        size = np.bincount(label, minlength=count)
+        dofs = np.argsort(label, kind="stable")
+        start = np.concatenate([[0], np.cumsum(size)])
+        single = dofs[start[:-1][size == 1]]
+        diagonal = A.diagonal()[single]
+        if np.any(diagonal == 0):
+            raise SingularMatrix(f"M is singular: zero rows, the first is degree of freedom {int(single[diagonal == 0][0])}")
+        self._single, self._inverse_diagonal = single, 1 / diagonal
+        distinct: dict[tuple[bytes, bytes, bytes], tuple[list[IntArray], Any]] = {}
+        position = np.empty(self.n, dtype=np.int64)
+        for c in np.flatnonzero(size > 1):
+            own = dofs[start[c] : start[c + 1]]
+            position[own] = np.arange(len(own))
+            rows = A[own]
+            columns = position[rows.indices]
+            key = (rows.data.tobytes(), columns.tobytes(), rows.indptr.tobytes())
+            block = sp.csr_array((rows.data, columns, rows.indptr), shape=(len(own), len(own)))
+            distinct.setdefault(key, ([], block))[0].append(own)
+        self.blocks = [_Block(np.array(copies), _factor(block)) for copies, block in distinct.values()]
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Return A^-1 rhs for rhs (n,) or (n, k)."""
+        columns = rhs.reshape(self.n, -1)
+        x = np.empty_like(columns)
+        x[self._single] = self._inverse_diagonal[:, None] * columns[self._single]
+        for block in self.blocks:
+            copies, size = block.dofs.shape
+            stacked = columns[block.dofs].transpose(1, 0, 2).reshape(size, -1)
+            x[block.dofs] = block.factor.solve(stacked).reshape(size, copies, -1).transpose(1, 0, 2)
+        return x.reshape(rhs.shape)
+
+    def delassus(self, H: Any, dimension: int) -> Any:
+        """Return W = H^T A^-1 H (m, m) for sparse H (n, m)."""
+        H = sp.csr_array(H)
+        nc = H.shape[1] // dimension
+        return assemble_delassus(self._tiles(H, dimension), nc, dimension)
+
+    def _tiles(self, H: Any, d: int) -> Iterable[tuple[IntArray, FloatArray]]:
+        single = H[self._single]
+        if single.nnz:
+            yield from _component_tiles(single, self._inverse_diagonal, d)
+        for block in self.blocks:
+            copies, size = block.dofs.shape
+            rows = [sp.csr_array(H[own]) for own in block.dofs]
+            touched = np.unique(np.concatenate([np.flatnonzero(np.diff(h.indptr)) for h in rows]))
+            if not len(touched):
+                continue
+            units = np.zeros((size, len(touched)))
+            units[touched, np.arange(len(touched))] = 1
+            compliance = block.factor.solve(units)[touched]
+            for h in rows:
+                h = sp.csc_array(h[touched])
+                contacts = np.unique(np.flatnonzero(np.diff(h.indptr)) // d)
+                if len(contacts):
+                    h = h[:, (contacts[:, None] * d + np.arange(d)).ravel()]
+                    yield contacts, h.T @ (h.T @ compliance.T).T
+
+
+def _component_tiles(H: Any, inverse_diagonal: FloatArray, d: int) -> Iterable[tuple[IntArray, FloatArray]]:
+    """Tiles of dofs that M couples to nothing: rows of H that share contacts are taken together (a rigid body's dofs)."""
+    H = sp.csr_array(H)
+    nc = H.shape[1] // d
+    incidence = sp.csr_array((np.ones(H.nnz), H.indices // d, H.indptr.copy()), shape=(H.shape[0], nc))
+    # dofs with the same set of contacts belong to one rigid body: group by that set
+    incidence.sum_duplicates()
+    groups: dict[bytes, list[int]] = {}
+    for row in range(H.shape[0]):
+        contacts = incidence.indices[incidence.indptr[row] : incidence.indptr[row + 1]]
+        if len(contacts):
+            groups.setdefault(contacts.tobytes(), []).append(row)
+    for members in groups.values():
+        rows = np.array(members)
+        contacts = np.unique(H[rows].indices // d).astype(np.int64)
+        h = H[rows][:, (contacts[:, None] * d + np.arange(d)).ravel()].toarray()
+        yield contacts, h.T @ (inverse_diagonal[rows, None] * h)
+
+
+def _factor(block: Any) -> Factor:
+    symmetric = abs(block - block.T).max() <= 1e-12 * abs(block).max()
+    if block.shape[0] <= 1000:
+        dense = block.toarray()
+        if symmetric:
+            try:
+                return DenseCholesky(dense)
+            except SingularMatrix:  # indefinite, as with equality constraints
+                return DenseLU(dense)
+        return DenseLU(dense)
+    return factorise(block, positive_definite=symmetric)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A global problem with what stands for its M^-1: its local form, and v, l from r."""
+
+    problem: GlobalProblem
+    factor: MassFactor
+
+    @cached_property
+    def _H(self) -> Any:
+        p = self.problem
+        H = sp.csr_array(p.H)
+        return H if p.G is None else sp.csr_array(sp.vstack([H, sp.csr_array((p.G.shape[1], p.m))]))
+
+    @cached_property
+    def _free(self) -> FloatArray:
+        p = self.problem
+        rhs = p.f if p.G is None or p.b is None else np.concatenate([p.f, p.b])
+        return self.factor.solve(rhs)
+
+    @cached_property
+    def q(self) -> FloatArray:
+        """q = w + H^T M^-1 f (m,)."""
+        return self.problem.w + self._H.T @ self._free
+
+    @property
+    def diagonal_blocks(self) -> FloatArray:
+        """The contacts' own blocks W_aa (nc, d, d)."""
+        return self.local.diagonal_blocks
+
+    @cached_property
+    def local(self) -> LocalProblem:
+        """The local form W, q, mu."""
+        p = self.problem
+        return LocalProblem(self.factor.delassus(self._H, p.dimension), self.q, p.mu, dimension=p.dimension)
+
+    def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+        """Return v (n,) = M^-1 (H r + G l + f) and the multiplier l (p,), None without equality constraints."""
+        x = self._free + self.factor.solve(self._H @ r)
+        return (x, None) if self.problem.G is None else (x[: self.problem.n], x[self.problem.n :])
+
+    def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None) -> float:
+        """Return ||M v - H r - G l - f|| / ||f||."""
+        p = self.problem
+        residual = p.M @ v - p.H @ r - p.f
+        if p.G is not None:
+            residual = residual - p.G @ multiplier
+        scale = float(np.linalg.norm(p.f))
+        return float(np.linalg.norm(residual)) / (scale or 1.0)
+
+
+def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reduction:
+    """Return the reduction of a global problem; `factor` is given by a simulation that has factored its parts already."""
+    if factor is None:
+        matrix = sp.csr_array(problem.M)
+        if problem.G is not None:
+            matrix = sp.csr_array(sp.block_array([[matrix, -sp.csr_array(problem.G)], [-sp.csr_array(problem.G).T, None]]))
+        factor = BlockFactor(matrix)
+    return Reduction(problem, factor)
+
+
+def eliminate_equalities(problem: LocalProblem) -> LocalProblem:
+    """Return the local problem without V, R, s: l = -R^-1 (V^T r + s), so W - V R^-1 V^T and q - V R^-1 s."""
+    if problem.V is None or problem.R is None or problem.s is None:
+        return problem
+    V = problem.V.toarray() if sp.issparse(problem.V) else problem.V
+    R = factorise(problem.R)
+    return LocalProblem(problem.W - V @ R.solve(V.T.copy()), problem.q - V @ R.solve(problem.s), problem.mu, dimension=problem.dimension)

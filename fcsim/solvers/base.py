@@ -1,0 +1,160 @@
+"""What all solvers share: status, result, options, the convergence monitor and the description of a method."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.errors import InputError
+from fcsim.problem import Checks, LocalProblem, natural_map_residual
+
+FloatArray = NDArray[np.float64]
+
+
+class Status(Enum):
+    """Why a solver stopped; only SOLVED means that the full error was computed on the result and is at most `tol`."""
+
+    SOLVED = "solved"
+    MAX_ITERATIONS = "maximum number of iterations reached"
+    STAGNATED = "stagnated"
+    SINGULAR = "singular linear system"
+    DIVERGED = "diverged"
+    TIME_LIMIT = "time limit reached"
+
+    @property
+    def solved(self) -> bool:
+        return self is Status.SOLVED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Options that every method has."""
+
+    max_iterations: int = 200
+
+    def __post_init__(self) -> None:
+        if self.max_iterations < 0:
+            raise InputError(f"max_iterations: expected an integer >= 0, got {self.max_iterations}")
+
+
+def override(options: Any, overrides: dict[str, Any]) -> Any:
+    """Return the frozen options with the given fields replaced; an unknown name is an InputError that lists the known ones."""
+    known = [f.name for f in fields(options)] if is_dataclass(options) else []
+    for name in overrides:
+        if name not in known:
+            raise InputError(f"option {name!r}: expected one of {', '.join(known)}")
+    return replace(options, **overrides)
+
+
+def choice(name: str, value: str, known: dict[str, Any] | tuple[str, ...]) -> None:
+    """Refuse an option value that is not among the known ones."""
+    if value not in known:
+        raise InputError(f"option {name}: expected one of {', '.join(map(repr, known))}, got {value!r}")
+
+
+class Monitor:
+    """Computes the one error of an iterate, keeps the history (iteration, seconds, error) and the best iterate, watches the clock."""
+
+    def __init__(
+        self,
+        q: FloatArray,
+        mu: FloatArray,
+        dimension: int,
+        tol: float,
+        *,
+        floor: float = 0.0,
+        time_limit: float = float("inf"),
+        start: float | None = None,
+    ) -> None:
+        self.mu, self.dimension = mu, dimension
+        self.tol = tol
+        self.start = time.perf_counter() if start is None else start
+        self.time_limit = time_limit
+        self.history: list[tuple[int, float, float]] = []
+        self.iterations = 0
+        self.best = float("inf")
+        self.best_r: FloatArray | None = None
+        self._scale = max(float(np.linalg.norm(q)), floor)
+
+    def error(self, r: FloatArray, u: FloatArray) -> float:
+        """The error of formulation eq. 13 at (r, u = W r + q)."""
+        residual = natural_map_residual(r, u, self.mu, self.dimension)
+        if residual == 0:
+            return 0.0
+        return residual / self._scale if self._scale > 0 else float("inf")
+
+    def record(self, r: FloatArray, u: FloatArray) -> float:
+        """Compute the error, note it in the history under the current iteration and remember the iterate if it is the best so far."""
+        error = self.error(r, u)
+        self.history.append((self.iterations, time.perf_counter() - self.start, error))
+        if error < self.best:
+            self.best, self.best_r = error, r.copy()
+        return error
+
+    def out_of_time(self) -> bool:
+        return time.perf_counter() - self.start > self.time_limit
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """What a method's run function returns: the last iterate and why it stopped."""
+
+    r: FloatArray
+    status: Status
+
+
+Run = Callable[[LocalProblem, FloatArray, Monitor, Any], Iterate]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A published method: a run function and its options; a variant is another line of data.
+
+    run(problem, r, monitor, options) -> Iterate works on the local form without equality constraints. A method that can work
+    on the global form without reduction has `run_global` as well, chosen by its option linear="kkt".
+    """
+
+    run: Run
+    options: Any
+    family: str
+    source: str
+    siconos: str = ""
+    dimensions: tuple[int, ...] = (2, 3)
+    forms: str = "LG"
+    run_global: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The answer of a solver.
+
+    r (m,), u (m,), v (n,) or None for a problem in local form, multiplier l (p,) or None; error as in `fcsim.problem.error`;
+    seconds by phase ("reduction", "solve"; their sum is `time`); history rows (iteration, seconds, error).
+    """
+
+    r: FloatArray
+    u: FloatArray
+    v: FloatArray | None
+    status: Status
+    error: float
+    iterations: int
+    seconds: dict[str, float]
+    history: list[tuple[int, float, float]]
+    checks: Checks
+    method: str
+    multiplier: FloatArray | None = None
+    remarks: tuple[str, ...] = field(default=())
+
+    @property
+    def solved(self) -> bool:
+        return self.status.solved
+
+    @property
+    def time(self) -> float:
+        return sum(self.seconds.values())

@@ -1,0 +1,54 @@
+"""The parameters rho of the nonsmooth equations from the contacts' own blocks W_aa (names as in Siconos)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def spectral_norm(W: FloatArray) -> FloatArray:
+    """rho = 1 / ||W_aa||_2 (nc, d)."""
+    norm = np.linalg.norm(W, ord=2, axis=(1, 2))
+    return np.repeat(_inverse(norm)[:, None], W.shape[1], axis=1)
+
+
+def split_spectral_norm(W: FloatArray) -> FloatArray:
+    """rho_N = 1 / W_NN, rho_T = 1 / lambda_max(W_TT) (nc, d)."""
+    return _split(W, _inverse(np.linalg.eigvalsh(W[:, 1:, 1:])[:, -1]))
+
+
+def split_spectral_norm_condition(W: FloatArray) -> FloatArray:
+    """rho_N = 1 / W_NN, rho_T = lambda_min / lambda_max^2 of W_TT (nc, d)."""
+    eigenvalues = np.linalg.eigvalsh(W[:, 1:, 1:])
+    return _split(W, np.maximum(eigenvalues[:, 0], 1e-3 * eigenvalues[:, -1]) * _inverse(eigenvalues[:, -1]) ** 2)
+
+
+def constant(W: FloatArray) -> FloatArray:
+    """rho = 1 (nc, d), multiplied by the option rho_factor."""
+    return np.ones(W.shape[:2])
+
+
+def _inverse(values: FloatArray) -> FloatArray:
+    """1 / values, where a contact without compliance of its own (both bodies held) takes the mean of the others."""
+    positive = values > 0
+    mean = values[positive].mean() if positive.any() else 1.0
+    return 1 / np.where(positive, values, mean)
+
+
+def _split(W: FloatArray, rho_T: FloatArray) -> FloatArray:
+    rho = np.empty(W.shape[:2])
+    rho[:, 0] = _inverse(W[:, 0, 0])
+    rho[:, 1:] = rho_T[:, None]
+    return rho
+
+
+RHO_RULES: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "constant": constant,
+    "spectral norm": spectral_norm,
+    "split spectral norm": split_spectral_norm,
+    "split spectral norm with condition number": split_spectral_norm_condition,
+}
