@@ -1,0 +1,264 @@
+"""Linear elasticity of one part: stiffness, mass and loads, assembled with dolfinx in the part's own node numbering.
+
+The dof of component c of node a is `d a + c`. dolfinx numbers nodes its own way and orders the nodes of a hexahedron as a tensor
+product; both are undone here, so nothing outside this file sees them. All 2D integrals carry the part's thickness. A part is
+assembled once however many bodies place it: what depends on the part alone is kept for as long as the part lives, and read-only.
+
+Source: T. J. R. Hughes, The Finite Element Method, 2000, chapters 2 (stiffness), 3 (quadrature) and 7 (mass).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array, eye_array, kron
+
+from fcsim import runtime
+from fcsim.errors import InputError, MissingDependency
+from fcsim.mesh.part import FloatArray, IntArray, Part
+
+# Polynomial degree integrated exactly, in each direction for hexahedra and quadrilaterals: 3 = two Gauss points a direction.
+# Exact for simplices; for trilinear cells exact for nodal volumes, pressures and mass, and the full 2 x 2 x 2 rule for stiffness.
+QUADRATURE_DEGREE = {
+    "hexahedron": {"stiffness": 3, "mass": 4, "load": 3},
+    "quadrilateral": {"stiffness": 3, "mass": 3, "load": 3},
+    "tetrahedron": {"stiffness": 0, "mass": 2, "load": 1},
+    "triangle": {"stiffness": 0, "mass": 2, "load": 1},
+}
+
+
+def once_per_part[T](make: Callable[[Part], T]) -> Callable[[Part], T]:
+    """Call `make` once for each part and keep its value as long as the part lives (so the value must not refer to the part)."""
+    made: WeakKeyDictionary[Part, T] = WeakKeyDictionary()
+
+    @wraps(make)
+    def kept(part: Part) -> T:
+        if part not in made:
+            made[part] = make(part)
+        return made[part]
+
+    return kept
+
+
+@dataclass(frozen=True, eq=False)
+class PartOperators:
+    """What a part brings to a model: stiffness and consistent_mass (d nn, d nn) [N/m], [kg]; lumped_mass (d nn,) [kg];
+    nodal_volume (nn,) [m^3]. Shared by all bodies that place the part, therefore read-only."""
+
+    stiffness: csr_array
+    consistent_mass: csr_array
+    lumped_mass: FloatArray
+    nodal_volume: FloatArray
+
+
+@once_per_part
+def assemble(part: Part) -> PartOperators:
+    """Return all operators of the part. Raises as `stiffness` does."""
+    return PartOperators(stiffness(part), consistent_mass(part), lumped_mass(part), nodal_volume(part))
+
+
+@once_per_part
+def stiffness(part: Part) -> csr_array:
+    """Return K (d nn, d nn) [N/m], exactly symmetric: x^T K y = integral of sigma(x) : eps(y), with
+    sigma = lambda tr(eps) I + 2 mu eps in 3D and plane strain, and lambda replaced by 2 lambda mu / (lambda + 2 mu) in plane stress.
+
+    Raises InputError for a mesh with nodes that belong to no cell, MissingDependency without dolfinx or a C compiler.
+    """
+    import ufl
+
+    discrete = _discretise(part)
+    V = discrete.vector_space
+    first, second = (discrete.constant(value) for value in lame(part))
+    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    eps_u, eps_v = ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))
+    form = (first * ufl.div(u) * ufl.div(v) + 2 * second * ufl.inner(eps_u, eps_v)) * discrete.dx("stiffness")
+    half = 0.5 * part.thickness * discrete.matrix(form, V)
+    return _read_only(half + half.T)
+
+
+@once_per_part
+def consistent_mass(part: Part) -> csr_array:
+    """Return M (d nn, d nn) [kg]: x^T M y = integral of density x . y. Raises as `stiffness` does."""
+    import ufl
+
+    discrete = _discretise(part)
+    V = discrete.scalar_space
+    form = ufl.TrialFunction(V) * ufl.TestFunction(V) * discrete.dx("mass")
+    half = 0.5 * part.material.density * part.thickness * discrete.matrix(form, V)
+    return _read_only(kron(half + half.T, eye_array(part.dimension), format="csr"))
+
+
+@once_per_part
+def lumped_mass(part: Part) -> FloatArray:
+    """Return the row sums of the consistent mass (d nn,) [kg]: all positive for first-order cells. Raises as `stiffness` does."""
+    return _read_only(np.repeat(part.material.density * nodal_volume(part), part.dimension))
+
+
+@once_per_part
+def nodal_volume(part: Part) -> FloatArray:
+    """Return the integral of each node's shape function (nn,) [m^3]; they sum to the volume. Raises as `stiffness` does."""
+    import ufl
+
+    discrete = _discretise(part)
+    form = ufl.TestFunction(discrete.scalar_space) * discrete.dx("load")
+    return _read_only(part.thickness * discrete.vector(form, discrete.scalar_space))
+
+
+def body_force(part: Part, force_density: ArrayLike) -> FloatArray:
+    """Return the nodal forces (d nn,) [N] of a uniform force per volume (d,) [N/m^3], in the part's axes."""
+    density = _vector(force_density, part, "body_force", "force_density [N/m^3]")
+    return np.outer(nodal_volume(part), density).ravel()
+
+
+def traction(part: Part, surface_name: str, traction: ArrayLike) -> FloatArray:
+    """Return the nodal forces (d nn,) [N] of a uniform force per area (d,) [N/m^2] on a surface, in the part's axes.
+
+    Raises InputError for an unknown surface, or one with facets that are not on the part's boundary.
+    """
+    return _surface_load(part, surface_name, _vector(traction, part, "traction", "traction [N/m^2]"), 0.0)
+
+
+def pressure(part: Part, surface_name: str, pressure: float) -> FloatArray:
+    """Return the nodal forces (d nn,) [N] of a pressure [Pa] on a surface: positive pushes into the part. Raises as `traction` does."""
+    if not np.isfinite(pressure):
+        raise InputError(f"pressure on Part {part.name!r}: expected a finite pressure in Pa, got {pressure}")
+    return _surface_load(part, surface_name, np.zeros(part.dimension), float(pressure))
+
+
+def lame(part: Part) -> tuple[float, float]:
+    """Return Lame's constants (lambda, mu) [Pa] of the part's material, lambda being that of plane stress for such a part."""
+    E, nu = part.material.E, part.material.nu
+    if part.dimension == 2 and part.plane == "stress":
+        return E * nu / (1 - nu**2), E / (2 * (1 + nu))
+    return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+
+
+def _surface_load(part: Part, surface_name: str, force: FloatArray, pressure: float) -> FloatArray:
+    """Return the integral of (force - pressure n) . v over the surface; one form, so that both loads share its compiled code."""
+    import ufl
+
+    discrete = _discretise(part)
+    mesh, V = discrete.mesh, discrete.vector_space
+    tags = runtime.dolfinx().mesh.meshtags(mesh, part.dimension - 1, discrete.boundary_facets(part, surface_name), 1)
+    degree = QUADRATURE_DEGREE[part.cell_type]["load"]
+    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tags, subdomain_id=1, metadata={"quadrature_degree": degree})
+    load = discrete.constant(force) - discrete.constant(pressure) * ufl.FacetNormal(mesh)
+    return part.thickness * discrete.vector(ufl.inner(load, ufl.TestFunction(V)) * ds, V)
+
+
+@dataclass(frozen=True, eq=False)
+class _Discretisation:
+    """A part's dolfinx mesh and first-order spaces; `node` (nn,) is the part's node of each vertex of dolfinx's geometry."""
+
+    mesh: Any
+    node: IntArray
+    scalar_space: Any
+    vector_space: Any
+    degree: dict[str, int]
+
+    def dx(self, integral: str) -> Any:
+        import ufl
+
+        return ufl.Measure("dx", domain=self.mesh, metadata={"quadrature_degree": self.degree[integral]})
+
+    def constant(self, value: ArrayLike) -> Any:
+        """A `Constant` is no part of the generated code, so all materials share one compiled form."""
+        return runtime.dolfinx().fem.Constant(self.mesh, np.asarray(value, dtype=np.float64))
+
+    def dof(self, space: Any) -> IntArray:
+        """Return the part's dof number of each dof of the space (both list the nodes of a cell in the same order)."""
+        dim = self.mesh.topology.dim
+        cells = np.arange(self.mesh.topology.index_map(dim).size_local, dtype=np.int32)
+        node = np.empty(len(self.node), dtype=np.int64)
+        node[space.dofmap.list] = self.node[runtime.dolfinx().mesh.entities_to_geometry(self.mesh, dim, cells)]
+        components = space.dofmap.index_map_bs
+        return (components * node[:, None] + np.arange(components)).ravel()
+
+    def matrix(self, form: Any, space: Any) -> csr_array:
+        entries = runtime.dolfinx().fem.assemble_matrix(_compiled(form)).to_scipy().tocoo()
+        dof = self.dof(space)
+        return csr_array((entries.data, (dof[entries.row], dof[entries.col])), shape=entries.shape)
+
+    def vector(self, form: Any, space: Any) -> FloatArray:
+        dof = self.dof(space)
+        values = np.empty(len(dof))
+        values[dof] = runtime.dolfinx().fem.assemble_vector(_compiled(form)).array
+        return values
+
+    def boundary_facets(self, part: Part, surface_name: str) -> IntArray:
+        """Return dolfinx's sorted facet numbers of a surface; a facet listed twice counts once."""
+        where = f"Part {part.name!r}, surface {surface_name!r}"
+        if surface_name not in part.surfaces:
+            raise InputError(f"{where}: expected one of the surfaces {sorted(part.surfaces)}")
+        dmesh, dim = runtime.dolfinx().mesh, part.dimension - 1
+        self.mesh.topology.create_connectivity(dim, dim + 1)
+        exterior = dmesh.exterior_facet_indices(self.mesh.topology)
+        known = np.sort(self.node[dmesh.entities_to_geometry(self.mesh, dim, exterior)], axis=1)
+        wanted = np.sort(part.surfaces[surface_name], axis=1)
+        _, key = np.unique(np.vstack([known, wanted]), axis=0, return_inverse=True)
+        position = np.full(key.max() + 1, -1)
+        position[key[: len(known)]] = np.arange(len(known))
+        found = position[key[len(known) :]]
+        if np.any(found < 0):
+            stray = part.surfaces[surface_name][found < 0]
+            raise InputError(
+                f"{where}: expected facets on the boundary of the part, got {len(stray)} others, the first with nodes {stray[0].tolist()}"
+            )
+        return exterior[np.unique(found)]
+
+
+@once_per_part
+def _discretise(part: Part) -> _Discretisation:
+    orphans = np.setdiff1d(np.arange(len(part.points)), part.cells)
+    if orphans.size:  # they would have neither stiffness nor mass
+        raise InputError(
+            f"Part {part.name!r}: expected every node in a cell, got {orphans.size} in none, the first is node {orphans[0]} "
+            f"at {part.points[orphans[0]].tolist()} m"
+        )
+    dolfinx = runtime.dolfinx()
+    import basix.ufl
+    from mpi4py import MPI
+
+    d = part.dimension
+    vtk_order = dolfinx.cpp.io.perm_vtk(dolfinx.mesh.to_type(part.cell_type), part.cells.shape[1])
+    element = basix.ufl.element("Lagrange", part.cell_type, 1, shape=(d,), dtype=np.float64)
+    mesh = dolfinx.mesh.create_mesh(MPI.COMM_SELF, part.cells[:, vtk_order], element, part.points)
+    return _Discretisation(
+        mesh=mesh,
+        node=mesh.geometry.input_global_indices,
+        scalar_space=dolfinx.fem.functionspace(mesh, ("Lagrange", 1)),
+        vector_space=dolfinx.fem.functionspace(mesh, ("Lagrange", 1, (d,))),
+        degree=QUADRATURE_DEGREE[part.cell_type],
+    )
+
+
+def _compiled(form: Any) -> Any:
+    """Return the form compiled to machine code by ffcx (cached on disk)."""
+    dolfinx = runtime.dolfinx()
+    from cffi import VerificationError
+
+    try:
+        return dolfinx.fem.form(form, dtype=np.float64)
+    except VerificationError as error:
+        raise MissingDependency(
+            f"dolfinx compiles forms with a C compiler, and this one failed ({error}): install one (on Debian: apt-get install gcc "
+            "libc6-dev) or name it in the environment variable CC"
+        ) from error
+
+
+def _read_only[A: (csr_array, FloatArray)](values: A) -> A:
+    (values.data if isinstance(values, csr_array) else values).setflags(write=False)
+    return values
+
+
+def _vector(values: ArrayLike, part: Part, function: str, argument: str) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (part.dimension,) or not np.all(np.isfinite(array)):
+        raise InputError(f"{function} on Part {part.name!r}: expected {argument} as {part.dimension} finite numbers, got {values!r}")
+    return array
