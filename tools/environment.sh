@@ -1,6 +1,6 @@
 #!/bin/sh
 # Make or update .venv/ in the repository's folder: find a Python >= 3.12, check the C compiler, install, check the result.
-# .venv/.ready is the sign of a whole environment; without it, .venv/ is made anew.
+# .venv/.installed says that pip went through (without it .venv/ is made anew), .venv/.ready that the result was checked as well.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -19,7 +19,13 @@ except ImportError:
 header = pathlib.Path(sysconfig.get_path("include"), "Python.h")
 header.exists() or sys.exit("has no C headers (%s; Debian: apt-get install python3-dev)" % header)'
 
-reason() { "$1" -c "$usable" 2>&1 | tail -n 1; }
+reason() {
+    if "$1" -c '' >/dev/null 2>&1; then
+        "$1" -c "$usable" 2>&1 | tail -n 1
+    else
+        printf 'does not run'
+    fi
+}
 
 find_python() {
     if [ -n "${PYTHON:-}" ]; then
@@ -51,13 +57,14 @@ for candidate in ${CC:-} cc gcc clang; do
 done
 [ -n "$compiler" ] || fail "no C compiler (cc, gcc or clang) found; dolfinx compiles its forms with it. Debian: apt-get install gcc libc6-dev"
 
-if [ ! -e .venv/.ready ]; then
+if [ ! -e .venv/.installed ] || ! .venv/bin/python -c '' >/dev/null 2>&1; then
     find_python
     printf 'fcsim: making .venv/ with %s\n' "$("$python" -c 'import sys; print(sys.executable, sys.version.split()[0])')"
     rm -rf .venv
     "$python" -m venv .venv
 fi
-rm -f .venv/.ready
+rm -f .venv/.installed .venv/.ready
 .venv/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[fem,view,optimisation,dev]'
+touch .venv/.installed
 .venv/bin/python tools/check_environment.py
 touch .venv/.ready
