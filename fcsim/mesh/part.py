@@ -29,7 +29,10 @@ FACET_NODES = {"hexahedron": 4, "tetrahedron": 3, "quadrilateral": 2, "triangle"
 def _frozen(values: ArrayLike, dtype: type, what: str, shape: tuple[int | None, ...]) -> NDArray:
     """Return a read-only copy of `values` as `dtype`, refusing a wrong shape (None = any length) and non-finite numbers."""
     try:
-        array = np.array(values, dtype=dtype, order="C")
+        given = np.asarray(values)
+        array: NDArray = np.array(given, dtype=dtype, order="C")
+        if dtype is np.int64 and not np.array_equal(array, given):  # a node number 1.5 would be cut to 1
+            raise ValueError("not whole numbers")
     except (TypeError, ValueError) as error:
         raise InputError(f"{what}: expected numbers in an array of shape {shape}, got {type(values).__name__}: {error}") from None
     if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
@@ -45,9 +48,7 @@ def _frozen_surfaces(surfaces: Mapping[str, ArrayLike], n_points: int, facet_nod
     for name, facets in surfaces.items():
         array = _frozen(facets, np.int64, f"{what}, surface {name!r}", (None, facet_nodes))
         if array.size and (array.min() < 0 or array.max() >= n_points):
-            raise InputError(
-                f"{what}, surface {name!r}: expected node numbers 0 ... {n_points - 1}, got {array.min()} ... {array.max()}"
-            )
+            raise InputError(f"{what}, surface {name!r}: expected node numbers 0 ... {n_points - 1}, got {array.min()} ... {array.max()}")
         frozen[name] = array
     return MappingProxyType(frozen)
 
@@ -102,9 +103,7 @@ class Part:
         object.__setattr__(self, "cells", _frozen(self.cells, np.int64, f"{what}, cells", (None, CELL_NODES[self.cell_type])))
         if self.cells.size == 0 or self.cells.min() < 0 or self.cells.max() >= len(self.points):
             raise InputError(f"{what}: expected cells with node numbers 0 ... {len(self.points) - 1}, got {self.cells.shape[0]} cells")
-        object.__setattr__(
-            self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), FACET_NODES[self.cell_type], what)
-        )
+        object.__setattr__(self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), FACET_NODES[self.cell_type], what))
 
     @property
     def dimension(self) -> int:
@@ -172,9 +171,7 @@ class RigidBody:
         rotations = 3 if d == 3 else 1
         object.__setattr__(self, "points", _frozen(self.points, np.float64, f"{what}, points", (None, d)))
         object.__setattr__(self, "centre", _frozen(self.centre, np.float64, f"{what}, centre", (d,)))
-        object.__setattr__(
-            self, "inertia", _frozen(np.atleast_2d(self.inertia), np.float64, f"{what}, inertia", (rotations, rotations))
-        )
+        object.__setattr__(self, "inertia", _frozen(np.atleast_2d(self.inertia), np.float64, f"{what}, inertia", (rotations, rotations)))
         if not np.allclose(self.inertia, self.inertia.T) or np.linalg.eigvalsh(self.inertia).min() <= 0:
             raise InputError(f"{what}: expected a symmetric positive definite inertia [kg m^2], got {self.inertia.tolist()}")
         object.__setattr__(self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), None, what))

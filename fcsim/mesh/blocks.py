@@ -1,0 +1,165 @@
+"""Blocks meshed with gmsh: bricks and rectangles as parts, rigid boxes and rectangles, and parts from a user's own gmsh model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from fcsim.errors import InputError
+from fcsim.mesh.named_mesh import NamedMesh, from_gmsh
+from fcsim.mesh.part import CELL_DIMENSION, FloatArray, IntArray, Material, Part, RigidBody
+from fcsim.runtime import gmsh_model
+
+AXES = "xyz"
+
+
+def part_from_gmsh(
+    gmsh: Any,
+    name: str,
+    material: Material,
+    *,
+    volume: str | None = None,
+    plane: Literal["strain", "stress"] = "strain",
+    thickness: float = 1.0,
+) -> Part:
+    """Return the part meshed in the current gmsh model (use it inside `fcsim.runtime.gmsh_model()`).
+
+    The cells are those of the physical group `volume` (of surfaces, for a plane model), which can be left out where there is one
+    group or none; the part's surfaces are the physical groups of one dimension less, by name, oriented outwards. A model of several
+    volume groups makes several parts, one call each; a surface keeps the facets that bound the part. InputError for cells that are
+    not of first order, of several types, inverted or degenerate, and for surfaces that are not on the boundary.
+    """
+    mesh = from_gmsh(gmsh, f"gmsh model {gmsh.model.getCurrent()!r}", plane=plane, thickness=thickness)
+    return mesh.part(material, name=name, volume=volume)
+
+
+def brick(
+    name: str,
+    size: Sequence[float],
+    divisions: Sequence[int],
+    material: Material,
+    cell: str = "hexahedron",
+    origin: Sequence[float] = (0.0, 0.0, 0.0),
+) -> Part:
+    """Return a box from `origin` to `origin + size` [m] with surfaces "x-", "x+", "y-", "y+", "z-", "z+".
+
+    A structured mesh of `divisions` = (nx, ny, nz) hexahedra; with cell="tetrahedron" each of them is cut into tetrahedra.
+    """
+    return _box(name, size, divisions, cell, origin, dimension=3).part(material, name=name)
+
+
+def rectangle(
+    name: str,
+    size: Sequence[float],
+    divisions: Sequence[int],
+    material: Material,
+    cell: str = "quadrilateral",
+    *,
+    plane: Literal["strain", "stress"] = "strain",
+    thickness: float = 1.0,
+    origin: Sequence[float] = (0.0, 0.0),
+) -> Part:
+    """Return a rectangle from `origin` to `origin + size` [m] with surfaces "x-", "x+", "y-", "y+".
+
+    A structured mesh of `divisions` = (nx, ny) quadrilaterals; with cell="triangle" each of them is cut in two. `plane` and
+    `thickness` [m] are those of `Part`.
+    """
+    return _box(name, size, divisions, cell, origin, dimension=2, plane=plane, thickness=thickness).part(material, name=name)
+
+
+def rigid_box(name: str, size: Sequence[float], centre: Sequence[float], mass: float, divisions: Sequence[int] | None = None) -> RigidBody:
+    """Return a rigid homogeneous box of edges `size` [m] around `centre` [m], `mass` [kg], with six named surfaces of quadrilaterals.
+
+    Inertia m/12 diag(ly^2 + lz^2, lx^2 + lz^2, lx^2 + ly^2). `divisions` = (nx, ny, nz) facets along the edges, by default one
+    facet a face.
+    """
+    points, surfaces = _hull(name, size, centre, divisions, dimension=3)
+    squares = np.square(np.asarray(size, dtype=float))
+    return RigidBody(name, mass, mass / 12 * np.diag(squares.sum() - squares), np.asarray(centre), points, surfaces)
+
+
+def rigid_rectangle(
+    name: str, size: Sequence[float], centre: Sequence[float], mass: float, divisions: Sequence[int] | None = None
+) -> RigidBody:
+    """Return a rigid homogeneous rectangle of edges `size` [m] around `centre` [m], `mass` [kg], with four named surfaces.
+
+    Inertia m/12 (lx^2 + ly^2). `divisions` = (nx, ny) segments along the edges, by default one a side.
+    """
+    points, surfaces = _hull(name, size, centre, divisions, dimension=2)
+    inertia = mass / 12 * np.square(np.asarray(size, dtype=float)).sum()
+    return RigidBody(name, mass, np.array([[inertia]]), np.asarray(centre), points, surfaces)
+
+
+def _hull(
+    name: str, size: Sequence[float], centre: Sequence[float], divisions: Sequence[int] | None, dimension: int
+) -> tuple[FloatArray, dict[str, IntArray]]:
+    """Nodes on the boundary of a box, and its surfaces numbered in them."""
+    _check_numbers(name, "centre", centre, dimension)
+    corner = np.asarray(centre) - _check_numbers(name, "size", size, dimension) / 2
+    mesh = _box(name, size, divisions or (1,) * dimension, "hexahedron" if dimension == 3 else "quadrilateral", corner, dimension)
+    part = mesh.part(Material(E=1.0, nu=0.0, density=0.0))  # of the checked part only the shape is taken
+    used, numbers = np.unique(np.concatenate(list(part.surfaces.values())), return_inverse=True)
+    ends = np.cumsum([len(facets) for facets in part.surfaces.values()])[:-1]
+    return part.points[used], dict(zip(part.surfaces, np.split(numbers.reshape(-1, 2 * dimension - 2), ends), strict=True))
+
+
+def _check_numbers(name: str, argument: str, values: Sequence[float] | FloatArray, dimension: int) -> FloatArray:
+    try:
+        numbers = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.shape != (dimension,) or not np.all(np.isfinite(numbers)):
+        raise InputError(f"{name!r}, {argument}: expected {dimension} finite numbers, got {values!r}")
+    return numbers
+
+
+def _box(
+    name: str,
+    size: Sequence[float] | FloatArray,
+    divisions: Sequence[int],
+    cell: str,
+    origin: Sequence[float] | FloatArray,
+    dimension: int,
+    **plane_and_thickness: Any,
+) -> NamedMesh:
+    """Extrude a point along x, y and z with gmsh, so that the mesh is structured; cut into simplices unless gmsh recombines."""
+    size, origin = _check_numbers(name, "size", size, dimension), _check_numbers(name, "origin", origin, dimension)
+    counts = _check_numbers(name, "divisions", divisions, dimension)
+    if np.any(size <= 0):
+        raise InputError(f"{name!r}, size: expected lengths > 0 in m, got {size.tolist()}")
+    if np.any(counts < 1) or np.any(counts != np.round(counts)):
+        raise InputError(f"{name!r}, divisions: expected whole numbers >= 1, got {divisions!r}")
+    if CELL_DIMENSION.get(cell) != dimension:
+        known = " or ".join(repr(c) for c, d in CELL_DIMENSION.items() if d == dimension)
+        raise InputError(f"{name!r}, cell: expected {known}, got {cell!r}")
+
+    with gmsh_model(name) as gmsh:
+        swept = [(0, gmsh.model.geo.addPoint(*origin, *(0.0,) * (3 - dimension)))]
+        for axis in range(dimension):
+            step = np.zeros(3)
+            step[axis] = size[axis]
+            extruded = gmsh.model.geo.extrude(
+                swept, *step, numElements=[int(counts[axis])], recombine=cell in ("hexahedron", "quadrilateral")
+            )
+            swept = [entity for entity in extruded if entity[0] == axis + 1]
+        gmsh.model.geo.synchronize()
+        gmsh.model.addPhysicalGroup(dimension, [swept[0][1]], name=name)
+        faces = gmsh.model.getBoundary(swept, oriented=False)
+        for label, face in sorted(zip(_face_labels(gmsh, faces, origin + size / 2, size), faces, strict=True), key=_minus_first):
+            gmsh.model.addPhysicalGroup(face[0], [face[1]], name=label)
+        gmsh.model.mesh.generate(dimension)
+        return from_gmsh(gmsh, repr(name), **plane_and_thickness)
+
+
+def _minus_first(labelled: tuple[str, Any]) -> tuple[str, bool]:
+    return labelled[0][0], labelled[0][1] == "+"
+
+
+def _face_labels(gmsh: Any, faces: Sequence[tuple[int, int]], centre: FloatArray, size: FloatArray) -> list[str]:
+    """ "x-" ... "z+" for each face, from where the middle of its bounding box lies."""
+    boxes = np.array([gmsh.model.getBoundingBox(*face) for face in faces])
+    offset = ((boxes[:, :3] + boxes[:, 3:])[:, : len(size)] / 2 - centre) / size
+    axis = np.argmax(np.abs(offset), axis=1)
+    return [AXES[a] + ("+" if offset[i, a] > 0 else "-") for i, a in enumerate(axis)]

@@ -1,0 +1,75 @@
+"""Facets of cells: which ones bound the mesh, and which way is outwards."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.errors import InputError
+from fcsim.mesh.part import FACET_NODES, IntArray
+
+# Local nodes of each cell's facets, outwards for a cell of positive Jacobian: counter-clockwise seen from outside in 3D; in 2D the
+# cell lies on the left of (a, b). VTK's numbering of the nodes.
+CELL_FACETS = {
+    "hexahedron": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+    "tetrahedron": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
+    "quadrilateral": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+}
+
+
+def match_facets(cells: IntArray, cell_type: str, facets: IntArray) -> tuple[IntArray, IntArray]:
+    """Find `facets` (nf, kf) among the facets of `cells` (ncells, k), whatever the order of their nodes.
+
+    Returns the number of cells that each facet belongs to (nf,), and the facets (nf, kf) oriented outwards of their cell. In 3D an
+    oriented facet starts at the node that the given one starts at, so a facet that was right comes back unchanged; a facet that
+    belongs to no cell comes back as it was.
+    """
+    candidates = cells[:, np.array(CELL_FACETS[cell_type])].reshape(-1, FACET_NODES[cell_type])
+    marked = np.zeros(max(cells.max(initial=-1), facets.max(initial=-1)) + 1, dtype=bool)
+    marked[facets] = True
+    candidates = candidates[marked[candidates].all(axis=1)]  # a few of many: sorting all the cells' facets would cost far more
+
+    keys = np.sort(np.concatenate((facets, candidates)), axis=1)
+    groups = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    wanted, found = groups[: len(facets)], groups[len(facets) :]
+    count = np.bincount(found, minlength=len(keys))[wanted]
+    owner = np.zeros(len(keys), dtype=np.int64)
+    owner[found] = np.arange(len(found))
+
+    oriented = facets.copy()
+    belongs = count > 0
+    outward = candidates[owner[wanted[belongs]]]
+    if outward.shape[1] > 2:  # a segment has no choice of its first node
+        start = np.argmax(outward == facets[belongs, :1], axis=1)
+        turn = (start[:, None] + np.arange(outward.shape[1])) % outward.shape[1]
+        outward = np.take_along_axis(outward, turn, axis=1)
+    oriented[belongs] = outward
+    return count, oriented
+
+
+def orient_facets(cells: IntArray, cell_type: str, facets: IntArray, what: str = "surface") -> IntArray:
+    """Return the boundary facets `facets` (nf, kf) oriented outwards, in 3D each starting at its given first node.
+
+    `cells` (ncells, k) must have positive Jacobians (`check_quality`). `what` names the surface in messages. InputError where a
+    facet is given twice, or is not on the boundary of exactly one cell.
+    """
+    facets = np.asarray(facets, dtype=np.int64)
+    count, oriented = match_facets(cells, cell_type, facets)
+    if np.any(wrong := count != 1):
+        first = int(np.argmax(wrong))
+        raise InputError(
+            f"{what}: expected facets on the boundary, each of exactly one cell, got {np.count_nonzero(wrong)} of {len(facets)} that are "
+            f"not: facet {first} with nodes {facets[first].tolist()} belongs to {count[first]} cells"
+        )
+    refuse_repeated(oriented, what)
+    return oriented
+
+
+def refuse_repeated(elements: IntArray, what: str) -> None:
+    """InputError where two of `elements` (n, k), facets or cells, have the same nodes."""
+    distinct, first, repeats = np.unique(np.sort(elements, axis=1), axis=0, return_index=True, return_counts=True)
+    if len(distinct) < len(elements):
+        raise InputError(
+            f"{what}: expected each element once, got {len(elements) - len(distinct)} repeated: "
+            f"nodes {elements[first[np.argmax(repeats)]].tolist()} come {repeats.max()} times"
+        )

@@ -1,0 +1,204 @@
+"""Parts in mesh files: gmsh's .msh, and the formats of meshio.
+
+How surfaces are kept: in .msh as physical groups; in .vtu, .vtk and .xdmf as one cell array a surface, named "surface:NAME" (special
+characters of NAME as in a URL, "%20" for a space), which is 1 on the facets of the surface. Reading also takes the named cell sets of
+a format (.inp and others) and the tags "gmsh:physical", "medit:ref" and "cell_tags" with the names of field_data, or the tag as
+the name. No format keeps the material, nor `plane` and `thickness`: they are given when a file is read.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal
+from urllib.parse import quote, unquote
+
+import numpy as np
+
+from fcsim.errors import InputError, MissingDependency
+from fcsim.mesh.named_mesh import FACET_TYPE, GMSH_TYPES, Block, NamedMesh, from_gmsh, named_mesh
+from fcsim.mesh.part import IntArray, Material, Part
+from fcsim.runtime import gmsh_model
+
+KEEPS_SURFACES = (".msh", ".vtu", ".vtk", ".xdmf")
+KEEPS_CELLS = (*KEEPS_SURFACES, ".inp", ".med", ".mesh")  # the other formats of meshio lose cells or digits
+_MSH_NAME = 127  # gmsh cuts longer names of physical groups
+_SURFACE = "surface:"
+_TAGS = ("gmsh:physical", "medit:ref", "cell_tags")
+_FROM_MESHIO = {"quad": "quadrilateral", "tetra": "tetrahedron"}
+_TO_MESHIO = {"quadrilateral": "quad", "tetrahedron": "tetra"}
+
+
+def read_mesh(
+    path: str | os.PathLike[str],
+    material: Material,
+    *,
+    name: str | None = None,
+    volume: str | None = None,
+    plane: Literal["strain", "stress"] = "strain",
+    thickness: float = 1.0,
+) -> Part:
+    """Return the part that a mesh file holds: `volume` of it, where it has several named volumes.
+
+    `name` is the part's: by default that of the volume, or of the file where its cells have no name. A 2D mesh lies in a plane
+    z = const. InputError where the file is missing or unreadable, has no volume cells, has cells of several types or of second
+    order, has inverted, degenerate or unused elements, or surfaces that are not on the boundary.
+    """
+    mesh = _read(Path(path), plane, thickness)
+    part_name = name or volume or next(iter(mesh.volumes)) or Path(path).stem
+    return mesh.part(material, name=part_name, volume=volume)
+
+
+def read_parts(
+    path: str | os.PathLike[str],
+    materials: Mapping[str, Material],
+    *,
+    plane: Literal["strain", "stress"] = "strain",
+    thickness: float = 1.0,
+) -> list[Part]:
+    """Return a part for each named volume of a mesh file, in the file's order; `materials` holds the material of each by name.
+
+    Nodes on the interface of two volumes come in both parts, and a surface gives each part the facets that bound it. Errors as
+    for `read_mesh`, and where the names of volumes and materials differ.
+    """
+    return _read(Path(path), plane, thickness).parts(materials)
+
+
+def write_mesh(part: Part, path: str | os.PathLike[str], *, surfaces: bool = True) -> None:
+    """Write a part's mesh and surfaces, in the format that the extension says; nothing is lost of points, cells and surfaces.
+
+    A format that cannot keep named surfaces (.inp, .med, .mesh) is refused unless surfaces=False leaves them out. The part's name is
+    kept in .msh alone. A facet that is on several surfaces is written once for each; a surface without facets is left out. The file
+    appears whole or not at all. InputError where the extension is none of these, the folder is missing or a name cannot be kept.
+    """
+    path = Path(path)
+    _check_writable(path, part, surfaces)
+    kept = {name: facets for name, facets in part.surfaces.items() if len(facets)} if surfaces else {}
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        if path.suffix == ".msh":
+            _write_msh(part, kept, temporary)
+        else:
+            _write_meshio(part, kept, temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _check_writable(path: Path, part: Part, surfaces: bool) -> None:
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: expected an existing folder to write to, got {str(path.parent)!r}")
+    if path.suffix not in KEEPS_CELLS:
+        raise InputError(f"{path}: expected one of the extensions {', '.join(KEEPS_CELLS)}, got {path.suffix!r}")
+    if surfaces and part.surfaces and path.suffix not in KEEPS_SURFACES:
+        raise InputError(
+            f"{path}: expected one of {', '.join(KEEPS_SURFACES)}, which keep the {len(part.surfaces)} surfaces of part {part.name!r}, or "
+            f"surfaces=False to leave them out, got {path.suffix!r}"
+        )
+    if surfaces and "" in part.surfaces:
+        raise InputError(f"{path}: expected surfaces with names, got part {part.name!r} with a surface ''")
+    if path.suffix == ".msh":
+        for name in (part.name, *(part.surfaces if surfaces else ())):
+            if not 0 < len(name.encode()) <= _MSH_NAME or set('"\n\r') & set(name):
+                raise InputError(f"{path}: expected names of 1 to {_MSH_NAME} bytes without quotation marks and line breaks, got {name!r}")
+
+
+def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> NamedMesh:
+    if not path.is_file():
+        raise InputError(f"{path}: expected a mesh file, got none at this place")
+    if path.suffix == ".msh":
+        with gmsh_model(path.stem) as gmsh:
+            try:
+                gmsh.merge(str(path))
+            except Exception as error:  # gmsh's only exception class
+                raise InputError(f"{path}: expected a mesh that gmsh can read, got: {error}") from None
+            return from_gmsh(gmsh, str(path), plane=plane, thickness=thickness)
+    mesh = _read_meshio(path)
+    return named_mesh(str(path), mesh.points, _blocks(mesh), plane=plane, thickness=thickness)
+
+
+def _write_msh(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> None:
+    """MSH 4.1 in binary, the only one that keeps every digit; one discrete entity and physical group for the cells and each surface."""
+    number = {cell_type: n for n, cell_type in GMSH_TYPES.items()}
+    d = part.dimension
+    points = np.zeros((len(part.points), 3))
+    points[:, :d] = part.points
+    with gmsh_model(part.name) as gmsh:
+        volume = gmsh.model.addDiscreteEntity(d)
+        gmsh.model.mesh.addNodes(d, volume, np.arange(1, len(points) + 1), points.ravel())
+        gmsh.model.mesh.addElementsByType(volume, number[part.cell_type], [], part.cells.ravel() + 1)
+        gmsh.model.addPhysicalGroup(d, [volume], name=part.name)
+        for name, facets in surfaces.items():
+            surface = gmsh.model.addDiscreteEntity(d - 1)
+            gmsh.model.mesh.addElementsByType(surface, number[FACET_TYPE[part.cell_type]], [], facets.ravel() + 1)
+            gmsh.model.addPhysicalGroup(d - 1, [surface], name=name)
+        gmsh.option.setNumber("Mesh.Binary", 1)
+        gmsh.write(str(path))
+
+
+def _write_meshio(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> None:
+    meshio = _meshio()
+    points = np.zeros((len(part.points), 3))  # VTK has no 2D points
+    points[:, : part.dimension] = part.points
+    cells = [(_TO_MESHIO.get(part.cell_type, part.cell_type), part.cells)]
+    data: dict[str, list[np.ndarray]] = {}
+    if surfaces:
+        facet_type = FACET_TYPE[part.cell_type]
+        cells.append((_TO_MESHIO.get(facet_type, facet_type), np.concatenate(list(surfaces.values()))))
+        of_surface = np.repeat(np.arange(len(surfaces)), [len(facets) for facets in surfaces.values()])
+        none = np.zeros(len(part.cells), dtype=np.int32)
+        data = {_SURFACE + quote(name): [none, (of_surface == i).astype(np.int32)] for i, name in enumerate(surfaces)}
+    options: dict[str, Any] = {"data_format": "XML"} if path.suffix == ".xdmf" else {}  # one file, which can be renamed whole
+    _quietly(path, "a mesh that this format can hold", lambda: meshio.Mesh(points, cells, cell_data=data).write(path, **options))
+
+
+def _read_meshio(path: Path) -> Any:
+    meshio = _meshio()
+    if path.suffix not in meshio.extension_to_filetypes:
+        raise InputError(f"{path}: expected the extension of a mesh file (as {', '.join(KEEPS_SURFACES)}), got {path.suffix!r}")
+    return _quietly(path, "a mesh that meshio can read", lambda: meshio.read(path))
+
+
+def _quietly(path: Path, expected: str, call: Any) -> Any:
+    """Call meshio, which prints what is wrong and leaves by SystemExit, and raise InputError instead."""
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+            return call()
+    except (Exception, SystemExit) as error:  # readers of many formats: what they raise on a broken file is anything
+        message = " ".join(said.getvalue().split()) or f"{type(error).__name__}: {error}"
+        raise InputError(f"{path}: expected {expected}, got: {message}") from None
+
+
+def _blocks(mesh: Any) -> list[Block]:
+    """The elements of a meshio mesh, once for each group that they are in, and those that are in none."""
+    names = {int(values[0]): name for name, values in mesh.field_data.items() if np.size(values) == 2}
+    blocks = []
+    for b, cells in enumerate(mesh.cells):
+        groups: dict[str, np.ndarray] = {}
+        for key, data in mesh.cell_data.items():
+            if key.startswith(_SURFACE):
+                groups[unquote(key.removeprefix(_SURFACE))] = np.flatnonzero(data[b])
+            elif key in _TAGS:
+                tags = np.asarray(data[b]).reshape(-1).astype(np.int64)
+                groups |= {names.get(tag, str(tag)): np.flatnonzero(tags == tag) for tag in np.unique(tags).tolist() if tag != 0}
+        groups |= {name: np.asarray(sets[b]) for name, sets in mesh.cell_sets.items() if sets[b] is not None}
+        cell_type, elements = _FROM_MESHIO.get(cells.type, cells.type), np.asarray(cells.data)
+        alone = np.ones(len(elements), dtype=bool)
+        for name, members in groups.items():
+            alone[members] = False
+            blocks.append(Block(cell_type, elements[members], name))
+        blocks.append(Block(cell_type, elements[alone]))
+    return blocks
+
+
+def _meshio() -> ModuleType:
+    try:
+        import meshio
+    except ImportError as error:
+        raise MissingDependency(f"meshio is needed for mesh files other than .msh ({error}): pip install 'fcsim[fem]'") from None
+    return meshio

@@ -1,0 +1,181 @@
+"""A mesh with named volumes and surfaces, as gmsh models and mesh files hold it, and the parts it is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from fcsim.errors import InputError
+from fcsim.mesh.facets import match_facets, refuse_repeated
+from fcsim.mesh.part import CELL_DIMENSION, CELL_NODES, FloatArray, IntArray, Material, Part
+from fcsim.mesh.quality import check_quality
+
+FACET_TYPE = {"hexahedron": "quadrilateral", "tetrahedron": "triangle", "quadrilateral": "line", "triangle": "line"}
+GMSH_TYPES = {1: "line", 2: "triangle", 3: "quadrilateral", 4: "tetrahedron", 5: "hexahedron", 15: "vertex"}
+UNGROUPED = ""  # also the name of the only volume of a mesh whose cells are in no group
+
+
+@dataclass(frozen=True)
+class Block:
+    """Elements of one type (n, k) in the group of this name; an element of several groups comes in a block of each."""
+
+    cell_type: str
+    elements: IntArray
+    group: str = UNGROUPED
+
+
+@dataclass(frozen=True, eq=False)
+class NamedMesh:
+    """points (n, d) [m]; volumes and surfaces: name -> node numbers (ncells, k), (nf, kf); `source` is what messages call the mesh."""
+
+    source: str
+    points: FloatArray
+    cell_type: str
+    volumes: Mapping[str, IntArray]
+    surfaces: Mapping[str, IntArray]
+    ungrouped: int = 0  # cells in no volume although there are volumes
+    plane: Literal["strain", "stress"] = field(default="strain", kw_only=True)
+    thickness: float = field(default=1.0, kw_only=True)
+
+    def part(self, material: Material, *, name: str | None = None, volume: str | None = None) -> Part:
+        """Return the part of `volume`, which can be left out where the mesh has only one. `name`: default that of the volume."""
+        if volume is None:
+            if len(self.volumes) > 1 or self.ungrouped:
+                others = f" and {self.ungrouped} cells in no volume" if self.ungrouped else ""
+                raise InputError(
+                    f"{self.source}: expected one volume or an argument volume=, got the volumes {_names(self.volumes)}{others}"
+                )
+            volume = next(iter(self.volumes))
+        if volume not in self.volumes:
+            raise InputError(f"{self.source}: expected a volume among {_names(self.volumes)}, got {volume!r}")
+        return self._part(volume, material, name or volume or self.source, self._surfaces_by_volume()[volume])
+
+    def parts(self, materials: Mapping[str, Material]) -> list[Part]:
+        """Return one part for each volume, in the order of the mesh; `materials` holds the material of each by name."""
+        if self.ungrouped:
+            raise InputError(f"{self.source}: expected every cell in a volume, got {self.ungrouped} cells that are in none")
+        if set(materials) != set(self.volumes):
+            raise InputError(f"{self.source}: expected materials for the volumes {_names(self.volumes)}, got them for {_names(materials)}")
+        refuse_repeated(np.concatenate(list(self.volumes.values())), f"{self.source}, volumes {_names(self.volumes)}")
+        surfaces = self._surfaces_by_volume()
+        return [self._part(volume, materials[volume], volume or self.source, surfaces[volume]) for volume in self.volumes]
+
+    def _surfaces_by_volume(self) -> dict[str, dict[str, IntArray]]:
+        """The outward facets of every surface that bound each volume; a facet between two volumes bounds both."""
+        sorted_out: dict[str, dict[str, IntArray]] = {volume: {} for volume in self.volumes}
+        for name, facets in self.surfaces.items():
+            what = f"{self.source}, surface {name!r}"
+            refuse_repeated(facets, what)
+            lost = np.ones(len(facets), dtype=bool)
+            for volume, cells in self.volumes.items():
+                count, oriented = match_facets(cells, self.cell_type, facets)
+                bounds = count == 1
+                lost &= ~bounds
+                if bounds.any():
+                    sorted_out[volume][name] = oriented[bounds]
+            if lost.any():
+                raise InputError(
+                    f"{what}: expected facets on the boundary of a volume, got {np.count_nonzero(lost)} of {len(facets)} that are not, "
+                    f"the first with nodes at {self.points[facets[np.argmax(lost)]].tolist()}"
+                )
+        return sorted_out
+
+    def _part(self, volume: str, material: Material, name: str, surfaces: Mapping[str, IntArray]) -> Part:
+        used, cells = np.unique(self.volumes[volume], return_inverse=True)
+        number = np.full(len(self.points), -1)
+        number[used] = np.arange(len(used))
+        part = Part(
+            name=name,
+            points=self.points[used],
+            cells=cells.reshape(self.volumes[volume].shape),
+            cell_type=self.cell_type,
+            surfaces={surface: number[facets] for surface, facets in surfaces.items()},
+            material=material,
+            plane=self.plane,
+            thickness=self.thickness,
+        )
+        check_quality(part)
+        return part
+
+
+def _names(names: Iterable[str]) -> str:
+    return ", ".join(repr(name) for name in names) or "none"
+
+
+def named_mesh(
+    source: str, points: FloatArray, blocks: Sequence[Block], *, plane: Literal["strain", "stress"] = "strain", thickness: float = 1.0
+) -> NamedMesh:
+    """Sort blocks of elements into volumes (the highest dimension) and surfaces (one below), by their group.
+
+    points (n, 3) or (n, 2) [m]; a 2D mesh lies in a plane z = const. InputError for elements that are not of first order or not of
+    one type, and where there are no volume cells.
+    """
+    blocks = [block for block in blocks if len(block.elements)]
+    types = list(dict.fromkeys(block.cell_type for block in blocks))
+    if unknown := [t for t in types if t not in CELL_NODES and t not in ("line", "vertex")]:
+        raise InputError(
+            f"{source}: expected first-order cells ({', '.join(CELL_NODES)}), got {', '.join(unknown)}: "
+            "cells of second order, prisms and pyramids are not supported"
+        )
+    cell_types = [t for t in types if t in CELL_NODES]
+    dimension = max((CELL_DIMENSION[t] for t in cell_types), default=0)
+    cell_types = [t for t in cell_types if CELL_DIMENSION[t] == dimension]
+    points = np.asarray(points, dtype=float)
+    planar = dimension == 2 and (points.shape[1] == 2 or np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points[:, :2], axis=0).max())
+    if dimension == 0 or (dimension == 2 and not planar):
+        got = "a surface mesh in space" if dimension else "none" + (f" but {', '.join(types)}" if types else "")
+        raise InputError(f"{source}: expected volume cells (or, in 2D, cells in a plane z = const), got {got}")
+    if len(cell_types) > 1:
+        raise InputError(f"{source}: expected cells of one type, got a mixture of {' and '.join(cell_types)}")
+    cell_type = cell_types[0]
+
+    volumes = _by_group([block for block in blocks if block.cell_type == cell_type])
+    named = [block for block in blocks if block.group != UNGROUPED]
+    facets = [b for b in named if b.cell_type == FACET_TYPE[cell_type]]
+    for block in named:  # groups of lines and points in space, which a 3D part has no use for, are left out
+        if CELL_DIMENSION.get(block.cell_type) == dimension - 1 and block.cell_type != FACET_TYPE[cell_type]:
+            what = f"{source}, surface {block.group!r}"
+            raise InputError(f"{what}: expected {FACET_TYPE[cell_type]} facets on {cell_type} cells, got {block.cell_type}")
+    ungrouped = len(volumes.pop(UNGROUPED, ())) if len(volumes) > 1 else 0
+    return NamedMesh(
+        source,
+        points[:, :dimension],
+        cell_type,
+        volumes,
+        _by_group(facets),
+        ungrouped=ungrouped,
+        plane=plane,
+        thickness=thickness,
+    )
+
+
+def _by_group(blocks: Sequence[Block]) -> dict[str, IntArray]:
+    collected: dict[str, list[IntArray]] = {}
+    for block in blocks:
+        collected.setdefault(block.group, []).append(block.elements)
+    return {group: np.concatenate(elements).astype(np.int64) for group, elements in collected.items()}
+
+
+def from_gmsh(gmsh: Any, source: str, **plane_and_thickness: Any) -> NamedMesh:
+    """Read the current gmsh model, meshed: its physical groups are the volumes and surfaces (a group without a name: its number)."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(tags)
+    tags, points = tags[order], coordinates.reshape(-1, 3)[order]
+    blocks: list[Block] = []
+    grouped = set()
+
+    def add(entity: tuple[int, int], group: str) -> None:
+        for number, _, nodes in zip(*gmsh.model.mesh.getElements(*entity), strict=True):
+            described, _, _, size, *_ = gmsh.model.mesh.getElementProperties(number)
+            blocks.append(Block(GMSH_TYPES.get(number, described), np.searchsorted(tags, nodes).reshape(-1, size), group))
+
+    for dimension, tag in sorted(gmsh.model.getPhysicalGroups(), key=lambda group: group[1]):
+        for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, tag):
+            add((dimension, abs(int(entity))), gmsh.model.getPhysicalName(dimension, tag) or str(tag))
+            grouped.add((dimension, abs(int(entity))))
+    for rest in sorted(set(gmsh.model.getEntities()) - grouped):
+        add(rest, UNGROUPED)
+    return named_mesh(source, points, blocks, **plane_and_thickness)
