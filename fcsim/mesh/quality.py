@@ -29,10 +29,21 @@ def _gauss_points(d: int) -> FloatArray:
     return np.array(list(product((-1 / np.sqrt(3), 1 / np.sqrt(3)), repeat=d)))
 
 
-def _jacobians(points: FloatArray, cells: IntArray, gradients: FloatArray) -> FloatArray:
-    """J_ij = sum_k x_ki dN_k/dxi_j (ncells, d, d), from the nodes relative to each cell's first to lose no digits far from the origin."""
-    nodes = points[cells] - points[cells[:, :1]]
-    return np.einsum("cki,kj->cij", nodes, gradients)
+def _nodes(points: FloatArray, cells: IntArray) -> FloatArray:
+    """Nodes (ncells, k, d) relative to each cell's first, so that no digits are lost far from the origin."""
+    return points[cells] - points[cells[:, :1]]
+
+
+def _jacobians(nodes: FloatArray, gradients: FloatArray) -> FloatArray:
+    """J_ij = sum_k x_ki dN_k/dxi_j (ncells, d, d)."""
+    return np.matmul(nodes.transpose(0, 2, 1), gradients)
+
+
+def _determinants(matrices: FloatArray) -> FloatArray:
+    """det (n,) of (n, 2, 2) or (n, 3, 3), written out: several times faster than a factorisation of each."""
+    if matrices.shape[-1] == 2:
+        return matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
+    return np.vecdot(matrices[:, 0], np.cross(matrices[:, 1], matrices[:, 2]))
 
 
 def cell_volumes(points: FloatArray, cells: IntArray, cell_type: str) -> FloatArray:
@@ -43,9 +54,9 @@ def cell_volumes(points: FloatArray, cells: IntArray, cell_type: str) -> FloatAr
     d = CELL_DIMENSION[cell_type]
     if cell_type in _CORNERS:
         gradients = _shape_gradients(_CORNERS[cell_type], _gauss_points(d))
-        return np.sum([np.linalg.det(_jacobians(points, cells, g)) for g in gradients], axis=0)
-    edges = points[cells[:, 1:]] - points[cells[:, :1]]
-    return np.linalg.det(edges) / (2 if d == 2 else 6)
+        nodes = _nodes(points, cells)
+        return np.sum([_determinants(_jacobians(nodes, g)) for g in gradients], axis=0)
+    return _determinants(_nodes(points, cells)[:, 1:]) / (2 if d == 2 else 6)
 
 
 def scaled_jacobian(points: FloatArray, cells: IntArray, cell_type: str) -> FloatArray:
@@ -56,18 +67,18 @@ def scaled_jacobian(points: FloatArray, cells: IntArray, cell_type: str) -> Floa
     2/sqrt(3) and sqrt(2). The measures "scaled Jacobian" of C. J. Stimpson et al., The Verdict Geometric Quality Library,
     SAND2007-1751, with the inner points added.
     """
+    nodes = _nodes(points, cells)
     if cell_type in _CORNERS:
         corners = _CORNERS[cell_type]
         at = np.concatenate((corners, np.zeros((1, corners.shape[1])), _gauss_points(corners.shape[1])))
         worst = np.full(len(cells), np.inf)
         for gradients in _shape_gradients(corners, at):
-            jacobian = _jacobians(points, cells, gradients)
-            worst = np.minimum(worst, _ratio(np.linalg.det(jacobian), np.prod(np.linalg.norm(jacobian, axis=1), axis=1)))
+            jacobian = _jacobians(nodes, gradients)
+            worst = np.minimum(worst, _ratio(_determinants(jacobian), np.prod(np.linalg.norm(jacobian, axis=1), axis=1)))
         return worst
-    nodes = points[cells]
     lengths = np.linalg.norm(nodes[:, :, None] - nodes[:, None], axis=3)
     lengths += np.eye(cells.shape[1])  # a node's distance to itself is no edge: 1 leaves the product as it is
-    det = np.linalg.det(nodes[:, 1:] - nodes[:, :1])
+    det = _determinants(nodes[:, 1:])
     return (2 / np.sqrt(3) if cell_type == "triangle" else np.sqrt(2)) * _ratio(det, lengths.prod(axis=2).max(axis=1))
 
 
