@@ -1,0 +1,518 @@
+"""Bodies, supports and loads together: the degrees of freedom of a simulation and the operators on them.
+
+Degrees of freedom: first the deformable bodies, d a node, in the order of the nodes (dof = d node + component); then the rigid bodies,
+6 each (3D: centre of mass, rotation vector) or 3 (2D). Nothing here is one big matrix unless asked for: mass and stiffness act body by
+body through the operators of the parts, which are assembled once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from fcsim.assembly import elasticity
+from fcsim.errors import InputError
+from fcsim.mesh.part import Body, Part, RigidBody
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+TimeFunction = Callable[[float], float]
+
+DIRECTIONS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
+
+
+@dataclass(frozen=True)
+class Support:
+    """Holds or drives degrees of freedom of one body.
+
+    directions of x, y, z; of a rigid body also rx, ry, rz (2D: x, y, rz)
+    surface    name of the surface whose nodes are meant; None = all nodes of the body, or the rigid body itself
+    velocity   [m/s] or [rad/s], a number or a function of the time t [s]; 0 holds
+    """
+
+    body: str
+    directions: tuple[str, ...]
+    surface: str | None = None
+    velocity: float | TimeFunction = 0.0
+
+
+@dataclass(frozen=True)
+class Traction:
+    """A force per area [Pa] (2D: per length and thickness) on a deformable body's surface, in world axes, times factor(t)."""
+
+    body: str
+    surface: str
+    traction: tuple[float, ...]
+    factor: TimeFunction = field(default=lambda t: 1.0)
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force [N] at a rigid body's centre of mass, and a moment [N m] (3 entries, 2D: 1), in world axes, times factor(t)."""
+
+    body: str
+    force: tuple[float, ...]
+    moment: tuple[float, ...] | None = None
+    factor: TimeFunction = field(default=lambda t: 1.0)
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """A force per volume [N/m^3] on a deformable body, in world axes, times factor(t)."""
+
+    body: str
+    density: tuple[float, ...]
+    factor: TimeFunction = field(default=lambda t: 1.0)
+
+
+Load = Traction | Force | BodyForce
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Deformable bodies that share their operators: one part, one orientation, the same supported degrees of freedom.
+
+    first (nb,) first dof of each body; rotation (d, d) of all of them; K, M (n_part, n_part) in world axes; driven (n_part,) bool
+    """
+
+    part: Part
+    first: IntArray
+    nodes: IntArray
+    rotation: FloatArray
+    K: Any
+    M: Any
+    lumped: FloatArray | None
+    driven: NDArray[np.bool_]
+
+    @property
+    def size(self) -> int:
+        return len(self.driven)
+
+    @property
+    def dofs(self) -> IntArray:
+        """Degrees of freedom (nb, n_part)."""
+        return self.first[:, None] + np.arange(self.size)
+
+
+def _rotated(operator: Any, rotation: FloatArray) -> Any:
+    """Return T K T^T for a matrix of a part placed by `rotation`."""
+    d = len(rotation)
+    if np.array_equal(rotation, np.eye(d)):
+        return operator
+    T = sp.kron(sp.eye_array(operator.shape[0] // d), sp.csr_array(rotation), format="csr")
+    return sp.csr_array(T @ operator @ T.T)
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Bodies, supports, loads; see `build_model`, which checks them.
+
+    bodies: deformable ones first; node_offset (nbodies + 1,) and dof_offset (nbodies + 1,): where each body's nodes and dofs begin
+    alpha [1/s], beta [s]: Rayleigh damping C = alpha M + beta K; gravity(t) -> (d,) [m/s^2]
+    driven: "eliminated" removes driven dofs from the problems' unknowns, "identity" keeps them as rows of the identity
+    """
+
+    bodies: tuple[Body | RigidBody, ...]
+    supports: tuple[Support, ...]
+    loads: tuple[Load, ...]
+    gravity: Callable[[float], ArrayLike] | None
+    lumped: bool
+    alpha: float
+    beta: float
+    driven: Literal["eliminated", "identity"]
+
+    @cached_property
+    def dimension(self) -> int:
+        return self.bodies[0].dimension
+
+    @cached_property
+    def deformable(self) -> tuple[Body, ...]:
+        return tuple(body for body in self.bodies if isinstance(body, Body))
+
+    @cached_property
+    def rigid(self) -> tuple[RigidBody, ...]:
+        return tuple(body for body in self.bodies if isinstance(body, RigidBody))
+
+    @cached_property
+    def number(self) -> Mapping[str, int]:
+        """Body number by name."""
+        return {body.name: k for k, body in enumerate(self.bodies)}
+
+    @cached_property
+    def node_offset(self) -> IntArray:
+        return _offsets([len(body.part.points if isinstance(body, Body) else body.points) for body in self.bodies])
+
+    @cached_property
+    def dof_offset(self) -> IntArray:
+        d = self.dimension
+        rigid = len(DIRECTIONS[d])
+        return _offsets([d * len(body.part.points) if isinstance(body, Body) else rigid for body in self.bodies])
+
+    @property
+    def n_nodes(self) -> int:
+        return int(self.node_offset[-1])
+
+    @property
+    def n_dofs(self) -> int:
+        """All degrees of freedom, driven ones included."""
+        return int(self.dof_offset[-1])
+
+    @property
+    def n_elastic(self) -> int:
+        """Degrees of freedom of the deformable bodies."""
+        return int(self.dof_offset[len(self.deformable)])
+
+    @cached_property
+    def reference(self) -> FloatArray:
+        """Nodes (n_nodes, d) [m] in the reference configuration."""
+        return np.concatenate([body.points for body in self.bodies])
+
+    @cached_property
+    def dof_of_node(self) -> IntArray:
+        """(n_nodes, d), -1 for the nodes of rigid bodies, which have none of their own."""
+        d = self.dimension
+        dofs = np.full((self.n_nodes, d), -1)
+        elastic = self.n_elastic
+        dofs.ravel()[:elastic] = np.arange(elastic)
+        return dofs
+
+    @cached_property
+    def _supported(self) -> tuple[IntArray, IntArray]:
+        """Driven dofs and the number of the support that drives each."""
+        dofs = [_support_dofs(self, support) for support in self.supports]
+        support = np.repeat(np.arange(len(dofs)), [len(k) for k in dofs]).astype(np.int64)
+        return np.concatenate([*dofs, np.empty(0, dtype=np.int64)]), support
+
+    @cached_property
+    def driven_dofs(self) -> IntArray:
+        """Sorted numbers of the driven dofs."""
+        return np.unique(self._supported[0])
+
+    @cached_property
+    def free_dofs(self) -> IntArray:
+        return np.setdiff1d(np.arange(self.n_dofs), self.driven_dofs)
+
+    def driven_velocity(self, t: float) -> FloatArray:
+        """Velocity (n_driven,) [m/s, rad/s] that the supports prescribe at time t."""
+        dofs, support = self._supported
+        value = np.array([s.velocity(t) if callable(s.velocity) else s.velocity for s in self.supports], dtype=np.float64)
+        velocity = np.zeros(len(self.driven_dofs))
+        velocity[np.searchsorted(self.driven_dofs, dofs)] = value[support] if len(dofs) else 0.0
+        return velocity
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        driven = np.zeros(self.n_dofs, dtype=bool)
+        driven[self.driven_dofs] = True
+        members: dict[tuple[int, bytes, bytes], list[int]] = {}
+        for b, body in enumerate(self.deformable):
+            own = driven[self.dof_offset[b] : self.dof_offset[b + 1]]
+            members.setdefault((id(body.part), body.rotation.tobytes(), own.tobytes()), []).append(b)
+        groups = []
+        for numbers in members.values():
+            body = self.deformable[numbers[0]]
+            operators = elasticity.assemble(body.part)
+            first = self.dof_offset[numbers]
+            groups.append(
+                Group(
+                    part=body.part,
+                    first=first,
+                    nodes=self.node_offset[numbers],
+                    rotation=body.rotation,
+                    K=_rotated(operators.stiffness, body.rotation),
+                    M=sp.diags_array(operators.lumped_mass).tocsr()
+                    if self.lumped
+                    else _rotated(operators.consistent_mass, body.rotation),
+                    lumped=operators.lumped_mass if self.lumped else None,
+                    driven=driven[first[0] : first[0] + len(operators.lumped_mass)],
+                )
+            )
+        return tuple(groups)
+
+    @cached_property
+    def rigid_mass(self) -> FloatArray:
+        """Mass matrices (nr, k, k) of the rigid bodies, k = 6 or 3, inertia in world axes of the reference configuration."""
+        d = self.dimension
+        k = len(DIRECTIONS[d])
+        mass = np.zeros((len(self.rigid), k, k))
+        for matrix, body in zip(mass, self.rigid, strict=True):
+            matrix[:d, :d] = body.mass * np.eye(d)
+            matrix[d:, d:] = body.inertia
+        return mass
+
+    def apply_stiffness(self, x: FloatArray) -> FloatArray:
+        """Return K x (n_dofs,) [N]."""
+        return self._apply("K", x)
+
+    def apply_mass(self, v: FloatArray) -> FloatArray:
+        """Return M v (n_dofs,) [N s]."""
+        y = self._apply("M", v)
+        k = len(DIRECTIONS[self.dimension])
+        y[self.n_elastic :] = np.einsum("aij,aj->ai", self.rigid_mass, v[self.n_elastic :].reshape(-1, k)).ravel()
+        return y
+
+    def _apply(self, operator: Literal["K", "M"], x: FloatArray) -> FloatArray:
+        y = np.zeros_like(x)
+        for group in self.groups:
+            dofs = group.dofs
+            if operator == "M" and group.lumped is not None:
+                y[dofs] = group.lumped * x[dofs]
+            else:
+                y[dofs] = (getattr(group, operator) @ x[dofs].T).T
+        return y
+
+    def matrix(self, mass: float, stiffness: float) -> Any:
+        """Return mass M + stiffness K as one csr_array (n_dofs, n_dofs)."""
+        count = len(self.deformable)
+        blocks: list[Any] = [None] * (count + len(self.rigid))
+        for group in self.groups:
+            block = mass * group.M + stiffness * group.K
+            for first in group.first:
+                blocks[int(np.searchsorted(self.dof_offset, first))] = block
+        for k, rigid in enumerate(self.rigid_mass):
+            blocks[count + k] = sp.csr_array(mass * rigid)
+        return sp.block_diag(blocks, format="csr")
+
+    @property
+    def mass(self) -> Any:
+        """M (n_dofs, n_dofs) [kg]."""
+        return self.matrix(1.0, 0.0)
+
+    @property
+    def stiffness(self) -> Any:
+        """K (n_dofs, n_dofs) [N/m]."""
+        return self.matrix(0.0, 1.0)
+
+    @property
+    def damping(self) -> Any:
+        """C = alpha M + beta K (n_dofs, n_dofs) [N s/m]."""
+        return self.matrix(self.alpha, self.beta)
+
+    @cached_property
+    def _load_vectors(self) -> tuple[FloatArray, ...]:
+        return tuple(_load_vector(self, load) for load in self.loads)
+
+    def load(self, t: float) -> FloatArray:
+        """External forces (n_dofs,) [N] at time t: gravity and the loads."""
+        force = np.zeros(self.n_dofs)
+        if self.gravity is not None:
+            acceleration = np.zeros(self.n_dofs)
+            g = np.asarray(self.gravity(t), dtype=np.float64)
+            d = self.dimension
+            acceleration[: self.n_elastic].reshape(-1, d)[:] = g
+            acceleration[self.n_elastic :].reshape(-1, len(DIRECTIONS[d]))[:, :d] = g
+            force += self.apply_mass(acceleration)
+        for load, vector in zip(self.loads, self._load_vectors, strict=True):
+            force += load.factor(t) * vector
+        return force
+
+    def rigid_rotation(self, x: FloatArray) -> FloatArray:
+        """Rotation matrices (nr, d, d) of the rigid bodies in the configuration x."""
+        d = self.dimension
+        k = len(DIRECTIONS[d])
+        angle = x[self.n_elastic :].reshape(-1, k)[:, d:]
+        if d == 3:
+            return Rotation.from_rotvec(angle).as_matrix().reshape(-1, 3, 3) if len(angle) else np.empty((0, 3, 3))
+        c, s = np.cos(angle[:, 0]), np.sin(angle[:, 0])
+        return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
+
+    def positions(self, x: FloatArray) -> FloatArray:
+        """Nodes (n_nodes, d) [m] in the configuration x (n_dofs,)."""
+        return self.reference + self.node_displacement(x)
+
+    def node_displacement(self, x: FloatArray) -> FloatArray:
+        """Displacement (n_nodes, d) [m] of all nodes, those of rigid bodies included."""
+        d = self.dimension
+        displacement = np.empty((self.n_nodes, d))
+        count = self.n_elastic // d
+        displacement[:count] = x[: self.n_elastic].reshape(-1, d)
+        if self.rigid:
+            body = self._rigid_of_node
+            arm = self.reference[count:] - self._centres[body]
+            translation = x[self.n_elastic :].reshape(len(self.rigid), -1)[:, :d]
+            displacement[count:] = translation[body] + np.einsum("aij,aj->ai", self.rigid_rotation(x)[body], arm) - arm
+        return displacement
+
+    def node_velocity(self, v: FloatArray, x: FloatArray | None = None) -> FloatArray:
+        """Velocity (n_nodes, d) [m/s] of all nodes for v (n_dofs,), in the configuration x (default: the reference)."""
+        return self.node_operator(np.zeros(self.n_dofs) if x is None else x).dot(v).reshape(-1, self.dimension)
+
+    def advance(self, x: FloatArray, dx: FloatArray) -> FloatArray:
+        """Return the configuration x moved by the increment dx; rotations are composed, exp(dx) exp(x), not added."""
+        moved = x + dx
+        if self.dimension == 3 and self.rigid:
+            k = len(DIRECTIONS[3])
+            old = Rotation.from_rotvec(x[self.n_elastic :].reshape(-1, k)[:, 3:])
+            new = Rotation.from_rotvec(dx[self.n_elastic :].reshape(-1, k)[:, 3:])
+            moved[self.n_elastic :].reshape(-1, k)[:, 3:] = (new * old).as_rotvec()
+        return moved
+
+    @cached_property
+    def _rigid_of_node(self) -> IntArray:
+        sizes = [len(body.points) for body in self.rigid]
+        return np.repeat(np.arange(len(sizes)), sizes)
+
+    @cached_property
+    def _centres(self) -> FloatArray:
+        return np.array([body.centre for body in self.rigid]).reshape(-1, self.dimension)
+
+    def node_operator(self, x: FloatArray) -> Any:
+        """Return B (d n_nodes, n_dofs): node velocities = B v; identity on deformable bodies, v + omega x (p - c) on rigid ones."""
+        identity = sp.eye_array(self.n_elastic, format="csr")
+        return sp.block_diag([identity, self.rigid_node_operator(x)], format="csr") if self.rigid else identity
+
+    def rigid_node_operator(self, x: FloatArray) -> Any:
+        """The rigid bodies' block of B (d n_rigid_nodes, n_rigid_dofs) in the configuration x."""
+        d, k, nr = self.dimension, len(DIRECTIONS[self.dimension]), len(self.rigid)
+        body = self._rigid_of_node
+        arm = self.reference[self.n_elastic // d :] - self._centres[body]
+        arm = np.einsum("aij,aj->ai", self.rigid_rotation(x)[body], arm)
+        block = np.zeros((len(body), d, k))
+        block[:, range(d), range(d)] = 1
+        if d == 3:  # omega x a
+            block[:, 0, 4], block[:, 0, 5] = arm[:, 2], -arm[:, 1]
+            block[:, 1, 5], block[:, 1, 3] = arm[:, 0], -arm[:, 2]
+            block[:, 2, 3], block[:, 2, 4] = arm[:, 1], -arm[:, 0]
+        else:
+            block[:, 0, 2], block[:, 1, 2] = -arm[:, 1], arm[:, 0]
+        return sp.bsr_array((block, body, np.arange(len(body) + 1)), shape=(d * len(body), k * nr), blocksize=(d, k)).tocsr()
+
+    def contact_matrix(self, nodal: Any, x: FloatArray) -> Any:
+        """Return H (n_dofs, m) from the nodal contact matrix (d n_nodes, m) in the configuration x: B^T times it."""
+        if not self.rigid:
+            return sp.csr_array(nodal)
+        nodal = sp.csr_array(nodal)
+        split = self.n_elastic
+        cut = nodal.indptr[split]
+        m = nodal.shape[1]
+        rigid_rows = sp.csr_array((nodal.data[cut:], nodal.indices[cut:], nodal.indptr[split:] - cut), shape=(nodal.shape[0] - split, m))
+        lower = sp.csr_array(self.rigid_node_operator(x).T @ rigid_rows)
+        return sp.csr_array(
+            (
+                np.concatenate([nodal.data[:cut], lower.data]),
+                np.concatenate([nodal.indices[:cut], lower.indices]),
+                np.concatenate([nodal.indptr[:split], cut + lower.indptr]),
+            ),
+            shape=(self.n_dofs, m),
+        )
+
+    def facets(self, body: str, surface: str) -> IntArray:
+        """Facets (nf, k) of a body's surface in global node numbers."""
+        number = _body_number(self, body)
+        surfaces = self.bodies[number].surfaces
+        if surface not in surfaces:
+            raise InputError(f"body {body!r}: expected a surface among {', '.join(map(repr, surfaces))}, got {surface!r}")
+        return surfaces[surface] + self.node_offset[number]
+
+
+def _offsets(sizes: Sequence[int]) -> IntArray:
+    return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+
+
+def _body_number(model: Model, name: str) -> int:
+    if name not in model.number:
+        raise InputError(f"body {name!r}: expected one of {', '.join(map(repr, model.number))}")
+    return model.number[name]
+
+
+def _support_dofs(model: Model, support: Support) -> IntArray:
+    """The dofs that a support drives."""
+    number = _body_number(model, support.body)
+    body = model.bodies[number]
+    known = DIRECTIONS[model.dimension] if isinstance(body, RigidBody) else DIRECTIONS[model.dimension][: model.dimension]
+    unknown = [direction for direction in support.directions if direction not in known]
+    if unknown or not support.directions:
+        raise InputError(f"support of body {support.body!r}: expected directions among {', '.join(known)}, got {support.directions}")
+    component = np.array([known.index(direction) for direction in support.directions])
+    first = model.dof_offset[number]
+    if isinstance(body, RigidBody):
+        if support.surface is not None:
+            raise InputError(f"support of rigid body {support.body!r}: expected no surface, got {support.surface!r}")
+        return first + component
+    nodes = np.arange(len(body.part.points)) if support.surface is None else None
+    if nodes is None:
+        nodes = np.unique(model.facets(support.body, str(support.surface))) - model.node_offset[number]
+    return (first + nodes[:, None] * model.dimension + component).ravel()
+
+
+def _load_vector(model: Model, load: Load) -> FloatArray:
+    number = _body_number(model, load.body)
+    body, d = model.bodies[number], model.dimension
+    vector = np.zeros(model.n_dofs)
+    own = slice(model.dof_offset[number], model.dof_offset[number + 1])
+    if isinstance(load, Force):
+        if not isinstance(body, RigidBody):
+            raise InputError(f"Force on body {load.body!r}: expected a rigid body; use Traction or BodyForce on a deformable one")
+        moment = (0.0,) * (len(DIRECTIONS[d]) - d) if load.moment is None else load.moment
+        values = np.concatenate([load.force, moment])
+        if values.shape != (len(DIRECTIONS[d]),):
+            raise InputError(f"Force on body {load.body!r}: expected {d} force and {len(moment)} moment components, got {values.shape[0]}")
+        vector[own] = values
+        return vector
+    if not isinstance(body, Body):
+        raise InputError(f"{type(load).__name__} on body {load.body!r}: expected a deformable body; use Force on a rigid one")
+    values = np.asarray(load.traction if isinstance(load, Traction) else load.density, dtype=np.float64)
+    if values.shape != (d,):
+        raise InputError(f"{type(load).__name__} on body {load.body!r}: expected {d} components, got {values.shape}")
+    in_part_axes = body.rotation.T @ values
+    if isinstance(load, Traction):
+        nodal = elasticity.traction(body.part, load.surface, in_part_axes)
+    else:
+        nodal = elasticity.body_force(body.part, in_part_axes)
+    vector[own] = (nodal.reshape(-1, d) @ body.rotation.T).ravel()
+    return vector
+
+
+def build_model(
+    bodies: Sequence[Body | RigidBody],
+    *,
+    supports: Sequence[Support] = (),
+    loads: Sequence[Load] = (),
+    gravity: Callable[[float], ArrayLike] | None = None,
+    lumped: bool = True,
+    alpha: float = 0.0,
+    beta: float = 0.0,
+    driven: Literal["eliminated", "identity"] = "eliminated",
+) -> Model:
+    """Return the model of the bodies, checked: names, surfaces, directions, contradictory supports.
+
+    gravity: function of t giving the acceleration (d,) [m/s^2]; alpha [1/s], beta [s]: Rayleigh damping; lumped or consistent mass.
+    """
+    if not bodies:
+        raise InputError("bodies: expected at least one body")
+    names = [body.name for body in bodies]
+    twice = {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else set()
+    if twice:
+        raise InputError(f"bodies: expected different names, got {', '.join(map(repr, sorted(twice)))} more than once")
+    if len({body.dimension for body in bodies}) > 1:
+        raise InputError("bodies: expected all in 2D or all in 3D, got both")
+    if driven not in ("eliminated", "identity"):
+        raise InputError(f"driven: expected 'eliminated' or 'identity', got {driven!r}")
+    if alpha < 0 or beta < 0:
+        raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {alpha} and {beta}")
+    ordered = [b for b in bodies if isinstance(b, Body)] + [b for b in bodies if isinstance(b, RigidBody)]
+    model = Model(tuple(ordered), tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven)
+    _refuse_contradictions(model)
+    model.load(0.0)  # refuses what loads get wrong before the run starts
+    return model
+
+
+def _refuse_contradictions(model: Model) -> None:
+    """A dof may be named by two supports only if both say the same."""
+    dofs, support = model._supported
+    order = np.argsort(dofs, kind="stable")
+    twice = np.flatnonzero(np.diff(dofs[order]) == 0)
+    for k in twice:
+        first, second = (model.supports[support[order[k + i]]] for i in (0, 1))
+        if first.velocity is not second.velocity and first.velocity != second.velocity:
+            raise InputError(
+                f"supports: degree of freedom {int(dofs[order[k]])} of body {second.body!r} is driven twice and differently, by the "
+                f"supports {model.supports.index(first)} and {model.supports.index(second)}"
+            )

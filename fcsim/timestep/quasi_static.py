@@ -1,0 +1,91 @@
+"""Quasi-statics by load steps: (K + eta/h^2 M) dx = H r + F(t + h) - K x, with 0 <= g + dx_N ⊥ r_N >= 0.
+
+The unknowns "v" of the problem are displacement increments [m], r are forces [N]. With eta = 0 every deformable body needs supports
+that exclude rigid motion; eta > 0 regularises floating bodies with their own mass, and its influence on results is the user's to check.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.errors import InputError
+from fcsim.timestep.scheme import positive
+from fcsim.timestep.state import State
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class QuasiStatic:
+    """h [s] the step of the load's time; eta >= 0 the mass regularisation (dimensionless)."""
+
+    h: float
+    eta: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("h", self.h)
+        if not self.eta >= 0:
+            raise InputError(f"eta: expected a number >= 0, got {self.eta}")
+
+    @property
+    def force_per_reaction(self) -> float:
+        return 1.0
+
+    def factors(self, model: Model) -> tuple[float, float]:
+        if self.eta == 0:
+            self._refuse_floating(model)
+        return self.eta / self.h**2, 1.0
+
+    @staticmethod
+    def _refuse_floating(model: Model) -> None:
+        """A body with a rigid motion left has a singular stiffness."""
+        d = model.dimension
+        driven = np.zeros(model.n_dofs, dtype=bool)
+        driven[model.driven_dofs] = True
+        for number, body in enumerate(model.bodies):
+            own = driven[model.dof_offset[number] : model.dof_offset[number + 1]]
+            if number >= len(model.deformable):
+                floating = not own.all()
+            else:
+                x = body.points
+                centred = x - x.mean(axis=0)
+                modes = [np.tile(np.eye(d)[k], (len(x), 1)) for k in range(d)]
+                planes = [(0, 1)] if d == 2 else [(0, 1), (1, 2), (0, 2)]
+                for i, j in planes:
+                    mode = np.zeros_like(x)
+                    mode[:, i], mode[:, j] = -centred[:, j], centred[:, i]
+                    modes.append(mode / (np.abs(centred).max() or 1.0))
+                held = np.array([mode.ravel()[own] for mode in modes])
+                floating = np.linalg.matrix_rank(held, tol=1e-8) < len(modes) if own.any() else True
+            if floating:
+                raise InputError(
+                    f"body {body.name!r}: statics with eta = 0 expect supports that exclude rigid motion; it is free to move. "
+                    "Add supports, or choose eta > 0 (mass regularisation)"
+                )
+
+    def detection_configuration(self, model: Model, state: State) -> FloatArray:
+        return state.x
+
+    def select(self, contacts: Contacts) -> Contacts:
+        return contacts
+
+    def right_hand_side(self, model: Model, state: State) -> FloatArray:
+        return model.load(state.t + self.h) - model.apply_stiffness(state.x)
+
+    def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
+        w = np.zeros((len(contacts), contacts.dimension))
+        w[:, 0] = contacts.gap
+        return w.ravel()
+
+    def driven(self, model: Model, state: State) -> FloatArray:
+        """Displacement increments of the driven dofs: the velocity at the middle of the step times h (exact for linear ramps)."""
+        return self.h * model.driven_velocity(state.t + 0.5 * self.h)
+
+    def advance(self, model: Model, state: State, v: FloatArray) -> State:
+        return State(state.t + self.h, model.advance(state.x, v), v / self.h)

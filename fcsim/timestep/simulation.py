@@ -1,0 +1,259 @@
+"""The simulation: an iterator of steps. Exporters, views, progress bars and checkpoints are consumers of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fcsim.assembly.compliance import SystemFactor
+from fcsim.assembly.model import Model
+from fcsim.contact_detection import Detector, contact_matrix
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.errors import NotConverged
+from fcsim.problem import GlobalProblem, contact_status
+from fcsim.reduction import Reduction
+from fcsim.solvers import Result, solve
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State, at_rest
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverSettings:
+    """Which solver a step uses, and what follows when it does not converge.
+
+    The chain of a step: `name` from the previous step's reactions, `name` from zero, then each of `fallback` from zero. The first
+    answer below `tol` is taken; if none is, the step raises NotConverged. floor [m/s; quasi-statics: m]: see `fcsim.problem.error`.
+    """
+
+    name: str = "NSN-AC"
+    tol: float = 1e-8
+    floor: float = 1e-3
+    options: Mapping[str, Any] = field(default_factory=dict)
+    fallback: tuple[str, ...] = ("NSN-NM", "NSN-AC-HYBRID", "NSGS-AC")
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One link of the fallback chain: the solver, where it started ("previous step" or "zero") and how it ended."""
+
+    solver: str
+    start: str
+    status: str
+    error: float
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions:
+    """The reactions of a step, to be matched contact by contact: identity (nc,), frame (nc, d, d), r (nc, d) in that frame."""
+
+    identity: NDArray[np.int64]
+    frame: FloatArray
+    r: FloatArray
+
+    def transfer(self, contacts: Contacts) -> FloatArray:
+        """Return r (m,) for new contacts: the same vector in space where the contact is known, zero where it is new."""
+        r = np.zeros((len(contacts), contacts.dimension))
+        if len(self.identity) and len(contacts):
+            place = np.minimum(np.searchsorted(self.identity, contacts.identity), len(self.identity) - 1)
+            known = np.flatnonzero(self.identity[place] == contacts.identity)
+            old = place[known]
+            r[known] = np.einsum("aij,akj,ak->ai", contacts.frame[known], self.frame[old], self.r[old])
+        return r.ravel()
+
+
+def no_reactions(dimension: int) -> Reactions:
+    return Reactions(np.empty(0, dtype=np.int64), np.empty((0, dimension, dimension)), np.empty((0, dimension)))
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One finished step: all that export and view need.
+
+    previous, state   the states at its beginning and end
+    H                 contact matrix (n_dofs, m) over all dofs, driven ones included
+    problem, result   the global problem and its answer
+    support_impulse   (n_dofs,) A v - f - H r: at driven dofs the reaction of the supports [N s; quasi-statics: N], zero elsewhere
+    attempts          what the solver chain tried, the last one converged
+    seconds           by phase: detection, assembly, solve
+    """
+
+    number: int
+    previous: State
+    state: State
+    contacts: Contacts
+    H: Any
+    problem: GlobalProblem
+    result: Result
+    support_impulse: FloatArray
+    force_per_reaction: float
+    attempts: tuple[Attempt, ...]
+    seconds: Mapping[str, float]
+
+    @property
+    def reactions(self) -> Reactions:
+        d = self.contacts.dimension
+        return Reactions(self.contacts.identity, self.contacts.frame, self.result.r.reshape(-1, d))
+
+    @cached_property
+    def contact_force(self) -> FloatArray:
+        """Forces (nc, d) [N] on the slave bodies in the contacts' frames (N, T1[, T2])."""
+        return self.force_per_reaction * self.result.r.reshape(-1, self.contacts.dimension)
+
+    @cached_property
+    def contact_status(self) -> NDArray[np.int8]:
+        """0 open, 1 stick, 2 slip (nc,)."""
+        return contact_status(self.result.r, self.contacts.mu, self.contacts.dimension)
+
+    @cached_property
+    def force_in_space(self) -> FloatArray:
+        """Forces (nc, d) [N] on the slave bodies in the world axes."""
+        return np.einsum("aij,ai->aj", self.contacts.frame, self.contact_force)
+
+    def contact_force_on(self, body: int) -> FloatArray:
+        """Resultant (d,) [N] of the contact forces on a body."""
+        slave, master = self.contacts.bodies.T
+        return self.force_in_space[slave == body].sum(axis=0) - self.force_in_space[master == body].sum(axis=0)
+
+    @property
+    def friction_dissipation(self) -> float:
+        """-sum r_T . u_T [J; quasi-statics: J], never negative."""
+        d = self.contacts.dimension
+        r, u = self.result.r.reshape(-1, d), self.result.u.reshape(-1, d)
+        return -float(np.einsum("ai,ai->", r[:, 1:], u[:, 1:]))
+
+    @property
+    def penetration(self) -> float:
+        """Deepest overlap [m] in the configuration where the step detected its contacts, at least 0."""
+        return float(np.maximum(-self.contacts.gap, 0).max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A model, where it may touch itself, and how it moves in time; iterate over it for its steps.
+
+    The factor of the system matrix and the compliances are computed on the first step and kept: they do not change.
+    """
+
+    model: Model
+    detector: Detector
+    scheme: Scheme
+    steps: int
+    solver: SolverSettings = field(default_factory=SolverSettings)
+    initial: State | None = None
+
+    def __iter__(self) -> Iterator[Step]:
+        return self.run()
+
+    @cached_property
+    def contact_nodes(self) -> NDArray[np.int64]:
+        """Nodes that contacts can touch."""
+        nodes = [surface.facets.ravel() for pair in self.detector.pairs for surface in (pair.slave, pair.master)]
+        touched = np.unique(np.concatenate(nodes))
+        return touched[touched >= 0]
+
+    @cached_property
+    def factor(self) -> SystemFactor:
+        return SystemFactor(self.model, *self.scheme.factors(self.model), self.contact_nodes)
+
+    @cached_property
+    def matrix(self) -> Any:
+        """The problems' M: constant, one object for all steps."""
+        return self.factor.matrix()
+
+    def run(self, number: int = 0, state: State | None = None, reactions: Reactions | None = None) -> Iterator[Step]:
+        """Yield the steps after step `number`, from that step's state and reactions (default: from the initial state)."""
+        state = state or self.initial or at_rest(self.model)
+        reactions = reactions or no_reactions(self.model.dimension)
+        while number < self.steps:
+            number += 1
+            step = self.step(number, state, reactions)
+            yield step
+            state, reactions = step.state, step.reactions
+
+    def step(self, number: int, state: State, reactions: Reactions) -> Step:
+        """Compute one step; raises NotConverged when the whole solver chain fails."""
+        model, scheme = self.model, self.scheme
+        clock = _Clock()
+        configuration = scheme.detection_configuration(model, state)
+        contacts = scheme.select(self.detector(model.positions(configuration)))
+        H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
+        clock.lap("detection")
+        load = scheme.right_hand_side(model, state)
+        problem = self._problem(state, contacts, H, load)
+        reduction = Reduction(problem, self.factor)
+        if len(contacts):
+            _ = reduction.local
+        clock.lap("assembly")
+        result, attempts = self._solve(number, reduction, reactions.transfer(contacts))
+        clock.lap("solve")
+        v = np.empty(model.n_dofs)
+        v[model.free_dofs] = result.v if model.driven == "eliminated" else result.v[model.free_dofs]  # type: ignore[index]
+        v[model.driven_dofs] = scheme.driven(model, state)
+        support = self.factor.apply(v) - load - H @ result.r
+        end = scheme.advance(model, state, v)
+        clock.lap("assembly")
+        return Step(
+            number, state, end, contacts, H, problem, result, support, scheme.force_per_reaction, attempts, clock.seconds
+        )
+
+    def _problem(self, state: State, contacts: Contacts, H: Any, load: FloatArray) -> GlobalProblem:
+        """The step's problem on the model's unknowns; what driven dofs do enters f and w."""
+        model = self.model
+        driven = self.scheme.driven(model, state)
+        w = self.scheme.contact_velocity(state, contacts, H)
+        free = model.free_dofs
+        f = load
+        if np.any(driven):
+            moved = np.zeros(model.n_dofs)
+            moved[model.driven_dofs] = driven
+            w = w + H.T @ moved
+            f = load - self.factor.apply(moved)
+        if model.driven == "eliminated":
+            f, free_H = f[free], sp.csr_array(H[free])
+        else:
+            f = f.copy()
+            f[model.driven_dofs] = driven
+            mask = np.zeros(model.n_dofs)
+            mask[free] = 1
+            free_H = sp.csr_array(sp.diags_array(mask) @ H)
+        return GlobalProblem(self.matrix, free_H, f, w, contacts.mu, dimension=model.dimension)
+
+    def _solve(self, number: int, reduction: Reduction, warm: FloatArray) -> tuple[Result, tuple[Attempt, ...]]:
+        settings = self.solver
+        chain: list[tuple[str, str, Mapping[str, Any]]] = [(settings.name, "previous step", settings.options)]
+        if np.any(warm):
+            chain.append((settings.name, "zero", settings.options))
+        chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
+        attempts: list[Attempt] = []
+        for name, start, options in chain:
+            r = warm if start == "previous step" else None
+            result = solve(reduction, name, r, tol=settings.tol, floor=settings.floor, **options)
+            attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations))
+            if result.solved:
+                return result, tuple(attempts)
+        tried = "; ".join(f"{a.solver} from {a.start}: {a.status}, error {a.error:.2e}" for a in attempts)
+        raise NotConverged(f"step {number} did not converge to {settings.tol:g} ({tried})")
+
+
+class _Clock:
+    """Seconds by phase."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, phase: str) -> None:
+        now = time.perf_counter()
+        self.seconds[phase] = self.seconds.get(phase, 0.0) + now - self._last
+        self._last = now
+

@@ -1,0 +1,26 @@
+"""The state of a simulation at one time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.assembly.model import Model
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """t [s]; x (n_dofs,) displacement [m, rad]; v (n_dofs,) velocity [m/s, rad/s]; driven dofs included."""
+
+    t: float
+    x: FloatArray
+    v: FloatArray
+
+
+def at_rest(model: Model, t: float = 0.0) -> State:
+    """The reference configuration without velocity."""
+    return State(t, np.zeros(model.n_dofs), np.zeros(model.n_dofs))

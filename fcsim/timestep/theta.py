@@ -1,0 +1,73 @@
+"""The theta scheme (Moreau-Jean) with the contact laws "gap" and "velocity".
+
+(M + h theta C + h^2 theta^2 K) v+ = f + H r,
+f = M v - h (1-theta) C v - h K x - h^2 theta (1-theta) K v + h (theta F+ + (1-theta) F),
+x+ = x + h (theta v+ + (1-theta) v), with C = alpha M + beta K; v velocities [m/s], r impulses over the step [N s].
+Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl. Mech. Eng. 177, 1999; J. J. Moreau, same volume.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.timestep.scheme import Gap, Velocity, positive
+from fcsim.timestep.state import State
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Theta:
+    """h [s] the step, 0 < theta <= 1, law: Gap() or Velocity(restitution)."""
+
+    h: float
+    theta: float = 0.5
+    law: Gap | Velocity = Gap()
+
+    def __post_init__(self) -> None:
+        positive("h", self.h)
+        positive("theta", self.theta, 1.0)
+
+    @property
+    def force_per_reaction(self) -> float:
+        return 1 / self.h
+
+    def factors(self, model: Model) -> tuple[float, float]:
+        h, theta = self.h, self.theta
+        return 1 + h * theta * model.alpha, h * theta * model.beta + (h * theta) ** 2
+
+    def detection_configuration(self, model: Model, state: State) -> FloatArray:
+        """The mid configuration x_m = x + h (1 - theta) v."""
+        return model.advance(state.x, self.h * (1 - self.theta) * state.v)
+
+    def select(self, contacts: Contacts) -> Contacts:
+        return contacts if isinstance(self.law, Gap) else contacts.take(contacts.gap <= 0)
+
+    def right_hand_side(self, model: Model, state: State) -> FloatArray:
+        h, theta, v = self.h, self.theta, state.v
+        force = theta * model.load(state.t + h) + (1 - theta) * model.load(state.t)
+        inertia = model.apply_mass((1 - h * (1 - theta) * model.alpha) * v)
+        elastic = model.apply_stiffness(h * state.x + (h * (1 - theta) * model.beta + h**2 * theta * (1 - theta)) * v)
+        return inertia - elastic + h * force
+
+    def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
+        w = np.zeros((len(contacts), contacts.dimension))
+        if isinstance(self.law, Gap):
+            w[:, 0] = contacts.gap / self.h
+        elif self.law.restitution:
+            # an approaching contact only: a separating one must not be held back
+            w[:, 0] = self.law.restitution * np.minimum((H.T @ state.v).reshape(w.shape)[:, 0], 0)
+        return w.ravel()
+
+    def driven(self, model: Model, state: State) -> FloatArray:
+        return model.driven_velocity(state.t + self.h)
+
+    def advance(self, model: Model, state: State, v: FloatArray) -> State:
+        h, theta = self.h, self.theta
+        return State(state.t + h, model.advance(state.x, h * (theta * v + (1 - theta) * state.v)), v)
