@@ -1,0 +1,9 @@
+"""Node-to-segment contact detection: from positions to contacts, and from contacts to the matrix H."""
+
+from fcsim.contact_detection.broad_phase import PairList
+from fcsim.contact_detection.contact_matrix import contact_matrix
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.detect import Detector
+from fcsim.contact_detection.surface import ContactSurface, SurfacePair
+
+__all__ = ["ContactSurface", "Contacts", "Detector", "PairList", "SurfacePair", "contact_matrix"]

@@ -1,0 +1,35 @@
+"""The contact matrix H from nodes, weights and frames; it never knows how a contact was found."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from fcsim.contact_detection._kernels import fill_contact_matrix
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.errors import InputError
+
+
+def contact_matrix(contacts: Contacts, n_nodes: int) -> csc_array:
+    """Nodal contact matrix H (d n_nodes, d nc): u = H^T v [m/s] from nodal velocities v, nodal impulses H r [N s] from r.
+
+    Row d j + i is component i of node j, column d a + c is axis c (N, T1[, T2]) of contact a:
+
+        H[d j + i, d a + c] = weights[a, k] frame[a, c, i]    where nodes[a, k] = j
+
+    so u is the velocity of the slave relative to the master in the local frame. Nodes of weight 0 are left out; row numbers are sorted.
+    InputError where a node number is not below n_nodes.
+    """
+    nc, d = len(contacts), contacts.dimension
+    if contacts.nodes.size and contacts.nodes.max() >= n_nodes:
+        raise InputError(f"contact_matrix: expected node numbers below n_nodes = {n_nodes}, got {contacts.nodes.max()}")
+    count = d * np.count_nonzero((contacts.nodes >= 0) & (contacts.weights != 0.0), axis=1)
+    size = d * int(count.sum())
+    index = np.int32 if max(d * n_nodes, d * nc, size) < np.iinfo(np.int32).max else np.int64
+    indptr = np.zeros(d * nc + 1, dtype=index)
+    np.cumsum(np.repeat(count, d), out=indptr[1:])
+    data, rows = np.empty(size), np.empty(size, dtype=index)
+    fill_contact_matrix(contacts.nodes, contacts.weights, contacts.frame, indptr, rows, data)
+    matrix = csc_array((data, rows, indptr), shape=(d * n_nodes, d * nc))
+    matrix.has_canonical_format = True
+    return matrix

@@ -1,0 +1,23 @@
+"""Local contact frames from normals."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def frames(normals: FloatArray) -> FloatArray:
+    """Orthonormal right-handed frames (nc, d, d), rows N, T1[, T2], for unit normals (nc, d).
+
+    3D: T1 is the x axis made orthogonal to N, and T2 = N x T1: on a horizontal joint T1 = x, T2 = y. Where N is within about 26
+    degrees of the x axis (|N_x| > 0.9: head joints) the y axis takes its place. The frame is continuous in N elsewhere.
+    2D: T = (-N_y, N_x), N turned by +90 degrees.
+    """
+    if normals.shape[1] == 2:
+        return np.stack([normals, np.stack([-normals[:, 1], normals[:, 0]], axis=1)], axis=1)
+    axis = np.where(np.abs(normals[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    t1 = axis - np.einsum("nd,nd->n", axis, normals)[:, None] * normals
+    t1 /= np.sqrt(np.einsum("nd,nd->n", t1, t1))[:, None]
+    return np.stack([normals, t1, np.cross(normals, t1)], axis=1)

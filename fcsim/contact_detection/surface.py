@@ -1,0 +1,92 @@
+"""What may touch what: contact surfaces and the rules between two of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fcsim.errors import InputError
+
+IntArray = NDArray[np.int64]
+CandidateRule = Literal["nodes", "faces", "gauss"]
+
+
+def _integers(values: ArrayLike, what: str, ndim: int) -> IntArray:
+    array = np.asarray(values)
+    if array.ndim != ndim or not (np.issubdtype(array.dtype, np.integer) or array.size == 0):
+        raise InputError(f"{what}: expected integers in {ndim} dimension(s), got {array.dtype} of shape {array.shape}")
+    array = np.array(array, dtype=np.int64, order="C")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSurface:
+    """Facets of one or of many bodies: all bed-joint faces of a wall are one surface.
+
+    facets (nf, k) global node numbers: 2D segments (k = 2), triangles (k = 3), quadrilaterals (k = 4); a triangle among quadrilaterals
+           has -1 in its last place. The right-hand normal points out of the body; in 2D the body lies on the left of a -> b and the
+           outward normal is (t_y, -t_x)
+    bodies (nf,) number of the body that owns the facet; a node belongs to one body only
+    """
+
+    facets: IntArray
+    bodies: IntArray
+
+    def __post_init__(self) -> None:
+        facets = _integers(self.facets, "ContactSurface, facets", 2)
+        bodies = _integers(self.bodies, "ContactSurface, bodies", 1)
+        if facets.shape[1] not in (2, 3, 4):
+            raise InputError(f"ContactSurface, facets: expected 2, 3 or 4 nodes a facet, got shape {facets.shape}")
+        if len(bodies) != len(facets):
+            raise InputError(f"ContactSurface, bodies: expected one number for each of {len(facets)} facets, got {len(bodies)}")
+        if bodies.size and bodies.min() < 0:
+            raise InputError(f"ContactSurface, bodies: expected numbers >= 0, got {bodies.min()}")
+        real = facets[:, :3] if facets.shape[1] == 4 else facets
+        if real.size and (real.min() < 0 or facets.min() < -1):
+            raise InputError("ContactSurface, facets: expected node numbers >= 0 (-1 only in the 4th place, for a triangle)")
+        nodes, first = np.unique(facets, return_index=True)
+        owner = np.repeat(bodies, facets.shape[1])
+        wrong = (owner[first][np.searchsorted(nodes, facets)] != bodies[:, None]) & (facets >= 0)
+        if wrong.any():
+            raise InputError(f"ContactSurface: expected every node in one body, got node {facets[wrong][0]} in facets of several")
+        object.__setattr__(self, "facets", facets)
+        object.__setattr__(self, "bodies", bodies)
+
+    @property
+    def dimension(self) -> int:
+        return 2 if self.facets.shape[1] == 2 else 3
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePair:
+    """One rule: candidate points of `slave` may touch facets of `master` (never those of their own body).
+
+    mu         Coulomb friction coefficient >= 0
+    alert      [m] >= 0: a contact is kept while its gap is not larger
+    candidates "nodes" of the slave surface, "faces" (facet centres) or "gauss" (2 x 2 points of a quadrilateral, 3 of a triangle, 2
+               of a segment)
+    """
+
+    slave: ContactSurface
+    master: ContactSurface
+    mu: float
+    alert: float
+    candidates: CandidateRule = "nodes"
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        what = f"SurfacePair {self.name!r}" if self.name else "SurfacePair"
+        if not (np.isfinite(self.mu) and self.mu >= 0):
+            raise InputError(f"{what}: expected a friction coefficient mu >= 0, got {self.mu}")
+        if not (np.isfinite(self.alert) and self.alert >= 0):
+            raise InputError(f"{what}: expected an alert distance >= 0 in m, got {self.alert}")
+        if self.candidates not in get_args(CandidateRule):
+            raise InputError(f"{what}: expected candidates among {', '.join(get_args(CandidateRule))}, got {self.candidates!r}")
+        if self.slave.dimension != self.master.dimension:
+            raise InputError(
+                f"{what}: expected surfaces of one dimension, got slave {self.slave.dimension}D, master {self.master.dimension}D"
+            )
