@@ -6,6 +6,7 @@ The reference case of V. Acary, M. Brémond, F. Dubois on frictional contact bet
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from fcsim.assembly.model import Model, Support, build_model
 from fcsim.case import Case, Sensor
+from fcsim.cli import main
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rigid_box
@@ -148,6 +150,4 @@ def platen_displacement(model: Model, step: Step, body: int) -> float:
 
 
 if __name__ == "__main__":
-    from fcsim.cli import main
-
-    raise SystemExit(main(["run", __file__, *__import__("sys").argv[1:]]))
+    raise SystemExit(main(["run", __file__, *sys.argv[1:]]))

@@ -82,6 +82,8 @@ class Step:
     previous, state   the states at its beginning and end
     H                 contact matrix (n_dofs, m) over all dofs, driven ones included
     problem, result   the global problem and its answer
+    reduction         its local form, and v from r
+    start             (m,) reactions of the previous step, matched contact by contact: where the solver began
     support_impulse   (n_dofs,) A v - f - H r: at driven dofs the reaction of the supports [N s; quasi-statics: N], zero elsewhere
     attempts          what the solver chain tried, the last one converged
     seconds           by phase: detection, assembly, solve
@@ -94,6 +96,8 @@ class Step:
     H: Any
     problem: GlobalProblem
     result: Result
+    reduction: Reduction
+    start: FloatArray
     support_impulse: FloatArray
     force_per_reaction: float
     attempts: tuple[Attempt, ...]
@@ -194,7 +198,8 @@ class Simulation:
         if len(contacts):
             _ = reduction.local
         clock.lap("assembly")
-        result, attempts = self._solve(number, reduction, reactions.transfer(contacts))
+        start = reactions.transfer(contacts)
+        result, attempts = self._solve(number, reduction, start)
         clock.lap("solve")
         v = np.empty(model.n_dofs)
         v[model.free_dofs] = result.v if model.driven == "eliminated" else result.v[model.free_dofs]  # type: ignore[index]
@@ -203,7 +208,19 @@ class Simulation:
         end = scheme.advance(model, state, v)
         clock.lap("assembly")
         return Step(
-            number, state, end, contacts, H, problem, result, support, scheme.force_per_reaction, attempts, clock.seconds
+            number=number,
+            previous=state,
+            state=end,
+            contacts=contacts,
+            H=H,
+            problem=problem,
+            result=result,
+            reduction=reduction,
+            start=start,
+            support_impulse=support,
+            force_per_reaction=scheme.force_per_reaction,
+            attempts=attempts,
+            seconds=clock.seconds,
         )
 
     def _problem(self, state: State, contacts: Contacts, H: Any, load: FloatArray) -> GlobalProblem:
