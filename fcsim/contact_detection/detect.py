@@ -214,7 +214,7 @@ class Detector:
         aside = point - feet.point - feet.gap[:, None] * feet.normal
         accepted = found.interior | (np.einsum("nd,nd->n", aside, aside) <= (tolerance + _ROUND * feet.scale) ** 2)
         # the nearest edge decides: behind the outer boundary of a body are other edges, inside its surface
-        rows = self._nearest_by_body(now, feet, accepted)
+        rows = self._nearest_by_body(now, feet)
         rows = rows[accepted[rows]]
         feet, ridge, away = feet.take(rows), found.interior[rows], found.away[rows]
         if not ridge.any():
@@ -233,12 +233,11 @@ class Detector:
         bodies = 1 + self.masters.bodies.max(initial=0)
         return feet.candidate * bodies + self.masters.bodies[feet.facet]
 
-    def _nearest_by_body(self, now: _Configuration, feet: _Feet, preferred: BoolArray | None = None) -> IntArray:
-        """Row of the nearest foot for each (candidate, body), sorted by these; of equal ones the preferred, then the first facet."""
+    def _nearest_by_body(self, now: _Configuration, feet: _Feet) -> IntArray:
+        """Row of the nearest foot for each (candidate, body), sorted by these; of equal ones the first facet."""
         identity = self._identity(feet)
         rounded = np.round(feet.distance / (_ROUND * now.size[feet.candidate]))
-        last = np.zeros(len(identity), dtype=bool) if preferred is None else ~preferred
-        order = np.lexsort((feet.facet, last, rounded, identity))
+        order = np.lexsort((feet.facet, rounded, identity))
         identity = identity[order]
         return order[np.append(True, identity[1:] != identity[:-1])[: len(order)]]
 

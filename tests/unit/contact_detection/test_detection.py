@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import lsq_linear
 from scipy.spatial import ConvexHull
 
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix
@@ -100,6 +99,38 @@ def test_apex_of_a_pyramid() -> None:
     np.testing.assert_allclose(touch(np.zeros(3), [pyramid]).frame[:, 0], [[0, 0, 1]], atol=1e-15)
 
 
+def test_bottom_of_a_pit() -> None:
+    """Below a concave vertex, deeper than the alert distance: the nearest point is the vertex, the gap negative."""
+    points = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1], [0, 0, 0]], dtype=float)
+    contacts = touch(np.array([0.0, 0.0, -0.3]), [(points, np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))], alert=0.01)
+    np.testing.assert_allclose(contacts.gap, [-0.3])
+    np.testing.assert_allclose(contacts.frame[:, 0], [[0, 0, 1]], atol=1e-15)
+
+
+def test_raised_corner_of_a_warped_facet() -> None:
+    """The surface z = 0.4 (2x - 1)(2y - 1) of a unit square, near its corner (1, 1, 0.4): far above the mean plane."""
+    corners = np.array([[0, 0, 0.4], [1, 0, -0.4], [1, 1, 0.4], [0, 1, -0.4]])
+    x, y = 0.95, 0.97
+    normal = np.array([-0.8 * (2 * y - 1), -0.8 * (2 * x - 1), 1.0])
+    normal /= np.linalg.norm(normal)
+    foot = np.array([x, y, 0.4 * (2 * x - 1) * (2 * y - 1)])
+    contacts = touch(foot + 0.01 * normal, [(corners, np.array([[0, 1, 2, 3]]))], alert=0.02)
+    np.testing.assert_allclose(contacts.point, [foot], atol=1e-14)
+    np.testing.assert_allclose(contacts.frame[:, 0], [normal], atol=1e-12)
+    np.testing.assert_allclose(contacts.gap, [0.01])
+
+
+def test_the_skin_of_a_pair_list_covers_an_approach() -> None:
+    nodes, facets = plate(1, 1)
+    master = ContactSurface(facets, np.zeros(1, int))
+    detector = Detector([SurfacePair(ContactSurface(np.array([[4, 5, 6]]), np.ones(1, int)), master, 0.5, 0.3, "faces")], 7)
+    far, close = (np.concatenate([nodes, DOWN - DOWN.mean(axis=0) + np.array([0.5, 0.5, z])]) for z in (1.3, 0.2))
+    assert len(detector.search(far).candidate) == 0
+    near = detector.search(far, skin=2.5)
+    assert near.covers(close)
+    np.testing.assert_allclose(detector(close, near).gap, [0.2])
+
+
 def test_slope_and_valley_take_the_nearest_facet() -> None:
     normal = np.array([0.5, 0, 1]) / np.sqrt(1.25)
     contacts = touch(np.array([0.5, 1, -0.25]) + 0.1 * normal, [roof(0.5)])
@@ -138,13 +169,13 @@ def test_of_two_bodies_the_higher_is_taken() -> None:
 def test_two_bodies_at_an_angle_give_two_contacts() -> None:
     floor = plate(2, 2)
     wall = np.array([[0.0, 0, 0], [0, 2, 0], [0, 2, 2], [0, 0, 2]]), np.array([[0, 1, 2, 3]])  # looks along +x
-    corner = np.array([[0.02, 1, 0.01], [0.02, 2, 0.01], [1.02, 1, 0.01], [0.02, 1, 1.01]])
+    corner = np.array([[0.004, 1, 0.003], [0.004, 2, 0.003], [1.004, 1, 0.003], [0.004, 1, 1.003]])
     x = np.concatenate([floor[0], wall[0], corner])
     master = ContactSurface(np.concatenate([floor[1], wall[1] + 9]), np.array([0, 0, 0, 0, 1]))
     slave = ContactSurface(13 + np.array([[0, 1, 2], [0, 3, 1]]), np.array([2, 2]))  # bottom and x- face: nodes 0, 1 look along -x -z
     contacts = Detector([SurfacePair(slave, master, 0.5, 0.05)], len(x))(x)
     assert contacts.bodies.tolist() == [[2, 0], [2, 1], [2, 0], [2, 1], [2, 0], [2, 1]]
-    np.testing.assert_allclose(contacts.gap, [0.01, 0.02] * 2 + [0.01, 0.02], atol=1e-14)
+    np.testing.assert_allclose(contacts.gap, [0.003, 0.004] * 3, atol=1e-14)
     np.testing.assert_array_equal(contacts.nodes[:, 0], [13, 13, 14, 14, 15, 16])
 
 
@@ -175,14 +206,14 @@ def test_empty_results_have_shapes() -> None:
 
 
 def closest_on_triangle(point: np.ndarray, corners: np.ndarray) -> float:
-    """Distance by bounded least squares over the two edge parameters, the third barycentric coordinate as a penalty on their sum."""
-    b, c = corners[1] - corners[0], corners[2] - corners[0]
-    inside = lsq_linear(np.column_stack([b, c]), point - corners[0], bounds=(0, 1), tol=1e-14)
-    options = [inside.x] if inside.x.sum() <= 1 else []
+    """Distance to the nearest of: the foot on the plane, if it is inside, and the nearest points of the three sides."""
+    sides = np.column_stack([corners[1] - corners[0], corners[2] - corners[0]])
+    s = np.linalg.lstsq(sides, point - corners[0], rcond=None)[0]
+    inside = [np.linalg.norm(corners[0] + sides @ s - point)] if s.min() >= 0 and s.sum() <= 1 else []
     ends = np.roll(corners, -1, axis=0) - corners
     t = np.clip(np.einsum("kd,kd->k", point - corners, ends) / np.einsum("kd,kd->k", ends, ends), 0, 1)
     distances = np.linalg.norm(corners + t[:, None] * ends - point, axis=1)
-    return min([*distances, *(np.linalg.norm(corners[0] + s * b + u * c - point) for s, u in options)])
+    return min([*distances, *inside])
 
 
 @settings(max_examples=15, deadline=None)

@@ -84,7 +84,7 @@ def test_segment() -> None:
     points = np.array([1.0, 1]) + where[:, :1] * along + where[:, 1:] * outward
     feet = project_on_segments(points, corners)
     np.testing.assert_array_equal(feet.inside, [True, True, False, False])
-    np.testing.assert_allclose(feet.weights, [[0.6, 0.4], [0.6, 0.4], [1, 0], [1, 0]], atol=1e-14)
+    np.testing.assert_allclose(feet.weights, np.array([[0.6, 0.4], [0.6, 0.4], [1, 0], [1, 0]]), atol=1e-14)
     np.testing.assert_allclose(feet.normal, np.broadcast_to(outward, (4, 2)), atol=1e-15)
 
 
@@ -93,7 +93,7 @@ def test_an_edge_is_not_inside(offset: float, inside: bool) -> None:
     point = np.array([[2.0 + offset, 0.5, 0.1]])
     feet = project_on_quadrilaterals(point, SQUARE[None])
     assert bool(feet.inside[0]) == inside
-    np.testing.assert_allclose(feet.weights[0] @ SQUARE, [min(2 + offset, 2), 0.5, 0], atol=1e-14)
+    np.testing.assert_allclose(feet.weights[0] @ SQUARE, np.array([min(2.0 + offset, 2.0), 0.5, 0.0]), atol=1e-14)
 
 
 @pytest.mark.parametrize("k", [3, 4])
@@ -122,5 +122,5 @@ def test_edge_inside_the_surface_beyond_its_end() -> None:
         point = np.array([[x, -0.05, 0.2]])
         found = closest_on_boundary(point, SQUARE[None], edge, vertex, np.array([0.01]))
         assert bool(found.interior[0]) == interior
-        np.testing.assert_allclose(found.weights[0] @ SQUARE, [max(x, 0.0), 0.0, 0.0], atol=1e-15)
+        np.testing.assert_allclose(found.weights[0] @ SQUARE, np.array([max(x, 0.0), 0.0, 0.0]), atol=1e-15)
         np.testing.assert_allclose(found.away[0], [0, -0.05, 0.2], atol=1e-15)
