@@ -1,0 +1,11 @@
+"""FCLIB files, the exchange format of frictional contact problems, in and out.
+
+Needs NumPy, SciPy and h5py only, so that a problem can be solved far from the program that made it.
+"""
+
+from fcsim.export_fclib.content import FclibFile, Info, MatrixInfo, Solution
+from fcsim.export_fclib.read import read_fclib
+from fcsim.export_fclib.rolling import GlobalRollingProblem
+from fcsim.export_fclib.write import file_name, write_fclib
+
+__all__ = ["FclibFile", "GlobalRollingProblem", "Info", "MatrixInfo", "Solution", "file_name", "read_fclib", "write_fclib"]

@@ -1,0 +1,197 @@
+"""Read an FCLIB file (HDF5): one frictional contact problem with its solution and guesses.
+
+The layout is that of FCLIB 3.1 (Acary, Brémond, Koziara, Pérignon, INRIA report RT-0444). Real files differ in how they store it:
+compressed columns, compressed rows and triplets are read, scalars of shape (1,) or (), arrays longer than needed, texts that are not
+UTF-8, and missing info, solution or guesses; attributes are ignored.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fcsim.errors import InputError
+from fcsim.export_fclib.content import FORMS, FclibFile, Info, MatrixInfo, Problem, Solution, Storage, solution_sizes
+
+COMPRESSED: dict[int, tuple[Storage, Any]] = {-1: ("csc", sp.csc_array), -2: ("csr", sp.csr_array)}
+
+
+def read_fclib(path: str | PathLike[str]) -> FclibFile:
+    """Read the problem of `path` in whichever form and storage it has.
+
+    Matrices come as csc_array or csr_array, triplets as csc_array; entries stored twice are summed. A stored solution is returned as
+    it stands: real files hold zeros there, so verify it.
+    Raises InputError, with the file and the place in it, where the file cannot be read or contradicts itself.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: expected an FCLIB file, found {'a folder' if path.is_dir() else 'no such file'}")
+    try:
+        if not h5py.is_hdf5(path):
+            raise InputError("expected an HDF5 file, got something else")
+        with h5py.File(path, "r") as file:
+            return _read(path, file)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
+        # h5py raises any of these on truncated or damaged files
+        raise InputError(f"{path}: the HDF5 file is truncated or damaged: {error}") from error
+
+
+def _read(path: Path, file: h5py.File) -> FclibFile:
+    found = [name for name in FORMS if f"fclib_{name}" in file]
+    if len(found) != 1:
+        expected = ", ".join(f"/fclib_{name}" for name in FORMS)
+        raise InputError(f"expected one of the groups {expected}, got {' and '.join(f'/fclib_{name}' for name in found) or 'none'}")
+    (name,) = found
+    form, group = FORMS[name], _group(file, f"fclib_{name}")
+    spacedim = _integer(group, "spacedim")
+    if spacedim not in form.spacedim:
+        raise InputError(f"{group.name}/spacedim: expected {' or '.join(map(str, form.spacedim))}, got {spacedim}")
+
+    vectors = _group(group, "vectors")
+    constrained = any(letter in group for letter in form.optional_matrices) or form.optional_vector in vectors
+    arrays = {letter: _vector(vectors, letter) for letter in form.vectors + ((form.optional_vector,) if constrained else ())}
+    matrices = {
+        letter: _matrix(_group(group, letter), (len(arrays[row]), len(arrays[column])), f"({row}, {column})")
+        for letter, (row, column) in {**form.matrices, **(form.optional_matrices if constrained else {})}.items()
+    }
+    problem = form.problem(**{letter: matrix for letter, (matrix, _) in matrices.items()}, **arrays, dimension=spacedim)
+
+    return FclibFile(
+        path=path,
+        form=name,
+        problem=problem,
+        info=_info(_group(group, "info")) if "info" in group else Info(),
+        matrices={letter: about for letter, (_, about) in matrices.items()},
+        solution=_solution(_group(file, "solution"), problem) if "solution" in file else None,
+        guesses=_guesses(_group(file, "guesses"), problem) if "guesses" in file else (),
+    )
+
+
+def _group(parent: h5py.Group, name: str) -> h5py.Group:
+    group = parent.get(name)
+    if not isinstance(group, h5py.Group):
+        raise InputError(f"{_place(parent, name)}: expected a group, got {'nothing' if group is None else 'a dataset'}")
+    return group
+
+
+def _array(group: h5py.Group, name: str, kinds: str, what: str) -> NDArray[Any]:
+    dataset = group.get(name)
+    if not isinstance(dataset, h5py.Dataset):
+        raise InputError(f"{_place(group, name)}: expected {what}, got {'nothing' if dataset is None else 'a group'}")
+    if dataset.dtype.kind not in kinds:
+        raise InputError(f"{dataset.name}: expected {what}, got values of type {dataset.dtype}")
+    return np.asarray(dataset[()])
+
+
+def _place(group: h5py.Group, name: str) -> str:
+    return f"{str(group.name).rstrip('/')}/{name}"
+
+
+def _scalar(group: h5py.Group, name: str, kinds: str, what: str) -> Any:
+    array = _array(group, name, kinds, what)
+    if array.size != 1:
+        raise InputError(f"{_place(group, name)}: expected {what}, got an array of shape {array.shape}")
+    return array.reshape(())[()]
+
+
+def _integer(group: h5py.Group, name: str) -> int:
+    return int(_scalar(group, name, "iu", "an integer"))
+
+
+def _text(group: h5py.Group, name: str) -> str:
+    text = _scalar(group, name, "SO", "a text")
+    return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
+
+
+def _vector(group: h5py.Group, name: str, size: int | None = None) -> NDArray[np.float64]:
+    vector = np.asarray(_array(group, name, "fiu", "a vector of numbers"), dtype=np.float64)
+    if vector.ndim != 1 or size not in (None, len(vector)):
+        raise InputError(f"{_place(group, name)}: expected shape ({'any' if size is None else size},), got {vector.shape}")
+    if not np.all(np.isfinite(vector)):
+        raise InputError(f"{_place(group, name)}: expected finite numbers, got NaN or infinity")
+    return vector
+
+
+def _indices(group: h5py.Group, name: str, count: int) -> NDArray[Any]:
+    return _head(group, name, count, "iu", "a vector of integers")
+
+
+def _head(group: h5py.Group, name: str, count: int, kinds: str, what: str) -> NDArray[Any]:
+    """Return the first `count` entries of a dataset that may be longer."""
+    array = _array(group, name, kinds, what)
+    if array.ndim != 1 or len(array) < count:
+        raise InputError(f"{_place(group, name)}: expected at least {count} entries, got shape {array.shape}")
+    return array[:count]
+
+
+def _in_range(indices: NDArray[Any], size: int, group: h5py.Group, name: str) -> None:
+    if indices.size and (indices.min() < 0 or indices.max() >= size):
+        raise InputError(f"{_place(group, name)}: expected indices 0 ... {size - 1}, got {indices.min()} ... {indices.max()}")
+
+
+def _matrix(group: h5py.Group, shape: tuple[int, int], vectors: str) -> tuple[sp.csc_array | sp.csr_array, MatrixInfo]:
+    """Return the matrix of a group and what is said of it; `shape` is that which the lengths of `vectors` ask for."""
+    rows, columns, nz, nzmax = (_integer(group, name) for name in ("m", "n", "nz", "nzmax"))
+    if (rows, columns) != shape:
+        raise InputError(f"{group.name}: expected the shape {shape} of the vectors {vectors}, got m, n = {rows}, {columns}")
+    if nz < -2:
+        raise InputError(f"{group.name}/nz: expected -1 (columns), -2 (rows) or a number of triplets, got {nz}")
+    storage: Storage
+    if nz >= 0:
+        count, storage = nz, "triplet"
+        # CSparse's convention, which real files follow: p holds the columns (the comment in fclib.h says rows)
+        pointers, indices = _indices(group, "p", count), _indices(group, "i", count)
+        _in_range(pointers, columns, group, "p")
+        _in_range(indices, rows, group, "i")
+    else:
+        storage, compressed = COMPRESSED[nz]
+        lines, length = (columns, rows) if storage == "csc" else (rows, columns)
+        pointers = _indices(group, "p", lines + 1)
+        if pointers[0] != 0 or np.any(np.diff(pointers.astype(np.int64)) < 0):
+            raise InputError(f"{group.name}/p: expected pointers that start at 0 and never decrease")
+        count = int(pointers[-1])
+        indices = _indices(group, "i", count)
+        _in_range(indices, length, group, "i")
+    if count > nzmax:
+        raise InputError(f"{group.name}/nzmax: expected at least the {count} entries of the matrix, got {nzmax}")
+    values = _head(group, "x", count, "fiu", "a vector of numbers").astype(np.float64, copy=False)
+    if not np.all(np.isfinite(values)):
+        raise InputError(f"{group.name}/x: expected finite numbers, got NaN or infinity")
+
+    if nz >= 0:
+        matrix = sp.coo_array((values, (indices, pointers)), shape=(rows, columns)).tocsc()
+    else:
+        matrix = compressed((values, indices, pointers), shape=(rows, columns))
+        matrix.sum_duplicates()
+    known = "conditioning" in group  # FCLIB takes the four as there when this one is
+    return matrix, MatrixInfo(
+        shape=(rows, columns),
+        nnz=count,
+        storage=storage,
+        nzmax=nzmax,
+        comment=_text(group, "comment") if "comment" in group else None,
+        conditioning=float(_scalar(group, "conditioning", "fiu", "a number")) if known else None,
+        determinant=float(_scalar(group, "determinant", "fiu", "a number")) if known and "determinant" in group else None,
+        rank=_integer(group, "rank") if known and "rank" in group else None,
+    )
+
+
+def _info(group: h5py.Group) -> Info:
+    return Info(**{name: _text(group, name) for name in ("title", "description", "math_info") if name in group})
+
+
+def _solution(group: h5py.Group, problem: Problem) -> Solution:
+    return Solution(**{name: _vector(group, name, size) for name, size in solution_sizes(problem).items()})
+
+
+def _guesses(group: h5py.Group, problem: Problem) -> tuple[Solution, ...]:
+    count = _integer(group, "number_of_guesses")
+    return tuple(_solution(_group(group, str(number)), problem) for number in range(1, count + 1))

@@ -1,0 +1,63 @@
+"""The global problem with rolling friction, as FCLIB files of five unknowns a contact carry it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcsim.errors import InputError
+from fcsim.problem import FloatArray, Matrix, _matrix, _vector
+
+
+@dataclass(frozen=True, eq=False)
+class GlobalRollingProblem:
+    """M (n, n), H (n, m), f (n,), w (m,), mu (nc,), mu_r (nc,), optionally G (n, p) and b (p,); m = 5 nc.
+
+    Each contact owns five entries of u and r, (N, T1, T2, R1, R2): force [N] and rolling moment [N m], or their impulses. The cone is
+    ||r_T|| <= mu r_N, ||r_R|| <= mu_r r_N, with mu_r in metres (Acary, Bourrier, "Coulomb friction with rolling resistance as a cone
+    complementarity problem", European Journal of Mechanics A/Solids 85, 2021). fcsim reads and writes such a problem; it has no
+    solver for it.
+    """
+
+    M: Matrix
+    H: Matrix
+    f: FloatArray
+    w: FloatArray
+    mu: FloatArray
+    mu_r: FloatArray
+    G: Matrix | None = None
+    b: FloatArray | None = None
+    dimension: int = 5
+
+    def __post_init__(self) -> None:
+        if self.dimension != 5:
+            raise InputError(f"dimension: expected 5 with rolling friction, got {self.dimension}")
+        if (self.G is None) != (self.b is None):
+            raise InputError("G and b: expected both or none of the equality constraints' matrix and vector")
+        for name in ("f", "w", "mu", "mu_r") + (() if self.b is None else ("b",)):
+            object.__setattr__(self, name, _vector(getattr(self, name), name))
+        for name in ("mu", "mu_r"):
+            coefficients = getattr(self, name)
+            if 5 * len(coefficients) != len(self.w):
+                raise InputError(
+                    f"{name}: expected {len(self.w) / 5:g} coefficients for {len(self.w)} contact unknowns, got {len(coefficients)}"
+                )
+            if np.any(coefficients < 0):
+                raise InputError(f"{name}: expected coefficients >= 0, got {coefficients.min()} at contact {int(coefficients.argmin())}")
+        object.__setattr__(self, "M", _matrix(self.M, "M", (len(self.f), len(self.f))))
+        object.__setattr__(self, "H", _matrix(self.H, "H", (len(self.f), len(self.w))))
+        if self.b is not None:
+            object.__setattr__(self, "G", _matrix(self.G, "G", (len(self.f), len(self.b))))
+
+    @property
+    def n(self) -> int:
+        return len(self.f)
+
+    @property
+    def m(self) -> int:
+        return len(self.w)
+
+    @property
+    def nc(self) -> int:
+        return len(self.mu)
