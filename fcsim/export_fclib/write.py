@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -14,6 +13,7 @@ import scipy.sparse as sp
 
 from fcsim.errors import InputError
 from fcsim.export_fclib.content import FORMS, Problem, Solution, Storage, solution_sizes
+from fcsim.files import replacing
 from fcsim.problem import Matrix
 
 INT_MAX = np.iinfo(np.int32).max
@@ -47,29 +47,24 @@ def write_fclib(
     if name is None:
         raise InputError(f"problem: expected a GlobalProblem, LocalProblem or GlobalRollingProblem, got {type(problem).__name__}")
     form = FORMS[name]
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with h5py.File(temporary, "w") as file:
-            group = file.create_group(f"fclib_{name}")
-            _write_integer(group, "spacedim", problem.dimension)
-            for letter in (*form.matrices, *form.optional_matrices):
-                if (matrix := getattr(problem, letter)) is not None:
-                    _write_matrix(group.create_group(letter), matrix, storage, compression)
-            vectors = group.create_group("vectors")
-            for letter in (*form.vectors, form.optional_vector):
-                if (vector := getattr(problem, letter)) is not None:
-                    _write_array(vectors, letter, vector, compression)
-            _write_info(group, {"title": title, "description": description, "math_info": math_info})
-            if solution is not None:
-                _write_solution(file.create_group("solution"), solution, problem, compression)
-            if guesses:
-                group = file.create_group("guesses")
-                _write_integer(group, "number_of_guesses", len(guesses))
-                for number, guess in enumerate(guesses, start=1):
-                    _write_solution(group.create_group(str(number)), guess, problem, compression)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+        group = file.create_group(f"fclib_{name}")
+        _write_integer(group, "spacedim", problem.dimension)
+        for letter in (*form.matrices, *form.optional_matrices):
+            if (matrix := getattr(problem, letter)) is not None:
+                _write_matrix(group.create_group(letter), matrix, storage, compression)
+        vectors = group.create_group("vectors")
+        for letter in (*form.vectors, form.optional_vector):
+            if (vector := getattr(problem, letter)) is not None:
+                _write_array(vectors, letter, vector, compression)
+        _write_info(group, {"title": title, "description": description, "math_info": math_info})
+        if solution is not None:
+            _write_solution(file.create_group("solution"), solution, problem, compression)
+        if guesses:
+            group = file.create_group("guesses")
+            _write_integer(group, "number_of_guesses", len(guesses))
+            for number, guess in enumerate(guesses, start=1):
+                _write_solution(group.create_group(str(number)), guess, problem, compression)
     return path
 
 
