@@ -21,6 +21,7 @@ from fcsim.errors import InputError
 FloatArray = NDArray[np.float64]
 Matrix = Any  # a scipy.sparse array or a dense ndarray
 
+
 def _vector(values: Any, what: str) -> FloatArray:
     vector = np.asarray(values, dtype=np.float64)
     if vector.ndim != 1:
@@ -33,6 +34,8 @@ def _vector(values: Any, what: str) -> FloatArray:
 def _matrix(values: Any, what: str, shape: tuple[int, int]) -> Matrix:
     if not sp.issparse(values):
         values = np.asarray(values, dtype=np.float64)
+    elif not isinstance(values, sp.sparray) or values.format not in ("csr", "csc", "bsr", "coo"):
+        values = sp.csr_array(values)
     if tuple(values.shape) != shape:
         raise InputError(f"{what}: expected shape {shape}, got {tuple(values.shape)}")
     if not np.all(np.isfinite(values.data if sp.issparse(values) else values)):

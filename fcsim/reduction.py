@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fcsim.linear import DenseCholesky, DenseLU, Factor, SingularMatrix, factorise
+from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise
 from fcsim.problem import GlobalProblem, LocalProblem
 
 FloatArray = NDArray[np.float64]
@@ -117,7 +117,7 @@ class BlockFactor:
         if single.nnz:
             yield from _component_tiles(single, self._inverse_diagonal, d)
         for block in self.blocks:
-            copies, size = block.dofs.shape
+            size = block.dofs.shape[1]
             rows = [sp.csr_array(H[own]) for own in block.dofs]
             touched = np.unique(np.concatenate([np.flatnonzero(np.diff(h.indptr)) for h in rows]))
             if not len(touched):
@@ -153,16 +153,39 @@ def _component_tiles(H: Any, inverse_diagonal: FloatArray, d: int) -> Iterable[t
 
 
 def _factor(block: Any) -> Factor:
-    symmetric = abs(block - block.T).max() <= 1e-12 * abs(block).max()
-    if block.shape[0] <= 1000:
-        dense = block.toarray()
-        if symmetric:
-            try:
-                return DenseCholesky(dense)
-            except SingularMatrix:  # indefinite, as with equality constraints
-                return DenseLU(dense)
-        return DenseLU(dense)
-    return factorise(block, positive_definite=symmetric)
+    factor = _fitting_factor(block)
+    _refuse_singular(block, factor)
+    return factor
+
+
+def _fitting_factor(block: Any) -> Factor:
+    if block.shape[0] > DENSE_UP_TO:
+        return factorise(block)
+    dense = block.toarray()
+    if abs(block - block.T).max() <= 1e-12 * abs(block).max():
+        try:
+            return DenseCholesky(dense)
+        except SingularMatrix:  # indefinite, as with equality constraints
+            return DenseLU(dense)
+    return DenseLU(dense)
+
+
+def _refuse_singular(block: Any, factor: Factor) -> None:
+    """Raise SingularMatrix where the factor does not find a known solution again.
+
+    Round-off hides the zero pivot of most singular matrices, such as the stiffness of a body without supports. The known solution
+    is random in the scaling that makes the rows' largest entries equal (Ruiz 2001), so that units and multipliers do not matter.
+    """
+    size = block.shape[0]
+    magnitude, scale = abs(block), np.ones(size)
+    for _ in range(5):
+        scaled = sp.diags_array(scale) @ magnitude @ sp.diags_array(scale)
+        largest = np.sqrt(np.maximum(scaled.max(axis=0).toarray(), scaled.max(axis=1).toarray()).ravel())
+        scale = scale / np.where(largest > 0, largest, 1)
+    known = scale[:, None] * np.random.default_rng(0).standard_normal((size, 2))
+    found = factor.solve(block @ known)
+    if not np.abs((found - known) / scale[:, None]).max() <= 1e-2:
+        raise SingularMatrix(f"M is singular to working precision: a block of {size} degrees of freedom (a body without supports?)")
 
 
 @dataclass(frozen=True, eq=False)

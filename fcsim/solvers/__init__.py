@@ -87,17 +87,22 @@ def solve(
         q, mu, dimension = problem.q, problem.problem.mu, problem.problem.dimension
         if not keep_global:
             local = problem.local
-    else:
+    elif isinstance(problem, LocalProblem):
         local = eliminate_equalities(problem)
         q, mu, dimension = local.q, local.mu, local.dimension
+    else:
+        raise InputError(f"problem: expected a GlobalProblem, a LocalProblem or a Reduction, got {type(problem).__name__}")
     if dimension not in chosen.dimensions:
         raise InputError(f"solver {solver!r}: works in {' and '.join(f'{d}D' for d in chosen.dimensions)}, the problem has {dimension}D")
     r = np.zeros(len(q)) if r is None else np.array(r, dtype=np.float64)
     if r.shape != q.shape:
         raise InputError(f"r: expected a starting point of shape {q.shape}, got {r.shape}")
+    if not np.all(np.isfinite(r)):
+        raise InputError("r: expected a starting point of finite numbers, got NaN or infinity")
     reduced = time.perf_counter()
     monitor = Monitor(q, mu, dimension, tol, floor=floor, time_limit=time_limit, start=start)
-    r, status = _run(chosen, problem, local, r, monitor, options)
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
+        r, status = _run(chosen, problem, local, r, monitor, options)
     v, multiplier, momentum = None, None, None
     if isinstance(problem, Reduction):
         v, multiplier = problem.velocity(r)
@@ -107,7 +112,7 @@ def solve(
         assert local is not None
         u = local.W @ r + local.q
     error = monitor.error(r, u)
-    if status is Status.SOLVED and error > tol:  # the independent residual has the last word
+    if status is Status.SOLVED and not error <= tol:  # NaN included: the independent residual has the last word
         status = Status.STAGNATED
     end = time.perf_counter()
     return Result(
@@ -133,10 +138,7 @@ def _run(
     # r = 0 answers a problem without contacts, and one at rest up to round-off (see `floor`)
     if monitor.error(zero, problem.q) <= monitor.tol:
         return zero, Status.SOLVED
-    if local is None:
-        iterate = chosen.run_global(problem, r, monitor, options)
-    else:
-        iterate = chosen.run(local, r, monitor, options)
+    iterate = chosen.run_global(problem, r, monitor, options) if local is None else chosen.run(local, r, monitor, options)
     if not iterate.status.solved and monitor.best_r is not None:
         return monitor.best_r, iterate.status
     return iterate.r, iterate.status

@@ -47,7 +47,8 @@ def newton_alart_curnier(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_i
             J20 = a20 * W[0, 0] + rho_T * (P12 * W[1, 0] + P22 * W[2, 0]) - mu * n2
             J21 = a20 * W[0, 1] + rho_T * (P12 * W[1, 1] + P22 * W[2, 1]) - P12
             J22 = a20 * W[0, 2] + rho_T * (P12 * W[1, 2] + P22 * W[2, 2]) + 1 - P22
-        if F0 * F0 + F1 * F1 + F2 * F2 <= tol * tol:
+        size = F0 * F0 + F1 * F1 + F2 * F2
+        if size <= tol * tol:
             return r0, r1, r2, True
         # Cramer's rule
         c0, c1, c2 = J11 * J22 - J12 * J21, J12 * J20 - J10 * J22, J10 * J21 - J11 * J20

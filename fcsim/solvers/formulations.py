@@ -35,7 +35,7 @@ def _disk_rows(
     d = u.shape[1]
     y = r[:, 1:] - rho_T * u[:, 1:]
     norm = np.sqrt(np.einsum("ai,ai->a", y, y))
-    stick = norm <= radius
+    stick = (norm <= radius) & (radius > 0)  # a disk of radius 0 (open, mu = 0) holds nothing: F_T = r_T
     n = y / np.where(norm > 0, norm, 1)[:, None]
     F[:, 1:] = r[:, 1:] - np.where(stick[:, None], y, radius[:, None] * n)
     # P_D'(y) = radius / ||y|| (1 - n n^T) outside the disk, 1 inside

@@ -79,7 +79,7 @@ def nsgs_alart_curnier(problem: LocalProblem, r: FloatArray, monitor: Monitor, o
     if d == 2:
         diagonal[:, 2, 2] = 1
     q[:, :d], rows[:, :d] = problem.q.reshape(nc, d), r.reshape(nc, d)
-    rho = np.ascontiguousarray(split_spectral_norm(diagonal)[:, :2])
+    rho = np.ascontiguousarray(split_spectral_norm(problem.diagonal_blocks)[:, :2])
     order = np.arange(nc)
 
     def flat() -> FloatArray:
@@ -87,12 +87,14 @@ def nsgs_alart_curnier(problem: LocalProblem, r: FloatArray, monitor: Monitor, o
 
     r = flat()
     error = monitor.record(r, problem.W @ r + problem.q)
-    tau, last_progress, least = monitor.tol, 0, error
+    tau, last_progress, least = monitor.tol, monitor.iterations, error
     while error > monitor.tol:
         if monitor.iterations >= options.max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():
-            return Iterate(flat(), Status.TIME_LIMIT)
+            r = flat()
+            error = monitor.record(r, problem.W @ r + problem.q)
+            return Iterate(r, Status.SOLVED if error <= monitor.tol else Status.TIME_LIMIT)
         change, size, _ = sweep_alart_curnier(
             indptr, indices, blocks, diagonal, q, problem.mu, rho, order, rows, options.local_tolerance, options.local_iterations
         )

@@ -22,9 +22,10 @@ def split_spectral_norm(W: FloatArray) -> FloatArray:
 
 
 def split_spectral_norm_condition(W: FloatArray) -> FloatArray:
-    """rho_N = 1 / W_NN, rho_T = lambda_min / lambda_max^2 of W_TT (nc, d)."""
+    """rho_N = 1 / W_NN, rho_T = lambda_min / lambda_max^2 of W_TT with lambda_min / lambda_max no less than 1e-3 (nc, d)."""
     eigenvalues = np.linalg.eigvalsh(W[:, 1:, 1:])
-    return _split(W, np.maximum(eigenvalues[:, 0], 1e-3 * eigenvalues[:, -1]) * _inverse(eigenvalues[:, -1]) ** 2)
+    inverse = _inverse(eigenvalues[:, -1])
+    return _split(W, np.maximum(eigenvalues[:, 0] * inverse, 1e-3) * inverse)
 
 
 def constant(W: FloatArray) -> FloatArray:
