@@ -63,6 +63,10 @@ class DenseLU:
     def solve(self, rhs: FloatArray) -> FloatArray:
         return sla.lu_solve(self._factor, rhs, check_finite=False)
 
+    def solve_transposed(self, rhs: FloatArray) -> FloatArray:
+        """Return A^-T rhs: with DenseLU(J.T, overwrite=True) a C-ordered J is factored in place, and this solves J x = rhs."""
+        return sla.lu_solve(self._factor, rhs, trans=1, check_finite=False)
+
 
 class SuperLU:
     """Sparse LU factorisation by SuperLU (SciPy)."""
