@@ -1,0 +1,160 @@
+"""Pictures of a run: the deformed shape coloured by stress, and the contacts by status with their reactions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fcsim.view.run_folder import Instant, RunFolder
+from fcsim.view.scene import Scene, Survey, colour_map, read
+from fcsim.view.style import BLUE, GREY, RED, STYLE, figure, matplotlib, prefixed, save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH = 10.0  # of every page [inch], whatever the resolution
+TOP, BOTTOM = 0.72, 0.85  # bands for title and for colours or legend [inch]
+STATUS = {1: ("stick", BLUE), 2: ("slip", RED), 0: ("open", "#a6a6a6")}
+LONGEST_SEGMENT = 0.12  # of the width of the picture
+
+
+def write_pictures(
+    run: RunFolder, seen: Survey, directory: Path, progress: Callable[[int, int], None] = lambda done, total: None
+) -> list[Path]:
+    """Write stress.png and contacts.png (last instant) and instants.png (four instants) into `directory`; return what was written."""
+    last = run.instants[-1]
+    written = []
+    with matplotlib().rc_context(STYLE):
+        with Scene(seen) as scene:
+            written.append(save(stress_figure(run, scene, last), directory / "stress.png"))
+            progress(1, 3)
+            if len(run.instants) > 1:
+                written.append(save(instants_figure(run, scene, _spread(run.instants, 4)), directory / "instants.png"))
+        progress(2, 3)
+        if last.contacts is not None:
+            with Scene(seen, "front", margin=LONGEST_SEGMENT / 3) as scene:
+                written.append(save(contact_figure(run, scene, last), directory / "contacts.png"))
+        progress(3, 3)
+    return written
+
+
+def stress_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
+    """The deformed shape of an instant, coloured by von Mises stress, with title and colour bar."""
+    page = _Page(scene)
+    page.title(run.title, describe(run, scene, instant))
+    page.image(scene.image(instant))
+    page.colour_bar()
+    return page.drawing
+
+
+def instants_figure(run: RunFolder, scene: Scene, instants: list[Instant]) -> Figure:
+    """Several instants in two columns with one colour bar."""
+    page = _Page(scene, columns=2, rows=(len(instants) + 1) // 2, caption=0.36)
+    page.title(run.title, f"displacements × {scene.survey.exaggeration:g}")
+    for place, instant in enumerate(instants):
+        page.image(scene.image(instant), place, describe(run, scene, instant, factor=False))
+    page.colour_bar()
+    return page.drawing
+
+
+def contact_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
+    """The contact points of an instant, coloured by status, each with a segment along its reaction, of a length proportional to it."""
+    assert instant.contacts is not None
+    contacts = read(instant.contacts)
+    reaction, status = np.asarray(contacts["reaction"]).reshape(-1, 3), np.asarray(contacts["status"])
+    points = scene.pixels(scene.shown(contacts))
+    in_plane = np.column_stack([reaction @ scene.right, -(reaction @ scene.up)])
+    largest = scene.survey.force or 1.0
+    half = 0.5 * LONGEST_SEGMENT * scene.width / largest * in_plane
+
+    page = _Page(scene)
+    axes = page.image(scene.image(instant, coloured=False))
+    from matplotlib.collections import LineCollection
+    from matplotlib.lines import Line2D
+
+    # the largest forces come last, on top of the others
+    order = np.argsort(np.linalg.norm(reaction, axis=1))
+    order = order[status[order] > 0]
+    colours = [STATUS[int(s)][1] for s in status[order]]
+    segments = np.stack([points - half, points + half], axis=1)[order]
+    axes.add_collection(LineCollection(list(segments), colors=colours, linewidths=1.3, alpha=0.75, capstyle="round", clip_on=False))
+    handles = []
+    for kind in (0, 1, 2):
+        name, colour = STATUS[kind]
+        of_kind = points[status == kind]
+        marker: dict[str, Any] = {"marker": "o", "markersize": 4.2, "linestyle": "none", "color": colour}
+        marker |= (
+            {"markerfacecolor": "white", "markeredgewidth": 1.0} if kind == 0 else {"markeredgecolor": "white", "markeredgewidth": 0.4}
+        )
+        axes.plot(of_kind[:, 0], of_kind[:, 1], **marker)
+        handles.append(Line2D([], [], label=f"{name} ({len(of_kind)})", **(marker | {"markersize": 7})))
+    scale, unit = prefixed("N", largest)
+    handles.append(Line2D([], [], color=GREY, linewidth=1.6, label=f"reaction (longest of the run: {largest / scale:.3g} {unit})"))
+    page.drawing.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.02), ncols=4, handletextpad=0.5, columnspacing=1.8)
+    page.title(run.title, describe(run, scene, instant))
+    return page.drawing
+
+
+def describe(run: RunFolder, scene: Scene, instant: Instant, *, factor: bool = True) -> str:
+    """Time, imposed displacement (where the run names its column) and the factor on displacements, as one line."""
+    step_length = run.description.get("h")
+    digits = max(0, math.ceil(-math.log10(step_length) - 1e-9)) if isinstance(step_length, float) and step_length > 0 else 3
+    words = [f"t = {instant.t:.{digits}f} s"]
+    imposed = run.plots.get("imposed") or {}
+    value = run.at(imposed.get("column", ""), instant.t)
+    if value is not None:
+        scale, unit = prefixed(imposed.get("unit", "m"), run.numbers(imposed["column"]))
+        words.append(f"{imposed.get('label', imposed['column'])} {value / scale:.3f}".replace(" -", " −") + f" {unit}")
+    return "   ·   ".join([*words, *([f"displacements × {scene.survey.exaggeration:g}"] if factor else [])])
+
+
+class _Page:
+    """A figure of fixed bands: title above, images in rows and columns at their own resolution, colours or legend below."""
+
+    def __init__(self, scene: Scene, columns: int = 1, rows: int = 1, caption: float = 0.0) -> None:
+        self.scene, self.columns, self.rows, self.caption = scene, columns, rows, caption
+        self.cell_height = WIDTH / columns * scene.height / scene.width
+        self.height = TOP + rows * (self.cell_height + caption) + BOTTOM
+        self.drawing = figure(WIDTH, self.height, scene.width / WIDTH)
+
+    def title(self, title: str, subtitle: str) -> None:
+        left = 0.25 / WIDTH
+        self.drawing.text(left, 1 - 0.34 / self.height, title, fontsize=14, fontweight="bold", va="center")
+        self.drawing.text(left, 1 - 0.60 / self.height, subtitle, fontsize=11, color=GREY, va="center")
+
+    def image(self, pixels: Any, place: int = 0, caption: str = "") -> Any:
+        row, column = divmod(place, self.columns)
+        bottom = BOTTOM + (self.rows - 1 - row) * (self.cell_height + self.caption)
+        axes = self.drawing.add_axes((column / self.columns, bottom / self.height, 1 / self.columns, self.cell_height / self.height))
+        axes.set_axis_off()
+        axes.imshow(pixels, interpolation="antialiased", aspect="auto", extent=(0, self.scene.width, self.scene.height, 0))
+        axes.set(xlim=(0, self.scene.width), ylim=(self.scene.height, 0))
+        if caption:
+            x, y = (column + 0.5) / self.columns, (bottom + self.cell_height + 0.5 * self.caption) / self.height
+            self.drawing.text(x, y, caption, ha="center", va="center", fontsize=10)
+        return axes
+
+    def colour_bar(self) -> None:
+        if self.scene.survey.stress is None:
+            return
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+
+        scale, unit = prefixed("Pa", self.scene.survey.stress)
+        axes = self.drawing.add_axes((0.25, 0.56 / self.height, 0.5, 0.14 / self.height))
+        low, high = self.scene.survey.stress
+        bar = self.drawing.colorbar(
+            ScalarMappable(Normalize(low / scale, high / scale), colour_map()), cax=axes, orientation="horizontal", extend="max"
+        )
+        bar.set_label(f"von Mises stress [{unit}]", labelpad=2)
+        bar.outline.set_linewidth(0.5)
+
+
+def _spread(instants: tuple[Instant, ...], number: int) -> list[Instant]:
+    """Return up to `number` instants, evenly spread and ending with the last."""
+    places = np.unique(np.round(np.linspace(0, len(instants) - 1, number + 1)[1:]).astype(int))
+    return [instants[k] for k in places]

@@ -1,0 +1,180 @@
+"""Plots of a run's table of steps: reaction, contacts, convergence, time by phase."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.errors import InputError
+from fcsim.view.run_folder import RunFolder
+from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE, figure, matplotlib, prefixed, save
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FORMATS = ("png", "svg")
+CONVERGED = ("SOLVED", "CONVERGED")
+
+
+def write_plots(run: RunFolder, directory: Path | None = None, *, format: str = "png") -> list[Path]:
+    """Write reaction, contacts, convergence and phases (.png or .svg) into `directory` (default DIR/plots); return what was written.
+
+    A plot whose columns are not in steps.csv is left out. Raises InputError for another format, MissingDependency without matplotlib.
+    """
+    if format not in FORMATS:
+        raise InputError(f"write_plots: expected a format among {', '.join(FORMATS)}, got {format!r}")
+    directory = run.directory / "plots" if directory is None else Path(directory)
+    makers: dict[str, Callable[[RunFolder], Figure | None]] = {
+        "reaction": reaction_plot,
+        "contacts": contact_plot,
+        "convergence": convergence_plot,
+        "phases": phase_plot,
+    }
+    written = []
+    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+        for name, make in makers.items():
+            drawing = make(run)
+            if drawing is not None:
+                written.append(save(drawing, directory / f"{name}.{format}"))
+    return written
+
+
+def reaction_plot(run: RunFolder) -> Figure | None:
+    """Reactions [N] against the imposed displacement [m], with the bound; None unless run.json's "plots" names columns that exist.
+
+    A quantity whose largest value is negative is drawn with its sign changed, and its label says so.
+    """
+    imposed = run.plots.get("imposed") or {}
+    entries = run.plots.get("reaction") or []
+    entries = [entries] if isinstance(entries, dict) else entries
+    x = run.numbers(imposed.get("column", ""))
+    curves = [(entry, values) for entry in entries if (values := run.numbers(entry.get("column", ""))) is not None]
+    if x is None or not curves:
+        return None
+    bound = run.plots.get("bound") or {}
+    unit = curves[0][0].get("unit", "N")
+    scale, y_unit = prefixed(unit, bound.get("value"), *(values for _, values in curves))
+    x_scale, x_unit = prefixed(imposed.get("unit", "m"), x)
+    x_sign = _sign(x)
+
+    drawing, axes = _one_panel()
+    shapes = (("-", 2.6), ("--", 1.6), (":", 1.6), ("-.", 1.6))  # curves that coincide, as at equilibrium, stay visible
+    for (entry, values), colour, (dash, width) in zip(curves, (BLUE, ORANGE, GREEN, PURPLE), shapes, strict=False):
+        label = _signed(entry.get("label", entry["column"]), _sign(values))
+        axes.plot(x_sign * x / x_scale, _sign(values) * values / scale, dash, color=colour, linewidth=width, label=label)
+    if isinstance(bound.get("value"), int | float):
+        value = bound["value"] / scale
+        label = f"{bound.get('label', 'bound')}: {value:.4g} {y_unit}"
+        axes.axhline(value, color=RED, linestyle=(0, (6, 2)), linewidth=1.4, label=label)
+        if min(np.nanmin(_sign(values) * values) for _, values in curves) < -0.5 * bound["value"]:
+            axes.axhline(-value, color=RED, linestyle=(0, (6, 2)), linewidth=1.4)
+    axes.set_xlabel(f"{_signed(imposed.get('label', imposed['column']), x_sign)} [{x_unit}]")
+    axes.set_ylabel(f"reaction [{y_unit}]")
+    axes.margins(x=0.02, y=0.08)
+    axes.set_title(run.title)
+    axes.legend(loc="best")
+    return drawing
+
+
+def contact_plot(run: RunFolder) -> Figure | None:
+    """Numbers of candidate, active, sticking and sliding contacts over time."""
+    t, x_label = _abscissa(run)
+    curves = [
+        ("nc", "candidates", GREY, "--"),
+        ("active", "active (closed)", BLACK, "-"),
+        ("sticking", "sticking", BLUE, "-"),
+        ("sliding", "sliding", RED, "-"),
+    ]
+    present = [(label, colour, dash, v) for name, label, colour, dash in curves if (v := run.numbers(name)) is not None]
+    if t is None or not present:
+        return None
+    drawing, axes = _one_panel()
+    for label, colour, dash, values in present:
+        axes.plot(t, values, dash, color=colour, label=label, linewidth=1.4 if dash == "--" else 1.8)
+    axes.set(xlabel=x_label, ylabel="number of contacts", ylim=(0, None), title=run.title)
+    axes.margins(x=0.01)
+    drawing.legend(loc="outside lower center", ncols=len(present))
+    return drawing
+
+
+def convergence_plot(run: RunFolder) -> Figure | None:
+    """Iterations and error of each step, the error on a logarithmic axis; steps that did not converge are marked."""
+    number = run.numbers("step")
+    rows = [(name, v) for name in ("iterations", "error") if (v := run.numbers(name)) is not None and np.any(np.isfinite(v))]
+    if number is None or not rows:
+        return None
+    status = run.columns.get("status", np.array([]))
+    failed = np.array([s.upper() not in CONVERGED for s in status]) if status.dtype.kind == "U" else np.zeros(len(number), bool)
+    drawing = figure(8.0, 2.6 * len(rows) + 0.9, layout="constrained")
+    panels = np.atleast_1d(drawing.subplots(len(rows), 1, sharex=True))
+    for axes, (name, values) in zip(panels, rows, strict=True):
+        if name == "error":
+            values = np.where(values > 0, values, np.nan)  # an exact zero has no place on a logarithmic axis
+            axes.set_yscale("log")
+            if isinstance(tolerance := run.description.get("tol"), int | float) and tolerance > 0:
+                axes.axhline(tolerance, color=RED, linestyle=(0, (6, 2)), linewidth=1.4, label=f"tolerance {tolerance:.0e}")
+        axes.plot(number, values, ".", color=BLUE, markersize=5)
+        axes.set_ylabel("iterations" if name == "iterations" else "relative error")
+        if failed.any():
+            axes.plot(number[failed], values[failed], "x", color=RED, markersize=9, label=f"not converged ({failed.sum()} steps)")
+        axes.margins(x=0.01)
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2)
+        if name == "iterations":
+            axes.set_ylim(bottom=0)
+            axes.yaxis.get_major_locator().set_params(integer=True)
+    panels[0].set_title(run.title)
+    panels[-1].set_xlabel("step")
+    return drawing
+
+
+def phase_plot(run: RunFolder) -> Figure | None:
+    """Wall-clock time of each step by phase (columns seconds_*), stacked, with the mean of each phase in the legend."""
+    number = run.numbers("step")
+    phases = {
+        n.removeprefix("seconds_"): np.nan_to_num(v) for n in run.columns if n.startswith("seconds_") and (v := run.numbers(n)) is not None
+    }
+    phases = {name: values for name, values in phases.items() if name != "total"}
+    if number is None or not phases:
+        return None
+    total = np.sum(list(phases.values()), axis=0)
+    usual = 3 * np.percentile(total, 95)  # a step that compiles kernels would flatten all others
+    scale, unit = prefixed("s", np.minimum(total, usual))
+    labels = [f"{name}: {values.mean() / scale:.3g} {unit}" for name, values in phases.items()]
+    drawing, axes = _one_panel()
+    colours = [SKY, ORANGE, BLUE, GREEN, PURPLE, RED, GREY][: len(phases)]
+    axes.stackplot(number, [values / scale for values in phases.values()], labels=labels, colors=colours, step="mid", linewidth=0)
+    if usual > 0 and total.max() > usual:
+        axes.set_ylim(0, usual / scale)
+        out = np.flatnonzero(total > usual)
+        longest = f"at most {total.max() / scale:.3g} {unit} (step {number[total.argmax()]:.0f})"
+        note = f"beyond the axis: {len(out)} step{'s' * (len(out) > 1)}, {longest}"
+        axes.text(0.99, 0.97, note, transform=axes.transAxes, ha="right", va="top", color=GREY, fontsize=10)
+    axes.set(xlabel="step", ylabel=f"time per step [{unit}]", title=f"{run.title}: {total.sum():.3g} s in {len(number)} steps")
+    axes.margins(x=0.0)
+    drawing.legend(loc="outside lower center", ncols=min(len(labels), 4), title="mean of each phase")
+    return drawing
+
+
+def _one_panel() -> tuple[Figure, Axes]:
+    drawing = figure(8.0, 5.0, layout="constrained")
+    return drawing, drawing.subplots()
+
+
+def _abscissa(run: RunFolder) -> tuple[NDArray[np.float64] | None, str]:
+    t = run.numbers("t")
+    return (t, "time [s]") if t is not None else (run.numbers("step"), "step")
+
+
+def _sign(values: NDArray) -> float:
+    finite = values[np.isfinite(values)]
+    return -1.0 if finite.size and finite[np.argmax(np.abs(finite))] < 0 else 1.0
+
+
+def _signed(label: str, sign: float) -> str:
+    return f"− {label}" if sign < 0 else label

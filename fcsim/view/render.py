@@ -1,0 +1,52 @@
+"""All pictures, plots and the film of a run's folder: what `fcsim render DIR` makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+from fcsim.errors import InputError
+from fcsim.view.film import FORMATS, film_instants, write_film
+from fcsim.view.pictures import write_pictures
+from fcsim.view.plots import write_plots
+from fcsim.view.run_folder import open_run
+from fcsim.view.scene import survey
+
+Progress = Callable[[str, int, int], None]
+
+
+def render(
+    directory: str | Path,
+    *,
+    film: Literal["gif", "mp4"] | None = "gif",
+    exaggeration: float | None = None,
+    progress: Progress | None = None,
+) -> list[Path]:
+    """Draw the run in `directory` and return the files written, in this order:
+
+    DIR/plots/reaction.png, contacts.png, convergence.png, phases.png   from steps.csv, those whose columns are there
+    DIR/pictures/stress.png, instants.png, contacts.png                 from vtk/, where the run wrote a series
+    DIR/film.gif or film.mp4                                            likewise, unless `film` is None
+
+    exaggeration  factor on displacements; None: the largest is shown as 5 to 8 % of the size of the whole (1 where it is more already)
+    progress      called with (what, done, total): "plots", "survey", "pictures", "film"
+
+    Raises InputError where `directory` is not a run's folder or a file in it cannot be read, MissingDependency without matplotlib,
+    pyvista, Pillow or imageio-ffmpeg, or without an OpenGL library.
+    """
+    if film is not None and film not in FORMATS:
+        raise InputError(f"film: expected {' or '.join(map(repr, FORMATS))}, or None for no film, got {film!r}")
+    report: Progress = progress or (lambda what, done, total: None)
+    run = open_run(directory)
+    written = write_plots(run)
+    report("plots", 1, 1)
+    if not run.instants:
+        return written
+    seen = survey(run, film_instants(run), exaggeration)
+    report("survey", 1, 1)
+    written += write_pictures(run, seen, run.directory / "pictures", lambda done, total: report("pictures", done, total))
+    if film is not None:
+        path = run.directory / f"film.{film}"
+        written.append(write_film(run, seen, path, film, lambda done, total: report("film", done, total)))
+    return written

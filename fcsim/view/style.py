@@ -1,0 +1,83 @@
+"""The common look of plots and pictures: matplotlib without pyplot, fonts, colours, SI prefixes, saving."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fcsim.errors import MissingDependency
+from fcsim.view.run_folder import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's palette, which colour-blind readers tell apart (https://jfly.uni-koeln.de/color)
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY, YELLOW, BLACK = (
+    "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#F0E442", "#000000",
+)  # fmt: skip
+GREY = "#595959"
+
+STYLE = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib: the same picture on every machine
+    "font.size": 11.0,
+    "axes.titlesize": 12.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e3e3",
+    "lines.linewidth": 1.8,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+    "svg.fonttype": "none",
+}
+
+PREFIXES = {
+    "m": ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm")),
+    "N": ((1e6, "MN"), (1e3, "kN"), (1.0, "N"), (1e-3, "mN")),
+    "Pa": ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa"), (1.0, "Pa")),
+    "s": ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")),
+}
+
+
+LEAST = {"m": 0.0999, "Pa": 0.0999}  # 0.36 mm and 0.45 MPa rather than 360 µm and 450 kPa
+
+
+def matplotlib() -> Any:
+    """Return the matplotlib package; MissingDependency where it is absent."""
+    try:
+        import matplotlib
+        import matplotlib.figure
+    except ImportError as error:
+        raise MissingDependency(f"matplotlib cannot be imported ({error}), which pictures need: pip install 'fcsim[view]'") from None
+    return matplotlib
+
+
+def figure(width: float, height: float, dpi: float = 100.0, **options: Any) -> Figure:
+    """Return a figure of width x height [inch], owned by the caller alone (pyplot knows nothing of it)."""
+    return matplotlib().figure.Figure(figsize=(width, height), dpi=dpi, **options)
+
+
+def save(drawing: Figure, path: Path) -> Path:
+    """Write a figure, in the format of the path's suffix, under a temporary name and rename it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        drawing.savefig(temporary, format=path.suffix[1:])
+    return path
+
+
+def prefixed(unit: str, *values: ArrayLike | None) -> tuple[float, str]:
+    """Return (factor, unit with SI prefix), the largest prefix with which the largest value is at least 1 (0.1 m, 0.1 Pa)."""
+    finite = [np.abs(np.ravel(np.asarray(v, dtype=float))) for v in values if v is not None]
+    every: NDArray = np.concatenate([*finite, [0.0]])
+    largest = every[np.isfinite(every)].max()
+    choices = PREFIXES.get(unit, ((1.0, unit),))
+    if largest == 0:
+        return 1.0, unit
+    return next(((factor, name) for factor, name in choices if largest >= LEAST.get(unit, 0.9999) * factor), choices[-1])

@@ -1,0 +1,285 @@
+"""Pictures, films and plots of a made-up run: they exist, show something, and show what the data say."""
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import colors
+from PIL import Image
+
+from fcsim.errors import InputError, MissingDependency
+from fcsim.view import SeriesWriter, render, scene
+from fcsim.view.film import film_instants, write_film
+from fcsim.view.pictures import contact_figure, stress_figure
+from fcsim.view.plots import contact_plot, convergence_plot, phase_plot, reaction_plot, write_plots
+from fcsim.view.run_folder import Instant, RunFolder, open_run, replacing
+from fcsim.view.style import BLUE, RED, prefixed
+
+
+def share(image, colour, tolerance=6):
+    """Share of the pixels that have a colour."""
+    return np.mean(np.all(np.abs(image.astype(int) - (255 * np.array(colors.to_rgb(colour))).round()) <= tolerance, axis=-1))
+
+
+def pixels(path):
+    return np.asarray(Image.open(path).convert("RGB"))
+
+
+@pytest.fixture(scope="module")
+def rendered(run_directory, tmp_path_factory):
+    """(folder, files, progress) of a whole rendering."""
+    directory = tmp_path_factory.mktemp("rendered") / "run"
+    shutil.copytree(run_directory, directory)
+    calls = []
+    return directory, render(directory, progress=lambda *call: calls.append(call)), calls
+
+
+def test_render_makes_every_file(rendered):
+    directory, files, calls = rendered
+    names = ["plots/reaction.png", "plots/contacts.png", "plots/convergence.png", "plots/phases.png"]
+    names += ["pictures/stress.png", "pictures/instants.png", "pictures/contacts.png", "film.gif"]
+    assert files == [directory / name for name in names]
+    assert not list(directory.rglob("*.partial"))
+    assert [call for call in calls if call[0] == "film"] == [("film", k, 4) for k in (1, 2, 3, 4)]
+    for path in files[:-1]:
+        image = pixels(path)
+        assert image.shape[1] >= 1200 and image.shape[0] >= 700
+        assert image.std() > 12 and (image == 255).all(-1).mean() > 0.2  # something, on white
+
+
+def test_the_contact_picture_shows_stick_and_slip(rendered):
+    image = pixels(rendered[0] / "pictures" / "contacts.png")
+    assert share(image, BLUE) > 1e-3 and share(image, RED) > 3e-4
+
+
+def test_the_film_moves(rendered):
+    film = Image.open(rendered[0] / "film.gif")
+    assert film.n_frames == 4 and film.info["loop"] == 0
+    assert (rendered[0] / "film.gif").stat().st_size < 8e6
+    frames = []
+    for k in range(4):
+        film.seek(k)
+        frames.append(np.asarray(film.convert("RGB")).astype(int))
+    body = slice(frames[0].shape[0] // 5, -frames[0].shape[0] // 5)  # without title and colour bar
+    for one, other in pairwise(frames):
+        assert np.mean(np.abs(one[body] - other[body]).max(-1) > 20) > 0.02
+
+
+def test_mp4(run_directory, tmp_path):
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    run = open_run(run_directory)
+    path = write_film(run, scene.survey(run, run.instants[:2]), tmp_path / "film.mp4", "mp4")
+    assert imageio_ffmpeg.count_frames_and_secs(path)[0] == 4
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_film_has_at_most_100_frames(run_directory):
+    run = open_run(run_directory)
+    many = RunFolder(run.directory, {}, {}, tuple(Instant(float(k), None, None, None) for k in range(1234)))
+    chosen = [instant.t for instant in film_instants(many)]
+    assert len(chosen) == 100 and chosen[0] == 0 and chosen[-1] == 1233 and np.ptp(np.diff(chosen)) <= 1
+
+
+def test_automatic_exaggeration_shows_5_to_8_percent(run_directory):
+    run = open_run(run_directory)
+    seen = scene.survey(run, run.instants)
+    moved = max(float(np.linalg.norm(scene.read(i.blocks)["displacement"], axis=1).max()) for i in run.instants)
+    assert 0.05 <= seen.exaggeration * moved / 0.76 <= 0.08  # 0.76 m: the platens' length
+    assert scene.survey(run, run.instants, 7.5).exaggeration == 7.5
+    assert scene._automatic(1.0, 0.3) == 1.0 and scene._automatic(1.0, 0.0) == 1.0
+    for moved in 10 ** np.random.default_rng(0).uniform(-9, np.log10(0.05), 200):
+        assert 0.05 <= scene._automatic(1.0, moved) * moved <= 0.08 * (1 + 1e-9)
+    with pytest.raises(InputError, match="exaggeration"):
+        scene.survey(run, run.instants, -1.0)
+
+
+def test_the_title_states_time_displacement_and_factor(run_directory):
+    run = open_run(run_directory)
+    with scene.Scene(scene.survey(run, run.instants[-1:], 50.0), width=300) as view:
+        texts = [text.get_text() for text in stress_figure(run, view, run.instants[-1]).texts]
+    assert texts[0] == "Masonry wall under compression and shear"
+    assert texts[1] == "t = 0.500 s   ·   imposed displacement −0.450 mm   ·   displacements × 50"
+
+
+def test_points_stand_where_the_camera_shows_them(run_directory):
+    run = open_run(run_directory)
+    only_platens = Instant(0.5, None, None, run.instants[-1].rigid)
+    seen = scene.survey(run, (only_platens,), 1.0)
+    for view in ("oblique", "front"):
+        with scene.Scene(seen, view, width=400) as camera:
+            image = camera.image(only_platens)
+            at = camera.pixels(camera.shown(scene.read(only_platens.rigid)))
+        rows, columns = np.nonzero((image < 250).any(-1))
+        assert np.abs([columns.min() - at[:, 0].min(), columns.max() - at[:, 0].max()]).max() < 3
+        assert np.abs([rows.min() - at[:, 1].min(), rows.max() - at[:, 1].max()]).max() < 3
+
+
+def test_stress_colours_are_those_of_the_colour_bar(fake, tmp_path):
+    fake.write_run(tmp_path, d=2, steps=4, every=4, divisions=4)  # 2D: no shading
+    run = open_run(tmp_path)
+    seen = scene.survey(run, run.instants)
+    assert seen.planar
+    stress = scene.read(run.instants[-1].blocks)["von_mises"]
+    assert seen.stress == (0.0, pytest.approx(np.percentile(stress, 99)))
+    with scene.Scene(seen, width=600) as view:
+        image = view.image(run.instants[-1])
+        assert contact_figure(run, view, run.instants[-1]).legends
+    softest, hardest = scene.colour_map()(stress.min() / seen.stress[1])[:3], scene.colour_map()(1.0)[:3]
+    assert share(image, softest, 3) > 0.01 and share(image, hardest, 3) > 0.003
+
+
+def test_rigid_bodies_alone_are_drawn(run_directory, tmp_path):
+    shutil.copytree(run_directory, tmp_path / "run")
+    (tmp_path / "run/vtk/blocks.pvd").unlink()
+    run = open_run(tmp_path / "run")
+    seen = scene.survey(run, run.instants[-1:])
+    assert seen.stress is None
+    with scene.Scene(seen, width=300) as view:
+        assert view.image(run.instants[-1]).std() > 10
+        assert len(stress_figure(run, view, run.instants[-1]).axes) == 1  # no colour bar
+
+
+def test_an_instant_without_contacts_is_drawn(fake, run_directory, tmp_path):
+    shutil.copytree(run_directory, tmp_path / "run")
+    SeriesWriter(tmp_path / "run/vtk", model := fake.wall(3, 4)).write(fake.without_contacts(fake.step(model, 20, 20, 4)))
+    run = open_run(tmp_path / "run")
+    with scene.Scene(scene.survey(run, run.instants[-1:]), "front", width=300) as view:
+        labels = [text.get_text() for text in contact_figure(run, view, run.instants[-1]).legends[0].get_texts()]
+    assert labels[:3] == ["open (0)", "stick (0)", "slip (0)"]
+
+
+def test_reaction_plot_draws_the_columns_with_their_sign_stated(run_directory):
+    run = open_run(run_directory)
+    axes = reaction_plot(run).axes[0]
+    with (run_directory / "steps.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    bottom, top, bound = axes.lines
+    np.testing.assert_allclose(bottom.get_xdata(), [-1e3 * float(row["top_x"]) for row in rows])  # mm
+    np.testing.assert_allclose(bottom.get_ydata(), [1e-3 * float(row["bottom_Rx"]) for row in rows])  # kN
+    np.testing.assert_allclose(top.get_ydata(), [-1e-3 * float(row["top_Rx"]) for row in rows])
+    assert bound.get_ydata() == pytest.approx([15.9726, 15.9726]) and "15.97 kN" in bound.get_label()
+    assert axes.get_xlabel() == "− imposed displacement [mm]" and axes.get_ylabel() == "reaction [kN]"
+    assert top.get_label() == "− horizontal reaction at the top"
+
+
+def test_steps_that_failed_are_marked(run_directory):
+    run = open_run(run_directory)
+    status = run.columns["status"].astype("U14").copy()
+    status[[3, 8]] = "MAX_ITERATIONS"
+    failed = RunFolder(run.directory, run.description, {**run.columns, "status": status}, ())
+    crosses = [line for line in convergence_plot(failed).axes[0].lines if line.get_marker() == "x"]
+    assert [list(line.get_xdata()) for line in crosses] == [[4, 9]]
+    assert not [line for line in convergence_plot(run).axes[0].lines if line.get_marker() == "x"]
+
+
+@pytest.mark.parametrize("format", ["png", "svg"])
+def test_plots_leave_no_pyplot_figure(run_directory, tmp_path, format):
+    import matplotlib.pyplot as plt
+
+    settings = dict(plt.rcParams)
+    files = write_plots(open_run(run_directory), tmp_path, format=format)
+    assert [file.name for file in files] == [f"{name}.{format}" for name in ("reaction", "contacts", "convergence", "phases")]
+    assert all(file.stat().st_size > 5000 for file in files)
+    assert plt.get_fignums() == [] and dict(plt.rcParams) == settings
+    if format == "svg":
+        assert "imposed displacement" in files[0].read_text()  # text stays text
+
+
+def test_plots_without_their_columns_are_left_out(tmp_path):
+    (tmp_path / "run.json").write_text("{}")
+    (tmp_path / "steps.csv").write_text("step,t,error\n1,0.1,1e-9\n2,0.2,0\n3,0.3\n")  # the last row was cut
+    run = open_run(tmp_path)
+    assert list(run.numbers("step")) == [1, 2] and run.title == tmp_path.name
+    assert reaction_plot(run) is None and contact_plot(run) is None and phase_plot(run) is None
+    assert render(tmp_path) == [tmp_path / "plots" / "convergence.png"]  # no series, no pictures
+    (tmp_path / "steps.csv").write_text("step,t,error,nc,seconds_solve\n")
+    assert render(tmp_path, film=None) == [] or all(path.is_file() for path in render(tmp_path))
+
+
+def test_a_folder_that_is_no_run_is_refused(run_directory, tmp_path):
+    with pytest.raises(InputError, match=rf"{tmp_path}: expected the folder of a run .*run\.json.*found no run\.json"):
+        render(tmp_path)
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(InputError, match=r"found no steps\.csv"):
+        render(tmp_path)
+    (tmp_path / "steps.csv").write_text("")
+    with pytest.raises(InputError, match=r"steps\.csv: expected a header"):
+        render(tmp_path)
+    (tmp_path / "run.json").write_text("{,}")
+    with pytest.raises(InputError, match=r"run\.json: expected JSON"):
+        render(tmp_path)
+    with pytest.raises(InputError, match="'gif' or 'mp4'"):
+        render(run_directory, film="avi")
+
+
+def test_missing_and_broken_series_files_are_named(run_directory, tmp_path):
+    shutil.copytree(run_directory, tmp_path / "run")
+    victim = tmp_path / "run/vtk/blocks_00010.vtu"
+    victim.write_bytes(victim.read_bytes()[:400])
+    with pytest.raises(InputError, match=r"blocks_00010\.vtu: expected a VTK file"):
+        render(tmp_path / "run", film=None)
+    victim.unlink()
+    with pytest.raises(InputError, match=r"blocks\.pvd: expected the file blocks_00010\.vtu"):
+        open_run(tmp_path / "run")
+
+
+def test_replacing_keeps_the_old_file_when_the_write_is_interrupted(tmp_path):
+    path = tmp_path / "film.gif"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt), replacing(path) as temporary:
+        temporary.write_text("half")
+        raise KeyboardInterrupt
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+    with replacing(path) as temporary:
+        temporary.write_text("new")
+    assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
+
+
+def test_importing_loads_no_graphics_library():
+    code = "import sys, fcsim.view; print([m for m in ('pyvista', 'vtkmodules', 'matplotlib', 'PIL', 'dolfinx') if m in sys.modules])"
+    root = Path(__file__).parents[3]
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root).stdout.strip() == "[]"
+
+
+def test_missing_libraries_are_named(run_directory, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "matplotlib", None)
+        with pytest.raises(MissingDependency, match=r"pip install 'fcsim\[view\]'"):
+            render(run_directory)
+    scene.offscreen.cache_clear()
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "pyvista", None)
+        with pytest.raises(MissingDependency, match=r"pip install 'fcsim\[view\]'"):
+            scene.offscreen()
+    with monkeypatch.context() as patch:  # no OpenGL: the child process that tries ends badly
+        patch.setattr(scene, "_PROBE", "import os; os.abort()")
+        with pytest.raises(MissingDependency, match=r"OpenGL.*apt-get install libegl1"):
+            scene.offscreen()
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "expected"),
+    [
+        ("m", 0.45e-3, (1e-3, "mm")),
+        ("N", 15972.6, (1e3, "kN")),
+        ("N", 268.0, (1.0, "N")),
+        ("Pa", 4.5e5, (1e6, "MPa")),
+        ("m", 0.0, (1.0, "m")),
+        ("m", 3.0, (1.0, "m")),
+        ("rad", 0.01, (1.0, "rad")),
+        ("s", 0.32, (1e-3, "ms")),
+        ("m", 1e-12, (1e-6, "µm")),
+    ],
+)
+def test_prefixes(unit, value, expected):
+    assert prefixed(unit, [0.1 * value, -value], None, np.nan) == expected
+
+
+def test_description_is_read_from_run_json(run_directory):
+    assert open_run(run_directory).description == json.loads((run_directory / "run.json").read_text())
