@@ -47,7 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument("--solver", default="NSN-AC", help="name of a solver (see fcsim solvers; default NSN-AC)")
     solve.add_argument("--tol", type=float, default=1e-8, help="tolerance on the error (default 1e-8)")
     solve.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="an option of the solver")
-    solve.add_argument("--start", choices=("zero", "guess", "solution"), default="zero", help="where to begin: r = 0 or what the file holds")
+    solve.add_argument("--start", choices=("zero", "guess", "solution"), default="zero", help="where to begin: r = 0, or as stored")
     solve.add_argument("--time-limit", type=float, default=float("inf"), metavar="SECONDS")
     solve.add_argument("--json", action="store_true", help="print the answer as JSON")
     solve.add_argument("--write-solution", type=Path, metavar="FILE", help="write the problem with its solution as an FCLIB file")
@@ -224,8 +224,8 @@ def _info(options: argparse.Namespace) -> int:
     if problem.nc:
         print(f"  friction     mu from {problem.mu.min():g} to {problem.mu.max():g}")
     for letter, matrix in content.matrices.items():
-        more = [f"{name} {getattr(matrix, name):g}" for name in ("conditioning", "determinant", "rank") if getattr(matrix, name) is not None]
-        more += [matrix.comment] if matrix.comment else []
+        known = {name: getattr(matrix, name) for name in ("conditioning", "determinant", "rank")}
+        more = [f"{name} {value:g}" for name, value in known.items() if value is not None] + ([matrix.comment] if matrix.comment else [])
         shape = " x ".join(map(str, matrix.shape))
         print(f"  {letter:12s} {shape}, {matrix.nnz} entries stored as {matrix.storage}" + (f"; {', '.join(more)}" if more else ""))
     vector = "q" if isinstance(problem, LocalProblem) else "f"
@@ -279,9 +279,8 @@ def _solvers(options: argparse.Namespace) -> int:
     print(f"{'name':16s} {'family':14s} {'form':5s} {'dim':5s} {'source':28s} {'Siconos':24s} options")
     for name, method in SOLVERS.items():
         dimensions = ",".join(map(str, method.dimensions))
-        defaults = ", ".join(
-            f"{f.name}={getattr(method.options, f.name)}" for f in fields(method.options) if isinstance(getattr(method.options, f.name), int | float | str)
-        )
+        values = {f.name: getattr(method.options, f.name) for f in fields(method.options)}
+        defaults = ", ".join(f"{key}={value}" for key, value in values.items() if isinstance(value, int | float | str))
         print(f"{name:16s} {method.family:14s} {method.forms:5s} {dimensions:5s} {method.source:28s} {method.siconos:24s} {defaults}")
     return EXIT_OK
 

@@ -1,10 +1,10 @@
 """Running a case into a folder: the consumers of a simulation's steps.
 
-    DIR/run.json       case, title, parameters, versions, status, and which columns the plots take
-    DIR/steps.csv      one row a step: contacts, solver, checks, energies, seconds, the case's sensors
-    DIR/vtk/           ParaView series of blocks, contacts, rigid bodies
-    DIR/fclib/global/  FCLIB files (and local/ where asked for)
-    DIR/checkpoint.h5  state and reactions: what `--resume` goes on from
+DIR/run.json       case, title, parameters, versions, status, and which columns the plots take
+DIR/steps.csv      one row a step: contacts, solver, checks, energies, seconds, the case's sensors
+DIR/vtk/           ParaView series of blocks, contacts, rigid bodies
+DIR/fclib/global/  FCLIB files (and local/ where asked for)
+DIR/checkpoint.h5  state and reactions: what `--resume` goes on from
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ def run_case(
             if series and (step.number % options.vtk_every == 0 or final):
                 series.write(step)
             if options.export_every and step.number % options.export_every == 0:
-                write_step(directory / "fclib", step, case.fclib_set, options.export_forms, title=f"{case.title}, step {step.number}", description=about)
+                title = f"{case.title}, step {step.number}"
+                write_step(directory / "fclib", step, case.fclib_set, options.export_forms, title=title, description=about)
             seconds = {**step.seconds, "output": time.perf_counter() - output}
             table.write(step, seconds)
             if final or (options.checkpoint_every and step.number % options.checkpoint_every == 0):
@@ -137,9 +138,7 @@ def run_case(
         if last is not None:
             _write_checkpoint(directory / "checkpoint.h5", last)
         _write_json(directory / "run.json", {**description, "status": status, "message": message, "steps_done": reached})
-    return Summary(
-        status, message, reached, computed, totals, time.perf_counter() - begin, iterations, largest, fallbacks
-    )
+    return Summary(status, message, reached, computed, totals, time.perf_counter() - begin, iterations, largest, fallbacks)
 
 
 def _prepare(directory: Path, overwrite: bool) -> None:
@@ -225,10 +224,10 @@ def _write_checkpoint(path: Path, step: Step) -> None:
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         file.attrs["step"] = step.number
         file.attrs["t"] = step.state.t
-        for name, values in (("x", step.state.x), ("v", step.state.v)):
-            file[name] = values
-        for name, values in (("identity", reactions.identity), ("frame", reactions.frame), ("r", reactions.r)):
-            file[f"reactions/{name}"] = values
+        for name in ("x", "v"):
+            file[name] = getattr(step.state, name)
+        for name in ("identity", "frame", "r"):
+            file[f"reactions/{name}"] = getattr(reactions, name)
 
 
 def _read_checkpoint(path: Path) -> tuple[int, State, Reactions] | None:

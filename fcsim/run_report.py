@@ -12,7 +12,7 @@ from fcsim.timestep.simulation import Step
 
 try:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as RichProgress
     from rich.table import Table
 except ImportError as error:
@@ -36,7 +36,7 @@ class Progress:
             disable=not self._console.is_terminal,
             transient=True,
         )
-        self._task = None
+        self._task: TaskID | None = None
 
     def __enter__(self) -> Progress:
         self._progress.__enter__()

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -31,6 +32,10 @@ def limit_threads() -> None:
 def _import(name: str) -> ModuleType:
     if find_spec("dolfinx_solver") is not None:  # the wheel that brings dolfinx, petsc4py and MPI must be loaded before them
         import_module("dolfinx_solver")
+    if has_petsc() and "petsc4py.PETSc" not in sys.modules:
+        # PETSc's signal handlers would turn a closed pipe or Ctrl-C into an MPI abort
+        import_module("petsc4py").init(["fcsim", "-no_signal_handler"])
+        import_module("petsc4py.PETSc").Options().delValue("no_signal_handler")
     return import_module(name)
 
 

@@ -227,9 +227,7 @@ class Model:
                     nodes=self.node_offset[numbers],
                     rotation=body.rotation,
                     K=_rotated(operators.stiffness, body.rotation),
-                    M=sp.diags_array(operators.lumped_mass).tocsr()
-                    if self.lumped
-                    else _rotated(operators.consistent_mass, body.rotation),
+                    M=sp.diags_array(operators.lumped_mass).tocsr() if self.lumped else _rotated(operators.consistent_mass, body.rotation),
                     lumped=operators.lumped_mass if self.lumped else None,
                     driven=driven[first[0] : first[0] + len(operators.lumped_mass)],
                 )

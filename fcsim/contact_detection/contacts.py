@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,3 +40,7 @@ class Contacts:
     @property
     def dimension(self) -> int:
         return self.frame.shape[-1]
+
+    def take(self, chosen: NDArray[np.bool_] | IntArray) -> Contacts:
+        """Return the chosen contacts (a mask (nc,) or numbers)."""
+        return Contacts(*(getattr(self, field.name)[chosen] for field in fields(self)))

@@ -23,7 +23,7 @@ def _is_symmetric(W: FloatArray) -> bool:
     """Whether W x = W^T x for a random x, to round-off: an asymmetry would have to be orthogonal to x to hide."""
     x = np.random.default_rng(0).standard_normal(len(W))
     Wx = W @ x
-    return bool(np.linalg.norm(Wx - W.T @ x) <= 1e-10 * np.linalg.norm(Wx))
+    return bool(float(np.linalg.norm(Wx - W.T @ x)) <= 1e-10 * float(np.linalg.norm(Wx)))
 
 
 class NewtonSystem(Protocol):

@@ -8,7 +8,7 @@ Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ class Theta:
 
     h: float
     theta: float = 0.5
-    law: Gap | Velocity = Gap()
+    law: Gap | Velocity = field(default_factory=Gap)
 
     def __post_init__(self) -> None:
         positive("h", self.h)
