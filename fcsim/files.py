@@ -10,7 +10,7 @@ from pathlib import Path
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary name beside `path`, which takes the place of `path` if the block ends well and is removed if it does not."""
-    temporary = path.with_name(f".{path.name}.partial")
+    temporary = path.with_name(f".{path.stem}.partial{path.suffix}")  # programs choose formats by the extension
     try:
         yield temporary
         temporary.replace(path)

@@ -20,6 +20,7 @@ from urllib.parse import quote, unquote
 import numpy as np
 
 from fcsim.errors import InputError, MissingDependency
+from fcsim.files import replacing
 from fcsim.mesh.named_mesh import FACET_TYPE, GMSH_TYPES, Block, NamedMesh, from_gmsh, named_mesh
 from fcsim.mesh.part import IntArray, Material, Part
 from fcsim.runtime import gmsh_model
@@ -78,15 +79,11 @@ def write_mesh(part: Part, path: str | os.PathLike[str], *, surfaces: bool = Tru
     path = Path(path)
     _check_writable(path, part, surfaces)
     kept = {name: facets for name, facets in part.surfaces.items() if len(facets)} if surfaces else {}
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
+    with replacing(path) as temporary:
         if path.suffix == ".msh":
             _write_msh(part, kept, temporary)
         else:
             _write_meshio(part, kept, temporary)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _check_writable(path: Path, part: Part, surfaces: bool) -> None:

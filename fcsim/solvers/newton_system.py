@@ -104,7 +104,7 @@ class CondensedSystem:
         """Whether many border contacts stick, or were released: factoring anew then costs less than carrying them."""
         held = self._is_held
         released = np.count_nonzero(self._released | (held & ~stick))
-        carried = np.count_nonzero(stick & ~held) + released
+        carried = int(np.count_nonzero(stick & ~held) + released)
         return carried > 30 + 0.1 * np.count_nonzero(held)
 
     def _hold(self, held: IntArray) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.errors import InputError, MissingDependency
+from fcsim.files import replacing
 from fcsim.view.pictures import stress_figure
-from fcsim.view.run_folder import Instant, RunFolder, replacing
+from fcsim.view.run_folder import Instant, RunFolder
 from fcsim.view.scene import Scene, Survey
 from fcsim.view.style import STYLE, matplotlib
 

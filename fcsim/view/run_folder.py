@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,19 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.errors import InputError
+from fcsim.files import replacing
 
 SERIES = ("blocks", "contacts", "rigid")
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary name beside `path`, which takes the place of `path` if the block ends well and is removed if it does not."""
-    temporary = path.with_name(f".{path.name}.partial")
-    try:
-        yield temporary
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def read_collection(path: Path) -> list[tuple[float, str]]:

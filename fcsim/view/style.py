@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fcsim.errors import MissingDependency
-from fcsim.view.run_folder import replacing
+from fcsim.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

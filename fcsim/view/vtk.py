@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.errors import MissingDependency
+from fcsim.files import replacing
 from fcsim.mesh.part import Body, Part, RigidBody
-from fcsim.view.run_folder import read_collection, replacing, write_collection
+from fcsim.view.run_folder import read_collection, write_collection
 
 VTK_CELL = {"triangle": 5, "quadrilateral": 9, "tetrahedron": 10, "hexahedron": 12}
 
