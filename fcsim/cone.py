@@ -27,7 +27,7 @@ def de_saxce(u: FloatArray, mu: FloatArray) -> FloatArray:
 
 def _zones(z: FloatArray, mu: FloatArray) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
     norm = tangential_norm(z)
-    inside = (norm <= mu * z[:, 0]) & (z[:, 0] >= 0)  # without the second condition mu = 0 would keep z_N < 0
+    inside = (norm <= mu * z[:, 0]) & (mu > 0)  # for mu = 0 the cone is a half-line, without an inside
     polar = ~inside & (mu * norm <= -z[:, 0])
     return norm, inside, polar
 

@@ -52,7 +52,7 @@ def test_error_is_relative_to_q() -> None:
 
 def test_error_counts_the_de_saxce_term() -> None:
     """r in the interior of K with u = (0, 1, 0): z = r - (mu, 1, 0) stays in K, so the residual is ||(mu, 1, 0)||."""
-    problem = LocalProblem(np.zeros((3, 3)), [0.0, 1.0, 0.0], [0.5])
+    problem = LocalProblem(np.zeros((3, 3)), np.array([0.0, 1.0, 0.0]), np.array([0.5]))
     assert_allclose(error(problem, np.array([100.0, 0, 0])), np.hypot(0.5, 1))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.linalg as sla
@@ -36,7 +38,7 @@ def random_problem(seed: int, d: int = 3, p: int = 0, *, symmetric: bool = True)
     return GlobalProblem(sp.csr_array(M), sp.csc_array(H), rng.standard_normal(n), rng.standard_normal(d * nc), mu, G, b, d)
 
 
-def dense(matrix: sp.sparray | np.ndarray) -> np.ndarray:
+def dense(matrix: Any) -> np.ndarray:
     return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)
 
 
@@ -94,6 +96,7 @@ def test_equality_constraints_against_the_null_space(sparse: bool) -> None:
     p = random_problem(7, p=4)
     if sparse:
         p = GlobalProblem(p.M, p.H, p.f, p.w, p.mu, sp.csc_array(p.G), p.b)
+    assert p.b is not None
     M, H, G = dense(p.M), dense(p.H), dense(p.G)
     v0, N = np.linalg.lstsq(G.T, -p.b, rcond=None)[0], sla.null_space(G.T)
     reduced = reduce(p)
@@ -119,8 +122,8 @@ def test_local_equality_constraints_against_the_mixed_system(sparse: bool) -> No
     """u = W r + V l + q, V^T r + R l + s = 0 solved for (u, l) together, for given r."""
     rng = np.random.default_rng(9)
     W, V, R, q, s = spd(6, rng), rng.standard_normal((6, 2)), -spd(2, rng), rng.standard_normal(6), rng.standard_normal(2)
-    kind = sp.csc_array if sparse else np.asarray
-    eliminated = eliminate_equalities(LocalProblem(kind(W), q, [0.3, 0.3], kind(V), kind(R), s))
+    kind: Any = sp.csc_array if sparse else np.asarray
+    eliminated = eliminate_equalities(LocalProblem(kind(W), q, np.full(2, 0.3), kind(V), kind(R), s))
     assert eliminated.V is None
     for r in rng.standard_normal((3, 6)):
         mixed = np.block([[np.eye(6), -V], [np.zeros((2, 6)), R]])
@@ -129,15 +132,16 @@ def test_local_equality_constraints_against_the_mixed_system(sparse: bool) -> No
 
 
 def test_local_problem_without_constraints_stays() -> None:
-    problem = LocalProblem(np.eye(3), np.zeros(3), [0.3])
+    problem = LocalProblem(np.eye(3), np.zeros(3), np.full(1, 0.3))
     assert eliminate_equalities(problem) is problem
 
 
 def test_constraints_of_a_body_without_supports() -> None:
     """M singular, [[M, -G], [-G^T, 0]] not: a floating bar held by one constraint."""
     M = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    p = GlobalProblem(M, np.eye(2), [1.0, 0.0], np.zeros(2), [0.0], [[0.0], [1.0]], [0.0], dimension=2)
+    p = GlobalProblem(M, np.eye(2), np.array([1.0, 0.0]), np.zeros(2), np.zeros(1), np.array([[0.0], [1.0]]), np.zeros(1), dimension=2)
     v, multiplier = reduce(p).velocity(np.zeros(2))
+    assert multiplier is not None
     assert_allclose(v, [1, 0], atol=1e-12)
     assert_allclose(multiplier, [-1], atol=1e-12)
 
@@ -155,8 +159,8 @@ def floating_bars(count: int) -> sp.csr_array:
 )
 def test_singular_mass_is_refused(M: sp.sparray | np.ndarray) -> None:
     n = M.shape[0]
-    p = GlobalProblem(M, np.eye(n)[:, :3], np.ones(n), np.zeros(3), [0.3])
-    with pytest.raises(SingularMatrix, match="M is singular|is singular"):
+    p = GlobalProblem(M, np.eye(n)[:, :3], np.ones(n), np.zeros(3), np.full(1, 0.3))
+    with pytest.raises(SingularMatrix, match="singular"):
         _ = reduce(p).local
 
 
@@ -171,8 +175,9 @@ def test_singular_mass_is_refused_by_the_sparse_factor(monkeypatch: pytest.Monke
 def test_badly_scaled_but_regular_matrices_are_taken() -> None:
     """Stiffness in N/mm beside unit constraints, and translations beside rotations: no reason to refuse."""
     M = 1e12 * sp.csr_array(np.array([[2.0, -1.0], [-1.0, 2.0]]))
-    p = GlobalProblem(M, np.eye(2), 1e12 * np.array([1.0, 0.0]), np.zeros(2), [0.0], [[0.0], [1.0]], [0.0], dimension=2)
+    p = GlobalProblem(M, np.eye(2), np.array([1e12, 0.0]), np.zeros(2), np.zeros(1), np.array([[0.0], [1.0]]), np.zeros(1), dimension=2)
     v, multiplier = reduce(p).velocity(np.zeros(2))
+    assert multiplier is not None
     assert_allclose(v, [0.5, 0], atol=1e-12)
     assert_allclose(multiplier, [-0.5e12], rtol=1e-12)
     A = np.array([[1e9, 3.0], [3.0, 1e-8]])
@@ -190,7 +195,7 @@ def test_contact_that_touches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Both bodies held: H has zero columns there, W zero blocks."""
     H = np.zeros((3, 6))
     H[:, 3:] = np.eye(3)
-    p = GlobalProblem(2 * np.eye(3), H, np.ones(3), np.arange(6.0), [0.3, 0.3])
+    p = GlobalProblem(2 * np.eye(3), H, np.ones(3), np.arange(6.0), np.full(2, 0.3))
     expected = np.diag([0, 0, 0, 0.5, 0.5, 0.5])
     assert_allclose(dense(reduce(p).local.W), expected)
     monkeypatch.setattr(reduction, "DENSE_W_UP_TO", 0)
