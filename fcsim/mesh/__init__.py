@@ -1,0 +1,25 @@
+"""Meshes: materials, parts and bodies, bricks and walls by gmsh, mesh files in and out."""
+
+from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.io import read_mesh, read_parts, write_mesh
+from fcsim.mesh.masonry import RunningBond, running_bond
+from fcsim.mesh.part import Body, Material, Part, RigidBody
+from fcsim.mesh.quality import check_quality
+
+__all__ = [
+    "Body",
+    "Material",
+    "Part",
+    "RigidBody",
+    "RunningBond",
+    "brick",
+    "check_quality",
+    "part_from_gmsh",
+    "read_mesh",
+    "read_parts",
+    "rectangle",
+    "rigid_box",
+    "rigid_rectangle",
+    "running_bond",
+    "write_mesh",
+]
