@@ -169,7 +169,7 @@ class Checks:
 
     cone             max (||r_T|| - mu r_N)_+ / max |r|
     dual_cone        max (mu ||u_T|| - (u + g(u))_N)_+ / max |u|
-    complementarity  |r . (u + g(u))| / (||r|| ||u||)
+    complementarity  |r . (u + g(u))| / (||r|| ||u||); here and above q stands in for u where it is larger: all contacts may stick
     penetration      max (-u_N)_+, in the unit of u (times h: metres a step)
     momentum         ||M v - H r - G l - f|| / ||f||, None for a problem given in local form
     """
@@ -181,14 +181,17 @@ class Checks:
     momentum: float | None = None
 
 
-def check(r: FloatArray, u: FloatArray, mu: FloatArray, dimension: int = 3, momentum: float | None = None) -> Checks:
-    """Compute the unit-true checks of flat r and u (m,)."""
+def check(
+    r: FloatArray, u: FloatArray, mu: FloatArray, dimension: int = 3, momentum: float | None = None, q: FloatArray | None = None
+) -> Checks:
+    """Compute the unit-true checks of flat r and u (m,); q (m,), the velocity without reactions, keeps u = 0 up to round-off small."""
     if len(mu) == 0:
         return Checks(0.0, 0.0, 0.0, 0.0, momentum)
     r2, u2 = r.reshape(-1, dimension), u.reshape(-1, dimension)
     modified = u2 + de_saxce(u2, mu)
-    r_max, u_max = float(np.abs(r).max()) or 1.0, float(np.abs(u).max()) or 1.0
-    product = (float(np.linalg.norm(r)) * float(np.linalg.norm(u))) or 1.0
+    velocities = [u] if q is None else [u, q]
+    r_max, u_max = float(np.abs(r).max()) or 1.0, max(float(np.abs(x).max()) for x in velocities) or 1.0
+    product = (float(np.linalg.norm(r)) * max(float(np.linalg.norm(x)) for x in velocities)) or 1.0
     return Checks(
         cone=float(np.maximum(tangential_norm(r2) - mu * r2[:, 0], 0).max()) / r_max,
         dual_cone=float(np.maximum(mu * tangential_norm(u2) - modified[:, 0], 0).max()) / u_max,

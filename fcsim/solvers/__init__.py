@@ -124,7 +124,7 @@ def solve(
         iterations=monitor.iterations,
         seconds={"reduction": reduced - start, "solve": end - reduced},
         history=monitor.history,
-        checks=check(r, u, mu, dimension, momentum),
+        checks=check(r, u, mu, dimension, momentum, q),
         method=solver,
         multiplier=multiplier,
     )

@@ -92,6 +92,15 @@ def test_checks_are_free_of_units() -> None:
     assert_allclose(u[6], -0.1)
 
 
+def test_checks_of_contacts_that_all_stick() -> None:
+    """u is round-off, its direction noise: seen from q it is nothing."""
+    u, q, r = 1e-17 * np.ones(9), 0.1 * np.ones(9), np.tile([1.0, 0, 0], 3)
+    u[0] = -1e-17
+    assert check(r, u, MU).dual_cone == 1
+    checks = check(r, u, MU, q=q)
+    assert 0 < checks.dual_cone < 1e-15 and 0 < checks.complementarity < 1e-15
+
+
 def test_contact_status() -> None:
     assert contact_status(R, MU).tolist() == [OPEN, STICK, SLIP]
     assert contact_status(R[[0, 1, 3, 4, 6, 7]], np.array([0.5, 0.3, 0.24]), 2).tolist() == [OPEN, STICK, SLIP]
