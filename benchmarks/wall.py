@@ -53,7 +53,7 @@ def main() -> None:
     given = dict(text.split("=", 1) for text in options.assignments)
     table = Table(title=f"masonry wall, {options.steps} steps, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
     table.add_column("solver")
-    for heading in (*(f"{phase} [ms]" for phase in PHASES), "mean step [ms]", "median step [ms]", "iterations a step", "set-up [s]"):
+    for heading in (*(f"{phase}\n[ms]" for phase in PHASES), "mean step\n[ms]", "median step\n[ms]", "iterations\na step", "set-up\n[s]"):
         table.add_column(heading, justify="right")
     table.add_column("ended")
     for solver in options.solver or ["NSN-AC"]:
@@ -70,7 +70,7 @@ def main() -> None:
             f"{set_up:.2f}",
             f"step {count}, {status}",
         )
-    console = Console()
+    console = Console(width=120)
     console.print(table)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
     console.print(f"peak memory {peak:.0f} MiB", highlight=False)

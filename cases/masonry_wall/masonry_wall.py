@@ -86,6 +86,8 @@ def build(p: Parameters) -> Case:
             Sensor("bottom_Rz", "vertical reaction, bottom platen", "N", lambda s: float(-s.contact_force_on(bottom)[2])),
             Sensor("top_Rx", "horizontal force, top platen", "N", lambda s: float(-s.contact_force_on(top)[0])),
             Sensor("top_Rz", "vertical force, top platen", "N", lambda s: float(-s.contact_force_on(top)[2])),
+            Sensor("inertia_x", "rate of change of the blocks' momentum along x", "N", lambda s: momentum_rate(model, s)[0]),
+            Sensor("inertia_z", "rate of change of vertical momentum, blocks and top platen", "N", lambda s: vertical_rate(model, s, top)),
         ),
         plots={"imposed": "top_x", "reaction": ("bottom_Rx", "top_Rx"), "bound": (bound, f"friction bound at the {where}")},
         fclib_set="FCSIM_LowWall_FEM",
@@ -147,6 +149,18 @@ def wall_contacts(wall: RunningBond, model: Model, p: Parameters, mu_blocks: flo
 def platen_displacement(model: Model, step: Step, body: int) -> float:
     """Displacement along x [m] of a platen, positive in the direction of motion of the default case."""
     return float(abs(step.state.x[model.dof_offset[body]]))
+
+
+def momentum_rate(model: Model, step: Step) -> np.ndarray:
+    """(p+ - p-) / h of all blocks together (3,) [N]: what their reactions differ from statics by."""
+    change = model.apply_mass(step.state.v - step.previous.v)[: model.n_elastic]
+    return change.reshape(-1, 3).sum(axis=0) / (step.state.t - step.previous.t)
+
+
+def vertical_rate(model: Model, step: Step, platen: int) -> float:
+    """The vertical rate of change of momentum [N] of the blocks and a platen."""
+    change = model.apply_mass(step.state.v - step.previous.v)[model.dof_offset[platen] + 2]
+    return float(momentum_rate(model, step)[2] + change / (step.state.t - step.previous.t))
 
 
 if __name__ == "__main__":
