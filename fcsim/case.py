@@ -111,7 +111,7 @@ def _parse(name: str, text: str, kind: Any, case: str) -> Any:
         return switches[text.lower()]
     try:
         return kind(text)
-    except ValueError:
+    except (TypeError, ValueError):
         raise refused from None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import signal
 import sys
@@ -79,6 +80,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_OK
+    except OSError as error:  # a folder that cannot be written, a full disk
+        print(f"fcsim: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         print("fcsim: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
@@ -119,11 +123,15 @@ def _run(options: argparse.Namespace) -> int:
         vtk_every=options.vtk_every,
         checkpoint_every=options.checkpoint_every,
     )
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))  # a polite kill ends the run as Ctrl-C does
-    with Progress() as progress:
-        summary = run_case(
-            script, assignments, directory, settings, resume=options.resume, overwrite=options.overwrite, watch=progress.update
-        )
+    # a polite kill ends the run as Ctrl-C does
+    before = signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        with Progress() as progress:
+            summary = run_case(
+                script, assignments, directory, settings, resume=options.resume, overwrite=options.overwrite, watch=progress.update
+            )
+    finally:
+        signal.signal(signal.SIGTERM, before)
     print_summary(summary, directory)
     return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
 
@@ -175,7 +183,7 @@ def _solve(options: argparse.Namespace) -> int:
             description=content.info.description,
             math_info=f"solved by fcsim {__version__}, {result.method}: {result.status.value}, error {result.error:.3e}",
         )
-    checks = vars(result.checks)
+    checks = {name: value if value is None or math.isfinite(value) else None for name, value in vars(result.checks).items()}
     answer = {
         "file": str(options.file),
         "solver": result.method,
@@ -192,7 +200,8 @@ def _solve(options: argparse.Namespace) -> int:
         "checks": checks,
     }
     if options.json:
-        print(json.dumps(answer, indent=1))
+        finite = {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in answer.items()}
+        print(json.dumps(finite, indent=1, allow_nan=False))
     else:
         print(f"{options.file}: {content.form} form, {problem.nc} contacts in {problem.dimension}D, n = {answer['n']}")
         print(f"{result.method}: {result.status.value}; error {result.error:.3e} (tol {options.tol:g}), {result.iterations} iterations")

@@ -154,7 +154,7 @@ def _component_tiles(H: Any, inverse_diagonal: FloatArray, d: int) -> Iterable[t
 
 def _factor(block: Any) -> Factor:
     factor = _fitting_factor(block)
-    _refuse_singular(block, factor)
+    refuse_singular(block, factor)
     return factor
 
 
@@ -170,7 +170,7 @@ def _fitting_factor(block: Any) -> Factor:
     return DenseLU(dense)
 
 
-def _refuse_singular(block: Any, factor: Factor) -> None:
+def refuse_singular(block: Any, factor: Factor) -> None:
     """Raise SingularMatrix where the factor does not find a known solution again.
 
     Round-off hides the zero pivot of most singular matrices, such as the stiffness of a body without supports. The known solution

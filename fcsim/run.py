@@ -82,21 +82,25 @@ def run_case(
     """Run a case script with the given parameter texts into a folder; `watch` is called after each step.
 
     resume goes on from the folder's checkpoint with the parameters stored there (steps may be raised); overwrite empties an earlier
-    run's folder first. Returns the summary also when a step does not converge or the run is interrupted by Ctrl-C.
+    run's folder first. Nothing is touched before the case is built. Returns the summary also when a step does not converge or the run
+    is interrupted by Ctrl-C.
     """
     options = options or RunOptions()
     directory = Path(directory)
     if resume:
-        assignments = {**_stored_assignments(directory, script, assignments), **assignments}
+        assignments = _resumed_assignments(directory, script, assignments)
     else:
-        _prepare(directory, overwrite)
+        _check_folder(directory, overwrite)
     parameters = parse_parameters(script, assignments)
     case = script.build(parameters)
     description = _describe(case, script, parameters, assignments, options)
     checkpoint = _read_checkpoint(directory / "checkpoint.h5") if resume else None
-    if resume and checkpoint is None:
-        _prepare(directory, overwrite=True)  # stopped before its first checkpoint: from the start
     start = checkpoint[0] if checkpoint else 0
+    if start > case.simulation.steps:
+        raise InputError(f"--resume: expected at least the {start} steps that {directory} holds, got {case.simulation.steps}")
+    if checkpoint is None:  # a new run, or one that stopped before its first checkpoint
+        _check_folder(directory, overwrite or resume)
+        _empty(directory)
     _write_json(directory / "run.json", {**description, "status": "running"})
     table = _StepTable(directory / "steps.csv", case, start)
     series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
@@ -132,6 +136,9 @@ def run_case(
         status, message = "not converged", str(error)
     except KeyboardInterrupt:
         status, message = "interrupted", "interrupted from the keyboard; go on with --resume"
+    except BaseException as error:
+        status, message = "failed", f"{type(error).__name__}: {error}"
+        raise
     finally:
         table.close()
         reached = last.number if last is not None else start
@@ -141,8 +148,8 @@ def run_case(
     return Summary(status, message, reached, computed, totals, time.perf_counter() - begin, iterations, largest, fallbacks)
 
 
-def _prepare(directory: Path, overwrite: bool) -> None:
-    """Make the folder, or empty that of an earlier run; never touch what a run has not written."""
+def _check_folder(directory: Path, overwrite: bool) -> None:
+    """Refuse a folder that holds anything but an earlier run's results, and those too unless they may be replaced."""
     if directory.exists() and not directory.is_dir():
         raise InputError(f"{directory}: expected a folder for the results, found a file")
     entries = {entry.name for entry in directory.iterdir()} if directory.exists() else set()
@@ -151,14 +158,18 @@ def _prepare(directory: Path, overwrite: bool) -> None:
         raise InputError(f"{directory}: expected an empty or new folder for the results, found {', '.join(sorted(foreign)[:5])}")
     if entries and not overwrite:
         raise InputError(f"{directory}: holds the results of an earlier run; go on with --resume, replace it with --overwrite")
-    for name in entries:
+
+
+def _empty(directory: Path) -> None:
+    """Make the folder, or remove an earlier run's results."""
+    for name in OWN_ENTRIES:
         path = directory / name
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     directory.mkdir(parents=True, exist_ok=True)
 
 
-def _stored_assignments(directory: Path, script: CaseScript, given: Mapping[str, str]) -> dict[str, str]:
-    """The parameters of the run to go on with; only the number of steps may differ."""
+def _resumed_assignments(directory: Path, script: CaseScript, given: Mapping[str, str]) -> dict[str, str]:
+    """The parameters of the run to go on with and those given now; only the number of steps may differ."""
     path = directory / "run.json"
     if not path.is_file():
         raise InputError(f"{directory}: expected the folder of an earlier run to resume, found no run.json")
@@ -168,10 +179,12 @@ def _stored_assignments(directory: Path, script: CaseScript, given: Mapping[str,
         raise InputError(f"{path}: expected JSON: {error}") from None
     if stored.get("case") != script.name:
         raise InputError(f"{directory}: expected a run of case {script.name!r} to resume, found {stored.get('case')!r}")
-    assignments = dict(stored.get("assignments", {}))
-    for name, text in given.items():
-        if name != "steps" and assignments.get(name) != text:
-            raise InputError(f"--resume: expected the parameters of the first run, got {name}={text} for {name}={assignments.get(name)}")
+    assignments = {**stored.get("assignments", {}), **given}
+    now = json.loads(json.dumps(asdict(parse_parameters(script, assignments))))  # tuples become lists, as in the file
+    first = stored.get("parameters", {})
+    for name in [name for name in (*first, *now) if name != "steps"]:
+        if first.get(name) != now.get(name):
+            raise InputError(f"--resume: expected the first run's {name} = {first.get(name)}, got {now.get(name)}")
     return assignments
 
 

@@ -106,8 +106,7 @@ def wall_model(wall: RunningBond, p: Parameters) -> Model:
 
     def gravity(t: float) -> np.ndarray:
         """A ramp over the steps after gravity_first up to gravity_last."""
-        share = (t / p.h - p.gravity_first) / (p.gravity_last - p.gravity_first)
-        return np.array([0, 0, -GRAVITY * min(max(share, 0.0), 1.0)])
+        return np.array([0, 0, -np.interp(t / p.h, [p.gravity_first, p.gravity_last], [0.0, GRAVITY])])
 
     def shear(t: float) -> float:
         """Zero until shear_start, then a linear ramp to shear_velocity at shear_full."""

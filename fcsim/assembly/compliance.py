@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fcsim.assembly.model import DIRECTIONS, Group, Model
 from fcsim.errors import InputError
 from fcsim.linear import Factor, SingularMatrix, factorise
-from fcsim.reduction import assemble_delassus
+from fcsim.reduction import assemble_delassus, refuse_singular
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -37,7 +37,11 @@ class SystemFactor:
         k = len(DIRECTIONS[model.dimension])
         driven = np.zeros(model.n_dofs, dtype=bool)
         driven[model.driven_dofs] = True
-        self._rigid_inverse = _free_inverse(mass * model.rigid_mass, ~driven[model.n_elastic :].reshape(-1, k))
+        free = ~driven[model.n_elastic :].reshape(-1, k)
+        if not mass and free.any():
+            body = model.rigid[int(np.argmax(free.any(axis=1)))]
+            raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
+        self._rigid_inverse = _free_inverse(mass * model.rigid_mass, free)
 
     def matrix(self) -> Any:
         """A as one csr_array on the problems' unknowns: (n_free, n_free), or (n_dofs, n_dofs) with identity rows."""
@@ -114,6 +118,8 @@ class _GroupFactor:
         block = sp.csr_array(mass * group.M + stiffness * group.K)[self.free][:, self.free]
         try:
             self.factor: Factor = factorise(block, positive_definite=True)
+            if len(self.free):
+                refuse_singular(block, self.factor)
         except SingularMatrix as error:
             raise InputError(
                 f"part {group.part.name!r}: its system matrix is singular ({error}); is a body without supports in statics?"

@@ -202,7 +202,7 @@ class Model:
     def driven_velocity(self, t: float) -> FloatArray:
         """Velocity (n_driven,) [m/s, rad/s] that the supports prescribe at time t."""
         dofs, support = self._supported
-        value = np.array([s.velocity(t) if callable(s.velocity) else s.velocity for s in self.supports], dtype=np.float64)
+        value = np.array([_support_velocity(s, t) for s in self.supports])
         velocity = np.zeros(len(self.driven_dofs))
         velocity[np.searchsorted(self.driven_dofs, dofs)] = value[support] if len(dofs) else 0.0
         return velocity
@@ -302,8 +302,10 @@ class Model:
         force = np.zeros(self.n_dofs)
         if self.gravity is not None:
             acceleration = np.zeros(self.n_dofs)
-            g = np.asarray(self.gravity(t), dtype=np.float64)
             d = self.dimension
+            g = np.asarray(self.gravity(t), dtype=np.float64)
+            if g.shape != (d,) or not np.all(np.isfinite(g)):
+                raise InputError(f"gravity at t = {t} s: expected an acceleration of {d} finite numbers [m/s^2], got {self.gravity(t)!r}")
             acceleration[: self.n_elastic].reshape(-1, d)[:] = g
             acceleration[self.n_elastic :].reshape(-1, len(DIRECTIONS[d]))[:, :d] = g
             force += self.apply_mass(acceleration)
@@ -440,6 +442,17 @@ def _support_dofs(model: Model, support: Support) -> IntArray:
     return (first + nodes[:, None] * model.dimension + component).ravel()
 
 
+def _support_velocity(support: Support, t: float) -> float:
+    value = support.velocity(t) if callable(support.velocity) else support.velocity
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise InputError(f"support of body {support.body!r} at t = {t} s: expected a velocity that is a finite number, got {value!r}")
+    return number
+
+
 def _load_vector(model: Model, load: Load) -> FloatArray:
     number = _body_number(model, load.body)
     body, d = model.bodies[number], model.dimension
@@ -450,8 +463,11 @@ def _load_vector(model: Model, load: Load) -> FloatArray:
             raise InputError(f"Force on body {load.body!r}: expected a rigid body; use Traction or BodyForce on a deformable one")
         moment = (0.0,) * (len(DIRECTIONS[d]) - d) if load.moment is None else load.moment
         values = np.concatenate([load.force, moment])
-        if values.shape != (len(DIRECTIONS[d]),):
-            raise InputError(f"Force on body {load.body!r}: expected {d} force and {len(moment)} moment components, got {values.shape[0]}")
+        if values.shape != (len(DIRECTIONS[d]),) or not np.all(np.isfinite(values)):
+            raise InputError(
+                f"Force on body {load.body!r}: expected {d} force and {len(DIRECTIONS[d]) - d} moment components, finite numbers, got "
+                f"{load.force} and {load.moment}"
+            )
         vector[own] = values
         return vector
     if not isinstance(body, Body):
@@ -493,12 +509,13 @@ def build_model(
         raise InputError("bodies: expected all in 2D or all in 3D, got both")
     if driven not in ("eliminated", "identity"):
         raise InputError(f"driven: expected 'eliminated' or 'identity', got {driven!r}")
-    if alpha < 0 or beta < 0:
+    if not (0 <= alpha < np.inf and 0 <= beta < np.inf):
         raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {alpha} and {beta}")
     ordered = [b for b in bodies if isinstance(b, Body)] + [b for b in bodies if isinstance(b, RigidBody)]
     model = Model(tuple(ordered), tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven)
     _refuse_contradictions(model)
-    model.load(0.0)  # refuses what loads get wrong before the run starts
+    model.load(0.0)  # these two refuse what loads and supports get wrong before the run starts
+    model.driven_velocity(0.0)
     return model
 
 

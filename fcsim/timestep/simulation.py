@@ -16,10 +16,11 @@ from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detector, contact_matrix
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.errors import NotConverged
+from fcsim.errors import InputError, NotConverged
 from fcsim.problem import GlobalProblem, contact_status
 from fcsim.reduction import Reduction
-from fcsim.solvers import Result, solve
+from fcsim.solvers import Result, method, solve
+from fcsim.solvers.base import override
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
 
@@ -39,6 +40,15 @@ class SolverSettings:
     floor: float = 1e-3
     options: Mapping[str, Any] = field(default_factory=dict)
     fallback: tuple[str, ...] = ("NSN-NM", "NSN-AC-HYBRID", "NSGS-AC")
+
+    def __post_init__(self) -> None:
+        override(method(self.name).options, dict(self.options))
+        for name in self.fallback:
+            method(name)
+        if not self.tol > 0:
+            raise InputError(f"tol: expected a number > 0, got {self.tol}")
+        if not self.floor >= 0:
+            raise InputError(f"floor: expected a number >= 0, got {self.floor}")
 
 
 @dataclass(frozen=True)
@@ -154,6 +164,10 @@ class Simulation:
     steps: int
     solver: SolverSettings = field(default_factory=SolverSettings)
     initial: State | None = None
+
+    def __post_init__(self) -> None:
+        if self.steps < 0:
+            raise InputError(f"steps: expected a whole number >= 0, got {self.steps}")
 
     def __iter__(self) -> Iterator[Step]:
         return self.run()
