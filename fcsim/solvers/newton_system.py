@@ -70,15 +70,16 @@ class DenseSystem:
 
 
 class CondensedSystem:
-    """Elimination of the sticking contacts, whose rows u_a + (W dr)_a = 0 do not change while they stick.
+    """Elimination of what does not change between iterations: sticking contacts, then the normal rows of closed ones.
 
     S are the contacts held when W_SS = L L^T was factored, the border are all others met so far. A free contact a of the border has
-    the unknown dr_a, a released one (it was held, but sticks no longer) the unknown s_a = (W dr)_a. With the columns
+    the unknown x_a = dr_a, a released one (it was held, but sticks no longer) the unknown x_a = (W dr)_a. With the columns
     P = L^-1 [W_SC, -E_R] of free (C) and released (R) contacts, z = L^-1 t and t the held contacts' W dr (0 at released ones),
 
-        (W dr)_C = P_C^T z + (W_CC - P_C^T P_C) dr_C - P_C^T P_R s_R,        dr_R = -P_R^T z + P_R^T P_C dr_C + P_R^T P_R s_R,
+        (W dr)_C = P_C^T z + (W_CC - P_C^T P_C) x_C - P_C^T P_R x_R,        dr_R = -P_R^T z + P_R^T P_C x_C + P_R^T P_R x_R.
 
-    so a change of sets costs columns, not a factorisation; W_SS is factored anew only when the border has grown too large for that.
+    So a change of sets costs columns, not a factorisation; W_SS is factored anew only when the border has grown too large for that.
+    The matrix of this response is kept; while the free contacts stay the same, `_NormalElimination` keeps them shorter by a third.
     The result is the exact Newton step. W must be symmetric; where W_SS is not positive definite the dense LU takes over.
     """
 
@@ -95,10 +96,10 @@ class CondensedSystem:
         try:
             if self._held is None or self._outgrown(stick):
                 self._hold(np.flatnonzero(stick))
+            return self._condensed(A, B, rhs)
         except SingularMatrix:
             self._held = None
             return self._dense.solve(A, B, rhs)
-        return self._condensed(A, B, rhs)
 
     def _outgrown(self, stick: BoolArray) -> bool:
         """Whether many border contacts stick, or were released: factoring anew then costs less than carrying them."""
@@ -123,7 +124,8 @@ class CondensedSystem:
         self._border = np.empty(0, dtype=np.int64)
         self._column = np.full(nc, -1)  # of a border contact in P
         self._P = np.empty((len(dofs), 0), order="F")
-        self._gram = np.empty((0, 0))  # P^T P, with W_CC - P_C^T P_C for pairs of free contacts
+        self._response = np.empty((0, 0))  # of ((W dr)_C, dr_R) to x
+        self._normals: _NormalElimination | None = None
 
     def _extend(self, contacts: IntArray) -> None:
         """Give the contacts columns in the border."""
@@ -134,31 +136,35 @@ class CondensedSystem:
         released = self._is_held[new]
         self._released[new[released]] = True
         dofs = _dofs(new, d)
-        columns = np.asfortranarray(self._W[np.ix_(self._held_dofs, dofs)])
+        columns = self._W[np.ix_(dofs, self._held_dofs)].T  # W_SC, as W is symmetric, in LAPACK's order
         if released.any():
             own = _dofs(np.flatnonzero(released), d)
             columns[:, own] = 0
             columns[_dofs(self._place[new[released]], d), own] = -1
-        P, _ = sla.lapack.dtrtrs(self._L, columns, lower=True, overwrite_b=True)
+        P = sla.blas.dtrsm(1.0, self._L, columns, lower=True, overwrite_b=True)
         k = len(self._border) * d
-        gram = np.empty((k + len(dofs), k + len(dofs)))
-        gram[:k, :k] = self._gram
-        gram[k:, :k] = P.T @ self._P
-        gram[k:, k:] = P.T @ P
-        free_new = _dofs(np.flatnonzero(~released), d)
-        old_free = np.flatnonzero(~self._released[self._border])
-        free_old = _dofs(old_free, d)
-        gram[np.ix_(k + free_new, free_old)] = (
-            self._W[np.ix_(dofs[free_new], _dofs(self._border[old_free], d))] - gram[np.ix_(k + free_new, free_old)]
-        )
-        gram[:k, k:] = gram[k:, :k].T
-        gram[np.ix_(k + free_new, k + free_new)] = (
-            self._W[np.ix_(dofs[free_new], dofs[free_new])] - gram[np.ix_(k + free_new, k + free_new)]
-        )
-        self._gram = gram
+        response = np.empty((k + len(dofs), k + len(dofs)))
+        response[:k, :k] = self._response
+        if k:
+            response[k:, :k] = P.T @ self._P
+            response[:k, k:] = response[k:, :k].T
+        response[k:, k:] = P.T @ P
+        border = np.concatenate([self._border, new])
+        free = np.flatnonzero(~self._released[border])
+        rows, fresh, held = _dofs(free, d), k + _dofs(np.flatnonzero(~released), d), _dofs(np.flatnonzero(self._released[border]), d)
+        # signs of the class's formulas, on the new rows and columns only
+        response[np.ix_(fresh, rows)] = self._W[np.ix_(_dofs(new[~released], d), _dofs(border[free], d))] - response[np.ix_(fresh, rows)]
+        if k:
+            old = rows[rows < k]
+            response[np.ix_(old, fresh)] = response[np.ix_(fresh, old)].T
+        if len(held):
+            response[np.ix_(fresh, held)] *= -1
+            response[np.ix_(rows[rows < k], held[held >= k])] *= -1
+        self._response = response
         self._P = P if not k else np.concatenate([self._P, P], axis=1)
         self._column[new] = len(self._border) + np.arange(len(new))
-        self._border = np.concatenate([self._border, new])
+        self._border = border
+        self._normals = None
 
     def _condensed(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> FloatArray:
         d, held = self._d, self._held
@@ -175,30 +181,90 @@ class CondensedSystem:
         t -= coupling[held]
         z, _ = sla.lapack.dtrtrs(self._L, t.reshape(-1), lower=True)
         border = self._border[~open_free[self._border]]
+        released = self._released[border]
+        # Alart-Curnier's and Jean-Moreau's normal rows of a closed contact are (A_NN, 0, 0) and (0, 0, 0)
+        whole = released | (A[border, 0, 0] == 0) | A[border, 0, 1:].any(axis=1) | B[border, 0].any(axis=1)
+        closed, whole, released = border[~whole], border[whole], released[whole]
         if len(border):
-            k = len(border)
-            columns = _dofs(self._column[border], d)
-            gram = self._gram[np.ix_(columns, columns)].reshape(k, d, k, d)
-            known = (self._P.T @ z)[columns].reshape(k, d)
-            released = self._released[border]
-            # rows: A (W dr) + B dr of a contact, with signs as in the class's formulas
-            outer = np.where(released[:, None, None], B[border], A[border])
-            inner = np.where(released[:, None, None], A[border], B[border])
-            cross = np.where(released[:, None] == released[None, :], 1.0, np.where(released[:, None], 1.0, -1.0))
-            J = (outer @ (gram * cross[:, None, :, None]).reshape(k, d, k * d)).reshape(k, d, k, d)
-            own = np.arange(k)
-            J[own, :, own, :] += inner
-            # of a free contact (W dr)_a also holds what the open ones do; a released one's s_a likewise
-            right = rhs[border] - np.einsum("aij,aj->ai", outer, np.where(released[:, None], -known, known + coupling[border]))
-            unknown = DenseLU(J.reshape(k * d, k * d).T, overwrite=True).solve_transposed(right.ravel())
+            Pz = self._P.T @ z
+            known = coupling[closed] + Pz[_dofs(self._column[closed], d)].reshape(-1, d)
+            known_whole = Pz[_dofs(self._column[whole], d)].reshape(-1, d)
+            known_whole = np.where(released[:, None], -known_whole, coupling[whole] + known_whole)
+            # a released contact's unknown is W dr and its response dr: A and B change places
+            outer = np.where(released[:, None, None], B[whole], A[whole])
+            inner = np.where(released[:, None, None], A[whole], B[whole])
+            normals = self._normals
+            if normals is None or not (np.array_equal(normals.closed, closed) and np.array_equal(normals.whole, whole)):
+                normals = self._normals = _NormalElimination(self._response, closed, whole, self._column, d)
+            right = rhs[whole] - np.einsum("aij,aj->ai", outer, known_whole)
+            x_closed, x_whole = normals.solve(A[closed], B[closed], rhs[closed], known, outer, inner, right)
             expanded = np.zeros(self._P.shape[1])
-            expanded[columns] = unknown
+            expanded[_dofs(self._column[closed], d)] = x_closed.ravel()
+            expanded[_dofs(self._column[whole], d)] = x_whole.ravel()
             z = z - self._P @ expanded
-            free = border[~released]
-            dr[free] = unknown.reshape(k, d)[~released]
+            dr[closed] = x_closed
+            dr[whole[~released]] = x_whole[~released]
         x, _ = sla.lapack.dtrtrs(self._L, z, lower=True, trans=1)
         dr[held] = x.reshape(-1, d)
         return dr.ravel()
+
+
+class _NormalElimination:
+    """The border's system with the normal components of its closed contacts eliminated, for one choice of these.
+
+    Their normal rows A_NN (W dr)_N = rhs_N do not depend on the iterate, so x_N = y - Z x_V, where V are their tangential components
+    and all components of the other ("whole") contacts. Left is a system on V with the response S = G_VV - G_VN Z.
+    """
+
+    def __init__(self, response: FloatArray, closed: IntArray, whole: IntArray, column: IntArray, d: int) -> None:
+        self.closed, self.whole, self._d = closed, whole, d
+        first = d * column[closed]
+        V = np.concatenate([(first[:, None] + np.arange(1, d)).ravel(), _dofs(column[whole], d)])
+        factor, info = sla.lapack.dpotrf(response[np.ix_(first, first)].T, lower=True, overwrite_a=True, clean=False)
+        if info != 0:
+            raise SingularMatrix(f"the normal compliance of {len(closed)} contacts is not positive definite")
+        self._L = factor
+        self._Z = self._normal_solve(response[np.ix_(first, V)])
+        self._G_VN = response[np.ix_(V, first)]
+        self._S = response[np.ix_(V, V)]
+        self._S -= self._G_VN @ self._Z
+
+    def _normal_solve(self, rhs: FloatArray) -> FloatArray:
+        return sla.lapack.dpotrs(self._L, rhs, lower=True)[0] if len(self.closed) else np.zeros_like(rhs)
+
+    def solve(
+        self,
+        A: FloatArray,
+        B: FloatArray,
+        rhs: FloatArray,
+        known: FloatArray,
+        outer: FloatArray,
+        inner: FloatArray,
+        right: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return x of the closed and of the whole contacts.
+
+        Closed: A (W dr) + B x = rhs, where W dr is `known` for x = 0. Whole: outer (response to x) + inner x = right less the known.
+        """
+        d, k, w, n = self._d, len(self.closed), len(self.whole), len(self._S)
+        split = k * (d - 1)
+        Wdr_N = rhs[:, 0] / A[:, 0, 0]
+        y = self._normal_solve(Wdr_N - known[:, 0])
+        shift = self._G_VN @ y
+        known_T = known[:, 1:] + shift[:split].reshape(k, d - 1)
+        J = np.empty((n, n))
+        rows_T = J[:split].reshape(k, d - 1, n)
+        np.matmul(A[:, 1:, 1:], self._S[:split].reshape(k, d - 1, n), out=rows_T)
+        rows_T -= B[:, 1:, :1] * self._Z[:, None, :]
+        own = np.arange(k)
+        J[:split, :split].reshape(k, d - 1, k, d - 1)[own, :, own, :] += B[:, 1:, 1:]
+        np.matmul(outer, self._S[split:].reshape(w, d, n), out=J[split:].reshape(w, d, n))
+        own = np.arange(w)
+        J[split:, split:].reshape(w, d, w, d)[own, :, own, :] += inner
+        right_T = rhs[:, 1:] - A[:, 1:, 0] * Wdr_N[:, None] - B[:, 1:, 0] * y[:, None] - np.einsum("aij,aj->ai", A[:, 1:, 1:], known_T)
+        right = right - np.einsum("aij,aj->ai", outer, shift[split:].reshape(w, d))
+        x = DenseLU(J.T, overwrite=True).solve_transposed(np.concatenate([right_T.ravel(), right.ravel()]))
+        return np.concatenate([(y - self._Z @ x)[:, None], x[:split].reshape(k, d - 1)], axis=1), x[split:].reshape(w, d)
 
 
 class SparseSystem:
