@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from fcsim._kernels import add_tile
 from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise
 from fcsim.problem import GlobalProblem, LocalProblem
 
@@ -41,8 +42,7 @@ def assemble_delassus(tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dim
     if nc * d <= DENSE_W_UP_TO:
         W = np.zeros((nc * d, nc * d))
         for contacts, tile in tiles:
-            dofs = (contacts[:, None] * d + np.arange(d)).ravel()
-            W[np.ix_(dofs, dofs)] += tile
+            add_tile(W, contacts, tile, d)
         return W
     keys, blocks = [], []
     for contacts, tile in tiles:
