@@ -7,6 +7,7 @@ The reference case of V. Acary, M. Brémond, F. Dubois on frictional contact bet
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,7 +16,7 @@ import numpy as np
 from fcsim.assembly.model import Model, Support, build_model
 from fcsim.case import Case, Sensor
 from fcsim.cli import main
-from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection import ContactSurface, Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rigid_box
 from fcsim.mesh.masonry import RunningBond, running_bond
@@ -98,9 +99,9 @@ def build(p: Parameters) -> Case:
 def wall_model(wall: RunningBond, p: Parameters) -> Model:
     """Blocks and platens; the bottom platen is held, the top one driven along x and free otherwise."""
     length, thickness, height = wall.size
-    platen = np.array([1.2 * length, 2 * thickness, p.block_size[2]])
+    platen = (1.2 * length, 2 * thickness, p.block_size[2])
     mass = p.compression / GRAVITY
-    middle = np.array([length / 2, thickness / 2])
+    middle = (length / 2, thickness / 2)
     top = rigid_box("top platen", platen, (*middle, height + platen[2] / 2), mass)
     bottom = rigid_box("bottom platen", platen, (*middle, -platen[2] / 2), mass)
 
@@ -131,8 +132,8 @@ def wall_contacts(wall: RunningBond, model: Model, p: Parameters, mu_blocks: flo
     lower, upper = names[wall.course < wall.courses], names[wall.course > 1]
     first, last = names[wall.bodies_of_course(1)], names[wall.bodies_of_course(wall.courses)]
 
-    def surface(bodies: np.ndarray, side: str):
-        return contact_surface(model, [(str(name), side) for name in bodies])
+    def surface(bodies: Iterable[str], side: str) -> ContactSurface:
+        return contact_surface(model, [(name, side) for name in bodies])
 
     pairs = [
         SurfacePair(surface(first, wall.bottom), surface(["bottom platen"], "z+"), mu_platens, p.alert, "nodes", "bottom platen"),

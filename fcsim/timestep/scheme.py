@@ -19,9 +19,15 @@ FloatArray = NDArray[np.float64]
 class Scheme(Protocol):
     """One step is M v = H r + f with M = mass_factor M + stiffness_factor K; see theta.py and quasi_static.py."""
 
-    h: float
-    force_per_reaction: float
-    """Force [N] of a unit reaction: 1/h for impulses, 1 for forces."""
+    @property
+    def h(self) -> float:
+        """Length of a step [s]."""
+        ...
+
+    @property
+    def force_per_reaction(self) -> float:
+        """Force [N] of a unit reaction: 1/h for impulses, 1 for forces."""
+        ...
 
     def factors(self, model: Model) -> tuple[float, float]:
         """Return (mass_factor, stiffness_factor)."""

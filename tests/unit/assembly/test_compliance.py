@@ -12,6 +12,7 @@ from fcsim.assembly import compliance
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model, Support, build_model
 from fcsim.errors import InputError
+from fcsim.linear import Factor
 from fcsim.mesh.part import Body, Material, Part, RigidBody
 
 SOFT = Material(1e6, 0.3, 1000.0)
@@ -85,7 +86,7 @@ def test_contacts_on_held_nodes_only(grid_part: GridPart) -> None:
     """A contact between two held surfaces has no compliance."""
     part = grid_part("hexahedron", (1, 1, 1), (1, 1, 1), SOFT)
     for driven in ("eliminated", "identity"):
-        model = build_model([Body("a", part)], supports=[Support("a", ("x", "y", "z"), "z0")], driven=driven)  # type: ignore[arg-type]
+        model = build_model([Body("a", part)], supports=[Support("a", ("x", "y", "z"), "z0")], driven=driven)
         nodes = np.unique(part.surfaces["z0"])
         n = len(model.free_dofs) if driven == "eliminated" else model.n_dofs
         W = SystemFactor(model, 1.0, 1.0, nodes).delassus(sp.csr_array((n, 6)), 3)
@@ -101,9 +102,14 @@ def test_no_contacts(grid_part: GridPart) -> None:
 def test_equal_bodies_share_one_factor(grid_part: GridPart, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes = []
     original = compliance.factorise
-    monkeypatch.setattr(compliance, "factorise", lambda A, **options: sizes.append(A.shape[0]) or original(A, **options))
+
+    def counted(A: sp.csr_array, **options: bool) -> Factor:
+        sizes.append(A.shape[0])
+        return original(A, **options)
+
+    monkeypatch.setattr(compliance, "factorise", counted)
     part = grid_part("hexahedron", (1, 1, 1), (1, 1, 1), SOFT)
-    bodies = [Body(f"b{k}", part, translation=[2.0 * k, 0, 0]) for k in range(6)]
+    bodies = [Body(f"b{k}", part, translation=np.array([2.0 * k, 0, 0])) for k in range(6)]
     SystemFactor(build_model(bodies, supports=[Support("b3", ("x", "y", "z"), "z0")]), 1.0, 1.0, np.arange(8))
     assert sorted(sizes) == [12, 24]
 

@@ -1,6 +1,7 @@
 """The model: numbering, operators of deformable and rigid bodies, supports, loads, refusals."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,7 +42,7 @@ def plane_part(grid_part: GridPart) -> Part:
 @pytest.fixture
 def mixed(part: Part) -> Model:
     """Given in any order: two placements of one part, one of them turned, between two rigid bodies."""
-    bodies = [rigid("r1"), Body("a", part), rigid("r2", seed=2), Body("b", part, TILT, [1.0, 2.0, 3.0])]
+    bodies: list[Body | RigidBody] = [rigid("r1"), Body("a", part), rigid("r2", seed=2), Body("b", part, TILT, np.array([1.0, 2.0, 3.0]))]
     return build_model(bodies, alpha=0.3, beta=1e-4, gravity=lambda t: (0.0, 0.0, -9.81 * t))
 
 
@@ -120,8 +121,13 @@ def test_a_part_used_many_times_is_assembled_once(grid_part: GridPart, monkeypat
     part = grid_part("hexahedron", (1, 1, 1), (1, 1, 1), STEEL)
     calls = []
     original = elasticity._compiled
-    monkeypatch.setattr(elasticity, "_compiled", lambda form: calls.append(form) or original(form))
-    model = build_model([Body(f"b{k}", part, translation=[2.0 * k, 0, 0]) for k in range(5)])
+
+    def counted(form: Any) -> Any:
+        calls.append(form)
+        return original(form)
+
+    monkeypatch.setattr(elasticity, "_compiled", counted)
+    model = build_model([Body(f"b{k}", part, translation=np.array([2.0 * k, 0, 0])) for k in range(5)])
     assert len(model.groups) == 1
     assert_array_equal(model.groups[0].first, 24 * np.arange(5))
     once = len(calls)

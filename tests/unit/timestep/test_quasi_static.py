@@ -1,0 +1,115 @@
+"""Load steps of statics: exact bars, regularised floating bodies, refusals."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.assembly.model import Model, Support, Traction, build_model
+from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.errors import InputError
+from fcsim.mesh.blocks import brick, rigid_box
+from fcsim.mesh.part import Body, Material
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.simulation import Simulation, Step
+
+SOFT = Material(1e6, 0.3, 1000.0)
+HELD = Support("plane", ("x", "y", "z", "rx", "ry", "rz"))
+
+
+def model_of(supports: list[Support], gap: float = 0.0, **options: Any) -> Model:
+    """A bar of 1 x 0.2 x 0.3 m standing on (or `gap` above) a rigid plane z = 0."""
+    part = brick("bar", (1.0, 0.2, 0.3), (3, 2, 2), SOFT, origin=(0, 0, gap))
+    return build_model([Body("bar", part), rigid_box("plane", (4, 4, 1), (0, 0, -0.5), 1.0)], supports=[HELD, *supports], **options)
+
+
+def simulate(model: Model, scheme: QuasiStatic, steps: int, mu: float = 0.5) -> list[Step]:
+    pair = SurfacePair(contact_surface(model, [("bar", "z-")]), contact_surface(model, [("plane", "z+")]), mu, 1e-2)
+    return list(Simulation(model, Detector([pair], model.n_nodes), scheme, steps))
+
+
+SYMMETRY = [Support("bar", ("x",), "x-"), Support("bar", ("y",), "y-"), Support("bar", ("z",), "z-")]
+
+
+def test_bar_under_end_traction() -> None:
+    """u = s/E x, lateral contraction -nu s/E; the load grows over the steps, the answer is exact after each."""
+    s = 1e4
+    model = model_of(SYMMETRY, gap=1.0, loads=[Traction("bar", "x+", (s, 0, 0), factor=lambda t: t)])
+    for step in simulate(model, QuasiStatic(0.25), 4):
+        strain = s * step.state.t / SOFT.E
+        X = model.reference[: model.n_elastic // 3] - [0, 0, 1]
+        u = step.state.x[: model.n_elastic].reshape(-1, 3)
+        assert_allclose(u, X * strain * [1, -SOFT.nu, -SOFT.nu], atol=1e-12)
+    end = step.support_impulse[model.dof_of_node[np.unique(model.facets("bar", "x-")), 0]].sum()
+    assert_allclose(end, -s * 0.2 * 0.3, rtol=1e-9)
+
+
+def test_driven_end() -> None:
+    """A velocity that grows linearly: the displacement t^2/2 is exact, and so is the force E A u / L."""
+    model = model_of([*SYMMETRY, Support("bar", ("x",), "x+", velocity=lambda t: 1e-3 * t)], gap=1.0)
+    for step in simulate(model, QuasiStatic(0.5), 4):
+        pulled = model.dof_of_node[np.unique(model.facets("bar", "x+")), 0]
+        u = 1e-3 * step.state.t**2 / 2
+        assert_allclose(step.state.x[pulled], u, rtol=1e-12)
+        assert_allclose(step.support_impulse[pulled].sum(), SOFT.E * 0.2 * 0.3 * u, rtol=1e-9)
+
+
+def test_weight_is_carried_by_the_supports() -> None:
+    model = model_of([Support("bar", ("x", "y", "z"), "x-")], gap=1.0, gravity=lambda t: (0, 0, -9.81))
+    step = simulate(model, QuasiStatic(1.0), 1)[0]
+    assert_allclose(step.support_impulse[: model.n_elastic].reshape(-1, 3).sum(axis=0), [0, 0, 0.06 * 1000 * 9.81], atol=1e-8)
+
+
+def test_contact_carries_the_weight_of_a_guided_body() -> None:
+    """Supports that leave one rigid motion would be singular: two faces are guided, the third stands on the plane by contact alone."""
+    model = model_of([Support("bar", ("x", "y", "z"), "x-")], gravity=lambda t: (0, 0, -9.81))
+    step = simulate(model, QuasiStatic(1.0), 1)[0]
+    held = step.support_impulse[: model.n_elastic].reshape(-1, 3).sum(axis=0)
+    weight = 0.06 * 1000 * 9.81
+    assert step.contact_force_on(0)[2] > 0.3 * weight
+    assert_allclose(held + step.contact_force_on(0), [0, 0, weight], atol=1e-6)
+
+
+def test_influence_of_the_regularisation_vanishes() -> None:
+    """A body that only contact holds: what eta takes from the reaction in the first step is proportional to it, and later nothing."""
+    weight = 0.06 * 1000 * 9.81
+    missing = []
+    for eta in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
+        model = model_of([], gravity=lambda t: (0, 0, -9.81))
+        steps = simulate(model, QuasiStatic(0.1, eta), 6)
+        missing.append(1 - steps[0].contact_force_on(0)[2] / weight)
+        assert_allclose(steps[-1].contact_force_on(0), [0, 0, weight], atol=1e-5 * weight)
+    assert_allclose(np.diff(np.log10(missing)), -1, atol=0.05)
+    assert abs(missing[-1]) < 1e-7
+
+
+@pytest.mark.parametrize(
+    "supports",
+    [
+        [],
+        [Support("bar", ("x",), "x-"), Support("bar", ("y",), "y-")],
+        [Support("bar", ("z",), "z-")],
+        [Support("bar", ("x", "z"), "x-")],
+    ],
+)
+def test_floating_bodies_are_refused(supports: list[Support]) -> None:
+    with pytest.raises(InputError, match=r"body 'bar': statics with eta = 0.*eta > 0"):
+        simulate(model_of(supports), QuasiStatic(1.0), 1)
+
+
+def test_a_plane_body_held_at_one_face_is_taken() -> None:
+    simulate(model_of([Support("bar", ("x", "y", "z"), "x-")]), QuasiStatic(1.0), 1)
+
+
+def test_rigid_body_without_support_is_refused() -> None:
+    model = build_model([*model_of([]).bodies[:1], rigid_box("plane", (4, 4, 1), (0, 0, -0.5), 1.0)], supports=SYMMETRY)
+    with pytest.raises(InputError, match="body 'plane'"):
+        simulate(model, QuasiStatic(1.0), 1)
+
+
+@pytest.mark.parametrize("options", [{"h": 0.0}, {"h": 1.0, "eta": -1e-3}, {"h": 1.0, "eta": float("nan")}])
+def test_refusals(options: dict[str, float]) -> None:
+    with pytest.raises(InputError, match="expected a number"):
+        QuasiStatic(**options)
