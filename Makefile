@@ -11,7 +11,7 @@ $(READY): pyproject.toml constraints.txt
 env: $(READY)  ## make the environment .venv/ (PYTHON=... names the Python >= 3.12 to use)
 
 wall: $(READY)  ## run the masonry wall and draw its pictures, in results/masonry_wall
-	.venv/bin/fcsim run cases/masonry_wall --out $(WALL)
+	.venv/bin/fcsim run cases/masonry_wall --out $(WALL) --overwrite
 	.venv/bin/fcsim render $(WALL)
 	@echo "The wall's files, pictures and film are in $(WALL)/"
 

@@ -4,7 +4,7 @@ DIR/run.json       case, title, parameters, versions, status, and which columns 
 DIR/steps.csv      one row a step: contacts, solver, checks, energies, seconds, the case's sensors
 DIR/vtk/           ParaView series of blocks, contacts, rigid bodies
 DIR/fclib/global/  FCLIB files (and local/ where asked for)
-DIR/checkpoint.h5  state and reactions: what `--resume` goes on from
+DIR/checkpoint.h5  state and the last reactions: what `--resume` goes on from
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ from fcsim.case import Case, CaseScript, parse_parameters
 from fcsim.errors import InputError, NotConverged
 from fcsim.export_fclib.steps import write_step
 from fcsim.files import replacing
-from fcsim.timestep.simulation import Reactions, Step
+from fcsim.timestep.simulation import Step
 from fcsim.timestep.state import State
+from fcsim.timestep.warm_start import Reactions
 from fcsim.view.vtk import SeriesWriter
 
 OWN_ENTRIES = ("run.json", "steps.csv", "vtk", "fclib", "checkpoint.h5", "pictures", "plots", "film.gif", "film.mp4")
@@ -233,24 +234,25 @@ def _write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def _write_checkpoint(path: Path, step: Step) -> None:
-    reactions = step.reactions
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         file.attrs["step"] = step.number
         file.attrs["t"] = step.state.t
         for name in ("x", "v"):
             file[name] = getattr(step.state, name)
-        for name in ("identity", "frame", "r"):
-            file[f"reactions/{name}"] = getattr(reactions, name)
+        for age, reactions in enumerate(step.memory):
+            for name in ("identity", "frame", "r"):
+                file[f"memory/{age}/{name}"] = getattr(reactions, name)
 
 
-def _read_checkpoint(path: Path) -> tuple[int, State, Reactions] | None:
+def _read_checkpoint(path: Path) -> tuple[int, State, tuple[Reactions, ...]] | None:
     if not path.is_file():
         return None
     try:
         with h5py.File(path) as file:
             state = State(float(file.attrs["t"]), file["x"][()], file["v"][()])
-            reactions = Reactions(*(file[f"reactions/{name}"][()] for name in ("identity", "frame", "r")))
-            return int(file.attrs["step"]), state, reactions
+            stored = [file[f"memory/{age}"] for age in range(len(file["memory"]))]
+            memory = tuple(Reactions(*(group[name][()] for name in ("identity", "frame", "r"))) for group in stored)
+            return int(file.attrs["step"]), state, memory
     except (OSError, KeyError) as error:
         raise InputError(f"{path}: expected a checkpoint of an earlier run: {error}") from None
 

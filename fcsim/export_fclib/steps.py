@@ -22,7 +22,7 @@ def write_step(
 ) -> list[Path]:
     """Write the step's problem into directory/<form>/<SET>-i<iterations>-<contacts>-<step>.hdf5, form "global" or "local".
 
-    The solution is the step's result; the guess is where its solver began (the previous step's reactions, matched contact by contact).
+    The solution is the step's result; the guess is where its solver began (from the last steps' reactions, matched contact by contact).
     math_info states sizes, contact density, solver and error. Returns the files' paths; a step without contacts is written too.
     """
     problem, result = step.problem, step.result

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -23,6 +23,7 @@ from fcsim.solvers import Result, method, solve
 from fcsim.solvers.base import override
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
+from fcsim.timestep.warm_start import MEMORY, Reactions, warm_start
 
 FloatArray = NDArray[np.float64]
 
@@ -31,8 +32,9 @@ FloatArray = NDArray[np.float64]
 class SolverSettings:
     """Which solver a step uses, and what follows when it does not converge.
 
-    The chain of a step: `name` from the previous step's reactions, `name` from zero, then each of `fallback` from zero. The first
-    answer below `tol` is taken; if none is, the step raises NotConverged. floor [m/s; quasi-statics: m]: see `fcsim.problem.error`.
+    The chain of a step: `name` from the previous steps' reactions (see `warm_start`), `name` from zero, then each of `fallback` from
+    zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. floor [m/s; quasi-statics: m]: see
+    `fcsim.problem.error`.
     """
 
     name: str = "NSN-AC"
@@ -53,36 +55,13 @@ class SolverSettings:
 
 @dataclass(frozen=True)
 class Attempt:
-    """One link of the fallback chain: the solver, where it started ("previous step" or "zero") and how it ended."""
+    """One link of the fallback chain: the solver, where it started ("previous steps" or "zero") and how it ended."""
 
     solver: str
     start: str
     status: str
     error: float
     iterations: int
-
-
-@dataclass(frozen=True, eq=False)
-class Reactions:
-    """The reactions of a step, to be matched contact by contact: identity (nc,), frame (nc, d, d), r (nc, d) in that frame."""
-
-    identity: NDArray[np.int64]
-    frame: FloatArray
-    r: FloatArray
-
-    def transfer(self, contacts: Contacts) -> FloatArray:
-        """Return r (m,) for new contacts: the same vector in space where the contact is known, zero where it is new."""
-        r = np.zeros((len(contacts), contacts.dimension))
-        if len(self.identity) and len(contacts):
-            place = np.minimum(np.searchsorted(self.identity, contacts.identity), len(self.identity) - 1)
-            known = np.flatnonzero(self.identity[place] == contacts.identity)
-            old = place[known]
-            r[known] = np.einsum("aij,akj,ak->ai", contacts.frame[known], self.frame[old], self.r[old])
-        return r.ravel()
-
-
-def no_reactions(dimension: int) -> Reactions:
-    return Reactions(np.empty(0, dtype=np.int64), np.empty((0, dimension, dimension)), np.empty((0, dimension)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +72,7 @@ class Step:
     H                 contact matrix (n_dofs, m) over all dofs, driven ones included
     problem, result   the global problem and its answer
     reduction         its local form, and v from r
-    start             (m,) reactions of the previous step, matched contact by contact: where the solver began
+    start, earlier    (m,) where the solver began, and the reactions of earlier steps, newest first, see `warm_start`
     support_impulse   (n_dofs,) A v - f - H r: at driven dofs the reaction of the supports [N s; quasi-statics: N], zero elsewhere
     attempts          what the solver chain tried, the last one converged
     seconds           by phase: detection, assembly, solve
@@ -108,10 +87,16 @@ class Step:
     result: Result
     reduction: Reduction
     start: FloatArray
+    earlier: tuple[Reactions, ...]
     support_impulse: FloatArray
     force_per_reaction: float
     attempts: tuple[Attempt, ...]
     seconds: Mapping[str, float]
+
+    @property
+    def memory(self) -> tuple[Reactions, ...]:
+        """The last reactions, newest first: with `state` all that the next step depends on."""
+        return (self.reactions, *self.earlier)
 
     @property
     def reactions(self) -> Reactions:
@@ -188,17 +173,16 @@ class Simulation:
         """The problems' M: constant, one object for all steps."""
         return self.factor.matrix()
 
-    def run(self, number: int = 0, state: State | None = None, reactions: Reactions | None = None) -> Iterator[Step]:
-        """Yield the steps after step `number`, from that step's state and reactions (default: from the initial state)."""
+    def run(self, number: int = 0, state: State | None = None, memory: Sequence[Reactions] = ()) -> Iterator[Step]:
+        """Yield the steps after step `number`, from that step's `state` and `memory` (default: from the initial state)."""
         state = state or self.initial or at_rest(self.model)
-        reactions = reactions or no_reactions(self.model.dimension)
         while number < self.steps:
             number += 1
-            step = self.step(number, state, reactions)
+            step = self.step(number, state, memory)
             yield step
-            state, reactions = step.state, step.reactions
+            state, memory = step.state, step.memory
 
-    def step(self, number: int, state: State, reactions: Reactions) -> Step:
+    def step(self, number: int, state: State, memory: Sequence[Reactions] = ()) -> Step:
         """Compute one step; raises NotConverged when the whole solver chain fails."""
         model, scheme = self.model, self.scheme
         clock = _Clock()
@@ -212,7 +196,7 @@ class Simulation:
         if len(contacts):
             _ = reduction.local
         clock.lap("assembly")
-        start = reactions.transfer(contacts)
+        start = warm_start(reduction.local, contacts, memory) if len(contacts) else np.empty(0)
         result, attempts = self._solve(number, reduction, start)
         clock.lap("solve")
         v = np.empty(model.n_dofs)
@@ -231,6 +215,7 @@ class Simulation:
             result=result,
             reduction=reduction,
             start=start,
+            earlier=tuple(memory[: MEMORY - 1]),
             support_impulse=support,
             force_per_reaction=scheme.force_per_reaction,
             attempts=attempts,
@@ -261,13 +246,13 @@ class Simulation:
 
     def _solve(self, number: int, reduction: Reduction, warm: FloatArray) -> tuple[Result, tuple[Attempt, ...]]:
         settings = self.solver
-        chain: list[tuple[str, str, Mapping[str, Any]]] = [(settings.name, "previous step", settings.options)]
+        chain: list[tuple[str, str, Mapping[str, Any]]] = [(settings.name, "previous steps", settings.options)]
         if np.any(warm):
             chain.append((settings.name, "zero", settings.options))
         chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
         attempts: list[Attempt] = []
         for name, start, options in chain:
-            r = warm if start == "previous step" else None
+            r = warm if start == "previous steps" else None
             result = solve(reduction, name, r, tol=settings.tol, floor=settings.floor, **options)
             attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations))
             if result.solved:

@@ -18,8 +18,9 @@ from fcsim.mesh.part import Body, Material
 from fcsim.solvers import SOLVERS, Status
 from fcsim.solvers.base import Iterate
 from fcsim.timestep.scheme import Velocity
-from fcsim.timestep.simulation import Reactions, Simulation, SolverSettings, no_reactions
+from fcsim.timestep.simulation import Simulation, SolverSettings
 from fcsim.timestep.theta import Theta
+from fcsim.timestep.warm_start import Reactions
 
 SOFT = Material(1e7, 0.2, 2000.0)
 
@@ -56,7 +57,6 @@ def test_reactions_keep_their_vector_in_space(d: int) -> None:
 
 
 def test_reactions_of_none_and_for_none() -> None:
-    assert_array_equal(no_reactions(3).transfer(contacts_of([1, 2], frames(2, 0))), np.zeros(6))
     assert Reactions(np.array([1]), frames(1, 0), np.ones((1, 3))).transfer(contacts_of([], frames(0, 0).reshape(0, 3, 3))).shape == (0,)
 
 
@@ -121,7 +121,7 @@ def test_the_problem_of_a_step_is_the_whole_model(law: Any) -> None:
 def test_a_step_is_a_function_of_its_state() -> None:
     """Continuing from a stored state and its reactions gives the same bits."""
     whole = list(press())
-    again = list(press().run(3, whole[2].state, whole[2].reactions))
+    again = list(press().run(3, whole[2].state, whole[2].memory))
     assert [step.number for step in again] == [4, 5, 6]
     for one, other in zip(whole[3:], again, strict=True):
         assert_array_equal(one.state.x, other.state.x)
@@ -132,7 +132,7 @@ def test_a_step_is_a_function_of_its_state() -> None:
 def test_warm_start_takes_fewer_iterations() -> None:
     steps = list(press(steps=12))
     simulation = press(steps=12)
-    cold = [simulation.step(s.number, s.previous, no_reactions(3)).result.iterations for s in steps]
+    cold = [simulation.step(s.number, s.previous).result.iterations for s in steps]
     warm = [s.result.iterations for s in steps]
     assert sum(warm) < sum(cold)
 
@@ -151,7 +151,7 @@ def test_fallback_chain_is_walked_and_reported(broken_solver: str) -> None:
     settings = SolverSettings(name=broken_solver, fallback=(broken_solver, "NSN-NM", "NSGS-AC"))
     steps, reference = list(press(settings=settings)), list(press())
     last = steps[-1]
-    assert [(a.solver, a.start) for a in last.attempts] == [("BROKEN", "previous step"), ("BROKEN", "zero"), ("NSN-NM", "zero")]
+    assert [(a.solver, a.start) for a in last.attempts] == [("BROKEN", "previous steps"), ("BROKEN", "zero"), ("NSN-NM", "zero")]
     assert [a.status for a in last.attempts] == ["stagnated", "stagnated", "solved"]
     assert last.attempts[0].error > 1e-8 >= last.attempts[-1].error
     assert last.result.method == "NSN-NM" and last.result.solved

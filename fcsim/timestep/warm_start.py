@@ -1,0 +1,57 @@
+"""Where a step's solver begins: the last steps' reactions, matched contact by contact and extrapolated in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.problem import LocalProblem, natural_map_residual
+
+FloatArray = NDArray[np.float64]
+
+MEMORY = 3
+"""How many past steps a warm start looks at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions:
+    """The reactions of a step, to be matched contact by contact: identity (nc,), frame (nc, d, d), r (nc, d) in that frame."""
+
+    identity: NDArray[np.int64]
+    frame: FloatArray
+    r: FloatArray
+
+    def transfer(self, contacts: Contacts) -> FloatArray:
+        """Return r (m,) for new contacts: the same vector in space where the contact is known, zero where it is new."""
+        r = np.zeros((len(contacts), contacts.dimension))
+        if len(self.identity) and len(contacts):
+            place = np.minimum(np.searchsorted(self.identity, contacts.identity), len(self.identity) - 1)
+            known = np.flatnonzero(self.identity[place] == contacts.identity)
+            old = place[known]
+            r[known] = np.einsum("aij,akj,ak->ai", contacts.frame[known], self.frame[old], self.r[old])
+        return r.ravel()
+
+
+def warm_start(problem: LocalProblem, contacts: Contacts, memory: Sequence[Reactions]) -> FloatArray:
+    """Return the best starting point r (m,) that the last steps' reactions (newest first) suggest; zero without any.
+
+    With r1, r2, r3 of the last three steps the candidates are r1, the linear 2 r1 - r2, and r1 + r2 - r3: linear as well, and exact for
+    what alternates from step to step, as stick and slip do at theta = 1/2 in steady loading. The one of the smallest error is taken.
+    """
+    if not memory:
+        return np.zeros(problem.m)
+    r = [reactions.transfer(contacts) for reactions in memory[:MEMORY]]
+    candidates = [r[0]]
+    if len(r) > 1:
+        candidates.append(2 * r[0] - r[1])
+    if len(r) > 2:
+        candidates.append(r[0] + r[1] - r[2])
+    if len(candidates) == 1:
+        return candidates[0]
+    u = problem.W @ np.array(candidates).T + problem.q[:, None]
+    residuals = [natural_map_residual(c, u[:, k], problem.mu, problem.dimension) for k, c in enumerate(candidates)]
+    return candidates[int(np.argmin(residuals))]
