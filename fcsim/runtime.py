@@ -10,7 +10,9 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -69,7 +71,7 @@ def has_petsc() -> bool:
 def gmsh_model(name: str) -> Iterator[Any]:
     """Yield the gmsh module with a new, empty model; gmsh is finalised however the block ends.
 
-    gmsh's own signal handler and terminal output are off: errors come as exceptions.
+    gmsh's own signal handlers and terminal output are off: errors come as exceptions.
     """
     try:
         import gmsh
@@ -81,9 +83,19 @@ def gmsh_model(name: str) -> Iterator[Any]:
     if gmsh.isInitialized():
         raise RuntimeError("gmsh_model: gmsh is already initialised; nested use is not supported")
     gmsh.initialize(interruptible=False, argv=["", "-nopopup"])
+    _restore_signal_handlers()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add(name)
         yield gmsh
     finally:
         gmsh.finalize()
+        _restore_signal_handlers()
+
+
+def _restore_signal_handlers() -> None:
+    """Install Python's handlers again: gmsh's library replaces those of SIGTERM and others when it starts and when it ends."""
+    if threading.current_thread() is threading.main_thread():
+        for number in signal.valid_signals():
+            if callable(handler := signal.getsignal(number)):
+                signal.signal(number, handler)
