@@ -168,7 +168,7 @@ def test_chain_of_a_method_stopped_by_its_options() -> None:
 def test_no_step_goes_on_unconverged(broken_solver: str) -> None:
     simulation = press(settings=SolverSettings(name=broken_solver, fallback=()))
     done = []
-    with pytest.raises(NotConverged, match=r"step \d+ did not converge to 1e-08 \(BROKEN from previous step: stagnated, error .*\)"):
+    with pytest.raises(NotConverged, match=r"step \d+ did not converge to 1e-08 \(BROKEN from previous steps: stagnated, error .*\)"):
         for step in simulation:
             done.append(step)
     assert all(step.result.solved for step in done)
