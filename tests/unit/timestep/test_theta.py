@@ -58,7 +58,7 @@ def test_free_vibration_converges_with_the_order_of_the_scheme(theta: float, ord
     initial = State(0.0, x, v)
     exact = exact_state(model, initial, period / 2)
     scale = np.concatenate([np.full(len(modes), np.abs(x).max()), np.full(len(modes), np.abs(v).max())])
-    counts = np.array([40, 80, 160])
+    counts = np.array([25, 50, 100])
     errors = []
     for count in counts:
         end = simulate(model, Theta(period / 2 / count, theta), int(count), initial)[-1].state

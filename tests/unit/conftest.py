@@ -1,0 +1,90 @@
+"""A small case script: a brick dropped on a held one, pushed aside; four contacts; a run takes a fraction of a second."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+SCRIPT = """
+import sys
+import time
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fcsim.assembly.model import Support, build_model
+from fcsim.case import Case, Sensor
+from fcsim.cli import main
+from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.mesh.blocks import brick
+from fcsim.mesh.part import Body, Material
+from fcsim.timestep.simulation import Simulation, SolverSettings
+from fcsim.timestep.theta import Theta
+
+
+@dataclass(frozen=True)
+class Parameters:
+    size: tuple[float, float, float] = (0.2, 0.2, 0.1)
+    divisions: tuple[int, int, int] = (2, 2, 1)
+    E: float = 1e7
+    slow: bool = False
+    rule: Literal["nodes", "faces"] = "nodes"
+    max_iterations: int = 200
+    fallback: bool = True
+    steps: int = 12
+    solver: str = "NSN-AC"
+    tol: float = 1e-8
+
+
+def build(p):
+    part = brick("brick", p.size, p.divisions, Material(p.E, 0.2, 2000.0))
+    model = build_model(
+        [Body("lower", part), Body("upper", part, translation=np.array([0.03, 0.02, p.size[2]]))],
+        supports=[Support("lower", ("x", "y", "z"), "z-")],
+        gravity=lambda t: (2.0, 0, -9.81),
+        beta=1e-3,
+    )
+    pair = SurfacePair(contact_surface(model, [("upper", "z-")]), contact_surface(model, [("lower", "z+")]), 0.3, 1e-3, p.rule)
+    chain = {} if p.fallback else {"fallback": ()}
+    settings = SolverSettings(name=p.solver, tol=p.tol, options={"max_iterations": p.max_iterations}, **chain)
+
+    def lift(step):
+        time.sleep(0.05 if p.slow else 0.0)
+        return float(step.contact_force_on(1)[2])
+
+    return Case(
+        "two_blocks",
+        "Two blocks",
+        Simulation(model, Detector([pair], model.n_nodes), Theta(1e-3), p.steps, settings),
+        (Sensor("lift", "vertical force on the upper block", "N", lift), Sensor("x", "displacement", "m", lambda s: float(s.state.x[-3]))),
+        plots={"imposed": "x", "reaction": ("lift",), "bound": (1.0, "a bound")},
+        fclib_set="TWO",
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(["run", __file__, *sys.argv[1:]]))
+"""
+
+
+@pytest.fixture
+def case_folder(tmp_path: Path) -> Path:
+    """The folder two_blocks with its script."""
+    folder = tmp_path / "two_blocks"
+    folder.mkdir()
+    (folder / "two_blocks.py").write_text(SCRIPT, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def steps_without_seconds() -> Callable[[Path], list[dict[str, str]]]:
+    """Rows of steps.csv without what depends on the machine's speed."""
+    import csv
+
+    def read(directory: Path) -> list[dict[str, str]]:
+        with (directory / "steps.csv").open(newline="", encoding="utf-8") as file:
+            return [{k: v for k, v in row.items() if not k.startswith("seconds")} for row in csv.DictReader(file)]
+
+    return read

@@ -1,0 +1,45 @@
+"""Where a step's solver begins, from what the last steps' reactions suggest."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from fcsim.contact_detection import Contacts
+from fcsim.problem import LocalProblem
+from fcsim.timestep.warm_start import Reactions, warm_start
+
+FRAME = np.tile(np.eye(3), (2, 1, 1))
+CONTACTS = Contacts(
+    np.zeros((2, 3)), FRAME, np.zeros(2), np.full(2, 0.5), np.zeros((2, 1), int), np.zeros((2, 1)), np.zeros((2, 2), int), np.array([4, 9])
+)
+
+
+def memory(*history: float) -> list[Reactions]:
+    """Normal reactions of the last steps, newest first, the same at both contacts."""
+    return [Reactions(CONTACTS.identity, FRAME, np.array([[r, 0, 0], [r, 0, 0]])) for r in history]
+
+
+@pytest.mark.parametrize(
+    ("history", "following"),
+    [
+        ((5.0, 5.0, 5.0), 5.0),
+        ((4.0, 3.0, 2.0), 5.0),  # a ramp: 2 r1 - r2
+        ((2.0, 5.0, 1.0), 6.0),  # a ramp with an alternating part: r1 + r2 - r3
+        ((4.0, 3.0), 5.0),
+        ((4.0,), 4.0),
+    ],
+)
+def test_what_goes_on_is_met(history: tuple[float, ...], following: float) -> None:
+    """The problem W = I, q = -r is solved by r alone."""
+    r = np.array([following, 0, 0] * 2)
+    assert_allclose(warm_start(LocalProblem(np.eye(6), -r, CONTACTS.mu), CONTACTS, memory(*history)), r)
+
+
+def test_without_a_past_it_is_zero() -> None:
+    assert_array_equal(warm_start(LocalProblem(np.eye(6), np.ones(6), CONTACTS.mu), CONTACTS, []), np.zeros(6))
+
+
+def test_an_extrapolation_is_taken_only_where_it_is_better() -> None:
+    """The load stopped growing."""
+    r = np.array([4.0, 0, 0] * 2)
+    assert_allclose(warm_start(LocalProblem(np.eye(6), -r, CONTACTS.mu), CONTACTS, memory(4.0, 3.0, 1.5)), r)
