@@ -73,9 +73,13 @@ class SuperLU:
 
     name = "SuperLU (SciPy)"
 
-    def __init__(self, A: Any) -> None:
+    def __init__(self, A: Any, symmetric_pattern: bool = False) -> None:
+        """symmetric_pattern: order on the graph of A + A^T and prefer the diagonal as pivot, for matrices like a stiffness or W."""
+        options: dict[str, Any] = {}
+        if symmetric_pattern:
+            options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
         try:
-            self._factor = spla.splu(sp.csc_matrix(A))
+            self._factor = spla.splu(sp.csc_matrix(A), **options)
         except RuntimeError as error:
             raise SingularMatrix(f"matrix of size {A.shape[0]} is singular: {error}") from None
 

@@ -12,7 +12,8 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.linear import DenseLU, SingularMatrix, factorise
+from fcsim import runtime
+from fcsim.linear import DenseLU, Factor, Mumps, SingularMatrix, SuperLU
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -24,6 +25,10 @@ def _is_symmetric(W: FloatArray) -> bool:
     x = np.random.default_rng(0).standard_normal(len(W))
     Wx = W @ x
     return bool(float(np.linalg.norm(Wx - W.T @ x)) <= 1e-10 * float(np.linalg.norm(Wx)))
+
+
+MUMPS_FROM = 300_000
+"""Entries of A W + B above which MUMPS' analysis pays off against SuperLU."""
 
 
 class NewtonSystem(Protocol):
@@ -268,7 +273,7 @@ class _NormalElimination:
 
 
 class SparseSystem:
-    """Sparse LU (MUMPS where petsc4py is there, SuperLU otherwise) of A W + B on the active contacts, for block-sparse W."""
+    """Sparse LU of A W + B on the active contacts, for block-sparse W: SuperLU, or MUMPS for many entries where petsc4py is there."""
 
     def __init__(self, W: Any, dimension: int) -> None:
         self._W, self._d = sp.csr_array(W), dimension
@@ -282,7 +287,9 @@ class SparseSystem:
             W = self._W[dofs][:, dofs]
             block_diagonal = sp.bsr_array((A[active], np.arange(k), np.arange(k + 1)), shape=(k * d, k * d), blocksize=(d, d))
             shift = sp.bsr_array((B[active], np.arange(k), np.arange(k + 1)), shape=(k * d, k * d), blocksize=(d, d))
-            dr[active] = factorise(sp.csr_array(block_diagonal @ W + shift)).solve(rhs.ravel()).reshape(k, d)
+            J = sp.csr_array(block_diagonal @ W + shift)
+            factor: Factor = Mumps(J) if J.nnz > MUMPS_FROM and runtime.has_petsc() else SuperLU(J, symmetric_pattern=True)
+            dr[active] = factor.solve(rhs.ravel()).reshape(k, d)
         return dr.ravel()
 
 

@@ -1,0 +1,186 @@
+"""`auto`: a method that chooses and chains others from the problem itself, so that no choice is needed.
+
+1. Probe. From a warm start Newton goes first; from a cold one a few Gauss-Seidel sweeps do, since they are cheap, make reactions
+   positive and show how fast Gauss-Seidel converges here.
+2. Race. A model of the costs (entries of W, size, density; no clock, so that runs repeat exactly) and the measured rate say whether
+   Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will.
+3. Newton, plain (NSN-AC): exact for full-rank W, given up when a dozen iterations bring no better iterate.
+4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha I, q - alpha r_k, whose solution is r_k+1.
+   alpha I makes rank-deficient W regular and pulls Newton into its basin; alpha falls while the inner solves are easy and grows when
+   they fail, where the natural map takes turns with Alart-Curnier. Its fixed points solve the problem itself, whatever alpha.
+5. Gauss-Seidel to the end of the iterations, from the best iterate.
+
+Sources: the proximal point for frictional contact, Acary, Brémond, Huber 2018, section on PPA-NSN; R. T. Rockafellar, SIAM J. Control
+Optim. 14, 1976. The schedule of alpha and the race are our own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fcsim.errors import InputError
+from fcsim.problem import LocalProblem
+from fcsim.solvers.base import Iterate, Monitor, Options, Status
+from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs_alart_curnier
+from fcsim.solvers.newton import NewtonOptions, newton
+
+FloatArray = NDArray[np.float64]
+
+SPARSE_BELOW = 0.15
+"""Density of W below which sparse elimination is cheaper than dense."""
+SMALL = 150
+"""Up to this many unknowns dense linear algebra is cheapest whatever the density."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AutomaticOptions(Options):
+    """max_iterations counts sweeps and Newton iterations alike.
+
+    probe: Gauss-Seidel sweeps of the first stage; patience: Newton iterations without a better iterate before the next stage;
+    alpha: first regularisation of the proximal stage, relative to the mean of W's diagonal; outer: cap of its outer iterations.
+    """
+
+    max_iterations: int = 100_000
+    probe: int = 20
+    patience: int = 12
+    alpha: float = 1e-2
+    outer: int = 100
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("probe", "patience", "outer"):
+            if getattr(self, name) < 0:
+                raise InputError(f"option {name}: expected an integer >= 0, got {getattr(self, name)}")
+        if not self.alpha > 0:
+            raise InputError(f"option alpha: expected a number > 0, got {self.alpha}")
+
+
+def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AutomaticOptions) -> Iterate:
+    """Solve the problem by the stages above; the status is that of the last one, the iterate the best of all."""
+    problem = _fitting_storage(problem)
+    run = _Run(problem, monitor, options)
+    warm = bool(np.any(r))
+    last = Iterate(r, Status.MAX_ITERATIONS)
+    stages = (
+        (run.plain_newton, run.race, run.proximal, run.sweeps_to_the_end)
+        if warm
+        else (
+            run.race,
+            run.plain_newton,
+            run.proximal,
+            run.sweeps_to_the_end,
+        )
+    )
+    monitor.record(r, problem.W @ r + problem.q)
+    for stage in stages:
+        last = stage(r)
+        if last.status in (Status.SOLVED, Status.TIME_LIMIT):
+            return last
+        if monitor.best_r is not None:
+            r = monitor.best_r
+    return Iterate(r, Status.STAGNATED if last.status is Status.SINGULAR else last.status)
+
+
+def _fitting_storage(problem: LocalProblem) -> LocalProblem:
+    """Return the problem with W stored dense or block-sparse as its size and density ask for."""
+    W, d = problem.W, problem.dimension
+    nonzero = W.nnz if sp.issparse(W) else np.count_nonzero(W)
+    sparse = problem.m > SMALL and nonzero < SPARSE_BELOW * problem.m**2
+    if sparse == sp.issparse(W):
+        return problem
+    W = sp.bsr_array(sp.csr_array(W), blocksize=(d, d)) if sparse else W.toarray()
+    return LocalProblem(W, problem.q, problem.mu, dimension=d)
+
+
+class _Run:
+    """One run of the method: the problem, its costs and the stages."""
+
+    def __init__(self, problem: LocalProblem, monitor: Monitor, options: AutomaticOptions) -> None:
+        self.problem, self.monitor, self.options = problem, monitor, options
+        W, m = problem.W, problem.m
+        self.sparse = sp.issparse(W)
+        entries = W.nnz if self.sparse else np.count_nonzero(W)
+        # seconds on a common processor; only their ratio matters
+        self.sweep_cost = 1e-9 * entries + 1.5e-7 * problem.nc
+        self.newton_cost = 1e-3 + 1.5e-7 * entries if self.sparse else 2e-4 + 3e-11 * m**3 + 4e-9 * m**2
+        diagonal = W.diagonal()
+        self.scale = float(np.mean(np.abs(diagonal))) or 1.0
+
+    def _limit(self, count: int) -> int:
+        return min(self.monitor.iterations + count, self.options.max_iterations)
+
+    def _sweeps(self, r: FloatArray, count: int) -> Iterate:
+        return nsgs_alart_curnier(self.problem, r, self.monitor, GaussSeidelOptions(max_iterations=self._limit(count)))
+
+    def race(self, r: FloatArray) -> Iterate:
+        """Gauss-Seidel in chunks that double, while it is predicted to arrive before Newton."""
+        monitor, chunk = self.monitor, self.options.probe
+        iterate = Iterate(r, Status.MAX_ITERATIONS)
+        while chunk:
+            before, begun = monitor.best, monitor.iterations
+            iterate = self._sweeps(r, chunk)
+            if iterate.status is not Status.MAX_ITERATIONS or monitor.iterations >= self.options.max_iterations:
+                return iterate
+            r = iterate.r
+            swept = monitor.iterations - begun
+            gain = np.log(before / monitor.best) / max(swept, 1) if monitor.best < before else 0.0
+            remaining = np.log(monitor.best / monitor.tol) / gain if gain > 0 else np.inf
+            if remaining * self.sweep_cost > 30 * self.newton_cost:
+                return iterate
+            chunk *= 2
+        return iterate
+
+    def plain_newton(self, r: FloatArray) -> Iterate:
+        """NSN-AC as long as every `patience` iterations bring a better iterate."""
+        monitor = self.monitor
+        iterate = Iterate(r, Status.STAGNATED)
+        while self.options.patience:
+            before = monitor.best
+            options = NewtonOptions(formulation="AC", max_iterations=self._limit(self.options.patience))
+            iterate = newton(self.problem, r, monitor, options)
+            if iterate.status is not Status.MAX_ITERATIONS or monitor.best >= 0.7 * before:
+                return iterate
+            r = iterate.r
+        return iterate
+
+    def proximal(self, r: FloatArray) -> Iterate:
+        """Proximal point with Newton inside; alpha adapts to how hard the inner problems are."""
+        problem, monitor = self.problem, self.monitor
+        d, W = problem.dimension, problem.W
+        identity = sp.eye_array(problem.m, format="csr") if self.sparse else np.eye(problem.m)
+        alpha, formulation = self.options.alpha * self.scale, "AC"
+        norm = float(np.linalg.norm(problem.q))
+        error = monitor.best
+        for _ in range(self.options.outer):
+            if monitor.out_of_time():
+                return Iterate(r, Status.TIME_LIMIT)
+            if monitor.iterations >= self.options.max_iterations:
+                return Iterate(r, Status.MAX_ITERATIONS)
+            shifted = W + alpha * identity
+            inner = LocalProblem(
+                sp.bsr_array(shifted, blocksize=(d, d)) if self.sparse else shifted, problem.q - alpha * r, problem.mu, dimension=d
+            )
+            tol = max(0.1 * monitor.tol, 1e-2 * min(error, 1.0))
+            watch = Monitor(inner.q, inner.mu, d, tol, floor=norm, time_limit=monitor.time_limit, start=monitor.start)
+            iterate = newton(inner, r, watch, NewtonOptions(formulation=formulation, max_iterations=30))
+            monitor.iterations += max(watch.iterations, 1)
+            if iterate.status is Status.SOLVED:
+                r = iterate.r
+                error = monitor.record(r, W @ r + problem.q)
+                if error <= monitor.tol:
+                    return Iterate(r, Status.SOLVED)
+                alpha *= 0.1 if watch.iterations <= 4 else 0.3 if watch.iterations <= 8 else 1.0
+            else:
+                alpha *= 10
+                formulation = "NM" if formulation == "AC" else "AC"
+                if alpha > 1e8 * self.scale:
+                    return Iterate(r, Status.STAGNATED)
+        return Iterate(r, Status.STAGNATED)
+
+    def sweeps_to_the_end(self, r: FloatArray) -> Iterate:
+        """Gauss-Seidel with what iterations are left."""
+        return self._sweeps(r, self.options.max_iterations)
