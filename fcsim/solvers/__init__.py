@@ -27,14 +27,30 @@ FloatArray = NDArray[np.float64]
 _BOOK = "Acary, Brémond, Huber 2018"
 
 
-def _newton(formulation: str, source: str, siconos: str, rho: str = "split spectral norm") -> Method:
-    return Method(newton, NewtonOptions(formulation=formulation, rho=rho), "Newton", source, siconos, run_global=newton_global)
+def _newton(formulation: str, source: str, siconos: str, rho: str = "split spectral norm", line_search: str = "none") -> Method:
+    options = NewtonOptions(formulation=formulation, rho=rho, line_search=line_search)
+    return Method(newton, options, "Newton", source, siconos, run_global=newton_global)
 
 
 SOLVERS: dict[str, Method] = {
     "NSN-AC": _newton("AC", "Alart, Curnier 1991", "NSN_AC"),
     "NSN-JM": _newton("JM", "Jean, Moreau 1987", "NSN_AC (JEANMOREAU)"),
     "NSN-NM": _newton("NM", _BOOK, "NSN_NM", rho="spectral norm"),
+    "NSN-FB": _newton("FB", "Fukushima, Luo, Tseng 2002", "NSN_FB", "spectral norm", "Goldstein-Price"),
+    "NSN-AC-NLS": _newton("AC", _BOOK, "NSN_AC (LINESEARCH_NO)"),
+    "NSN-JM-NLS": _newton("JM", _BOOK, "NSN_AC (JEANMOREAU, LINESEARCH_NO)"),
+    "NSN-NM-NLS": _newton("NM", _BOOK, "NSN_NM (LINESEARCH_NO)", "spectral norm"),
+    "NSN-FB-NLS": _newton("FB", _BOOK, "NSN_FB (LINESEARCH_NO)", "spectral norm"),
+    "NSN-AC-GP": _newton("AC", _BOOK, "NSN_AC", line_search="Goldstein-Price"),
+    "NSN-JM-GP": _newton("JM", _BOOK, "NSN_AC (JEANMOREAU)", line_search="Goldstein-Price"),
+    "NSN-NM-GP": _newton("NM", _BOOK, "NSN_NM", "spectral norm", "Goldstein-Price"),
+    "NSN-AC-TEST": Method(
+        newton,
+        NewtonOptions(line_search="Goldstein", safeguard=True, max_iterations=1000),
+        "Newton",
+        "De Luca, Facchinei, Kanzow 1996",
+        "NSN_AC_TEST",
+    ),
     "NSGS-AC": Method(nsgs_alart_curnier, GaussSeidelOptions(), "Gauss-Seidel", "Jourdan, Alart, Jean 1998", "NSGS + ONECONTACT_NSN"),
     "NSN-AC-HYBRID": Method(
         hybrid,

@@ -1,12 +1,15 @@
-"""Nonsmooth Newton on the local problem: (A W + B) dr = -F with u = W r + q.
+"""Nonsmooth Newton on F(u, r) = 0: (A du + B dr) = -F, where du follows from dr by the problem's linear part.
 
-Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92, 1991; Acary, Brémond, Huber 2018 (formulations, rho and line searches).
+`newton_iterations` is the method; where its unknowns live is a `NewtonSpace`: r alone with u = W r + q here, (v, r, l) and (r, l) in
+`newton_global`. Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92, 1991; Acary, Brémond, Huber 2018 (formulations, rho and
+line searches); De Luca, Facchinei, Kanzow, Math. Program. 75, 1996 (merit function, gradient steps: NSN-AC-TEST).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +19,30 @@ from fcsim.linear import SingularMatrix
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
 from fcsim.solvers.formulations import FORMULATIONS, Formulation
+from fcsim.solvers.line_search import LINE_SEARCHES, REFERENCES, Merit
 from fcsim.solvers.newton_system import SYSTEMS, NewtonSystem
-from fcsim.solvers.scaling import RHO_RULES
+from fcsim.solvers.scaling import RHO_RULES, adapt_rho
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class NewtonOptions(Options):
-    """formulation: AC, JM, NM; rho: rule of `scaling`, times rho_factor; line_search: none (NLS), Goldstein-Price, Armijo;
-    linear: how (A W + B) dr = -F is solved ("auto" chooses from size and density; "kkt" keeps the global form, see newton_global).
+    """formulation: AC, JM, NM, FB; rho: rule of `scaling`, times rho_factor; line_search: none (NLS), Goldstein-Price, Goldstein, Armijo,
+    with at most line_search_iterations trials; reference: what the merit must fall below, "none" (monotone) or its maximum, mean or
+    Zhang and Hager's weighted mean over `memory` iterations; safeguard: a gradient step where Newton's direction does not exist or does
+    not descend; linear: how the linear system is solved ("auto" chooses from size and density; "kkt" keeps the global or mixed form,
+    see newton_global).
     """
 
     formulation: str = "AC"
     rho: str = "split spectral norm"
     rho_factor: float = 1.0
     line_search: str = "none"
+    line_search_iterations: int = 100
+    reference: str = "none"
+    memory: int = 10
+    safeguard: bool = False
     linear: str = "auto"
 
     def __post_init__(self) -> None:
@@ -39,62 +50,80 @@ class NewtonOptions(Options):
         choice("formulation", self.formulation, FORMULATIONS)
         choice("rho", self.rho, RHO_RULES)
         choice("line_search", self.line_search, LINE_SEARCHES)
+        choice("reference", self.reference, REFERENCES)
         choice("linear", self.linear, ("auto", "kkt", *SYSTEMS))
         if not self.rho_factor > 0:
             raise InputError(f"option rho_factor: expected a number > 0, got {self.rho_factor}")
+        for name in ("line_search_iterations", "memory"):
+            if getattr(self, name) < 1:
+                raise InputError(f"option {name}: expected an integer >= 1, got {getattr(self, name)}")
 
 
-Merit = Callable[[float], float]
+class NewtonSpace(Protocol):
+    """The linear part of a problem: keeps u of the current iterate, solves for Newton's step and follows it."""
+
+    u: FloatArray
+
+    def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (dr, du) with A du + B dr = -F; raises SingularMatrix."""
+        ...
+
+    def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the steepest descent (dr, du) of 0.5 ||F||^2 down to the minimum of its linear model."""
+        ...
+
+    def move(self, t: float) -> None:
+        """Go t along the last step or gradient."""
+        ...
 
 
-def no_line_search(merit: Merit, value: float, slope: float) -> float:
-    """Full steps (NLS)."""
-    return 1.0
+class LocalSpace:
+    """u = W r + q."""
 
+    def __init__(self, problem: LocalProblem, r: FloatArray, options: NewtonOptions) -> None:
+        self._problem, self._r = problem, r
+        self._system: NewtonSystem = SYSTEMS[_linear(problem, options)](problem.W, problem.dimension)
+        self._moves = 0
+        self._Wr = problem.W @ r
+        self.u = self._Wr + problem.q
 
-def goldstein_price(merit: Merit, value: float, slope: float, m1: float = 0.01, m2: float = 0.99, trials: int = 20) -> float:
-    """Goldstein-Price: m2 slope <= (merit(t) - merit(0)) / t <= m1 slope by bracketing and bisection."""
-    low, high, t = 0.0, np.inf, 1.0
-    for _ in range(trials):
-        rate = (merit(t) - value) / t
-        if not rate <= m1 * slope:
-            high = t
-        elif rate < m2 * slope:
-            low = t
-        else:
-            return t
-        t = 2 * t if np.isinf(high) else 0.5 * (low + high)
-    return t
+    def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        self._dr = self._system.solve(A, B, -F)
+        self._Wdr = self._problem.W @ self._dr
+        return self._dr, self._Wdr
 
+    def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        g = self._problem.W.T @ np.einsum("aij,ai->aj", A, F).ravel() + np.einsum("aij,ai->aj", B, F).ravel()
+        Wg = self._problem.W @ g
+        Jg = np.einsum("aij,aj->ai", A, Wg.reshape(F.shape)) + np.einsum("aij,aj->ai", B, g.reshape(F.shape))
+        length = float(g @ g) / (float(np.sum(Jg * Jg)) or 1.0)
+        self._dr, self._Wdr = -length * g, -length * Wg
+        return self._dr, self._Wdr
 
-def armijo(merit: Merit, value: float, slope: float, m1: float = 1e-4, trials: int = 20) -> float:
-    """Armijo: halve t until merit(t) <= merit(0) + m1 t slope."""
-    t = 1.0
-    for _ in range(trials):
-        if merit(t) <= value + m1 * t * slope:
-            return t
-        t *= 0.5
-    return t
-
-
-LINE_SEARCHES: dict[str, Callable[[Merit, float, float], float]] = {
-    "none": no_line_search,
-    "Goldstein-Price": goldstein_price,
-    "Armijo": armijo,
-}
+    def move(self, t: float) -> None:
+        self._r = self._r + t * self._dr
+        self._moves += 1
+        # W r is recomputed now and then only: the update is exact up to round-off, which the final error would show
+        self._Wr = self._problem.W @ self._r if self._moves % 8 == 0 else self._Wr + t * self._Wdr
+        self.u = self._Wr + self._problem.q
 
 
 def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:
     """Nonsmooth Newton from the starting point r (m,)."""
-    rho = RHO_RULES[options.rho](problem.diagonal_blocks) * options.rho_factor
+    return newton_iterations(LocalSpace(problem, r, options), r, problem.diagonal_blocks, problem.mu, monitor, options)
+
+
+def newton_iterations(
+    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
+) -> Iterate:
+    """Newton's method in any space; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996."""
+    shape = diagonal_blocks.shape[:2]
+    first_rho = rho = RHO_RULES[options.rho](diagonal_blocks) * options.rho_factor
     formulation = FORMULATIONS[options.formulation]
-    system: NewtonSystem = SYSTEMS[_linear(problem, options)](problem.W, problem.dimension)
     line_search = LINE_SEARCHES[options.line_search]
-    shape = (problem.nc, problem.dimension)
-    Wr = problem.W @ r
+    merits: deque[float] = deque(maxlen=options.memory)
     while True:
-        u = Wr + problem.q
-        error = monitor.record(r, u)
+        error = monitor.record(r, space.u)  # (S.1)
         if error <= monitor.tol:
             return Iterate(r, Status.SOLVED)
         if not np.isfinite(error):
@@ -103,30 +132,61 @@ def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Newt
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():
             return Iterate(r, Status.TIME_LIMIT)
-        F, A, B = formulation(u.reshape(shape), r.reshape(shape), problem.mu, rho)
+        F, A, B = formulation(space.u.reshape(shape), r.reshape(shape), mu, rho)
+        value = 0.5 * float(np.sum(F * F))
         try:
-            dr = system.solve(A, B, -F)
+            dr, du, slope = _direction(space, F, A, B, options.safeguard)  # (S.2)
         except SingularMatrix:
             return Iterate(r, Status.SINGULAR)
-        Wdr = problem.W @ dr
         t = 1.0
         if options.line_search != "none":
-            merit = _merit(formulation, u, Wdr, r, dr, problem.mu, rho)
-            value = 0.5 * float(np.sum(F * F))
-            t = line_search(merit, value, -2 * value)  # along the Newton direction the slope of 0.5 ||F||^2 is -||F||^2
-        r = r + t * dr
-        # W r is recomputed now and then only: the update is exact up to round-off, which the final error would show
-        Wr = problem.W @ r if monitor.iterations % 8 == 7 else Wr + t * Wdr
+            merits.append(value)
+            reference = max(value, REFERENCES[options.reference](merits))
+            merit = _merit(formulation, space.u, du, r, dr, mu, rho)
+            t = line_search(merit, value, slope, options.line_search_iterations, reference)  # (S.3)
+        space.move(t)  # (S.4)
+        following = r + t * dr
         monitor.iterations += 1
+        if np.array_equal(following, r):
+            return Iterate(r, Status.STAGNATED)
+        r = following
+        if options.rho == "adaptive":
+            split = options.formulation in ("AC", "JM")  # the cone's formulations have one rho a contact
+            rho = adapt_rho(rho, first_rho, (t * du).reshape(shape), (t * dr).reshape(shape), split)
+            merits.clear()  # another rho, another merit function
+
+
+def _direction(space: NewtonSpace, F: FloatArray, A: FloatArray, B: FloatArray, safeguard: bool) -> tuple[FloatArray, FloatArray, float]:
+    """Newton's (dr, du) with the slope -||F||^2 of 0.5 ||F||^2, or the gradient's where the safeguard asks for it."""
+    size = float(np.sum(F * F))
+    try:
+        dr, du = space.step(A, B, F)
+    except SingularMatrix:
+        if not safeguard:
+            raise
+    else:
+        if not safeguard:
+            return dr, du, -size
+        slope = _slope(F, A, B, dr, du)
+        if slope <= -0.5 * size:  # exact arithmetic gives -size: an inexact solve of a nearly singular system shows here
+            return dr, du, slope
+    dr, du = space.gradient(A, B, F)
+    return dr, du, _slope(F, A, B, dr, du)
+
+
+def _slope(F: FloatArray, A: FloatArray, B: FloatArray, dr: FloatArray, du: FloatArray) -> float:
+    """F . (A du + B dr)."""
+    shape = F.shape
+    return float(np.sum(F * (np.einsum("aij,aj->ai", A, du.reshape(shape)) + np.einsum("aij,aj->ai", B, dr.reshape(shape)))))
 
 
 def _merit(
-    formulation: Formulation, u: FloatArray, Wdr: FloatArray, r: FloatArray, dr: FloatArray, mu: FloatArray, rho: FloatArray
+    formulation: Formulation, u: FloatArray, du: FloatArray, r: FloatArray, dr: FloatArray, mu: FloatArray, rho: FloatArray
 ) -> Merit:
     shape = rho.shape
 
     def merit(t: float) -> float:
-        F = formulation((u + t * Wdr).reshape(shape), (r + t * dr).reshape(shape), mu, rho)[0]
+        F = formulation((u + t * du).reshape(shape), (r + t * dr).reshape(shape), mu, rho)[0]
         return 0.5 * float(np.sum(F * F))
 
     return merit
@@ -138,4 +198,4 @@ def _linear(problem: LocalProblem, options: NewtonOptions) -> str:
         return options.linear
     if not isinstance(problem.W, np.ndarray):
         return "sparse"
-    return "dense" if options.formulation == "NM" else "condensed"
+    return "condensed" if options.formulation in ("AC", "JM") else "dense"

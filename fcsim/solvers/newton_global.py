@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from fcsim import runtime
 from fcsim.errors import InputError
-from fcsim.linear import Factor, Mumps, SingularMatrix, SuperLU
+from fcsim.linear import Factor, Mumps, SuperLU
 from fcsim.problem import GlobalProblem
 from fcsim.reduction import Reduction
-from fcsim.solvers.base import Iterate, Monitor, Status
-from fcsim.solvers.formulations import FORMULATIONS
-from fcsim.solvers.newton import NewtonOptions
-from fcsim.solvers.scaling import RHO_RULES
+from fcsim.solvers.base import Iterate, Monitor
+from fcsim.solvers.newton import NewtonOptions, newton_iterations
 
 FloatArray = NDArray[np.float64]
 
@@ -60,42 +58,50 @@ class _SaddleMatrix:
         return sp.csr_array((data, self._indices, self._indptr), shape=(self._size, self._size))
 
 
+class GlobalSpace:
+    """(v, r[, l]) with M v = H r + G l + f, G^T v + b = 0 and u = H^T v + w, which every iterate satisfies."""
+
+    def __init__(self, reduction: Reduction, r: FloatArray) -> None:
+        p = self._problem = reduction.problem
+        self._H, self._HT = sp.csr_array(p.H), sp.csr_array(p.H.T)
+        self._saddle = _SaddleMatrix(p)
+        self._factor: Factor | None = None
+        self._r = r
+        self._v, self.multiplier = reduction.velocity(r)
+        self.u = self._HT @ self._v + p.w
+
+    def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        p, n = self._problem, self._problem.n
+        # the linear rows are zero but for round-off, which is not left to grow
+        rhs = [self._H @ self._r + p.f - p.M @ self._v, -F.ravel()]
+        if p.G is not None and p.b is not None:
+            rhs = [rhs[0] + p.G @ self.multiplier, rhs[1], -(p.G.T @ self._v + p.b)]
+        self._factor = _factorise(self._saddle(A, B), self._factor)
+        self._step = self._factor.solve(np.concatenate(rhs))
+        return self._step[n : n + p.m], self._HT @ self._step[:n]
+
+    def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        raise InputError("option safeguard: expected off with linear='kkt', which has no W to form the gradient with")
+
+    def move(self, t: float) -> None:
+        p, n, step = self._problem, self._problem.n, t * self._step
+        self._v, self._r = self._v + step[:n], self._r + step[n : n + p.m]
+        if self.multiplier is not None:
+            self.multiplier = self.multiplier + step[n + p.m :]
+        self.u = self._HT @ self._v + p.w
+
+
 def newton_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:
     """Newton on (v, r[, l]) from the starting point r (m,)."""
-    if options.line_search != "none":
-        raise InputError(f"option line_search: expected 'none' with linear='kkt', got {options.line_search!r}")
-    p = reduction.problem
-    d, nc, m, n = p.dimension, p.nc, p.m, p.n
-    H, HT = sp.csr_array(p.H), sp.csr_array(p.H.T)
-    rho = RHO_RULES[options.rho](reduction.diagonal_blocks) * options.rho_factor
-    formulation = FORMULATIONS[options.formulation]
-    saddle = _SaddleMatrix(p)
-    factor: Factor | None = None
-    v, multiplier = reduction.velocity(r)
-    while True:
-        u = HT @ v + p.w
-        error = monitor.record(r, u)
-        if error <= monitor.tol:
-            return Iterate(r, Status.SOLVED)
-        if not np.isfinite(error):
-            return Iterate(r, Status.DIVERGED)
-        if monitor.iterations >= options.max_iterations:
-            return Iterate(r, Status.MAX_ITERATIONS)
-        if monitor.out_of_time():
-            return Iterate(r, Status.TIME_LIMIT)
-        F, A, B = formulation(u.reshape(nc, d), r.reshape(nc, d), p.mu, rho)
-        rhs = [H @ r + p.f - p.M @ v, -F.ravel()]
-        if p.G is not None and p.b is not None:
-            rhs = [rhs[0] + p.G @ multiplier, rhs[1], -(p.G.T @ v + p.b)]
-        try:
-            if isinstance(factor, Mumps):
-                factor.refactor(saddle(A, B))
-            else:
-                factor = Mumps(saddle(A, B)) if runtime.has_petsc() else SuperLU(saddle(A, B))
-            step = factor.solve(np.concatenate(rhs))
-        except SingularMatrix:
-            return Iterate(r, Status.SINGULAR)
-        v, r = v + step[:n], r + step[n : n + m]
-        if multiplier is not None:
-            multiplier = multiplier + step[n + m :]
-        monitor.iterations += 1
+    if options.safeguard:
+        raise InputError("option safeguard: expected off with linear='kkt', which has no W to form the gradient with")
+    space = GlobalSpace(reduction, r)
+    return newton_iterations(space, r, reduction.diagonal_blocks, reduction.problem.mu, monitor, options)
+
+
+def _factorise(matrix: Any, factor: Factor | None) -> Factor:
+    """MUMPS on the pattern analysed before, SuperLU where petsc4py is not there."""
+    if isinstance(factor, Mumps):
+        factor.refactor(matrix)
+        return factor
+    return Mumps(matrix) if runtime.has_petsc() else SuperLU(matrix)

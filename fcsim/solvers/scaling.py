@@ -52,4 +52,20 @@ RHO_RULES: dict[str, Callable[[FloatArray], FloatArray]] = {
     "spectral norm": spectral_norm,
     "split spectral norm": split_spectral_norm,
     "split spectral norm with condition number": split_spectral_norm_condition,
+    "adaptive": split_spectral_norm,  # where it starts, see adapt_rho
 }
+
+
+def adapt_rho(rho: FloatArray, first: FloatArray, du: FloatArray, dr: FloatArray, split: bool = True) -> FloatArray:
+    """The rule "adaptive": keep 0.3 <= rho ||du|| / ||dr|| <= 0.9 over each contact's last step du, dr (nc, d), N and T apart if `split`.
+
+    Khobotov's rule with the constants of He and Liao (J. Optim. Theory Appl. 112, 2002), as in the projection methods: rho is multiplied
+    by 2/3 above and by 3/2 below, within a factor of 100 of where it began. It sees the compliance through the other contacts too.
+    """
+    adapted = rho.copy()
+    for part in (slice(0, 1), slice(1, None)) if split else (slice(0, None),):
+        u_size, r_size = (np.sqrt(np.einsum("ai,ai->a", z[:, part], z[:, part])) for z in (du, dr))
+        stretch = rho[:, part.start] * u_size
+        factor = np.where(stretch > 0.9 * r_size, 2 / 3, np.where(stretch < 0.3 * r_size, 3 / 2, 1.0))
+        adapted[:, part] *= factor[:, None]
+    return np.clip(adapted, 0.01 * first, 100 * first)

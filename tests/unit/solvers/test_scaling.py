@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim.solvers.scaling import RHO_RULES
+from fcsim.solvers.scaling import RHO_RULES, adapt_rho
 
 
 def blocks(d: int, count: int = 5) -> np.ndarray:
@@ -41,3 +41,20 @@ def test_every_rho_is_positive_and_finite(name: str) -> None:
 def test_rho_follows_the_units_of_W(name: str) -> None:
     W = blocks(3)
     assert_allclose(RHO_RULES[name](1e6 * W), 1e-6 * RHO_RULES[name](W))
+
+
+def test_adaptive_rho_finds_the_compliance_that_steps_show() -> None:
+    """Steps with ||du|| = k ||dr||: rho k settles between 0.3 and 0.9, N and T apart, and stays within a factor of 100."""
+    first = np.full((4, 3), 2.0)
+    k_N, k_T = np.array([0.01, 1.0, 30.0, 1e6]), np.array([5.0, 0.2, 0.7, 1e-9])
+    rng = np.random.default_rng(0)
+    rho = first
+    for _ in range(40):
+        dr = rng.standard_normal((4, 3))
+        turned = np.column_stack([dr[:, 0], -dr[:, 2], dr[:, 1]])
+        rho = adapt_rho(rho, first, turned * np.column_stack([k_N, k_T, k_T]), dr)
+    assert np.all(((rho[:, 0] * k_N)[:3] >= 0.3) & ((rho[:, 0] * k_N)[:3] <= 0.9))
+    assert np.all(((rho[:, 1] * k_T)[:3] >= 0.3) & ((rho[:, 1] * k_T)[:3] <= 0.9))
+    assert_allclose(rho[3], [0.02, 200, 200])
+    assert_allclose(rho[:, 1], rho[:, 2])
+    assert_allclose(adapt_rho(rho, first, np.zeros((4, 3)), np.zeros((4, 3))), rho)  # nothing moved, nothing learnt

@@ -15,7 +15,8 @@ from fcsim.solvers import SOLVERS, Method, Result, Status, solve
 from fcsim.solvers.base import Iterate, Monitor, override
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs_alart_curnier
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
-from fcsim.solvers.newton import NewtonOptions, armijo, goldstein_price, newton
+from fcsim.solvers.line_search import armijo, goldstein_price
+from fcsim.solvers.newton import NewtonOptions, newton
 
 
 def problem(seed: int = 0, nc: int = 10) -> LocalProblem:
@@ -78,7 +79,7 @@ def test_unknown_option_lists_the_known_ones(name: str) -> None:
         ({"tol": -1e-8}, "tol"),
         ({"tol": float("nan")}, "tol: .* got nan"),
         ({"max_iterations": -1}, "max_iterations"),
-        ({"formulation": "XY"}, "formulation: expected one of 'AC', 'JM', 'NM', got 'XY'"),
+        ({"formulation": "XY"}, "formulation: expected one of 'AC', 'JM', 'NM', 'FB', got 'XY'"),
         ({"rho": "best"}, "rho: expected one of .*'split spectral norm'"),
         ({"rho_factor": 0.0}, "rho_factor"),
         ({"line_search": "golden"}, "line_search: expected one of .*'Goldstein-Price'"),
@@ -112,10 +113,10 @@ def test_wrong_dimension_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         solve(problem(), "NSN-AC")
 
 
-def test_line_search_is_refused_on_the_global_form() -> None:
+def test_gradient_steps_are_refused_on_the_global_form() -> None:
     p = GlobalProblem(np.eye(3), np.eye(3), -np.ones(3), np.zeros(3), np.array([0.3]))
-    with pytest.raises(InputError, match="line_search"):
-        solve(p, "NSN-AC", linear="kkt", line_search="Armijo")
+    with pytest.raises(InputError, match="safeguard"):
+        solve(p, "NSN-AC", linear="kkt", safeguard=True)
 
 
 def test_override_leaves_the_original() -> None:
