@@ -15,10 +15,12 @@ from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem, check
 from fcsim.reduction import Reduction, eliminate_equalities, reduce
 from fcsim.solvers.base import Method, Monitor, Result, Status, override
-from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs_alart_curnier
+from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
+from fcsim.solvers.gauss_seidel_velocity import VelocityOptions, nsgsv
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
 from fcsim.solvers.newton import NewtonOptions, newton
 from fcsim.solvers.newton_global import newton_global
+from fcsim.solvers.one_contact import ONE_CONTACT
 
 __all__ = ["SOLVERS", "Method", "Result", "Status", "solve"]
 
@@ -30,6 +32,12 @@ _BOOK = "Acary, Brémond, Huber 2018"
 def _newton(formulation: str, source: str, siconos: str, rho: str = "split spectral norm", line_search: str = "none") -> Method:
     options = NewtonOptions(formulation=formulation, rho=rho, line_search=line_search)
     return Method(newton, options, "Newton", source, siconos, run_global=newton_global)
+
+
+def _nsgs(one_contact: str, source: str, siconos: str = "", **options: Any) -> Method:
+    siconos = siconos or ONE_CONTACT[one_contact].siconos
+    own = GaussSeidelOptions(one_contact=one_contact, **options)
+    return Method(nsgs, own, "Gauss-Seidel", source, f"NSGS + {siconos}" if siconos else "")
 
 
 SOLVERS: dict[str, Method] = {
@@ -51,10 +59,22 @@ SOLVERS: dict[str, Method] = {
         "De Luca, Facchinei, Kanzow 1996",
         "NSN_AC_TEST",
     ),
-    "NSGS-AC": Method(nsgs_alart_curnier, GaussSeidelOptions(), "Gauss-Seidel", "Jourdan, Alart, Jean 1998", "NSGS + ONECONTACT_NSN"),
+    "NSGS-AC": _nsgs("AC", "Jourdan, Alart, Jean 1998"),
+    "NSGS-JM": _nsgs("JM", "Jean, Moreau 1987"),
+    "NSGS-AC-GP": _nsgs("AC-GP", _BOOK),
+    "NSGS-JM-GP": _nsgs("JM-GP", _BOOK),
+    "NSGS-FP-DS-ONE": _nsgs("FP-DS-ONE", "De Saxcé, Feng 1998"),
+    "NSGS-FP-DS": _nsgs("FP-DS", "De Saxcé, Feng 1998", local_iterations=1000),
+    "NSGS-FP-VI-UPK": _nsgs("FP-VI-UPK", _BOOK, local_iterations=1000),
+    "NSGS-PC-REG": _nsgs("FP-DS-ONE", _BOOK, siconos="ONECONTACT_ProjectionOnConeWithRegularization", regularisation=0.1),
+    "NSGS-PC-DIAG": _nsgs("PC-DIAG", _BOOK),
+    "NSGS-CYL": _nsgs("CYL", _BOOK),
+    "NSGS-EXACT": _nsgs("EXACT", "Bonnefon, Daviet 2011"),
+    "NSGS-NCP": _nsgs("NCP-FB", "Glocker 1999", local_iterations=100),
+    "NSGSV": Method(nsgsv, VelocityOptions(), "Gauss-Seidel", _BOOK, "NSGSV"),
     "NSN-AC-HYBRID": Method(
         hybrid,
-        HybridOptions(stages=(Stage(nsgs_alart_curnier, GaussSeidelOptions(max_iterations=100)), Stage(newton, NewtonOptions()))),
+        HybridOptions(stages=(Stage(nsgs, GaussSeidelOptions(max_iterations=100)), Stage(newton, NewtonOptions()))),
         "hybrid",
         _BOOK,
         "NSN_AC with an NSGS start",

@@ -1,120 +1,155 @@
-"""Loops over contacts, compiled by numba: one-contact solvers and Gauss-Seidel sweeps on block-sparse W (d = 3)."""
+"""Gauss-Seidel sweeps over block-sparse rows (d = 3), compiled once for each one-contact solver, and the product by those rows.
+
+A sweep is a template: `compiled` binds the global name `one_contact` to a one-contact solver before numba sees it, so that the solver
+is inlined and each sweep has its own entry in numba's cache on disk. (A closure would not: numba keys it by its callee's random identity.)
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
 
 import numpy as np
 from numba import njit
 
+from fcsim.solvers._one_contact_kernels import natural_residual
 
-@njit(cache=True)
-def newton_alart_curnier(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations):
-    """Solve one contact's AC equations, u = W r + q, W (3, 3); return (r0, r1, r2, solved).
+one_contact: Any = None
+"""Stands for the one-contact solver in the templates below."""
 
-    `solved` when ||F|| <= tol. The derivatives are those of formulations.alart_curnier.
-    """
-    for _ in range(max_iterations + 1):
-        u0 = W[0, 0] * r0 + W[0, 1] * r1 + W[0, 2] * r2 + q0
-        u1 = W[1, 0] * r0 + W[1, 1] * r1 + W[1, 2] * r2 + q1
-        u2 = W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2 + q2
-        y0 = r0 - rho_N * u0
-        if y0 <= 0.0:  # open: F = r
-            if r0 * r0 + r1 * r1 + r2 * r2 <= tol * tol:
-                return 0.0, 0.0, 0.0, True
-            r0 = r1 = r2 = 0.0
-            if q0 >= 0.0:
-                return 0.0, 0.0, 0.0, True
-            continue
-        radius = mu * y0
-        y1 = r1 - rho_T * u1
-        y2 = r2 - rho_T * u2
-        norm = np.sqrt(y1 * y1 + y2 * y2)
-        F0 = rho_N * u0
-        # rows of J = A W + B, row by row
-        J00, J01, J02 = rho_N * W[0, 0], rho_N * W[0, 1], rho_N * W[0, 2]
-        if norm <= radius:
-            F1, F2 = rho_T * u1, rho_T * u2
-            J10, J11, J12 = rho_T * W[1, 0], rho_T * W[1, 1], rho_T * W[1, 2]
-            J20, J21, J22 = rho_T * W[2, 0], rho_T * W[2, 1], rho_T * W[2, 2]
-        else:
-            n1, n2 = y1 / norm, y2 / norm
-            F1, F2 = r1 - radius * n1, r2 - radius * n2
-            ratio = radius / norm
-            P11, P12, P22 = ratio * (1 - n1 * n1), -ratio * n1 * n2, ratio * (1 - n2 * n2)
-            a10, a20 = mu * rho_N * n1, mu * rho_N * n2
-            J10 = a10 * W[0, 0] + rho_T * (P11 * W[1, 0] + P12 * W[2, 0]) - mu * n1
-            J11 = a10 * W[0, 1] + rho_T * (P11 * W[1, 1] + P12 * W[2, 1]) + 1 - P11
-            J12 = a10 * W[0, 2] + rho_T * (P11 * W[1, 2] + P12 * W[2, 2]) - P12
-            J20 = a20 * W[0, 0] + rho_T * (P12 * W[1, 0] + P22 * W[2, 0]) - mu * n2
-            J21 = a20 * W[0, 1] + rho_T * (P12 * W[1, 1] + P22 * W[2, 1]) - P12
-            J22 = a20 * W[0, 2] + rho_T * (P12 * W[1, 2] + P22 * W[2, 2]) + 1 - P22
-        size = F0 * F0 + F1 * F1 + F2 * F2
-        if size <= tol * tol:
-            return r0, r1, r2, True
-        # Cramer's rule
-        c0, c1, c2 = J11 * J22 - J12 * J21, J12 * J20 - J10 * J22, J10 * J21 - J11 * J20
-        det = J00 * c0 + J01 * c1 + J02 * c2
-        if det == 0.0 or not np.isfinite(det):
-            return r0, r1, r2, False
-        d0 = -(F0 * c0 + F1 * (J02 * J21 - J01 * J22) + F2 * (J01 * J12 - J02 * J11)) / det
-        d1 = -(F0 * c1 + F1 * (J00 * J22 - J02 * J20) + F2 * (J02 * J10 - J00 * J12)) / det
-        d2 = -(F0 * c2 + F1 * (J01 * J20 - J00 * J21) + F2 * (J00 * J11 - J01 * J10)) / det
-        r0, r1, r2 = r0 + d0, r1 + d1, r2 + d2
-    return r0, r1, r2, False
+
+def compiled(template: Callable[..., Any], name: str, solver: Any) -> Any:
+    """Return the sweep `template` for the one-contact solver `solver`, compiled at its first call; `name` tells the cache entries apart."""
+    assert isinstance(template, FunctionType)
+    sweep = FunctionType(template.__code__, {**globals(), "one_contact": solver}, f"{template.__name__}_{name}")
+    sweep.__qualname__ = sweep.__name__
+    return njit(cache=True)(sweep)
 
 
 @njit(cache=True)
-def project_de_saxce(W, q0, q1, q2, mu, rho, r0, r1, r2, tol, max_iterations):
-    """De Saxcé fixed point r <- P_K(r - rho (u + g(u))) on one contact; return (r0, r1, r2, solved)."""
-    for _ in range(max_iterations):
-        u0 = W[0, 0] * r0 + W[0, 1] * r1 + W[0, 2] * r2 + q0
-        u1 = W[1, 0] * r0 + W[1, 1] * r1 + W[1, 2] * r2 + q1
-        u2 = W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2 + q2
-        z0 = r0 - rho * (u0 + mu * np.sqrt(u1 * u1 + u2 * u2))
-        z1, z2 = r1 - rho * u1, r2 - rho * u2
-        norm = np.sqrt(z1 * z1 + z2 * z2)
-        if mu * norm <= -z0:
-            z0 = z1 = z2 = 0.0
-        elif norm > mu * z0:
-            s = (z0 + mu * norm) / (1 + mu * mu)
-            z0, z1, z2 = s, mu * s * z1 / norm, mu * s * z2 / norm
-        change = (z0 - r0) ** 2 + (z1 - r1) ** 2 + (z2 - r2) ** 2
-        r0, r1, r2 = z0, z1, z2
-        if change <= tol * tol:
-            return r0, r1, r2, True
-    return r0, r1, r2, False
+def block_rows_of_dense(W, d):
+    """Return dense W by block rows: indptr (nc + 1,), block columns, blocks (nnz, d, d) that are diagonal or not zero."""
+    nc = W.shape[0] // d
+    nonzero = np.zeros((nc, nc), dtype=np.bool_)
+    indptr = np.zeros(nc + 1, dtype=np.int64)
+    for a in range(nc):
+        nonzero[a, a] = True
+        for i in range(d * a, d * a + d):
+            for b in range(nc):
+                for j in range(d * b, d * b + d):
+                    if W[i, j] != 0.0:
+                        nonzero[a, b] = True
+        indptr[a + 1] = indptr[a] + np.count_nonzero(nonzero[a])
+    column = np.empty(indptr[nc], dtype=np.int64)
+    blocks = np.empty((indptr[nc], d, d))
+    for a in range(nc):
+        k = indptr[a]
+        for b in range(nc):
+            if nonzero[a, b]:
+                column[k] = b
+                blocks[k] = W[d * a : d * a + d, d * b : d * b + d]
+                k += 1
+    return indptr, column, blocks
 
 
 @njit(cache=True)
-def sweep_alart_curnier(indptr, indices, blocks, diagonal, q, mu, rho, order, r, local_tolerance, local_iterations):
+def product(indptr, indices, blocks, q, r):
+    """u = W r + q (nc, 3) from block rows."""
+    u = np.empty_like(q)
+    for a in range(len(q)):
+        u0, u1, u2 = q[a, 0], q[a, 1], q[a, 2]
+        for k in range(indptr[a], indptr[a + 1]):
+            w, b = blocks[k], indices[k]
+            s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
+            u0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
+            u1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
+            u2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
+        u[a, 0], u[a, 1], u[a, 2] = u0, u1, u2
+    return u
+
+
+@njit(cache=True)
+def off_diagonal(indptr, indices, blocks, a, q0, q1, q2, r):
+    """q_a + sum_{b != a} W_ab r_b."""
+    for k in range(indptr[a], indptr[a + 1]):
+        b = indices[k]
+        if b != a:
+            w = blocks[k]
+            s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
+            q0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
+            q1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
+            q2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
+    return q0, q1, q2
+
+
+def sweep(
+    indptr, indices, blocks, diagonal, shift, q, mu, rho, order, r, frozen, tolerance, iterations, relaxation, filtered, freezing, settled
+):
     """One Gauss-Seidel sweep over the contacts in `order`, in place on r (nc, 3); return (||change||^2, ||r||^2, local failures).
 
-    indptr, indices, blocks (nnz, 3, 3): W by block rows; diagonal (nc, 3, 3) its own blocks; rho (nc, 2): rho_N, rho_T.
-    Where the local Newton method fails, De Saxcé's fixed point takes its place.
+    indptr, indices, blocks (nnz, 3, 3): W by block rows; diagonal (nc, 3, 3): W_aa + shift_a I, where shift_a (nc,) is the contact's
+    proximal regularisation, balanced by q_a - shift_a r_a; rho (nc, 2): rho_N, rho_T. tolerance is relative to ||r_a|| + rho_N ||q_a||.
+    relaxation: r_a <- r_a + omega (new - r_a). filtered: keep r_a where the new one is not finite or has a larger natural-map residual.
+    freezing: a contact that changed by less than `settled` (unit of r) is left out of the next `freezing` sweeps, counted in frozen (nc,).
     """
     change = 0.0
     size = 0.0
     failures = 0
     for a in order:
-        q0, q1, q2 = q[a, 0], q[a, 1], q[a, 2]
-        for k in range(indptr[a], indptr[a + 1]):
-            b = indices[k]
-            if b != a:
-                w = blocks[k]
-                s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
-                q0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
-                q1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
-                q2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
         old0, old1, old2 = r[a, 0], r[a, 1], r[a, 2]
-        tol = local_tolerance * (np.sqrt(old0 * old0 + old1 * old1 + old2 * old2) + rho[a, 0] * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
-        r0, r1, r2, solved = newton_alart_curnier(
-            diagonal[a], q0, q1, q2, mu[a], rho[a, 0], rho[a, 1], old0, old1, old2, tol, local_iterations
-        )
+        if frozen[a] > 0:
+            frozen[a] -= 1
+            size += old0 * old0 + old1 * old1 + old2 * old2
+            continue
+        s, W, m, rho_N, rho_T = shift[a], diagonal[a], mu[a], rho[a, 0], rho[a, 1]
+        q0, q1, q2 = off_diagonal(indptr, indices, blocks, a, q[a, 0] - s * old0, q[a, 1] - s * old1, q[a, 2] - s * old2, r)
+        tol = tolerance * (np.sqrt(old0 * old0 + old1 * old1 + old2 * old2) + rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
+        r0, r1, r2, solved = one_contact(W, q0, q1, q2, m, rho_N, rho_T, old0, old1, old2, tol, iterations)
         if not solved:
             failures += 1
-            r0, r1, r2, solved = project_de_saxce(
-                diagonal[a], q0, q1, q2, mu[a], min(rho[a, 0], rho[a, 1]), old0, old1, old2, tol, 10 * local_iterations
-            )
+        if filtered:
+            rho_a = min(rho_N, rho_T)
+            before = natural_residual(W, q0, q1, q2, m, rho_a, old0, old1, old2)
+            if not (natural_residual(W, q0, q1, q2, m, rho_a, r0, r1, r2) <= before and np.isfinite(r0 + r1 + r2)):
+                r0, r1, r2 = old0, old1, old2
+        if relaxation != 1.0:
+            r0, r1, r2 = old0 + relaxation * (r0 - old0), old1 + relaxation * (r1 - old1), old2 + relaxation * (r2 - old2)
         r[a, 0], r[a, 1], r[a, 2] = r0, r1, r2
-        change += (r0 - old0) ** 2 + (r1 - old1) ** 2 + (r2 - old2) ** 2
+        own = (r0 - old0) ** 2 + (r1 - old1) ** 2 + (r2 - old2) ** 2
+        if freezing > 0 and own <= settled * settled:
+            frozen[a] = freezing
+        change += own
         size += r0 * r0 + r1 * r1 + r2 * r2
+    return change, size, failures
+
+
+def sweep_velocities(indptr, indices, blocks, inverse, p, mu, rho, order, u, r, tolerance, iterations, relaxation):
+    """One Gauss-Seidel sweep on velocities, in place on u and r (nc, 3): r = M u + p with M = W^-1 by block rows, p = -M q.
+
+    inverse (nc, 3, 3): M_aa^-1, so that contact a alone is the problem u_a = M_aa^-1 r_a + q_a, q_a = -M_aa^-1 (p_a + sum M_ab u_b).
+    Return (||change of u||^2, ||u||^2, local failures).
+    """
+    change = 0.0
+    size = 0.0
+    failures = 0
+    for a in order:
+        b0, b1, b2 = off_diagonal(indptr, indices, blocks, a, p[a, 0], p[a, 1], p[a, 2], u)
+        W = inverse[a]
+        q0 = -(W[0, 0] * b0 + W[0, 1] * b1 + W[0, 2] * b2)
+        q1 = -(W[1, 0] * b0 + W[1, 1] * b1 + W[1, 2] * b2)
+        q2 = -(W[2, 0] * b0 + W[2, 1] * b1 + W[2, 2] * b2)
+        r0, r1, r2 = r[a, 0], r[a, 1], r[a, 2]
+        tol = tolerance * (np.sqrt(r0 * r0 + r1 * r1 + r2 * r2) + rho[a, 0] * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
+        r0, r1, r2, solved = one_contact(W, q0, q1, q2, mu[a], rho[a, 0], rho[a, 1], r0, r1, r2, tol, iterations)
+        if not solved:
+            failures += 1
+        r[a, 0], r[a, 1], r[a, 2] = r0, r1, r2
+        old0, old1, old2 = u[a, 0], u[a, 1], u[a, 2]
+        d0 = relaxation * (W[0, 0] * r0 + W[0, 1] * r1 + W[0, 2] * r2 + q0 - old0)
+        d1 = relaxation * (W[1, 0] * r0 + W[1, 1] * r1 + W[1, 2] * r2 + q1 - old1)
+        d2 = relaxation * (W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2 + q2 - old2)
+        u[a, 0], u[a, 1], u[a, 2] = old0 + d0, old1 + d1, old2 + d2
+        change += d0 * d0 + d1 * d1 + d2 * d2
+        size += u[a, 0] ** 2 + u[a, 1] ** 2 + u[a, 2] ** 2
     return change, size, failures

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
-from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs_alart_curnier
+from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.newton import NewtonOptions, newton
 
 FloatArray = NDArray[np.float64]
@@ -114,7 +114,7 @@ class _Run:
         return min(self.monitor.iterations + count, self.options.max_iterations)
 
     def _sweeps(self, r: FloatArray, count: int) -> Iterate:
-        return nsgs_alart_curnier(self.problem, r, self.monitor, GaussSeidelOptions(max_iterations=self._limit(count)))
+        return nsgs(self.problem, r, self.monitor, GaussSeidelOptions(max_iterations=self._limit(count)))
 
     def race(self, r: FloatArray) -> Iterate:
         """Gauss-Seidel in chunks that double, while it is predicted to arrive before Newton."""

@@ -80,14 +80,14 @@ class Monitor:
         self.iterations = 0
         self.best = float("inf")
         self.best_r: FloatArray | None = None
-        self._scale = max(float(np.linalg.norm(q)), floor)
+        self.scale = max(float(np.linalg.norm(q)), floor)  # what the error divides by
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         """The error of formulation eq. 13 at (r, u = W r + q)."""
         residual = natural_map_residual(r, u, self.mu, self.dimension)
         if residual == 0:
             return 0.0
-        return residual / self._scale if self._scale > 0 else float("inf")
+        return residual / self.scale if self.scale > 0 else float("inf")
 
     def record(self, r: FloatArray, u: FloatArray) -> float:
         """Compute the error, note it in the history under the current iteration and remember the iterate if it is the best so far."""

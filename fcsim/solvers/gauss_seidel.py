@@ -1,11 +1,12 @@
 """Nonsmooth Gauss-Seidel on the local problem: contact after contact, each solved with the others' reactions fixed.
 
 Sources: Jourdan, Alart, Jean, "A Gauss-Seidel like algorithm to solve frictional contact problems", Comput. Methods Appl. Mech. Eng.
-155, 1998; Acary, Brémond, Huber 2018 (NSGS-AC; light criterion eq. 14).
+155, 1998; Acary, Brémond, Huber 2018 (local solvers, light criterion eq. 14). The options are those of Siconos' NSGS.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,102 +16,227 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
-from fcsim.solvers._kernels import sweep_alart_curnier
-from fcsim.solvers.base import Iterate, Monitor, Options, Status
-from fcsim.solvers.scaling import split_spectral_norm
+from fcsim.solvers._kernels import block_rows_of_dense, product
+from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
+from fcsim.solvers.one_contact import ONE_CONTACT
+from fcsim.solvers.scaling import RHO_RULES
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FULL_AT_LEAST_EVERY = 100
+"""Sweeps between two full errors at most: they are the history, and what stagnation is judged by."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class GaussSeidelOptions(Options):
-    """local_tolerance: of a contact's own equations, relative to its reaction; local_iterations: cap of its Newton method;
-    stagnation_sweeps: how many sweeps may pass without the error falling by a tenth before giving up (0 = never).
+class SweepOptions(Options):
+    """What Gauss-Seidel on reactions and on velocities share.
+
+    one_contact           one-contact solver, a name of `ONE_CONTACT`
+    local_tolerance       of a contact's own equations, relative to the size of its problem
+    local_tolerance_rule  "given"; "adaptive": error / local_error_ratio, but no less than the given one; "adaptive per contact":
+                          divided by the number of contacts as well
+    local_iterations      cap of the one-contact solver
+    shuffle, seed         order of the contacts: "never" (as numbered), "once", "each sweep" (random)
+    relaxation            omega of r <- r + omega (new - r): 1 is Gauss-Seidel, others projected SOR
+    error_evaluation      when the full error is computed: "light" (eq. 14: when ||r_k+1 - r_k|| / ||r_k+1|| < tau, tau following the ratio
+                          of the two), "full" (every error_frequency sweeps), "adaptive" (half-way to where its decrease predicts the end)
+    stagnation_sweeps     how many sweeps may pass without the error falling by a tenth before giving up (0 = never)
     """
 
     max_iterations: int = 10_000
+    one_contact: str = "AC"
     local_tolerance: float = 1e-14
+    local_tolerance_rule: str = "given"
+    local_error_ratio: float = 10.0
     local_iterations: int = 20
+    shuffle: str = "never"
+    seed: int = 0
+    relaxation: float = 1.0
+    error_evaluation: str = "light"
+    error_frequency: int = 1
     stagnation_sweeps: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        choice("one_contact", self.one_contact, ONE_CONTACT)
+        choice("local_tolerance_rule", self.local_tolerance_rule, ("given", "adaptive", "adaptive per contact"))
+        choice("shuffle", self.shuffle, ("never", "once", "each sweep"))
+        choice("error_evaluation", self.error_evaluation, ("light", "full", "adaptive"))
         if not self.local_tolerance >= 0:
             raise InputError(f"option local_tolerance: expected a number >= 0, got {self.local_tolerance}")
+        if not self.local_error_ratio > 0:
+            raise InputError(f"option local_error_ratio: expected a number > 0, got {self.local_error_ratio}")
         if self.local_iterations < 1:
             raise InputError(f"option local_iterations: expected an integer >= 1, got {self.local_iterations}")
+        if self.seed < 0:
+            raise InputError(f"option seed: expected an integer >= 0, got {self.seed}")
+        if not 0 < self.relaxation < 2:
+            raise InputError(f"option relaxation: expected a number in (0, 2), got {self.relaxation}")
+        if self.error_frequency < 1:
+            raise InputError(f"option error_frequency: expected an integer >= 1, got {self.error_frequency}")
+        if self.stagnation_sweeps < 0:
+            raise InputError(f"option stagnation_sweeps: expected an integer >= 0, got {self.stagnation_sweeps}")
 
 
-def block_rows(W: Any, dimension: int) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
-    """Return W by block rows: indptr (nc + 1,), block columns, blocks (nnz, 3, 3).
+@dataclass(frozen=True, kw_only=True)
+class GaussSeidelOptions(SweepOptions):
+    """And of Gauss-Seidel on reactions alone.
+
+    regularisation  alpha / ||W_aa||: contact a is solved with W_aa + alpha I and q_a - alpha r_a, a proximal step of its own
+    filter_local    keep a contact's reaction where the local solution is not finite or worse than it
+    freezing        sweeps for which a contact is left out once its change is a tenth of its share of the light criterion (0 = never)
+    """
+
+    regularisation: float = 0.0
+    filter_local: bool = False
+    freezing: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.regularisation >= 0:
+            raise InputError(f"option regularisation: expected a number >= 0, got {self.regularisation}")
+        if self.freezing < 0:
+            raise InputError(f"option freezing: expected an integer >= 0, got {self.freezing}")
+
+
+def block_rows(W: Any, dimension: int) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return W by block rows: indptr (nc + 1,), block columns, blocks (nnz, 3, 3); blocks of zeros are left out of a dense W.
 
     A 2D problem is embedded: its second tangent gets a unit compliance and no velocity, so its reaction stays zero.
     """
     d = dimension
     if isinstance(W, np.ndarray):
-        nc = W.shape[0] // d
-        tiles = W.reshape(nc, d, nc, d)
-        row, column = np.nonzero(np.any(tiles, axis=(1, 3)) | np.eye(nc, dtype=bool))
-        blocks = np.ascontiguousarray(tiles[row, :, column, :])
-        indptr = np.searchsorted(row, np.arange(nc + 1))
+        indptr, column, blocks = block_rows_of_dense(np.ascontiguousarray(W), d)
     else:
         bsr = sp.bsr_array(W, blocksize=(d, d))
-        nc = bsr.shape[0] // d
-        row = np.repeat(np.arange(nc), np.diff(bsr.indptr))
         indptr, column, blocks = bsr.indptr.astype(np.int64), bsr.indices.astype(np.int64), bsr.data
     if d == 2:
+        row = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
         embedded = np.zeros((len(blocks), 3, 3))
         embedded[:, :2, :2] = blocks
         embedded[row == column, 2, 2] = 1
         blocks = embedded
-    return indptr.astype(np.int64), column.astype(np.int64), np.ascontiguousarray(blocks)
+    return indptr, column, np.ascontiguousarray(blocks)
 
 
-def nsgs_alart_curnier(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: GaussSeidelOptions) -> Iterate:
-    """NSGS-AC: sweeps with a local Newton method on the Alart-Curnier equations, from the starting point r (m,).
+def embed_vector(x: FloatArray, dimension: int) -> FloatArray:
+    """Return flat x (m,) as (nc, 3), a zero second tangent added in 2D."""
+    rows = np.zeros((len(x) // dimension, 3))
+    rows[:, :dimension] = x.reshape(-1, dimension)
+    return rows
 
-    The light criterion ||r_k+1 - r_k|| / ||r_k+1|| < tau (eq. 14) says when to compute the full error; tau follows the ratio of
-    the two, so that few full errors are computed.
-    """
+
+def embed_blocks(W: FloatArray) -> FloatArray:
+    """Return one-contact matrices (nc, d, d) as (nc, 3, 3), a unit second tangent added in 2D."""
+    d = W.shape[1]
+    blocks = np.zeros((len(W), 3, 3))
+    blocks[:, :d, :d] = W
+    if d == 2:
+        blocks[:, 2, 2] = 1
+    return blocks
+
+
+def contact_order(nc: int, options: SweepOptions) -> Callable[[], IntArray]:
+    """Return what gives the order of the contacts for the next sweep."""
+    numbered = np.arange(nc)
+    if options.shuffle == "never":
+        return lambda: numbered
+    random = np.random.default_rng(options.seed)
+    if options.shuffle == "each sweep":
+        return lambda: random.permutation(nc)
+    once = random.permutation(nc)
+    return lambda: once
+
+
+def local_tolerance(error: float, nc: int, options: SweepOptions) -> float:
+    """The one-contact tolerance that goes with the last full error."""
+    if options.local_tolerance_rule == "given":
+        return options.local_tolerance
+    share = nc if options.local_tolerance_rule == "adaptive per contact" else 1
+    return float(np.clip(error / (options.local_error_ratio * share), options.local_tolerance, 0.1))
+
+
+Sweep = Callable[[float, float], float]
+"""sweep(local tolerance, tau) -> relative change of the iterate."""
+Point = Callable[[], tuple[FloatArray, FloatArray]]
+
+
+def nsgs(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: GaussSeidelOptions) -> Iterate:
+    """Nonsmooth Gauss-Seidel with any one-contact solver, from the starting point r (m,)."""
     d, nc = problem.dimension, problem.nc
     indptr, indices, blocks = block_rows(problem.W, d)
-    diagonal, q, rows = np.zeros((nc, 3, 3)), np.zeros((nc, 3)), np.zeros((nc, 3))
-    diagonal[:, :d, :d] = problem.diagonal_blocks
-    if d == 2:
-        diagonal[:, 2, 2] = 1
-    q[:, :d], rows[:, :d] = problem.q.reshape(nc, d), r.reshape(nc, d)
-    rho = np.ascontiguousarray(split_spectral_norm(problem.diagonal_blocks)[:, :2])
-    order = np.arange(nc)
+    q, reaction = embed_vector(problem.q, d), embed_vector(r, d)
+    solver = ONE_CONTACT[options.one_contact]
+    own = problem.diagonal_blocks
+    shift = options.regularisation * np.linalg.norm(own, ord=2, axis=(1, 2)) if options.regularisation else np.zeros(nc)
+    own = own + shift[:, None, None] * np.eye(d)
+    rho = np.ascontiguousarray(RHO_RULES[solver.rho](own)[:, :2])
+    diagonal, order, frozen = embed_blocks(own), contact_order(nc, options), np.zeros(nc, dtype=np.int64)
+    settled = 0.0
 
-    def flat() -> FloatArray:
-        return rows[:, :d].ravel().copy()
+    def sweep(tolerance: float, tau: float) -> float:
+        nonlocal settled
+        change, size, _ = solver.sweep(
+            *(indptr, indices, blocks, diagonal, shift, q, problem.mu, rho, order(), reaction, frozen),
+            *(tolerance, options.local_iterations, options.relaxation, options.filter_local, options.freezing, settled),
+        )
+        light = float(np.sqrt(change / size)) if size > 0 else float(change)
+        if options.freezing:
+            settled = 0.1 * tau * float(np.sqrt(size / nc))
+            if light <= tau and frozen.any():  # nothing is over while contacts are left out
+                frozen[:] = 0
+                return float(max(light, np.nextafter(tau, np.inf)))
+        return light
 
-    r = flat()
-    error = monitor.record(r, problem.W @ r + problem.q)
-    tau, last_progress, least = monitor.tol, monitor.iterations, error
+    def point() -> tuple[FloatArray, FloatArray]:
+        return reaction[:, :d].flatten(), product(indptr, indices, blocks, q, reaction)[:, :d].flatten()
+
+    return iterate(sweep, point, nc, monitor, options)
+
+
+def iterate(sweep: Sweep, point: Point, nc: int, monitor: Monitor, options: SweepOptions) -> Iterate:
+    """Sweep until the full error of point() = (r, u), flat, is at most the tolerance."""
+    r, u = point()
+    error = monitor.record(r, u)
+    tau, interval = monitor.tol, options.error_frequency
+    last_full = last_progress = monitor.iterations
+    least, caution = error, 1.0
     while error > monitor.tol:
         if monitor.iterations >= options.max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():
-            r = flat()
-            error = monitor.record(r, problem.W @ r + problem.q)
-            return Iterate(r, Status.SOLVED if error <= monitor.tol else Status.TIME_LIMIT)
-        change, size, _ = sweep_alart_curnier(
-            indptr, indices, blocks, diagonal, q, problem.mu, rho, order, rows, options.local_tolerance, options.local_iterations
-        )
+            r, u = point()
+            return Iterate(r, Status.SOLVED if monitor.record(r, u) <= monitor.tol else Status.TIME_LIMIT)
+        tolerance = local_tolerance(caution * error, nc, options)
+        light = sweep(tolerance, tau)
         monitor.iterations += 1
-        if not np.isfinite(size):
+        if not np.isfinite(light):
             return Iterate(r, Status.DIVERGED)
-        light = np.sqrt(change / size) if size > 0 else 0.0
-        if light <= tau or monitor.iterations % 100 == 0 or monitor.iterations == options.max_iterations:
-            r = flat()
-            error = monitor.record(r, problem.W @ r + problem.q)
-            if light <= tau and error > monitor.tol:
-                tau = min(0.5 * tau, light * monitor.tol / error)
-                if light == 0.0:
-                    return Iterate(r, Status.STAGNATED)
-            if error < 0.9 * least:
-                least, last_progress = error, monitor.iterations
-            elif options.stagnation_sweeps and monitor.iterations - last_progress >= options.stagnation_sweeps:
+        waited = monitor.iterations - last_full
+        by_change = options.error_evaluation == "light"
+        due = light <= (tau if by_change else 0.0) or waited >= (FULL_AT_LEAST_EVERY if by_change else interval)
+        if not due and monitor.iterations < options.max_iterations:
+            continue
+        r, u = point()
+        previous, error = error, monitor.record(r, u)
+        if not np.isfinite(error):
+            return Iterate(r, Status.DIVERGED)
+        last_full = monitor.iterations
+        if error <= monitor.tol:
+            break
+        if light == 0.0:
+            if tolerance <= options.local_tolerance:
                 return Iterate(r, Status.STAGNATED)
+            caution *= 0.1  # every contact is as good as it was asked to be: ask for more
+        if light <= tau:
+            tau = min(0.5 * tau, max(light * monitor.tol / error, 1e-3 * tau))
+        if options.error_evaluation == "adaptive":
+            # sweeps left at the rate of decrease just seen
+            left = np.log(error / monitor.tol) / np.log(previous / error) * waited if error < previous else np.inf
+            interval = int(np.clip(min(left / 2, 2 * interval), 1, FULL_AT_LEAST_EVERY))
+        if error < 0.9 * least:
+            least, last_progress = error, monitor.iterations
+        elif options.stagnation_sweeps and monitor.iterations - last_progress >= options.stagnation_sweeps:
+            return Iterate(r, Status.STAGNATED)
     return Iterate(r, Status.SOLVED)

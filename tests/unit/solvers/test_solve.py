@@ -13,7 +13,7 @@ from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Method, Result, Status, solve
 from fcsim.solvers.base import Iterate, Monitor, override
-from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs_alart_curnier
+from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
 from fcsim.solvers.line_search import armijo, goldstein_price
 from fcsim.solvers.newton import NewtonOptions, newton
@@ -245,7 +245,7 @@ def test_hybrid_goes_on_from_the_best_iterate_and_counts_all_iterations() -> Non
 
 def test_hybrid_repeats_its_stages_until_solved() -> None:
     p = problem()
-    one_sweep, one_step = Stage(nsgs_alart_curnier, GaussSeidelOptions(max_iterations=1)), Stage(newton, NewtonOptions(max_iterations=1))
+    one_sweep, one_step = Stage(nsgs, GaussSeidelOptions(max_iterations=1)), Stage(newton, NewtonOptions(max_iterations=1))
     few = solve(p, "NSN-AC-HYBRID", stages=(one_sweep, one_step), cycles=1, tol=1e-12)
     assert few.status is Status.MAX_ITERATIONS and few.iterations == 2
     many = solve(p, "NSN-AC-HYBRID", stages=(one_sweep, one_step), cycles=50, tol=1e-12)
@@ -258,7 +258,7 @@ def test_stagnation_is_counted_from_the_start_of_the_stage() -> None:
     monitor = Monitor(p.q, p.mu, 3, 1e-12)
     monitor.iterations = 500
     options = GaussSeidelOptions(max_iterations=700, stagnation_sweeps=150)
-    assert nsgs_alart_curnier(p, start, monitor, options).status is Status.SOLVED
+    assert nsgs(p, start, monitor, options).status is Status.SOLVED
     assert monitor.iterations > 500
 
 
