@@ -122,7 +122,7 @@ class _GroupFactor:
                 refuse_singular(block, self.factor)
         except SingularMatrix as error:
             raise InputError(
-                f"part {group.part.name!r}: its system matrix is singular ({error}); is a body without supports in statics?"
+                f"part {group.part.name!r}: its system matrix is singular ({error}); in statics a body needs supports, or a larger eta"
             ) from None
         d = model.dimension
         nodes = np.zeros(self.size // d, dtype=bool)

@@ -173,6 +173,11 @@ class Simulation:
         """The problems' M: constant, one object for all steps."""
         return self.factor.matrix()
 
+    @cached_property
+    def _extent(self) -> float:
+        """Size of the model [m]."""
+        return float(np.ptp(self.model.reference, axis=0).max())
+
     def run(self, number: int = 0, state: State | None = None, memory: Sequence[Reactions] = ()) -> Iterator[Step]:
         """Yield the steps after step `number`, from that step's `state` and `memory` (default: from the initial state)."""
         state = state or self.initial or at_rest(self.model)
@@ -250,15 +255,21 @@ class Simulation:
         if np.any(warm):
             chain.append((settings.name, "zero", settings.options))
         chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
+        # Bodies that only contact holds move freely by f / (eta M / h^2) in q, which may be kilometres: an error relative to that would
+        # take metres of penetration for converged, so that free motion counts up to the size of the model only.
+        free = float(np.linalg.norm(reduction.q))
+        longest = self._extent * self.scheme.force_per_reaction * float(np.sqrt(reduction.problem.nc))
+        tol = settings.tol * min(1.0, longest / free) if free else settings.tol
         attempts: list[Attempt] = []
         for name, start, options in chain:
             r = warm if start == "previous steps" else None
-            result = solve(reduction, name, r, tol=settings.tol, floor=settings.floor, **options)
+            result = solve(reduction, name, r, tol=tol, floor=settings.floor, **options)
             attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations))
             if result.solved:
                 return result, tuple(attempts)
         tried = "; ".join(f"{a.solver} from {a.start}: {a.status}, error {a.error:.2e}" for a in attempts)
-        raise NotConverged(f"step {number} did not converge to {settings.tol:g} ({tried})")
+        hint = "" if tol == settings.tol else "; bodies fly farther than the model is large in one step: choose a larger eta or a smaller h"
+        raise NotConverged(f"step {number} did not converge to {tol:.3g} ({tried}){hint}")
 
 
 class _Clock:

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from fcsim.assembly.model import Model, Support, Traction, build_model
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.errors import InputError
+from fcsim.errors import InputError, NotConverged
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.part import Body, Material
 from fcsim.timestep.quasi_static import QuasiStatic
@@ -83,6 +83,21 @@ def test_influence_of_the_regularisation_vanishes() -> None:
         assert_allclose(steps[-1].contact_force_on(0), [0, 0, weight], atol=1e-5 * weight)
     assert_allclose(np.diff(np.log10(missing)), -1, atol=0.05)
     assert abs(missing[-1]) < 1e-7
+
+
+@pytest.mark.parametrize("eta", [1e-12, 1e-9, 1e-6, 1e-3])
+def test_no_penetration_hides_behind_a_long_free_motion(eta: float) -> None:
+    """Without contact the body would fall for kilometres in a step; what is accepted is right to a millionth, or the run stops."""
+    weight = 0.06 * 1000 * 9.81
+    model = model_of([], gravity=lambda t: (0, 0, -9.81 * t))
+    try:
+        for step in simulate(model, QuasiStatic(1.0, eta), 5):
+            assert step.penetration < 1e-6
+            assert step.state.x[: model.n_elastic].reshape(-1, 3)[np.unique(model.facets("bar", "z-")), 2].min() > -1e-6
+            assert_allclose(step.contact_force_on(0)[2], weight * step.state.t, rtol=1e-5)
+    except (NotConverged, InputError) as error:
+        assert eta < 1e-4
+        assert "larger eta" in str(error)
 
 
 @pytest.mark.parametrize(
