@@ -42,6 +42,16 @@ class Case:
     fclib_set: str = "FCSIM"
     description: str = ""
 
+    def __post_init__(self) -> None:
+        columns = [sensor.column for sensor in self.sensors]
+        twice = sorted({column for column in columns if columns.count(column) > 1})
+        if twice:
+            raise InputError(f"case {self.name!r}, sensors: expected different columns, got {', '.join(twice)} more than once")
+        plotted = [*([self.plots["imposed"]] if "imposed" in self.plots else []), *self.plots.get("reaction", ())]
+        for column in plotted:
+            if column not in columns:
+                raise InputError(f"case {self.name!r}, plots: expected columns among {', '.join(columns)}, got {column!r}")
+
 
 @dataclass(frozen=True, eq=False)
 class CaseScript:

@@ -1,5 +1,6 @@
 """Case scripts: loading them, reading their parameters, refusals."""
 
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -61,3 +62,14 @@ def test_what_is_not_a_case(tmp_path: Path) -> None:
     (tmp_path / "broken.py").write_text("def build(:\n")
     with pytest.raises(InputError, match="cannot be loaded as Python"):
         load_case(tmp_path / "broken.py")
+
+
+def test_sensors_and_plots_are_checked(case_folder: Path) -> None:
+    case = load_case(case_folder).build(load_case(case_folder).parameters())
+    lift, x = case.sensors
+    with pytest.raises(InputError, match="lift more than once"):
+        dataclasses.replace(case, sensors=(lift, x, lift))
+    with pytest.raises(InputError, match="expected columns among lift, x, got 'y'"):
+        dataclasses.replace(case, plots={"imposed": "y"})
+    with pytest.raises(InputError, match="got 'z'"):
+        dataclasses.replace(case, plots={"imposed": "x", "reaction": ("lift", "z")})
