@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem, check
 from fcsim.reduction import Reduction, eliminate_equalities, reduce
+from fcsim.solvers.automatic import AutomaticOptions, automatic
 from fcsim.solvers.base import Method, Monitor, Result, Status, override
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.gauss_seidel_velocity import VelocityOptions, nsgsv
@@ -41,6 +42,7 @@ def _nsgs(one_contact: str, source: str, siconos: str = "", **options: Any) -> M
 
 
 SOLVERS: dict[str, Method] = {
+    "auto": Method(automatic, AutomaticOptions(), "automatic", "this package (see automatic.py)"),
     "NSN-AC": _newton("AC", "Alart, Curnier 1991", "NSN_AC"),
     "NSN-JM": _newton("JM", "Jean, Moreau 1987", "NSN_AC (JEANMOREAU)"),
     "NSN-NM": _newton("NM", _BOOK, "NSN_NM", rho="spectral norm"),
