@@ -45,7 +45,7 @@ def _parser() -> argparse.ArgumentParser:
 
     solve = commands.add_parser("solve", help="solve an FCLIB problem", description="Solve the problem of an FCLIB file.")
     solve.add_argument("file", type=Path)
-    solve.add_argument("--solver", default="NSN-AC", help="name of a solver (see fcsim solvers; default NSN-AC)")
+    solve.add_argument("--solver", default="auto", help="name of a solver (see fcsim solvers; default auto, which chooses)")
     solve.add_argument("--tol", type=float, default=1e-8, help="tolerance on the error (default 1e-8)")
     solve.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="an option of the solver")
     solve.add_argument("--start", choices=("zero", "guess", "solution"), default="zero", help="where to begin: r = 0, or as stored")

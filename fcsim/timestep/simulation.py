@@ -41,7 +41,7 @@ class SolverSettings:
     tol: float = 1e-8
     floor: float = 1e-3
     options: Mapping[str, Any] = field(default_factory=dict)
-    fallback: tuple[str, ...] = ("NSN-NM", "NSN-AC-HYBRID", "NSGS-AC")
+    fallback: tuple[str, ...] = ("NSN-NM", "NSN-AC-HYBRID", "auto")
 
     def __post_init__(self) -> None:
         override(method(self.name).options, dict(self.options))

@@ -59,7 +59,7 @@ def test_default_folder_and_resume(case_folder: Path, tmp_path: Path, monkeypatc
         (["--set", "height=1"], "has the parameters size"),
         (["--set", "E=stiff"], "expects a number"),
         (["--set", "E"], "expected NAME=VALUE"),
-        (["--solver", "NSN-XX"], "solver 'NSN-XX': expected one of NSN-AC"),
+        (["--solver", "NSN-XX"], "solver 'NSN-XX': expected one of auto, NSN-AC"),
         (["--tol", "-1"], "tol: expected a number > 0"),
         (["--steps", "-1"], "steps: expected"),
         (["--vtk-every", "-1"], "vtk-every: expected"),
@@ -164,7 +164,7 @@ def test_written_solution_is_one(problem_file: Path, tmp_path: Path, capsys: pyt
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--solver", "NSN-XX"], "expected one of NSN-AC"),
+        (["--solver", "NSN-XX"], "expected one of auto, NSN-AC"),
         (["--tol", "0"], "tol: expected"),
         (["--set", "rho=best"], "option rho: expected one of"),
         (["--set", "max_iterations=many"], "expects a value of type int"),
