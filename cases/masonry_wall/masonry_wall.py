@@ -82,7 +82,7 @@ def build(p: Parameters) -> Case:
         title="Masonry wall under compression and shear",
         simulation=simulation,
         sensors=(
-            Sensor("top_x", "imposed displacement of the top platen", "m", lambda s: platen_displacement(model, s, top)),
+            Sensor("top_x", "imposed displacement of the top platen along -x", "m", lambda s: platen_displacement(model, s, top)),
             Sensor("bottom_Rx", "horizontal reaction, bottom platen", "N", lambda s: float(-s.contact_force_on(bottom)[0])),
             Sensor("bottom_Rz", "vertical reaction, bottom platen", "N", lambda s: float(-s.contact_force_on(bottom)[2])),
             Sensor("top_Rx", "horizontal force, top platen", "N", lambda s: float(-s.contact_force_on(top)[0])),
@@ -147,8 +147,8 @@ def wall_contacts(wall: RunningBond, model: Model, p: Parameters, mu_blocks: flo
 
 
 def platen_displacement(model: Model, step: Step, body: int) -> float:
-    """Displacement along x [m] of a platen, positive in the direction of motion of the default case."""
-    return float(abs(step.state.x[model.dof_offset[body]]))
+    """Displacement of a platen against the x axis [m]: the default case drives it along -x."""
+    return -float(step.state.x[model.dof_offset[body]])
 
 
 def momentum_rate(model: Model, step: Step) -> np.ndarray:

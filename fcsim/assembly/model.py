@@ -236,7 +236,10 @@ class Model:
 
     @cached_property
     def rigid_mass(self) -> FloatArray:
-        """Mass matrices (nr, k, k) of the rigid bodies, k = 6 or 3, inertia in world axes of the reference configuration."""
+        """Mass matrices (nr, k, k) of the rigid bodies, k = 6 or 3, inertia in world axes of the reference configuration.
+
+        It does not turn with the body, and gyroscopic terms are left out: exact for small rotations and for spheres only.
+        """
         d = self.dimension
         k = len(DIRECTIONS[d])
         mass = np.zeros((len(self.rigid), k, k))

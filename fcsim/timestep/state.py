@@ -22,5 +22,7 @@ class State:
 
 
 def at_rest(model: Model, t: float = 0.0) -> State:
-    """The reference configuration without velocity."""
-    return State(t, np.zeros(model.n_dofs), np.zeros(model.n_dofs))
+    """The reference configuration; driven dofs have the velocity prescribed at t, all others none."""
+    v = np.zeros(model.n_dofs)
+    v[model.driven_dofs] = model.driven_velocity(t)
+    return State(t, np.zeros(model.n_dofs), v)

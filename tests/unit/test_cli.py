@@ -166,7 +166,7 @@ def test_written_solution_is_one(problem_file: Path, tmp_path: Path, capsys: pyt
     [
         (["--solver", "NSN-XX"], "expected one of auto, NSN-AC"),
         (["--tol", "0"], "tol: expected"),
-        (["--set", "rho=best"], "option rho: expected one of"),
+        (["--solver", "NSN-AC", "--set", "rho=best"], "option rho: expected one of"),
         (["--set", "max_iterations=many"], "expects a value of type int"),
         (["--set", "iterations=3"], "option 'iterations': expected one of"),
         (["--write-solution", "/nowhere/x.hdf5"], "expected an existing folder"),

@@ -177,8 +177,8 @@ def test_no_step_goes_on_unconverged(broken_solver: str) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"name": "NSN-XX"}, "expected one of NSN-AC"),
-        ({"fallback": ("NSN-XX",)}, "expected one of NSN-AC"),
+        ({"name": "NSN-XX"}, "expected one of auto, NSN-AC"),
+        ({"fallback": ("NSN-XX",)}, "expected one of auto, NSN-AC"),
         ({"tol": 0.0}, "tol"),
         ({"tol": float("nan")}, "tol"),
         ({"floor": -1.0}, "floor"),
