@@ -22,6 +22,15 @@ from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
 from fcsim.solvers.newton import NewtonOptions, newton
 from fcsim.solvers.newton_global import newton_global
 from fcsim.solvers.one_contact import ONE_CONTACT
+from fcsim.solvers.planar import (
+    ConjugateGradientOptions,
+    EnumerationOptions,
+    LemkeOptions,
+    conjugated_projected_gradient,
+    planar_enumeration,
+    planar_lemke,
+    planar_nsgs,
+)
 
 __all__ = ["SOLVERS", "Method", "Result", "Status", "solve"]
 
@@ -81,6 +90,10 @@ SOLVERS: dict[str, Method] = {
         _BOOK,
         "NSN_AC with an NSGS start",
     ),
+    "2D-NSGS": Method(planar_nsgs, GaussSeidelOptions(one_contact="EXACT"), "2D", "Jean, Moreau 1992", "FRICTION_2D_NSGS", (2,)),
+    "2D-CPG": Method(conjugated_projected_gradient, ConjugateGradientOptions(), "2D", "Renouf, Alart 2005", "FRICTION_2D_CPG", (2,)),
+    "2D-LEMKE": Method(planar_lemke, LemkeOptions(), "2D", "Lemke 1965", "FRICTION_2D_LEMKE", (2,)),
+    "2D-ENUM": Method(planar_enumeration, EnumerationOptions(), "2D", "Murty 1988", "FRICTION_2D_ENUM", (2,)),
 }
 
 

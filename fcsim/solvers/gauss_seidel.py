@@ -18,7 +18,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers._kernels import block_rows_of_dense, product
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
-from fcsim.solvers.one_contact import ONE_CONTACT
+from fcsim.solvers.one_contact import ONE_CONTACT, OneContact
 from fcsim.solvers.scaling import RHO_RULES
 
 FloatArray = NDArray[np.float64]
@@ -162,12 +162,12 @@ Sweep = Callable[[float, float], float]
 Point = Callable[[], tuple[FloatArray, FloatArray]]
 
 
-def nsgs(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: GaussSeidelOptions) -> Iterate:
-    """Nonsmooth Gauss-Seidel with any one-contact solver, from the starting point r (m,)."""
+def nsgs(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: GaussSeidelOptions, solver: OneContact | None = None) -> Iterate:
+    """Nonsmooth Gauss-Seidel with any one-contact solver (default: the one that the options name), from the starting point r (m,)."""
     d, nc = problem.dimension, problem.nc
     indptr, indices, blocks = block_rows(problem.W, d)
     q, reaction = embed_vector(problem.q, d), embed_vector(r, d)
-    solver = ONE_CONTACT[options.one_contact]
+    solver = solver or ONE_CONTACT[options.one_contact]
     own = problem.diagonal_blocks
     shift = options.regularisation * np.linalg.norm(own, ord=2, axis=(1, 2)) if options.regularisation else np.zeros(nc)
     own = own + shift[:, None, None] * np.eye(d)

@@ -17,7 +17,7 @@ from fcsim.solvers.formulations import alart_curnier
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, block_rows, contact_order, local_tolerance
 from fcsim.solvers.one_contact import ONE_CONTACT
 
-NSGS = [name for name, method in SOLVERS.items() if isinstance(method.options, GaussSeidelOptions)]
+NSGS = [name for name, method in SOLVERS.items() if isinstance(method.options, GaussSeidelOptions) and 3 in method.dimensions]
 SWEEPING = [*NSGS, "NSGSV"]
 
 
