@@ -48,7 +48,7 @@ class AutomaticOptions(Options):
     probe: int = 20
     patience: int = 12
     alpha: float = 1e-2
-    outer: int = 100
+    outer: int = 500
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -152,7 +152,7 @@ class _Run:
         problem, monitor = self.problem, self.monitor
         d, W = problem.dimension, problem.W
         identity = sp.eye_array(problem.m, format="csr") if self.sparse else np.eye(problem.m)
-        alpha, formulation = self.options.alpha * self.scale, "AC"
+        alpha, formulation, floor = self.options.alpha * self.scale, "AC", 0.0
         norm = float(np.linalg.norm(problem.q))
         error = monitor.best
         for _ in range(self.options.outer):
@@ -166,16 +166,18 @@ class _Run:
             )
             tol = max(0.1 * monitor.tol, 1e-2 * min(error, 1.0))
             watch = Monitor(inner.q, inner.mu, d, tol, floor=norm, time_limit=monitor.time_limit, start=monitor.start)
-            iterate = newton(inner, r, watch, NewtonOptions(formulation=formulation, max_iterations=30))
+            iterate = newton(inner, r, watch, NewtonOptions(formulation=formulation, max_iterations=15))
             monitor.iterations += max(watch.iterations, 1)
             if iterate.status is Status.SOLVED:
                 r = iterate.r
                 error = monitor.record(r, W @ r + problem.q)
                 if error <= monitor.tol:
                     return Iterate(r, Status.SOLVED)
-                alpha *= 0.1 if watch.iterations <= 4 else 0.3 if watch.iterations <= 8 else 1.0
-            else:
-                alpha *= 10
+                alpha = max(floor, alpha * (0.3 if watch.iterations <= 4 else 0.6 if watch.iterations <= 8 else 1.0))
+                floor *= 0.9
+            else:  # stay well above what failed, for a while
+                floor = 3 * alpha
+                alpha *= 3
                 formulation = "NM" if formulation == "AC" else "AC"
                 if alpha > 1e8 * self.scale:
                     return Iterate(r, Status.STAGNATED)
