@@ -31,6 +31,7 @@ from fcsim.solvers.planar import (
     planar_lemke,
     planar_nsgs,
 )
+from fcsim.solvers.proximal import ProximalOptions, proximal_point
 
 __all__ = ["SOLVERS", "Method", "Result", "Status", "solve"]
 
@@ -83,6 +84,16 @@ SOLVERS: dict[str, Method] = {
     "NSGS-EXACT": _nsgs("EXACT", "Bonnefon, Daviet 2011"),
     "NSGS-NCP": _nsgs("NCP-FB", "Glocker 1999", local_iterations=100),
     "NSGSV": Method(nsgsv, VelocityOptions(), "Gauss-Seidel", _BOOK, "NSGSV"),
+    "PPA-NSN-AC": Method(
+        proximal_point, ProximalOptions(internal="NSN-AC", internal_options={"max_iterations": 30}), "proximal point", _BOOK, "PROX"
+    ),
+    "PPA-NSGS-AC": Method(
+        proximal_point,
+        ProximalOptions(internal="NSGS-AC", internal_options={"max_iterations": 1000}, alpha=1e-2, easy=200),
+        "proximal point",
+        _BOOK,
+        "PROX + NSGS",
+    ),
     "NSN-AC-HYBRID": Method(
         hybrid,
         HybridOptions(stages=(Stage(nsgs, GaussSeidelOptions(max_iterations=100)), Stage(newton, NewtonOptions()))),

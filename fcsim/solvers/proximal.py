@@ -1,0 +1,166 @@
+"""The proximal point algorithm: a sequence of problems with W + alpha I, each solved by another method of the table.
+
+With the proximal centre r_k, solve W r + q + alpha (r - r_k) = u, K* ∋ u + g(u) ⊥ r ∈ K for r_k+1, that is the problem (W + alpha I,
+q - alpha r_k). A fixed point solves the problem itself, whatever alpha; alpha I makes rank-deficient (hyperstatic) W regular.
+Sources: Rockafellar, SIAM J. Control Optim. 14, 1976; Acary, Brémond, Huber 2018 (PPA); options of Siconos' PROX.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fcsim.errors import InputError
+from fcsim.problem import LocalProblem
+from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice, override
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProximalOptions(Options):
+    """max_iterations counts proximal steps; numbers named alpha are relative to the mean of W's diagonal.
+
+    internal             name of the method that solves the regularised problems; internal_options: its options where not the default
+    strategy             "prox": the centre moves to each solution; "regularisation": the centre stays 0 and alpha falls by sigma
+                         at each step (Tikhonov), which ends where the internal method fails or alpha passes alpha_least
+    alpha                first (or constant) regularisation
+    alpha_rule           "constant"; "error": sigma error^nu; "adaptive": divided by sigma after a step whose inner problem was easy
+                         (within `easy` internal iterations)
+    relaxation           omega of r_k+1 = r_k + omega (new - r_k)
+    internal_error_ratio inner problems are solved to error / ratio
+    patience             proximal steps without a better error before giving up
+
+    Whatever the rule, alpha is raised tenfold for good where the internal method fails to improve the iterate.
+    """
+
+    max_iterations: int = 1000
+    internal: str = "NSN-AC"
+    internal_options: Mapping[str, Any] = field(default_factory=dict)
+    strategy: str = "prox"
+    alpha: float = 1e-4
+    alpha_rule: str = "adaptive"
+    alpha_least: float = 1e-9
+    sigma: float = 5.0
+    nu: float = 1.0
+    easy: int = 8
+    relaxation: float = 1.0
+    internal_error_ratio: float = 10.0
+    patience: int = 50
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        choice("strategy", self.strategy, ("prox", "regularisation"))
+        choice("alpha_rule", self.alpha_rule, ALPHA_RULES)
+        for name in ("alpha", "alpha_least", "sigma", "internal_error_ratio"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"option {name}: expected a number > 0, got {getattr(self, name)}")
+        if not self.nu >= 0:
+            raise InputError(f"option nu: expected a number >= 0, got {self.nu}")
+        if not 0 < self.relaxation < 2:
+            raise InputError(f"option relaxation: expected a number in (0, 2), got {self.relaxation}")
+        for name in ("easy", "patience"):
+            if getattr(self, name) < 1:
+                raise InputError(f"option {name}: expected an integer >= 1, got {getattr(self, name)}")
+
+
+def _constant(alpha: float, error: float, inner_iterations: int, options: ProximalOptions) -> float:
+    return options.alpha
+
+
+def _error(alpha: float, error: float, inner_iterations: int, options: ProximalOptions) -> float:
+    return options.sigma * error**options.nu
+
+
+def _adaptive(alpha: float, error: float, inner_iterations: int, options: ProximalOptions) -> float:
+    return alpha / options.sigma if inner_iterations <= options.easy else alpha
+
+
+ALPHA_RULES: dict[str, Callable[[float, float, int, ProximalOptions], float]] = {
+    "constant": _constant,
+    "error": _error,
+    "adaptive": _adaptive,
+}
+"""next alpha = rule(alpha, error of the iterate, iterations of the last inner problem, options)."""
+
+MOST_ALPHA = 1e6
+"""Regularisation, relative to W's diagonal, beyond which a step is no step."""
+
+
+def _regularised(W: Any, alpha: float, dimension: int) -> Any:
+    """Return W + alpha I in W's own storage."""
+    if sp.issparse(W):
+        return sp.bsr_array(sp.csr_array(W) + alpha * sp.eye_array(W.shape[0], format="csr"), blocksize=(dimension, dimension))
+    shifted = W.copy()
+    shifted.flat[:: len(W) + 1] += alpha
+    return shifted
+
+
+def proximal_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: ProximalOptions) -> Iterate:
+    """Proximal point algorithm from the starting point r (m,)."""
+    from fcsim.solvers import method  # the table names this method
+
+    internal = method(options.internal)
+    if problem.dimension not in internal.dimensions:
+        raise InputError(f"option internal: {options.internal!r} does not work in {problem.dimension}D")
+    own = override(internal.options, dict(options.internal_options))
+    moving = options.strategy == "prox"
+    rule = ALPHA_RULES[options.alpha_rule]
+    scale = float(np.abs(problem.W.diagonal()).mean()) or 1.0
+    error = monitor.record(r, problem.W @ r + problem.q)
+    alpha = _error(0.0, error, 0, options) if options.alpha_rule == "error" else options.alpha
+    floor, least, waited = options.alpha_least, error, 0
+    inner: LocalProblem | None = None
+    shifted_by = np.nan
+    while error > monitor.tol:
+        if monitor.iterations >= options.max_iterations:
+            return Iterate(r, Status.MAX_ITERATIONS)
+        if monitor.out_of_time():
+            return Iterate(r, Status.TIME_LIMIT)
+        if inner is None or alpha != shifted_by:
+            W, shifted_by = _regularised(problem.W, alpha * scale, problem.dimension), alpha
+        centre = r if moving else np.zeros_like(r)
+        inner = LocalProblem(W, problem.q - alpha * scale * centre, problem.mu, dimension=problem.dimension)
+        # the inner error is measured in the outer problem's unit, so that the two compare
+        inner_norm = float(np.linalg.norm(inner.q))
+        share = monitor.scale / max(inner_norm, monitor.scale)
+        watch = Monitor(
+            inner.q,
+            problem.mu,
+            problem.dimension,
+            share * min(max(error, monitor.tol), 1.0) / options.internal_error_ratio,
+            floor=monitor.scale,
+            time_limit=monitor.time_limit,
+            start=monitor.start,
+        )
+        iterate = internal.run(inner, r, watch, own)
+        monitor.iterations += 1
+        best = iterate.r if iterate.status is Status.SOLVED or watch.best_r is None else watch.best_r
+        new = r + options.relaxation * (best - r)
+        new_error = monitor.record(new, problem.W @ new + problem.q)
+        solved = iterate.status is Status.SOLVED
+        if solved or new_error < error:
+            r, error = new, new_error
+        if error < 0.99 * least:
+            least, waited = error, 0
+        else:
+            waited += 1
+        if waited >= options.patience:
+            return Iterate(r, Status.STAGNATED)
+        if solved:
+            alpha = max(rule(alpha, error, watch.iterations, options), floor) if moving else alpha / options.sigma
+            if alpha < options.alpha_least:
+                return Iterate(r, Status.SOLVED if error <= monitor.tol else Status.STAGNATED)
+        elif iterate.status is not Status.TIME_LIMIT and error > monitor.tol:
+            if not moving:
+                return Iterate(r, iterate.status)
+            alpha *= 10
+            floor = max(floor, alpha / 10) if options.alpha_rule != "adaptive" else floor
+            if alpha > MOST_ALPHA:
+                return Iterate(r, Status.STAGNATED)
+    return Iterate(r, Status.SOLVED)

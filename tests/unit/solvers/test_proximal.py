@@ -1,0 +1,209 @@
+"""The proximal point algorithm: its steps on a contact solved by hand, what its options do, hyperstatic problems."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from numpy.testing import assert_allclose
+
+from fcsim.errors import InputError
+from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.solvers import SOLVERS, Status, solve
+from fcsim.solvers.proximal import _regularised
+
+PPA = ["PPA-NSN-AC", "PPA-NSGS-AC"]
+
+
+def natural_map_error(p: LocalProblem, r: np.ndarray) -> float:
+    """||r - P_K(r - (u + g(u)))|| / ||q|| contact by contact, u = W r + q."""
+    u = (p.W @ r + p.q).reshape(-1, p.dimension)
+    total = 0.0
+    for mu, u_a, r_a in zip(p.mu, u, r.reshape(-1, p.dimension), strict=True):
+        z = r_a - u_a
+        z[0] -= mu * np.linalg.norm(u_a[1:])
+        length = np.linalg.norm(z[1:])
+        if mu * length <= -z[0]:
+            z = 0 * z
+        elif length > mu * z[0]:
+            s = (z[0] + mu * length) / (1 + mu * mu)
+            z = np.r_[s, mu * s * z[1:] / length]
+        total += np.sum((r_a - z) ** 2)
+    return float(np.sqrt(total) / np.linalg.norm(p.q))
+
+
+def random_problem(seed: int, nc: int = 12, d: int = 3, friction: float = 0.5, unsymmetric: float = 0.0) -> LocalProblem:
+    rng = np.random.default_rng(seed)
+    H = rng.standard_normal((d * nc + 10, d * nc)) / np.sqrt(d * nc)
+    W = H.T @ H + 0.2 * np.eye(d * nc) + unsymmetric * rng.standard_normal((d * nc, d * nc))
+    q = rng.standard_normal((nc, d)) - np.eye(d)[0]
+    return LocalProblem(W, q.ravel(), rng.uniform(0.3, 1, nc) * friction, dimension=d)
+
+
+def hyperstatic_problem(corners: int, d: int = 3) -> GlobalProblem:
+    """A rigid block of 2 kg resting on `corners` points, or on as many points of an edge in 2D, pushed down and a little aside."""
+    if d == 2:
+        place = np.column_stack([np.full(corners, -0.5), np.linspace(-1, 1, corners)])
+        H = np.zeros((3, 2 * corners))
+        for a, (y, x) in enumerate(place):
+            H[:, 2 * a], H[:, 2 * a + 1] = [1, 0, x], [0, 1, -y]
+        return GlobalProblem(np.diag([2.0, 2, 0.8]), H, np.array([-3.0, 0.2, 0]), np.zeros(2 * corners), np.full(corners, 0.6), dimension=2)
+    angle = 2 * np.pi * np.arange(corners) / corners
+    H = np.zeros((6, 3 * corners))
+    for a, p in enumerate(np.column_stack([np.cos(angle), np.sin(angle), np.full(corners, -0.5)])):
+        for k, direction in enumerate(np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])):
+            H[:, 3 * a + k] = np.r_[direction, np.cross(p, direction)]
+    f = np.r_[0.2, -0.1, -3.0, np.zeros(3)]
+    return GlobalProblem(np.diag([2.0, 2, 2, 0.8, 0.8, 0.9]), H, f, np.zeros(3 * corners), np.full(corners, 0.6))
+
+
+def pressed_contact(compliance: float = 4.0) -> LocalProblem:
+    """One contact pressed straight down: r* = -q / W, and while r is positive the error is |u_N| / |q_N|."""
+    return LocalProblem(compliance * np.eye(3), np.array([-2.0, 0, 0]), np.array([0.5]))
+
+
+def errors(problem: LocalProblem, name: str = "PPA-NSN-AC", **options: Any) -> np.ndarray:
+    return np.array([row[2] for row in solve(problem, name, tol=1e-9, internal_error_ratio=1e6, **options).history])
+
+
+@pytest.mark.parametrize("relaxation", [1.0, 1.5, 0.5])
+@pytest.mark.parametrize("alpha", [1.0, 0.25])
+def test_steps_with_a_constant_alpha(alpha: float, relaxation: float) -> None:
+    """r_k+1 = (alpha r_k - q) / (W + alpha): the distance to the solution is multiplied by alpha / (W + alpha) at each full step."""
+    ratio = 1 - relaxation + relaxation * alpha / (1 + alpha)
+    found = errors(pressed_contact(), alpha=alpha, alpha_rule="constant", relaxation=relaxation)
+    assert_allclose(found, np.abs(ratio) ** np.arange(len(found)), rtol=1e-5, atol=1e-12)
+    assert found[-1] <= 1e-9
+
+
+def test_steps_of_the_error_rule() -> None:
+    """alpha_k = sigma error_k^nu."""
+    found = errors(pressed_contact(), alpha_rule="error", sigma=2.0, nu=0.5)
+    alpha = 2.0 * found[:-1] ** 0.5
+    assert_allclose(found[1:], found[:-1] * alpha / (1 + alpha), rtol=1e-5, atol=1e-12)
+
+
+def test_steps_of_the_adaptive_rule() -> None:
+    """One contact is always easy: alpha falls by sigma at each step."""
+    found = errors(pressed_contact(), alpha=1.0, sigma=3.0)
+    alpha = 3.0 ** -np.arange(len(found) - 1.0)
+    assert_allclose(found[1:], found[:-1] * alpha / (1 + alpha), rtol=1e-5, atol=1e-12)
+
+
+def test_steps_of_the_regularisation() -> None:
+    """With its centre at 0 the error is alpha_k / (W + alpha_k), alpha_k = alpha / sigma^k."""
+    found = errors(pressed_contact(), strategy="regularisation", alpha=0.5, sigma=10.0, alpha_least=1e-12)
+    alpha = 0.5 * 10.0 ** -np.arange(len(found) - 1.0)
+    assert_allclose(found[1:], alpha / (1 + alpha), rtol=1e-4, atol=1e-12)
+    assert found[-1] <= 1e-9
+    ended = solve(pressed_contact(), "PPA-NSN-AC", tol=1e-9, strategy="regularisation", alpha=0.5, alpha_least=1e-3)
+    assert ended.status is Status.STAGNATED and 1e-4 < ended.error < 1e-2
+
+
+@pytest.mark.parametrize("start", ["zero", "warm"])
+@pytest.mark.parametrize("kind", ["3D", "2D", "mu = 0", "unsymmetric", "sparse"])
+@pytest.mark.parametrize("name", PPA)
+def test_solves(name: str, kind: str, start: str) -> None:
+    p = {
+        "3D": lambda: random_problem(1),
+        "2D": lambda: random_problem(2, d=2),
+        "mu = 0": lambda: random_problem(3, friction=0.0),
+        "unsymmetric": lambda: random_problem(4, unsymmetric=0.01),
+        "sparse": lambda: replace(random_problem(1), W=sp.bsr_array(sp.csr_array(random_problem(1).W), blocksize=(3, 3))),
+    }[kind]()
+    r = None if start == "zero" else np.random.default_rng(6).standard_normal(p.m)
+    result = solve(p, name, r, tol=1e-10)
+    assert result.status is Status.SOLVED
+    assert natural_map_error(p, result.r) <= 1.01e-10
+    assert_allclose(result.u, solve(p, "NSN-AC", tol=1e-12).u, atol=1e-8)
+
+
+@pytest.mark.parametrize("d, corners", [(2, 2), (2, 5), (3, 3), (3, 4), (3, 9)])
+@pytest.mark.parametrize("name", PPA)
+def test_block_on_many_corners(name: str, corners: int, d: int) -> None:
+    """It comes to rest: u = 0, and the reactions, which are not unique, carry the load."""
+    p = hyperstatic_problem(corners, d)
+    result = solve(p, name, tol=1e-9)
+    assert result.status is Status.SOLVED
+    assert_allclose(result.u, 0, atol=1e-8)
+    assert_allclose(p.H @ result.r, -p.f, atol=1e-8)
+
+
+def test_proximal_point_solves_where_newton_is_singular() -> None:
+    """Two contacts at one point, both sticking: only the sum of their reactions is known."""
+    p = LocalProblem(np.kron(np.ones((2, 2)), np.eye(3)), np.tile([-1.0, 0.1, 0], 2), np.full(2, 0.5))
+    assert solve(p, "NSN-AC").status is Status.SINGULAR
+    for alpha_rule in ("constant", "error", "adaptive"):
+        result = solve(p, "PPA-NSN-AC", tol=1e-10, alpha=1e-2, alpha_rule=alpha_rule)
+        assert result.solved
+        assert_allclose(result.r[:3] + result.r[3:], [1, -0.1, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("internal", ["NSN-JM", "NSN-NM", "NSGS-EXACT", "NSGS-FP-DS", "PPA-NSN-AC"])
+def test_any_internal_method(internal: str) -> None:
+    p = random_problem(5)
+    result = solve(p, "PPA-NSN-AC", tol=1e-9, internal=internal, internal_options={})
+    assert result.solved and natural_map_error(p, result.r) <= 1.01e-9
+
+
+def test_internal_options_reach_the_internal_method() -> None:
+    p = random_problem(5)
+    result = solve(p, "PPA-NSN-AC", internal_options={"max_iterations": 0})
+    assert result.status is Status.STAGNATED and not result.r.any()  # nothing is ever solved inside, whatever alpha
+    with pytest.raises(InputError, match="option 'magic': expected one of"):
+        solve(p, "PPA-NSN-AC", internal_options={"magic": 1})
+
+
+def test_hard_inner_problems_raise_alpha() -> None:
+    """With a single Newton iteration a step, plain Newton ends unsolved; a strong enough alpha makes the inner problems that easy."""
+    p = random_problem(8, nc=30)
+    assert not solve(p, "NSN-AC", tol=1e-9, max_iterations=1).solved
+    result = solve(p, "PPA-NSN-AC", tol=1e-9, alpha=1e-6, internal_options={"max_iterations": 2}, patience=1000)
+    assert natural_map_error(p, result.r) <= 1.01e-9 or not result.solved
+    assert result.solved and result.iterations > 3
+
+
+def test_regularised_matrix_keeps_its_storage() -> None:
+    W = random_problem(1).W
+    kept = W.copy()
+    expected = W + 0.5 * np.eye(len(W))
+    assert_allclose(_regularised(W, 0.5, 3), expected, atol=1e-15)
+    assert_allclose(W, kept, atol=0)
+    for sparse in (sp.csr_array(W), sp.bsr_array(sp.csr_array(W), blocksize=(3, 3))):
+        shifted = _regularised(sparse, 0.5, 3)
+        assert shifted.format == "bsr" and shifted.blocksize == (3, 3)
+        assert_allclose(shifted.toarray(), expected, atol=1e-15)
+
+
+def test_internal_method_of_another_dimension_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(SOLVERS, "NSN-JM", replace(SOLVERS["NSN-JM"], dimensions=(2,)))
+    with pytest.raises(InputError, match="internal: 'NSN-JM' does not work in 3D"):
+        solve(random_problem(1), "PPA-NSN-AC", internal="NSN-JM")
+    with pytest.raises(InputError, match="'NSN-XY'"):
+        solve(random_problem(1), "PPA-NSN-AC", internal="NSN-XY")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"strategy": "magic"},
+        {"alpha": 0.0},
+        {"alpha": float("nan")},
+        {"alpha_rule": "magic"},
+        {"alpha_least": 0.0},
+        {"sigma": -1.0},
+        {"nu": -1.0},
+        {"easy": 0},
+        {"relaxation": 2.0},
+        {"internal_error_ratio": 0.0},
+        {"patience": 0},
+        {"max_iterations": -1},
+    ],
+    ids=str,
+)
+def test_bad_option_is_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=next(iter(options))):
+        solve(random_problem(1), "PPA-NSN-AC", **options)
