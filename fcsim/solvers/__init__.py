@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem, check
 from fcsim.reduction import Reduction, eliminate_equalities, reduce
+from fcsim.solvers.admm import AdmmOptions, admm, admm_global
 from fcsim.solvers.automatic import AutomaticOptions, automatic
 from fcsim.solvers.base import Method, Monitor, Result, Status, override
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
@@ -22,6 +23,16 @@ from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
 from fcsim.solvers.newton import NewtonOptions, newton
 from fcsim.solvers.newton_global import newton_global
 from fcsim.solvers.one_contact import ONE_CONTACT
+from fcsim.solvers.optimisation import (
+    AlternationOptions,
+    ConeProgramOptions,
+    FixedPointOptions,
+    aclm,
+    aclm_global,
+    panagiotopoulos,
+    soclcp,
+    tresca,
+)
 from fcsim.solvers.planar import (
     ConjugateGradientOptions,
     EnumerationOptions,
@@ -31,6 +42,7 @@ from fcsim.solvers.planar import (
     planar_lemke,
     planar_nsgs,
 )
+from fcsim.solvers.projection import HyperplaneOptions, ProjectionOptions, extragradient, fixed_point, hyperplane
 from fcsim.solvers.proximal import ProximalOptions, proximal_point
 
 __all__ = ["SOLVERS", "Method", "Result", "Status", "solve"]
@@ -101,6 +113,29 @@ SOLVERS: dict[str, Method] = {
         _BOOK,
         "NSN_AC with an NSGS start",
     ),
+    "FP-DS": Method(fixed_point, ProjectionOptions(), "projection", "De Saxcé, Feng 1998", "DSFP"),
+    "FP": Method(fixed_point, ProjectionOptions(), "projection", _BOOK, "FPP"),
+    "EG": Method(extragradient, ProjectionOptions(), "projection", "Korpelevich 1976", "EG"),
+    "HP": Method(hyperplane, HyperplaneOptions(), "projection", "Konnov 1993; Solodov, Svaiter 1999", "HP"),
+    "FP-VI-UPK": Method(fixed_point, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_FPP"),
+    "FP-VI-UTK": Method(fixed_point, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_FPP (SOLODOV)"),
+    "EG-VI-UPK": Method(extragradient, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_EG"),
+    "EG-VI-UTK": Method(extragradient, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_EG (SOLODOV)"),
+    "ADMM": Method(admm, AdmmOptions(), "ADMM", "Boyd et al. 2011; Goldstein et al. 2014", "ADMM", run_global=admm_global),
+    "TRESCA": Method(tresca, FixedPointOptions(), "convex programs", "Haslinger 1983", "TFP"),
+    "CYLINDER-QP": Method(tresca, FixedPointOptions(internal="projected gradient"), "convex programs", _BOOK, "CONVEXQP_CYLINDER"),
+    "FP-VI-CYL": Method(tresca, FixedPointOptions(internal="FP-VI-UPK"), "convex programs", _BOOK, "VI_FPP_Cylinder"),
+    "PANA": Method(panagiotopoulos, AlternationOptions(), "convex programs", "Panagiotopoulos 1975", "PFP"),
+    "ACLM": Method(aclm, ConeProgramOptions(), "convex programs", "Acary et al. 2011", "ACLMFP", run_global=aclm_global),
+    "IPM": Method(
+        aclm,
+        ConeProgramOptions(internal="primal-dual"),
+        "convex programs",
+        "Acary, Armand, Nguyen, Shpakovych 2023",
+        "GFC3D IPM",
+        run_global=aclm_global,
+    ),
+    "SOCLCP": Method(soclcp, FixedPointOptions(internal="FP-VI-UPK", max_iterations=20_000), "convex programs", _BOOK, "SOCLCP"),
     "2D-NSGS": Method(planar_nsgs, GaussSeidelOptions(one_contact="EXACT"), "2D", "Jean, Moreau 1992", "FRICTION_2D_NSGS", (2,)),
     "2D-CPG": Method(conjugated_projected_gradient, ConjugateGradientOptions(), "2D", "Renouf, Alart 2005", "FRICTION_2D_CPG", (2,)),
     "2D-LEMKE": Method(planar_lemke, LemkeOptions(), "2D", "Lemke 1965", "FRICTION_2D_LEMKE", (2,)),

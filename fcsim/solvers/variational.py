@@ -1,0 +1,315 @@
+"""The problem as a variational inequality on a product of convex sets, the common ground of projection, splitting and QP methods.
+
+Find r in C with F(r) . (s - r) >= 0 for all s in C. Three readings (Acary, Brémond, Huber 2018, Sections 3 and 4):
+
+* Coulomb: C = K, F(r) = u + g(u), u = W r + q; not the gradient of anything;
+* given sliding s (Acary, Cadoux, Lemaréchal, Malick 2011): C = K, F(r) = W r + q + mu s N, a convex QP over second-order cones;
+* given threshold (Tresca): C = {r_N >= 0, ||r_T|| <= mu p}, F(r) = W r + q, a convex QP over half-cylinders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fcsim.cone import de_saxce
+from fcsim.linear import Factor, SingularMatrix, factorise
+from fcsim.problem import LocalProblem
+from fcsim.solvers._set_kernels import add_de_saxce, step_cone, step_cylinder, step_disk
+from fcsim.solvers.base import Monitor, Status
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Cone:
+    """K = {||r_T|| <= mu r_N}."""
+
+    mu: FloatArray
+
+    def step(self, r: FloatArray, F: FloatArray, rho: float, out: FloatArray) -> float:
+        """out = P_C(r - rho F), arrays (nc, d); return ||out - r||^2."""
+        return step_cone(r, F, self.mu, rho, out)
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder:
+    """{r_N >= 0, ||r_T|| <= radius}; with d = 1 the half-line r_N >= 0."""
+
+    radius: FloatArray
+
+    def step(self, r: FloatArray, F: FloatArray, rho: float, out: FloatArray) -> float:
+        """As `Cone.step`."""
+        return step_cylinder(r, F, self.radius, rho, out)
+
+
+@dataclass(frozen=True, eq=False)
+class Disk:
+    """{||r_T|| <= radius} for tangential vectors (nc, d - 1)."""
+
+    radius: FloatArray
+
+    def step(self, r: FloatArray, F: FloatArray, rho: float, out: FloatArray) -> float:
+        """As `Cone.step`."""
+        return step_disk(r, F, self.radius, rho, out)
+
+
+ConvexSet = Cone | Cylinder | Disk
+
+
+class ShiftedInverse:
+    """(W + rho I)^-1 of a dense symmetric W: by its Cholesky factor, after some use by the inverse itself, a quicker product."""
+
+    name = "dense Cholesky (LAPACK)"
+
+    def __init__(self, A: FloatArray, patience: int = 40) -> None:
+        self._factor, info = sla.lapack.dpotrf(A, lower=True, clean=False)
+        if info != 0:
+            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite")
+        self._patience = patience
+        self._inverse: FloatArray | None = None
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Return A^-1 rhs."""
+        if self._inverse is None and self._patience > 0:
+            self._patience -= 1
+            return sla.lapack.dpotrs(self._factor, rhs, lower=True)[0]
+        if self._inverse is None:
+            lower = np.tril(sla.lapack.dpotri(self._factor, lower=True)[0])
+            self._inverse = lower + np.tril(lower, -1).T
+        return self._inverse @ rhs
+
+
+def coulomb_term(u: FloatArray, mu: FloatArray, dimension: int) -> FloatArray:
+    """De Saxcé's g(u) = (mu ||u_T||, 0, 0) for flat u (m,)."""
+    return de_saxce(u.reshape(-1, dimension), mu).ravel()
+
+
+def diagonal_blocks(W: Any, d: int) -> FloatArray:
+    """The blocks W_aa (nc, d, d) of W (m, m)."""
+    index = np.arange(W.shape[0] // d)
+    if not sp.issparse(W):
+        return W.reshape(len(index), d, len(index), d)[index, :, index, :]
+    blocks = np.zeros((len(index), d, d))
+    coo = sp.coo_array(W)
+    row, column = coo.coords
+    own = row // d == column // d
+    np.add.at(blocks, (row[own] // d, row[own] % d, column[own] % d), coo.data[own])
+    return blocks
+
+
+def power_norm(product: Callable[[FloatArray], FloatArray], size: int) -> float:
+    """The largest eigenvalue in magnitude of x -> product(x) on R^size by the power method, from below within a few percent."""
+    if not size:
+        return 0.0
+    x = np.random.default_rng(0).standard_normal(size)
+    norm = 0.0
+    for _ in range(30):
+        x = product(x / (np.linalg.norm(x) or 1.0))
+        last, norm = norm, float(np.linalg.norm(x))
+        if abs(norm - last) <= 1e-3 * norm:
+            break
+    return norm
+
+
+class Operator:
+    """W (m, m) with d unknowns a contact and what is derived from it once: norm, block rows, factors of W + rho I."""
+
+    def __init__(self, W: Any, dimension: int) -> None:
+        self.W, self.dimension = W, dimension
+        self.size = W.shape[0]
+        self._factors: dict[tuple[float, bool], Factor] = {}
+        self._derived: dict[str, Any] = {}
+
+    @cached_property
+    def norm(self) -> float:
+        """||W||_2 by power iterations on W^T W, from below within a few percent."""
+        WT = self.W.T
+        return float(np.sqrt(power_norm(lambda x: WT @ (self.W @ x), self.size))) or 1.0
+
+    @cached_property
+    def least_singular_value(self) -> float:
+        """The least singular value of W by inverse iteration, or 1e-6 ||W|| where that is larger."""
+        floor = 1e-6 * self.norm
+        inverse = power_norm(self.factor(floor, self.symmetric).solve, self.size)
+        return max(1 / (inverse or 1.0) - floor, floor)
+
+    @cached_property
+    def symmetric(self) -> bool:
+        """Whether W equals its transpose up to round-off."""
+        largest = abs(self.W).max() if self.size else 0.0
+        return self.size == 0 or bool(abs(self.W - self.W.T).max() <= 1e-10 * largest)
+
+    @cached_property
+    def symmetric_part(self) -> Operator:
+        """(W + W^T) / 2."""
+        return self if self.symmetric else Operator(0.5 * (self.W + self.W.T), self.dimension)
+
+    @cached_property
+    def diagonal_blocks(self) -> FloatArray:
+        """The contacts' own blocks W_aa (nc, d, d)."""
+        return diagonal_blocks(self.W, self.dimension)
+
+    def derived(self, name: str, make: Callable[[Operator], Any]) -> Any:
+        """What `make` derives from this operator, made once under that name."""
+        if name not in self._derived:
+            self._derived[name] = make(self)
+        return self._derived[name]
+
+    def factor(self, rho: float, symmetric: bool) -> Factor:
+        """The factor of W + rho I, computed once for each rho: Cholesky where symmetric, LU otherwise."""
+        key = (rho, symmetric)
+        if key not in self._factors:
+            if len(self._factors) >= 4:
+                del self._factors[next(iter(self._factors))]
+            self._factors[key] = self._factorise(rho, symmetric)
+        return self._factors[key]
+
+    def _factorise(self, rho: float, symmetric: bool) -> Factor:
+        if sp.issparse(self.W):
+            return factorise(sp.csr_array(self.W + rho * sp.eye_array(self.size, format="csr")))
+        shifted = self.W + rho * np.eye(self.size)
+        if symmetric:
+            try:
+                return ShiftedInverse(shifted)
+            except SingularMatrix:  # W slightly indefinite
+                pass
+        return factorise(shifted)
+
+
+@dataclass(frozen=True, eq=False)
+class Inequality:
+    """Find r in C with F(r) . (s - r) >= 0, F(r) = W r + q [+ g(W r + q) with the friction coefficients mu where given]."""
+
+    operator: Operator
+    q: FloatArray
+    convex_set: ConvexSet
+    mu: FloatArray | None = None
+
+    @staticmethod
+    def coulomb(problem: LocalProblem) -> Inequality:
+        """Coulomb's law by De Saxcé's term: C = K, F(r) = u + g(u)."""
+        return Inequality(Operator(problem.W, problem.dimension), problem.q, Cone(problem.mu), problem.mu)
+
+    @property
+    def lipschitz(self) -> float:
+        """The Lipschitz constant of F: ||W|| times that of u -> u + g(u), the largest singular value of [[1, mu], [0, 1]]."""
+        mu = 0.0 if self.mu is None else float(self.mu.max(initial=0.0))
+        return self.operator.norm * 0.5 * (mu + np.sqrt(mu * mu + 4))
+
+    def velocity(self, r: FloatArray) -> FloatArray:
+        """u = W r + q (m,)."""
+        return self.operator.W @ r + self.q
+
+    def map(self, u: FloatArray) -> FloatArray:
+        """F (m,) where u = W r + q is known."""
+        if self.mu is None:
+            return u
+        F = np.empty_like(u)
+        add_de_saxce(self._rows(u), self.mu, self._rows(F))
+        return F
+
+    def project(self, z: FloatArray) -> FloatArray:
+        """Return P_C(z)."""
+        return self.step(z, z, 0.0)[0]
+
+    def step(self, r: FloatArray, F: FloatArray, rho: float) -> tuple[FloatArray, float]:
+        """Return P_C(r - rho F) and its distance to r."""
+        out = np.empty_like(r)
+        change = self.convex_set.step(self._rows(r), self._rows(F), rho, self._rows(out))
+        return out, float(np.sqrt(change))
+
+    def residual(self, r: FloatArray, u: FloatArray) -> float:
+        """The natural residual ||r - P_C(r - F(r))||."""
+        return self.step(r, self.map(u), 1.0)[1]
+
+    def _rows(self, x: FloatArray) -> FloatArray:
+        return x.reshape(-1, self.operator.dimension)
+
+
+class Watch(Protocol):
+    """Who decides when an iteration ends: for the whole problem the monitor's error, for a sub-problem its natural residual.
+
+    `target` is the natural residual ||r - P_C(r - F(r))|| to reach.
+    """
+
+    target: float
+
+    def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
+        """See the iterate r with u = W r + q (None: computed where needed) and say how to stop, None to go on.
+
+        The residual is computed where it is `due`: where a cheap bound or measure does not exclude that it is small enough.
+        """
+
+    def tick(self) -> None:
+        """Count an iteration."""
+
+
+class ProblemWatch:
+    """Stops a method on the problem itself: the full error is computed where due, and every `period` iterations."""
+
+    def __init__(self, velocity: Callable[[FloatArray], FloatArray], monitor: Monitor, max_iterations: int, period: int = 100) -> None:
+        self._velocity, self._monitor, self._limit, self._period = velocity, monitor, max_iterations, period
+        self.target = monitor.tol * monitor.scale
+        self._next = monitor.iterations
+
+    def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
+        monitor = self._monitor
+        last = monitor.iterations >= self._limit
+        late = monitor.out_of_time()
+        if due or last or late or monitor.iterations >= self._next:
+            self._next = monitor.iterations + self._period
+            error = monitor.record(r, self._velocity(r) if u is None else u)
+            if error <= monitor.tol:
+                return Status.SOLVED
+            if not np.isfinite(error):
+                return Status.DIVERGED
+        if last:
+            return Status.MAX_ITERATIONS
+        return Status.TIME_LIMIT if late else None
+
+    def tick(self) -> None:
+        self._monitor.iterations += 1
+
+
+class SubproblemWatch:
+    """Stops the solution of a sub-problem at its natural residual `target`; its iterations are its own."""
+
+    def __init__(self, inequality: Inequality, monitor: Monitor, target: float, max_iterations: int) -> None:
+        self._vi, self._monitor, self._limit = inequality, monitor, max_iterations
+        self.target = target
+        self.iterations = 0
+
+    def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
+        if due:
+            residual = self._vi.residual(r, self._vi.velocity(r) if u is None else u)
+            if residual <= self.target:
+                return Status.SOLVED
+            if not np.isfinite(residual):
+                return Status.DIVERGED
+        if self.iterations >= self._limit:
+            return Status.MAX_ITERATIONS
+        return Status.TIME_LIMIT if self._monitor.out_of_time() else None
+
+    def tick(self) -> None:
+        self.iterations += 1
+
+
+class LightCriterion:
+    """When a cheap estimate of the residual says that the true one is worth computing: each time it fell by half (compare eq. 14)."""
+
+    def __init__(self, start: float) -> None:
+        self._threshold = start
+
+    def due(self, estimate: float) -> bool:
+        if estimate <= self._threshold or not np.isfinite(estimate):
+            self._threshold = 0.5 * estimate
+            return True
+        return False
