@@ -27,6 +27,7 @@ from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.newton import NewtonOptions, newton
+from fcsim.solvers.proximal import regularised
 
 FloatArray = NDArray[np.float64]
 
@@ -151,7 +152,6 @@ class _Run:
         """Proximal point with Newton inside; alpha adapts to how hard the inner problems are."""
         problem, monitor = self.problem, self.monitor
         d, W = problem.dimension, problem.W
-        identity = sp.eye_array(problem.m, format="csr") if self.sparse else np.eye(problem.m)
         alpha, formulation, floor = self.options.alpha * self.scale, "AC", 0.0
         norm = float(np.linalg.norm(problem.q))
         error = monitor.best
@@ -160,10 +160,7 @@ class _Run:
                 return Iterate(r, Status.TIME_LIMIT)
             if monitor.iterations >= self.options.max_iterations:
                 return Iterate(r, Status.MAX_ITERATIONS)
-            shifted = W + alpha * identity
-            inner = LocalProblem(
-                sp.bsr_array(shifted, blocksize=(d, d)) if self.sparse else shifted, problem.q - alpha * r, problem.mu, dimension=d
-            )
+            inner = LocalProblem(regularised(W, alpha, d), problem.q - alpha * r, problem.mu, dimension=d)
             tol = max(0.1 * monitor.tol, 1e-2 * min(error, 1.0))
             watch = Monitor(inner.q, inner.mu, d, tol, floor=norm, time_limit=monitor.time_limit, start=monitor.start)
             iterate = newton(inner, r, watch, NewtonOptions(formulation=formulation, max_iterations=15))

@@ -92,7 +92,7 @@ MOST_ALPHA = 1e6
 """Regularisation, relative to W's diagonal, beyond which a step is no step."""
 
 
-def _regularised(W: Any, alpha: float, dimension: int) -> Any:
+def regularised(W: Any, alpha: float, dimension: int) -> Any:
     """Return W + alpha I in W's own storage."""
     if sp.issparse(W):
         return sp.bsr_array(sp.csr_array(W) + alpha * sp.eye_array(W.shape[0], format="csr"), blocksize=(dimension, dimension))
@@ -123,7 +123,7 @@ def proximal_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
         if monitor.out_of_time():
             return Iterate(r, Status.TIME_LIMIT)
         if inner is None or alpha != shifted_by:
-            W, shifted_by = _regularised(problem.W, alpha * scale, problem.dimension), alpha
+            W, shifted_by = regularised(problem.W, alpha * scale, problem.dimension), alpha
         centre = r if moving else np.zeros_like(r)
         inner = LocalProblem(W, problem.q - alpha * scale * centre, problem.mu, dimension=problem.dimension)
         # the inner error is measured in the outer problem's unit, so that the two compare
