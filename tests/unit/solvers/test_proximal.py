@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Status, solve
-from fcsim.solvers.proximal import _regularised
+from fcsim.solvers.proximal import regularised
 
 PPA = ["PPA-NSN-AC", "PPA-NSGS-AC"]
 
@@ -170,10 +170,10 @@ def test_regularised_matrix_keeps_its_storage() -> None:
     W = random_problem(1).W
     kept = W.copy()
     expected = W + 0.5 * np.eye(len(W))
-    assert_allclose(_regularised(W, 0.5, 3), expected, atol=1e-15)
+    assert_allclose(regularised(W, 0.5, 3), expected, atol=1e-15)
     assert_allclose(W, kept, atol=0)
     for sparse in (sp.csr_array(W), sp.bsr_array(sp.csr_array(W), blocksize=(3, 3))):
-        shifted = _regularised(sparse, 0.5, 3)
+        shifted = regularised(sparse, 0.5, 3)
         assert shifted.format == "bsr" and shifted.blocksize == (3, 3)
         assert_allclose(shifted.toarray(), expected, atol=1e-15)
 
