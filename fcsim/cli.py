@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import math
 import os
 import signal
 import sys
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -281,17 +283,31 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _solvers(options: argparse.Namespace) -> int:
-    from dataclasses import fields
-
     from fcsim.solvers import SOLVERS
 
-    print(f"{'name':16s} {'family':14s} {'form':5s} {'dim':5s} {'source':28s} {'Siconos':24s} options")
-    for name, method in SOLVERS.items():
-        dimensions = ",".join(map(str, method.dimensions))
-        values = {f.name: getattr(method.options, f.name) for f in fields(method.options)}
-        defaults = ", ".join(f"{key}={value}" for key, value in values.items() if isinstance(value, int | float | str))
-        print(f"{name:16s} {method.family:14s} {method.forms:5s} {dimensions:5s} {method.source:28s} {method.siconos:24s} {defaults}")
+    rows = [("name", "family", "forms", "dim", "source", "Siconos")]
+    rows += [(name, m.family, m.forms, ",".join(map(str, m.dimensions)), m.source, m.siconos or "-") for name, m in SOLVERS.items()]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    print(lines[0])
+    for line, method in zip(lines[1:], SOLVERS.values(), strict=True):
+        print(line)
+        print(textwrap.fill(_described(method.options), 132, initial_indent="    ", subsequent_indent="    "))
+    print("forms: L local (reduced), G global; options with their defaults, changed by --set NAME=VALUE")
     return EXIT_OK
+
+
+def _described(options: Any) -> str:
+    """A method's options and their defaults in one line; a hybrid's stages by their functions."""
+    texts = []
+    for field in dataclasses.fields(options):
+        value = getattr(options, field.name)
+        if field.name == "stages":
+            value = " then ".join(f"{stage.options.max_iterations} {stage.run.__name__}" for stage in value)
+        elif isinstance(value, Mapping):
+            value = ", ".join(f"{key} {entry}" for key, entry in value.items()) or "none"
+        texts.append(f"{field.name}={value:.6g}" if isinstance(value, float) else f"{field.name}={value}")
+    return "; ".join(texts)
 
 
 if __name__ == "__main__":

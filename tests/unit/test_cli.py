@@ -189,8 +189,10 @@ def test_files_that_are_no_problem(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def test_solvers_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["solvers"]) == 0
-    listed = {line.split()[0] for line in capsys.readouterr().out.splitlines()[1:]}
-    assert listed == set(SOLVERS)
+    lines = capsys.readouterr().out.splitlines()
+    assert {line.split()[0] for line in lines[1:-1] if not line.startswith(" ")} == set(SOLVERS)
+    assert all(len(line) <= 140 for line in lines)
+    assert "stages=100 nsgs then 200 newton" in " ".join(line.strip() for line in lines)
 
 
 def test_version_and_wrong_commands(capsys: pytest.CaptureFixture[str]) -> None:
