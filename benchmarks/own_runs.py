@@ -1,0 +1,88 @@
+"""Timed solves by this package's methods, in children that are warm and can be killed."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from fclib_problems import SLACK, FclibProblem
+from killable import FINISHED, Task, run_killable
+
+from fcsim.problem import LocalProblem
+from fcsim.solvers import SOLVERS, solve
+
+WARM_UP = 2.0
+"""[s] An unmeasured run of at most so long precedes the measured ones: it loads what numba has compiled."""
+GRACE = 3.0
+"""[s] A method tests its time limit between iterations; so much later it is killed."""
+
+
+def runs(problem: Any, method: str, tolerances: Sequence[float], time_limit: float, repeat_within: float) -> Iterator[dict[str, Any]]:
+    """Solve to each tolerance in turn, from r = 0 and with nothing kept from run to run; medians where a run is short."""
+    solve(replace(problem), method, tol=min(tolerances), time_limit=min(WARM_UP, time_limit))
+    for tol in tolerances:
+        measured: list[dict[str, float]] = []
+        while not measured or (sum(run["seconds"] for run in measured) < repeat_within and len(measured) < 7):
+            fresh = replace(problem)
+            wall, cpu = time.perf_counter(), time.process_time()
+            result = solve(fresh, method, tol=tol, time_limit=time_limit)
+            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+            measured.append({"seconds": wall, "cpu_seconds": cpu, "reduction": result.seconds["reduction"]})
+        medians = {key: statistics.median(run[key] for run in measured) for key in measured[0]}
+        yield {"tol": tol, "status": result.status.name, "iterations": result.iterations, "r": result.r, **medians}
+
+
+def measure(
+    problem: FclibProblem, methods: Iterable[str], tolerances: Sequence[float], time_limit: float, jobs: int = 1, repeat_within: float = 0.0
+) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """Yield, method by method, a row for each tolerance; the error is the judge's, `solved` says whether it meets tol.
+
+    Tolerances go from loose to tight; after one that a method did not meet within the time limit the tighter ones are not tried.
+    """
+    ordered = sorted(tolerances, reverse=True)
+
+    def task(method: str) -> Task:
+        def items() -> Iterator[dict[str, Any]]:
+            for row in runs(problem.problem, method, ordered, time_limit, repeat_within):
+                yield row
+                if row["status"] == "TIME_LIMIT":
+                    return
+
+        return Task(method, items, WARM_UP + time_limit + max(GRACE, 0.5 * time_limit))
+
+    for ended in run_killable(map(task, methods), jobs):
+        rows = []
+        for tol, item in zip(ordered, [*ended.items, *([None] * len(ordered))], strict=False):
+            row = {"method": ended.key, "tol": tol, "seconds": None, "cpu_seconds": None, "reduction": None, "iterations": None}
+            if item is not None:
+                row |= {key: value for key, value in item.items() if key != "r"}
+                row["error"] = problem.error(item["r"])
+            else:
+                failed = ended.how if ended.how != FINISHED else f"not tried: {ordered[len(ended.items) - 1]:g} not met in time"
+                row |= {"status": failed, "error": None}
+            row["solved"] = row["error"] is not None and row["error"] <= tol * SLACK
+            rows.append(row)
+        yield ended.key, rows
+
+
+def small_problem(dimension: int) -> LocalProblem:
+    """Two contacts with a random positive definite W, a body pressed on its support."""
+    root = np.random.default_rng(0).standard_normal((2 * dimension, 2 * dimension))
+    q = np.tile([-1.0, 0.5, 0.2][:dimension], 2)
+    return LocalProblem(root @ root.T + np.eye(2 * dimension), q, np.full(2, 0.4), dimension=dimension)
+
+
+def warm(methods: Iterable[str], time_limit: float = 120.0) -> None:
+    """Compile what each method needs: first in a child, since it may hang or crash, then here, where later children inherit it."""
+    cases = {(name, d): small_problem(d) for name in methods for d in SOLVERS[name].dimensions}
+
+    def task(case: tuple[str, int]) -> Task:
+        return Task(case, lambda: iter([solve(cases[case], case[0], time_limit=5.0).iterations]), time_limit)
+
+    for ended in run_killable(map(task, cases)):
+        if ended.how == FINISHED:
+            solve(cases[ended.key], ended.key[0], time_limit=5.0)
