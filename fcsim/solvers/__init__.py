@@ -17,6 +17,7 @@ from fcsim.reduction import Reduction, eliminate_equalities, reduce
 from fcsim.solvers.admm import AdmmOptions, admm, admm_global
 from fcsim.solvers.automatic import AutomaticOptions, automatic
 from fcsim.solvers.base import Method, Monitor, Result, Status, override
+from fcsim.solvers.faceted import FacetedOptions, faceted_cone
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.gauss_seidel_velocity import VelocityOptions, nsgsv
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
@@ -136,6 +137,7 @@ SOLVERS: dict[str, Method] = {
         run_global=aclm_global,
     ),
     "SOCLCP": Method(soclcp, FixedPointOptions(internal="FP-VI-UPK", max_iterations=20_000), "convex programs", _BOOK, "SOCLCP"),
+    "PATH": Method(faceted_cone, FacetedOptions(), "LCP", "Klarbring 1986; Dirkse, Ferris 1995", "GAMS_LCP_PATH"),
     "2D-NSGS": Method(planar_nsgs, GaussSeidelOptions(one_contact="EXACT"), "2D", "Jean, Moreau 1992", "FRICTION_2D_NSGS", (2,)),
     "2D-CPG": Method(conjugated_projected_gradient, ConjugateGradientOptions(), "2D", "Renouf, Alart 2005", "FRICTION_2D_CPG", (2,)),
     "2D-LEMKE": Method(planar_lemke, LemkeOptions(), "2D", "Lemke 1965", "FRICTION_2D_LEMKE", (2,)),

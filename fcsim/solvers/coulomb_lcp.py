@@ -19,10 +19,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+LARGEST = 12_000
+"""Unknowns of the largest LCP: its dense table takes 1.2 GB, and pivoting a few such tables."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +85,11 @@ def coulomb_lcp(problem: LocalProblem, generators: FloatArray) -> CoulombLCP:
     """Return the problem of a dense or sparse W with the generators (nc, f, d - 1)."""
     nc, d = problem.nc, problem.dimension
     f = generators.shape[1]
+    size = nc * (2 + f)
+    if size > LARGEST:
+        raise InputError(
+            f"{nc} contacts with {f} friction directions: an LCP of {size} unknowns, solved on a dense table, may have up to {LARGEST}"
+        )
     velocity = float(np.abs(problem.q).max(initial=0.0)) or 1.0
     compliance = float(np.abs(np.einsum("aii->a", problem.diagonal_blocks)).mean()) / d or 1.0
     # the columns of P give r from (r_N, beta)
@@ -95,7 +104,6 @@ def coulomb_lcp(problem: LocalProblem, generators: FloatArray) -> CoulombLCP:
         shape=(problem.m, nc * (1 + f)),
     )
     PWP = P.T @ (problem.W @ P)
-    size = nc * (2 + f)
     M = np.zeros((size, size))
     M[: nc * (1 + f), : nc * (1 + f)] = (PWP.toarray() if sp.issparse(PWP) else PWP) / compliance
     E = np.kron(np.eye(nc), np.ones((f, 1)))

@@ -56,7 +56,8 @@ def lemke(
     """Lemke's method with the lexicographic ratio test, which does not cycle on degenerate problems.
 
     M (n, n), q (n,)  dense, entries of the order of one (scale before): `tolerance` tells a pivot from zero
-    covering          d (n,) > 0 of the artificial variable, default 1
+    covering          d (n,) > 0 of the artificial variable; default between 1 and 2 at random (seeded): ties that round-off would decide
+                      are then rare
     start             support (n,) of a complementary basis to begin with instead of z = 0, as a nearby problem's (SingularMatrix where
                       its block of M is singular)
     max_pivots        default 10 n + 100; `stop` is asked every few pivots
@@ -69,7 +70,7 @@ def lemke(
         q_at = np.where(np.abs(q_at) <= tolerance * np.abs(q).max(), 0, q_at)  # round-off of a degenerate basis is not infeasible
     else:
         M_at, q_at, start = M, q, np.zeros(n, dtype=bool)
-    d = np.ones(n) if covering is None else covering
+    d = np.random.default_rng(0).uniform(1, 2, n) if covering is None else covering
     count, status = 0, LCPStatus.SOLVED
     moved = np.zeros(n, dtype=bool)
     if np.any(q_at < 0):

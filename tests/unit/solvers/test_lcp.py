@@ -102,7 +102,7 @@ def test_degenerate_problems_do_not_cycle(n: int) -> None:
         X = np.repeat(X, 2, axis=0)
         M = X @ X.T
         q = -M @ np.ones(n)  # z = 1 solves with w = 0
-        answer = lemke(M, q)
+        answer = lemke(M, q, covering=np.ones(n))
         assert answer.status is LCPStatus.SOLVED
         assert_solves(M, q, answer.z)
 
@@ -110,7 +110,7 @@ def test_degenerate_problems_do_not_cycle(n: int) -> None:
 def test_ties_of_a_cyclic_matrix() -> None:
     """Every ratio of the first pivots is tied; by symmetry z = (1, 1, 1) / 3."""
     M = np.array([[1.0, 2, 0], [0, 1, 2], [2, 0, 1]])
-    answer = lemke(M, -np.ones(3))
+    answer = lemke(M, -np.ones(3), covering=np.ones(3))
     assert answer.status is LCPStatus.SOLVED and answer.pivots <= 8
     assert_allclose(answer.z, np.full(3, 1 / 3))
 
