@@ -64,6 +64,14 @@ def _nsgs(one_contact: str, source: str, siconos: str = "", **options: Any) -> M
     return Method(nsgs, own, "Gauss-Seidel", source, f"NSGS + {siconos}" if siconos else "")
 
 
+def _hybrid(stages: tuple[Stage, ...], siconos: str, **options: Any) -> Method:
+    return Method(hybrid, HybridOptions(stages=stages, **options), "hybrid", _BOOK, siconos)
+
+
+_SWEEPS = Stage(nsgs, GaussSeidelOptions(max_iterations=100))
+_PLI = Stage(nsgs, GaussSeidelOptions(one_contact="FP-DS", local_iterations=100, max_iterations=100))
+_NEWTON_GP = Stage(newton, NewtonOptions(line_search="Goldstein-Price", max_iterations=50))
+
 SOLVERS: dict[str, Method] = {
     "auto": Method(automatic, AutomaticOptions(), "automatic", "this package (see automatic.py)"),
     "NSN-AC": _newton("AC", "Alart, Curnier 1991", "NSN_AC"),
@@ -107,13 +115,16 @@ SOLVERS: dict[str, Method] = {
         _BOOK,
         "PROX + NSGS",
     ),
-    "NSN-AC-HYBRID": Method(
-        hybrid,
-        HybridOptions(stages=(Stage(nsgs, GaussSeidelOptions(max_iterations=100)), Stage(newton, NewtonOptions()))),
-        "hybrid",
-        _BOOK,
-        "NSN_AC with an NSGS start",
+    "NSN-AC-HYBRID": _hybrid((_SWEEPS, Stage(newton, NewtonOptions())), "NSN_AC with an NSGS start"),
+    "NSN-AC-NLS-HYBRID": _hybrid((_SWEEPS, Stage(newton, NewtonOptions())), "NSN_AC with an NSGS start"),
+    "NSN-AC-GP-HYBRID": _hybrid((_SWEEPS, _NEWTON_GP), "NSN_AC with an NSGS start"),
+    "NSN-FB-HYBRID": _hybrid((_SWEEPS, Stage(newton, NewtonOptions(formulation="FB", rho="spectral norm"))), "NSN_FB with an NSGS start"),
+    "NSN-AC-EG-HYBRID": _hybrid(
+        (Stage(extragradient, ProjectionOptions(step_rule="Khobotov", max_iterations=100)), Stage(newton, NewtonOptions())),
+        "NSN_AC (VI_EG_NSN)",
     ),
+    "NSN-AC-PLI-LOOP": _hybrid((_PLI, _NEWTON_GP), "NSN_AC (PLI_NSN_LOOP)", cycles=10),
+    "NSN-AC-NSN-PLI-LOOP": _hybrid((_PLI, _NEWTON_GP), "NSN_AC (NSN_AND_PLI_NSN_LOOP)", cycles=10, first=(_NEWTON_GP,)),
     "FP-DS": Method(fixed_point, ProjectionOptions(), "projection", "De Saxcé, Feng 1998", "DSFP"),
     "FP": Method(fixed_point, ProjectionOptions(), "projection", _BOOK, "FPP"),
     "EG": Method(extragradient, ProjectionOptions(), "projection", "Korpelevich 1976", "EG"),

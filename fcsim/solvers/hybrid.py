@@ -25,8 +25,13 @@ class Stage:
 
 @dataclass(frozen=True, kw_only=True)
 class HybridOptions:
-    """stages in order, the whole list repeated up to `cycles` times until solved."""
+    """first: stages run once; stages: run in order after them, the whole list up to `cycles` times until solved.
 
+    Siconos' strategies for NSN_AC as data: VI_EG_NSN is (extragradient, Newton) once; PLI_NSN_LOOP is (projections with local
+    iterations, Newton) in cycles; NSN_AND_PLI_NSN_LOOP has Newton as `first` before the same cycles.
+    """
+
+    first: tuple[Stage, ...] = ()
     stages: tuple[Stage, ...] = ()
     cycles: int = 1
 
@@ -36,13 +41,19 @@ class HybridOptions:
 
 
 def hybrid(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: HybridOptions) -> Iterate:
-    """Run the stages one after the other until one solves the problem; the last stage's status is the hybrid's."""
+    """Run the stages one after the other until one solves the problem; the last stage's status is the hybrid's.
+
+    A cycle that leaves the best iterate where it was would only be repeated by the next: it is the last.
+    """
     last = Iterate(r, Status.MAX_ITERATIONS)
-    for _ in range(options.cycles):
-        for stage in options.stages:
+    for cycle, stages in enumerate((options.first, *(options.stages,) * options.cycles)):
+        before = monitor.best
+        for stage in stages:
             limit = monitor.iterations + stage.options.max_iterations
             last = stage.run(problem, r, monitor, override(stage.options, {"max_iterations": limit}))
             if last.status in (Status.SOLVED, Status.TIME_LIMIT):
                 return last
             r = last.r if monitor.best_r is None else monitor.best_r
+        if cycle > 0 and monitor.best >= before:
+            break
     return Iterate(r, last.status)
