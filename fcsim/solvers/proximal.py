@@ -36,7 +36,7 @@ class ProximalOptions(Options):
     internal_error_ratio inner problems are solved to error / ratio
     patience             proximal steps without a better error before giving up
 
-    Whatever the rule, alpha is raised tenfold for good where the internal method fails to improve the iterate.
+    Whatever the rule, alpha is raised tenfold where the internal method fails, and stays there but for the adaptive rule.
     """
 
     max_iterations: int = 1000
@@ -101,6 +101,13 @@ def regularised(W: Any, alpha: float, dimension: int) -> Any:
     return shifted
 
 
+def _inner_monitor(inner: LocalProblem, error: float, monitor: Monitor, options: ProximalOptions) -> Monitor:
+    """Watch an inner problem until its residual, in the outer problem's unit, is error / ratio."""
+    watch = Monitor(inner.q, inner.mu, inner.dimension, 1.0, floor=monitor.scale, time_limit=monitor.time_limit, start=monitor.start)
+    watch.tol = monitor.scale / watch.scale * min(max(error, monitor.tol), 1.0) / options.internal_error_ratio
+    return watch
+
+
 def proximal_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: ProximalOptions) -> Iterate:
     """Proximal point algorithm from the starting point r (m,)."""
     from fcsim.solvers import method  # the table names this method
@@ -110,57 +117,46 @@ def proximal_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
         raise InputError(f"option internal: {options.internal!r} does not work in {problem.dimension}D")
     own = override(internal.options, dict(options.internal_options))
     moving = options.strategy == "prox"
-    rule = ALPHA_RULES[options.alpha_rule]
     scale = float(np.abs(problem.W.diagonal()).mean()) or 1.0
     error = monitor.record(r, problem.W @ r + problem.q)
     alpha = _error(0.0, error, 0, options) if options.alpha_rule == "error" else options.alpha
-    floor, least, waited = options.alpha_least, error, 0
-    inner: LocalProblem | None = None
-    shifted_by = np.nan
+    alpha_least, least, waited = options.alpha_least, error, 0
+    W, shift = problem.W, 0.0
     while error > monitor.tol:
         if monitor.iterations >= options.max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():
             return Iterate(r, Status.TIME_LIMIT)
-        if inner is None or alpha != shifted_by:
-            W, shifted_by = regularised(problem.W, alpha * scale, problem.dimension), alpha
-        centre = r if moving else np.zeros_like(r)
-        inner = LocalProblem(W, problem.q - alpha * scale * centre, problem.mu, dimension=problem.dimension)
-        # the inner error is measured in the outer problem's unit, so that the two compare
-        inner_norm = float(np.linalg.norm(inner.q))
-        share = monitor.scale / max(inner_norm, monitor.scale)
-        watch = Monitor(
-            inner.q,
-            problem.mu,
-            problem.dimension,
-            share * min(max(error, monitor.tol), 1.0) / options.internal_error_ratio,
-            floor=monitor.scale,
-            time_limit=monitor.time_limit,
-            start=monitor.start,
-        )
+        if shift != alpha * scale:
+            shift = alpha * scale
+            W = regularised(problem.W, shift, problem.dimension)
+        q = problem.q - shift * r if moving else problem.q
+        inner = LocalProblem(W, q, problem.mu, dimension=problem.dimension)
+        watch = _inner_monitor(inner, error, monitor, options)
         iterate = internal.run(inner, r, watch, own)
         monitor.iterations += 1
-        best = iterate.r if iterate.status is Status.SOLVED or watch.best_r is None else watch.best_r
-        new = r + options.relaxation * (best - r)
-        new_error = monitor.record(new, problem.W @ new + problem.q)
         solved = iterate.status is Status.SOLVED
+        found = iterate.r if solved or watch.best_r is None else watch.best_r
+        new = r + options.relaxation * (found - r)
+        new_error = monitor.record(new, problem.W @ new + problem.q)
         if solved or new_error < error:
             r, error = new, new_error
-        if error < 0.99 * least:
-            least, waited = error, 0
-        else:
-            waited += 1
+        waited = 0 if error < 0.99 * least else waited + 1
+        least = min(least, error)
         if waited >= options.patience:
             return Iterate(r, Status.STAGNATED)
-        if solved:
-            alpha = max(rule(alpha, error, watch.iterations, options), floor) if moving else alpha / options.sigma
-            if alpha < options.alpha_least:
-                return Iterate(r, Status.SOLVED if error <= monitor.tol else Status.STAGNATED)
-        elif iterate.status is not Status.TIME_LIMIT and error > monitor.tol:
-            if not moving:
-                return Iterate(r, iterate.status)
+        if not moving:
+            if not solved and iterate.status is not Status.TIME_LIMIT:
+                return Iterate(r, iterate.status if error > monitor.tol else Status.SOLVED)
+            alpha /= options.sigma
+            if alpha < alpha_least:
+                return Iterate(r, Status.STAGNATED if error > monitor.tol else Status.SOLVED)
+        elif solved:
+            alpha = max(ALPHA_RULES[options.alpha_rule](alpha, error, watch.iterations, options), alpha_least)
+        elif iterate.status is not Status.TIME_LIMIT:
             alpha *= 10
-            floor = max(floor, alpha / 10) if options.alpha_rule != "adaptive" else floor
+            if options.alpha_rule != "adaptive":  # which finds its way down again by itself
+                alpha_least = alpha
             if alpha > MOST_ALPHA:
-                return Iterate(r, Status.STAGNATED)
+                return Iterate(r, Status.STAGNATED if error > monitor.tol else Status.SOLVED)
     return Iterate(r, Status.SOLVED)
