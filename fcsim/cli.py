@@ -285,14 +285,16 @@ def _render(options: argparse.Namespace) -> int:
 def _solvers(options: argparse.Namespace) -> int:
     from fcsim.solvers import SOLVERS
 
-    rows = [("name", "family", "forms", "dim", "source", "Siconos")]
-    rows += [(name, m.family, m.forms, ",".join(map(str, m.dimensions)), m.source, m.siconos or "-") for name, m in SOLVERS.items()]
+    rows = [("name", "family", "forms", "dim", "source")]
+    rows += [(name, m.family, m.forms, ",".join(map(str, m.dimensions)), m.source) for name, m in SOLVERS.items()]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     print(lines[0])
     for line, method in zip(lines[1:], SOLVERS.values(), strict=True):
         print(line)
-        print(textwrap.fill(_described(method.options), 132, initial_indent="    ", subsequent_indent="    "))
+        described = (f"Siconos: {method.siconos}; " if method.siconos else "") + _described(method.options)
+        described += f"; limits: {method.limits}" if method.limits else ""
+        print(textwrap.fill(described, 132, initial_indent="    ", subsequent_indent="    "))
     print("forms: L local (reduced), G global; options with their defaults, changed by --set NAME=VALUE")
     return EXIT_OK
 

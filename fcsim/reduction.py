@@ -248,10 +248,79 @@ def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reductio
     return Reduction(problem, factor)
 
 
+class Elimination:
+    """A mixed local problem u = W r + V l + q, V^T r + R l + s = 0 with what stands for R^-1: its multiplier l and its form without l.
+
+    R is singular where constraints are redundant. As long as s and the rows of V^T are in its range, which is so where
+    [[W, V], [V^T, R]] comes from one positive semidefinite M^-1, V l is unique all the same; otherwise SingularMatrix is raised.
+    """
+
+    def __init__(self, problem: LocalProblem) -> None:
+        if problem.V is None or problem.R is None or problem.s is None:
+            raise ValueError("expected a problem with V, R and s")
+        self.problem = problem
+        V = sp.csr_array(problem.V)
+        self._touched = np.flatnonzero(np.diff(V.indptr))  # the contact unknowns that the constraints meet
+        self._V: FloatArray = V[self._touched].toarray()
+        rhs = np.column_stack([self._V.T, problem.s])
+        R = problem.R.toarray() if sp.issparse(problem.R) else problem.R
+        solved = _solve_consistent(R, rhs)
+        self._RV, self._Rs = solved[:, :-1], solved[:, -1]
+
+    @cached_property
+    def q(self) -> FloatArray:
+        """q - V R^-1 s (m,): u without reactions."""
+        q = self.problem.q.copy()
+        q[self._touched] -= self._V @ self._Rs
+        return q
+
+    def multiplier(self, r: FloatArray) -> FloatArray:
+        """l (p,) = -R^-1 (V^T r + s)."""
+        return -self._RV @ r[self._touched] - self._Rs
+
+    def velocity(self, r: FloatArray) -> FloatArray:
+        """Return u (m,) = W r + V l + q."""
+        u = self.problem.W @ r + self.problem.q
+        u[self._touched] += self._V @ self.multiplier(r)
+        return u
+
+    @cached_property
+    def diagonal_blocks(self) -> FloatArray:
+        """The contacts' own blocks (nc, d, d) of W - V R^-1 V^T."""
+        p, d = self.problem, self.problem.dimension
+        V, RV = np.zeros((p.m, self._V.shape[1])), np.zeros((self._V.shape[1], p.m))
+        V[self._touched], RV[:, self._touched] = self._V, self._RV
+        return p.diagonal_blocks - np.einsum("aik,kaj->aij", V.reshape(p.nc, d, -1), RV.reshape(-1, p.nc, d))
+
+    @cached_property
+    def local(self) -> LocalProblem:
+        """The problem with W - V R^-1 V^T, filled in only among the contact unknowns that the constraints meet, and no constraints."""
+        p, d = self.problem, self.problem.dimension
+        tile = self._V @ self._RV
+        if isinstance(p.W, np.ndarray):
+            W = p.W.copy()
+            W[np.ix_(self._touched, self._touched)] -= tile
+        else:
+            rows, columns = np.repeat(self._touched, len(self._touched)), np.tile(self._touched, len(self._touched))
+            W = sp.bsr_array(p.W - sp.csr_array((tile.ravel(), (rows, columns)), shape=p.W.shape), blocksize=(d, d))
+        return LocalProblem(W, self.q, p.mu, dimension=d)
+
+
+def _solve_consistent(R: FloatArray, rhs: FloatArray) -> FloatArray:
+    """Return R^-1 rhs, or the least solution of a singular R whose range holds rhs; otherwise SingularMatrix."""
+    size = float(np.abs(rhs).max(initial=0.0))
+    try:
+        solved = DenseLU(R).solve(rhs)
+        if np.abs(R @ solved - rhs).max(initial=0.0) <= 1e-10 * size and np.linalg.cond(R) < 1e12:
+            return solved
+    except SingularMatrix:
+        pass
+    solved = np.linalg.lstsq(R, rhs, rcond=1e-10)[0]
+    if not np.abs(R @ solved - rhs).max(initial=0.0) <= 1e-8 * size:
+        raise SingularMatrix(f"R of {len(R)} equality constraints is singular, and V and s are not in its range: l is not determined by r")
+    return solved
+
+
 def eliminate_equalities(problem: LocalProblem) -> LocalProblem:
     """Return the local problem without V, R, s: l = -R^-1 (V^T r + s), so W - V R^-1 V^T and q - V R^-1 s."""
-    if problem.V is None or problem.R is None or problem.s is None:
-        return problem
-    V = problem.V.toarray() if sp.issparse(problem.V) else problem.V
-    R = factorise(problem.R)
-    return LocalProblem(problem.W - V @ R.solve(V.T.copy()), problem.q - V @ R.solve(problem.s), problem.mu, dimension=problem.dimension)
+    return problem if problem.V is None else Elimination(problem).local

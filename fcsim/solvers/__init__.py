@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem, check
-from fcsim.reduction import Reduction, eliminate_equalities, reduce
+from fcsim.reduction import Elimination, Reduction, reduce
 from fcsim.solvers.admm import AdmmOptions, admm, admm_global
 from fcsim.solvers.automatic import AutomaticOptions, automatic
 from fcsim.solvers.base import Method, Monitor, Result, Status, override
@@ -22,7 +22,7 @@ from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.gauss_seidel_velocity import VelocityOptions, nsgsv
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
 from fcsim.solvers.newton import NewtonOptions, newton
-from fcsim.solvers.newton_global import newton_global
+from fcsim.solvers.newton_global import newton_global, newton_mixed
 from fcsim.solvers.one_contact import ONE_CONTACT
 from fcsim.solvers.optimisation import (
     AlternationOptions,
@@ -55,7 +55,7 @@ _BOOK = "Acary, Brémond, Huber 2018"
 
 def _newton(formulation: str, source: str, siconos: str, rho: str = "split spectral norm", line_search: str = "none") -> Method:
     options = NewtonOptions(formulation=formulation, rho=rho, line_search=line_search)
-    return Method(newton, options, "Newton", source, siconos, run_global=newton_global)
+    return Method(newton, options, "Newton", source, siconos, run_global=newton_global, run_mixed=newton_mixed)
 
 
 def _nsgs(one_contact: str, source: str, siconos: str = "", **options: Any) -> Method:
@@ -128,7 +128,14 @@ SOLVERS: dict[str, Method] = {
     "FP-DS": Method(fixed_point, ProjectionOptions(), "projection", "De Saxcé, Feng 1998", "DSFP"),
     "FP": Method(fixed_point, ProjectionOptions(), "projection", _BOOK, "FPP"),
     "EG": Method(extragradient, ProjectionOptions(), "projection", "Korpelevich 1976", "EG"),
-    "HP": Method(hyperplane, HyperplaneOptions(), "projection", "Konnov 1993; Solodov, Svaiter 1999", "HP"),
+    "HP": Method(
+        hyperplane,
+        HyperplaneOptions(),
+        "projection",
+        "Konnov 1993; Solodov, Svaiter 1999",
+        "HP",
+        limits="converges slowly: for errors down to about 1e-6 on well-conditioned W",
+    ),
     "FP-VI-UPK": Method(fixed_point, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_FPP"),
     "FP-VI-UTK": Method(fixed_point, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_FPP (SOLODOV)"),
     "EG-VI-UPK": Method(extragradient, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_EG"),
@@ -147,7 +154,14 @@ SOLVERS: dict[str, Method] = {
         "GFC3D IPM",
         run_global=aclm_global,
     ),
-    "SOCLCP": Method(soclcp, FixedPointOptions(internal="FP-VI-UPK", max_iterations=20_000), "convex programs", _BOOK, "SOCLCP"),
+    "SOCLCP": Method(
+        soclcp,
+        FixedPointOptions(internal="FP-VI-UPK", max_iterations=20_000),
+        "convex programs",
+        _BOOK,
+        "SOCLCP",
+        limits="the convex relaxation, without g(u): solves the friction problem only where no contact slides",
+    ),
     "PATH": Method(faceted_cone, FacetedOptions(), "LCP", "Klarbring 1986; Dirkse, Ferris 1995", "GAMS_LCP_PATH"),
     "2D-NSGS": Method(planar_nsgs, GaussSeidelOptions(one_contact="EXACT"), "2D", "Jean, Moreau 1992", "FRICTION_2D_NSGS", (2,)),
     "2D-CPG": Method(conjugated_projected_gradient, ConjugateGradientOptions(), "2D", "Renouf, Alart 2005", "FRICTION_2D_CPG", (2,)),
@@ -181,7 +195,8 @@ def solve(
     time_limit [s], tested between iterations
     overrides  options of the method by name
 
-    A global problem is reduced first (timed as "reduction") unless the method works on it as it is (linear="kkt").
+    A global problem is reduced and a mixed local one's multiplier eliminated first (timed as "reduction"), unless the method works on
+    it as it is (linear="kkt").
     Raises InputError for an unknown method or option and for arguments of a wrong shape.
     """
     chosen = method(solver)
@@ -189,19 +204,21 @@ def solve(
     if not tol > 0:
         raise InputError(f"tol: expected a number > 0, got {tol}")
     start = time.perf_counter()
+    given: LocalProblem | Reduction | Elimination
     if isinstance(problem, GlobalProblem):
-        problem = reduce(problem)
-    keep_global = isinstance(problem, Reduction) and chosen.run_global is not None and options.linear == "kkt"
-    local: LocalProblem | None = None
-    if isinstance(problem, Reduction):
-        q, mu, dimension = problem.q, problem.problem.mu, problem.problem.dimension
-        if not keep_global:
-            local = problem.local
+        given = reduce(problem)
     elif isinstance(problem, LocalProblem):
-        local = eliminate_equalities(problem)
-        q, mu, dimension = local.q, local.mu, local.dimension
+        given = problem if problem.V is None else Elimination(problem)
+    elif isinstance(problem, Reduction):
+        given = problem
     else:
         raise InputError(f"problem: expected a GlobalProblem, a LocalProblem or a Reduction, got {type(problem).__name__}")
+    as_it_is = chosen.run_mixed if isinstance(given, Elimination) else None if isinstance(given, LocalProblem) else chosen.run_global
+    if getattr(options, "linear", "") != "kkt":
+        as_it_is = None
+    local = given if isinstance(given, LocalProblem) else given.local if as_it_is is None else None
+    whole = given if isinstance(given, LocalProblem) else given.problem
+    q, mu, dimension = given.q, whole.mu, whole.dimension
     if dimension not in chosen.dimensions:
         raise InputError(f"solver {solver!r}: works in {' and '.join(f'{d}D' for d in chosen.dimensions)}, the problem has {dimension}D")
     r = np.zeros(len(q)) if r is None else np.array(r, dtype=np.float64)
@@ -212,15 +229,18 @@ def solve(
     reduced = time.perf_counter()
     monitor = Monitor(q, mu, dimension, tol, floor=floor, time_limit=time_limit, start=start)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
-        r, status = _run(chosen, problem, local, r, monitor, options)
+        run = chosen.run if as_it_is is None else as_it_is
+        r, status = _run(run, given if local is None else local, q, r, monitor, options)
     v, multiplier, momentum = None, None, None
-    if isinstance(problem, Reduction):
-        v, multiplier = problem.velocity(r)
-        momentum = problem.momentum_residual(r, v, multiplier)
-        u = problem.problem.H.T @ v + problem.problem.w
+    if isinstance(given, Reduction):
+        v, multiplier = given.velocity(r)
+        momentum = given.momentum_residual(r, v, multiplier)
+        u = given.problem.H.T @ v + given.problem.w
+    elif isinstance(given, Elimination):
+        multiplier = given.multiplier(r)
+        u = given.velocity(r)
     else:
-        assert local is not None
-        u = local.W @ r + local.q
+        u = given.W @ r + given.q
     error = monitor.error(r, u)
     if status is Status.SOLVED and not error <= tol:  # NaN included: the independent residual has the last word
         status = Status.STAGNATED
@@ -240,15 +260,13 @@ def solve(
     )
 
 
-def _run(
-    chosen: Method, problem: LocalProblem | Reduction, local: LocalProblem | None, r: FloatArray, monitor: Monitor, options: Any
-) -> tuple[FloatArray, Status]:
+def _run(run: Any, problem: Any, q: FloatArray, r: FloatArray, monitor: Monitor, options: Any) -> tuple[FloatArray, Status]:
     """Run the method; where it stops unsolved, hand back the best iterate seen."""
     zero = np.zeros_like(r)
     # r = 0 answers a problem without contacts, and one at rest up to round-off (see `floor`)
-    if monitor.error(zero, problem.q) <= monitor.tol:
+    if monitor.error(zero, q) <= monitor.tol:
         return zero, Status.SOLVED
-    iterate = chosen.run_global(problem, r, monitor, options) if local is None else chosen.run(local, r, monitor, options)
+    iterate = run(problem, r, monitor, options)
     if not iterate.status.solved and monitor.best_r is not None:
         return monitor.best_r, iterate.status
     return iterate.r, iterate.status

@@ -120,8 +120,9 @@ def clarabel_program(vi: Inequality, r: FloatArray, watch: Watch) -> Iterate:
     accuracy = _accuracy(watch.target, size, vi.operator.norm)
     cones = [clarabel.NonnegativeConeT(rows.half_lines)] if rows.half_lines else []
     cones += [clarabel.SecondOrderConeT(rows.cone_size)] * rows.cones
+    change = np.inf
     while status is None:
-        last = answer
+        last, change_last = answer, change
         if symmetric is not vi.operator:
             c = (vi.velocity(last) - symmetric.W @ last)[rows.free] / size
         x, _ = clarabel_solve(P, c, rows.A, rows.h, cones, accuracy)
@@ -132,7 +133,8 @@ def clarabel_program(vi: Inequality, r: FloatArray, watch: Watch) -> Iterate:
         if not np.all(np.isfinite(answer)):
             return Iterate(last, Status.DIVERGED)
         status = watch.visit(answer, None, True)
-        if status is None and (symmetric is vi.operator or np.linalg.norm(answer - last) <= 1e-3 * watch.target):
+        change = float(np.linalg.norm(answer - last))
+        if status is None and (symmetric is vi.operator or change > 0.5 * change_last):
             status = Status.STAGNATED
     return Iterate(answer, status)
 

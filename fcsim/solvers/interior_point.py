@@ -161,7 +161,7 @@ def primal_dual(vi: Inequality, r: FloatArray, watch: Watch, max_iterations: int
     z = A @ x - rows.h
     s = -z + max(0.0, 1e-2 * np.abs(z).max(initial=1.0) - algebra.least(-z)) * algebra.identity
     z = z + max(0.0, 1e-2 * np.abs(z).max(initial=1.0) - algebra.least(z)) * algebra.identity
-    answer = vi.project(r)
+    answer, least = vi.project(r), np.inf
     for _ in range(max_iterations):
         rx, rz = P @ x + c + AT @ z, A @ x + s - rows.h
         gap = float(s @ z)
@@ -170,10 +170,13 @@ def primal_dual(vi: Inequality, r: FloatArray, watch: Watch, max_iterations: int
         candidate = vi.project(candidate)
         if not (np.all(np.isfinite(candidate)) and gap > 1e-20):  # as far as floating point goes
             break
-        answer = candidate
-        status = watch.visit(answer, None, True)
+        u = vi.velocity(candidate)
+        residual = vi.residual(candidate, u)
+        if residual < least:
+            answer, least = candidate, residual
+        status = watch.visit(candidate, u, residual <= watch.target)
         if status is not None:
-            return Iterate(answer, status)
+            return Iterate(candidate if status is Status.SOLVED else answer, status)
         try:
             V = _NesterovTodd(rows, s, z)  # step 1: scaling and factorisation
             V2 = V.inverse_square()

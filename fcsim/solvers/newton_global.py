@@ -1,4 +1,7 @@
-"""Nonsmooth Newton on the global problem: unknowns (v, r), matrix [[M, -H], [A H^T, B]], factored by MUMPS without forming W."""
+"""Nonsmooth Newton on the global problem: unknowns (v, r), matrix [[M, -H], [A H^T, B]], factored by MUMPS without forming W.
+
+The same for a mixed local problem: unknowns (r, l), matrix [[A W + B, A V], [V^T, R]], without eliminating l.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,9 @@ from numpy.typing import NDArray
 
 from fcsim import runtime
 from fcsim.errors import InputError
-from fcsim.linear import Factor, Mumps, SuperLU
+from fcsim.linear import Factor, Mumps, SuperLU, factorise
 from fcsim.problem import GlobalProblem
-from fcsim.reduction import Reduction
+from fcsim.reduction import Elimination, Reduction
 from fcsim.solvers.base import Iterate, Monitor
 from fcsim.solvers.newton import NewtonOptions, newton_iterations
 
@@ -81,7 +84,7 @@ class GlobalSpace:
         return self._step[n : n + p.m], self._HT @ self._step[:n]
 
     def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
-        raise InputError("option safeguard: expected off with linear='kkt', which has no W to form the gradient with")
+        raise InputError(NO_GRADIENT)
 
     def move(self, t: float) -> None:
         p, n, step = self._problem, self._problem.n, t * self._step
@@ -94,9 +97,63 @@ class GlobalSpace:
 def newton_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:
     """Newton on (v, r[, l]) from the starting point r (m,)."""
     if options.safeguard:
-        raise InputError("option safeguard: expected off with linear='kkt', which has no W to form the gradient with")
+        raise InputError(NO_GRADIENT)
     space = GlobalSpace(reduction, r)
     return newton_iterations(space, r, reduction.diagonal_blocks, reduction.problem.mu, monitor, options)
+
+
+class MixedSpace:
+    """(r, l) with u = W r + V l + q and V^T r + R l + s = 0, which every iterate satisfies."""
+
+    def __init__(self, elimination: Elimination, r: FloatArray) -> None:
+        p = self._problem = elimination.problem
+        self._r, self._l = r, elimination.multiplier(r)
+        self._sparse = sp.issparse(p.W)
+        kind = sp.csr_array if self._sparse else np.asarray
+        self._W, self._V, self._R = kind(p.W), *(kind(x) if self._sparse else _dense(x) for x in (p.V, p.R))
+        self.u = self._velocity()
+
+    def _velocity(self) -> FloatArray:
+        return self._W @ self._r + self._V @ self._l + self._problem.q
+
+    def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        p = self._problem
+        nc, d = A.shape[:2]
+        # [[A W + B, A V], [V^T, R]] (dr, dl) = -(F, V^T r + R l + s), whose last rows are zero but for round-off
+        rhs = -np.concatenate([F.ravel(), self._V.T @ self._r + self._R @ self._l + p.s])
+        if self._sparse:
+            blocks = [sp.csr_array(sp.bsr_array((x, np.arange(nc), np.arange(nc + 1)), blocksize=(d, d))) for x in (A, B)]
+            matrix = sp.csr_array(sp.block_array([[blocks[0] @ self._W + blocks[1], blocks[0] @ self._V], [self._V.T, self._R]]))
+        else:
+            J = (A @ self._W.reshape(nc, d, p.m)).reshape(p.m, p.m)
+            own = np.arange(nc)
+            J.reshape(nc, d, nc, d)[own, :, own, :] += B
+            matrix = np.block([[J, (A @ self._V.reshape(nc, d, -1)).reshape(p.m, -1)], [self._V.T, self._R]])
+        step = factorise(matrix).solve(rhs)
+        self._dr, self._dl = step[: p.m], step[p.m :]
+        return self._dr, self._W @ self._dr + self._V @ self._dl
+
+    def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        raise InputError(NO_GRADIENT)
+
+    def move(self, t: float) -> None:
+        self._r, self._l = self._r + t * self._dr, self._l + t * self._dl
+        self.u = self._velocity()
+
+
+def newton_mixed(elimination: Elimination, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:
+    """Newton on (r, l) of a mixed local problem from the starting point r (m,), without filling W in by elimination."""
+    if options.safeguard:
+        raise InputError(NO_GRADIENT)
+    space = MixedSpace(elimination, r)
+    return newton_iterations(space, r, elimination.diagonal_blocks, elimination.problem.mu, monitor, options)
+
+
+NO_GRADIENT = "option safeguard: expected off with linear='kkt', which has no W to form the gradient with"
+
+
+def _dense(matrix: Any) -> FloatArray:
+    return matrix.toarray() if sp.issparse(matrix) else matrix
 
 
 def _factorise(matrix: Any, factor: Factor | None) -> Factor:

@@ -12,14 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
 
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.reduction import Reduction
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
 from fcsim.solvers.conic import clarabel_global
-from fcsim.solvers.convex import ENGINES
-from fcsim.solvers.variational import Cone, Cylinder, Disk, Inequality, Operator, SubproblemWatch, coulomb_term
+from fcsim.solvers.convex import ENGINES, polished
+from fcsim.solvers.variational import Cone, Cylinder, Disk, Inequality, Operator, SubproblemWatch, Watch, coulomb_term
 
 FloatArray = NDArray[np.float64]
 
@@ -108,13 +109,26 @@ def aclm(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: ConePr
 
 
 def aclm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: ConeProgramOptions) -> Iterate:
-    """ACLM, IPM on the global form: the programs in v by Clarabel, W is not formed."""
+    """ACLM, IPM on the global form: the programs in v by Clarabel, W is not formed but applied."""
     p = reduction.problem
     HT = sp.csr_array(p.H.T)
+    free = reduction.velocity(np.zeros(p.m))[0]
+
+    def compliance(r: FloatArray) -> FloatArray:
+        return HT @ (reduction.velocity(r)[0] - free)
+
+    operator = Operator(LinearOperator((p.m, p.m), matvec=compliance, rmatvec=compliance, dtype=np.float64), p.dimension)
 
     def update(r: FloatArray, u: FloatArray, target: float) -> FloatArray:
-        accuracy = float(np.clip(1e-3 * target / monitor.scale, 1e-14, 1e-8))
-        return clarabel_global(p, reduction.velocity(r)[0], coulomb_term(u, p.mu, p.dimension), accuracy, monitor.scale)
+        g = coulomb_term(u, p.mu, p.dimension)
+
+        def by_clarabel(vi: Inequality, r: FloatArray, watch: Watch) -> Iterate:
+            accuracy = float(np.clip(1e-3 * watch.target / monitor.scale, 1e-14, 1e-8))
+            answer = vi.project(clarabel_global(p, reduction.velocity(r)[0], g, accuracy, monitor.scale))
+            return Iterate(answer, watch.visit(answer, None, True) or Status.STAGNATED)
+
+        program = Inequality(operator, reduction.q + g, Cone(p.mu))
+        return polished(by_clarabel)(program, r, SubproblemWatch(program, monitor, target, options.internal_iterations)).r
 
     return _fixed_point(lambda r: HT @ reduction.velocity(r)[0] + p.w, update, r, monitor, options)
 

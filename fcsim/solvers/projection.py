@@ -143,7 +143,7 @@ def project(vi: Inequality, r: FloatArray, watch: Watch, options: ProjectionOpti
 def project_on_hyperplanes(vi: Inequality, r: FloatArray, watch: Watch, options: HyperplaneOptions) -> Iterate:
     """The hyperplane projection method; u being affine in r, its line search costs no product with W."""
     rho = options.rho or 1.0 / vi.lipschitz
-    shift = rho
+    shift, t = rho, 1.0
     u = vi.velocity(r)
     F = vi.map(u)
     while True:
@@ -154,35 +154,37 @@ def project_on_hyperplanes(vi: Inequality, r: FloatArray, watch: Watch, options:
         if change == 0:
             return Iterate(r, Status.STAGNATED)
         direction, du = predicted - r, vi.velocity(predicted) - u
-        t = 1.0
+        required, last, t = options.sigma / rho * change**2, t, 1.0
         for _ in range(options.search_iterations):  # step 2: y = r + t (rbar - r), F(y) . (r - rbar) >= sigma / rho ||r - rbar||^2
             F_y = vi.map(u + t * du)
             descent = -float(F_y @ direction)
-            if descent >= options.sigma / rho * change**2:
+            noise = 1e-14 * float(np.linalg.norm(F_y) * np.linalg.norm(r))
+            if descent >= required or (t == last and required <= noise):  # below round-off the last search counts
                 break
-            t *= options.tau
-        if not descent > 0:  # F is not monotone here
+            t = last if required <= noise else t * options.tau
+        if not descent > -noise:  # F is not monotone here
             return Iterate(r, Status.STAGNATED)
-        r, shift = _project_on_half_space(vi, r, r + t * direction, F_y, shift)  # step 3
+        r, shift = _project_on_half_space(vi, r, r + t * direction, F_y, shift, noise)  # step 3
         u = vi.velocity(r)
         F = vi.map(u)
         watch.tick()
 
 
-def _project_on_half_space(vi: Inequality, r: FloatArray, y: FloatArray, F_y: FloatArray, shift: float) -> tuple[FloatArray, float]:
+def _project_on_half_space(
+    vi: Inequality, r: FloatArray, y: FloatArray, F_y: FloatArray, shift: float, noise: float
+) -> tuple[FloatArray, float]:
     """The projection of r on C and {s : F(y) . (s - y) <= 0}: P_C(r - shift F(y)) with the shift >= 0 that reaches the hyperplane.
 
     The excess F(y) . (P_C(r - shift F(y)) - y) falls with the shift; it is brought to a tenth of its first value by the secant method
-    within a bracket, from the last iteration's shift. The published step (r - F(y) . (r - y) / ||F(y)||^2 F(y), then P_C) is a lower
-    bound of the shift, too short for fast convergence where F does not vanish at the solution.
+    within a bracket, from the last iteration's shift, which stays where the excess is below the `noise` of its round-off. The published
+    shift F(y) . (r - y) / ||F(y)||^2 is a lower bound, too short for fast convergence where F does not vanish at the solution.
     """
-    offset = float(F_y @ y)
-    low, excess_low = 0.0, float(F_y @ r) - offset
+    low, excess_low = 0.0, float(F_y @ (r - y))
     high, excess_high = np.inf, 0.0
-    enough = 0.1 * excess_low
+    enough = max(0.1 * excess_low, 10 * noise)
     for _ in range(60):
         trial, _ = vi.step(r, F_y, shift)
-        excess = float(F_y @ trial) - offset
+        excess = float(F_y @ (trial - y))
         if abs(excess) <= enough:
             break
         if excess > 0:

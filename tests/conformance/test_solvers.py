@@ -14,11 +14,14 @@ from numpy.testing import assert_allclose
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.reduction import reduce
 from fcsim.solvers import SOLVERS, Result, Status, solve
+from fcsim.solvers.newton import NewtonOptions
 
-NEWTON = [name for name, method in SOLVERS.items() if method.run_global is not None]
+NEWTON = [name for name, method in SOLVERS.items() if isinstance(method.options, NewtonOptions)]
+GLOBAL = [name for name, method in SOLVERS.items() if method.run_global is not None]
 VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in SOLVERS} | {
-    f"{name}, kkt": (name, {"linear": "kkt"}) for name in NEWTON
+    f"{name}, kkt": (name, {"linear": "kkt"}) for name in GLOBAL
 }
+MEANT = [variant for variant, (name, _) in VARIANTS.items() if not SOLVERS[name].limits]
 AGREEING = [name for name in ("NSN-AC", "NSN-JM", "NSN-NM", "NSGS-AC", "NSN-AC-HYBRID") if name in SOLVERS]
 TOL = 1e-10
 
@@ -80,6 +83,10 @@ def assert_answers(reference: Any, result: Result, verdict: Callable[..., Any], 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_regular_problem_is_solved(variant: str, regular: Any, verdict: Callable[..., Any]) -> None:
     result = run(variant, regular.problem)
+    if variant not in MEANT and not result.solved:  # what the table says it is not meant for; then the status must be honest
+        u, q = contact_velocity(regular.problem, result.r)
+        assert verdict(result.r, u, regular.problem.mu, regular.problem.dimension, q).error > TOL
+        return
     assert result.status is Status.SOLVED
     assert_answers(regular, result, verdict, TOL)
     if regular.u is not None:
@@ -124,7 +131,7 @@ def test_solvers_agree(seed: int, d: int, random_problem: Callable[..., LocalPro
 
 @pytest.mark.parametrize("factor", [1e6, 1e-6])
 @pytest.mark.parametrize("unit", ["mass", "length", "time"])
-@pytest.mark.parametrize("variant", SOLVERS)
+@pytest.mark.parametrize("variant", [name for name in SOLVERS if name in MEANT])
 def test_units_do_not_matter(variant: str, unit: str, factor: float, random_problem: Callable[..., LocalProblem]) -> None:
     """W in 1/kg, q in m/s, r in N s: another unit of mass, length or time gives the same solution in that unit."""
     # the error adds N s to m/s: with heavy r its round-off is that of r, with light r only a small error says something about r
@@ -139,7 +146,7 @@ def test_units_do_not_matter(variant: str, unit: str, factor: float, random_prob
         assert_allclose(scaled.r / (mass * velocity), expected.r, atol=1e-6)
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", MEANT)
 def test_the_three_ways_to_give_a_problem(variant: str, random_global_problem: GlobalProblem) -> None:
     """Global, its reduction, and its local form have the same answer; only the first two know v."""
     reduction = reduce(random_global_problem)
@@ -153,7 +160,7 @@ def test_the_three_ways_to_give_a_problem(variant: str, random_global_problem: G
     assert_allclose(results[2].v, results[0].v, atol=1e-9)
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", MEANT)
 def test_warm_start(variant: str, random_global_problem: GlobalProblem) -> None:
     """From the solution no iteration is needed; the starting point given is left as it was."""
     cold = run(variant, random_global_problem, tol=1e-12)

@@ -51,7 +51,7 @@ def build(p):
     settings = SolverSettings(name=p.solver, tol=p.tol, options={"max_iterations": p.max_iterations}, **chain)
 
     def lift(step):
-        time.sleep(0.05 if p.slow else 0.0)
+        time.sleep(0.2 if p.slow else 0.0)
         return float(step.contact_force_on(1)[2])
 
     return Case(
