@@ -117,9 +117,9 @@ class Method:
     """A published method: a run function and its options; a variant is another line of data.
 
     run(problem, r, monitor, options) -> Iterate works on the local form without equality constraints. A method that can work
-    on the global form without reduction has `run_global` as well, one that can work on a mixed local form (V, R, s) without elimination
-    has `run_mixed`; both are chosen by the option linear="kkt". limits says on which problems the method is not meant to reach a small error; its status is
-    honest there as everywhere.
+    on the global form without reduction has `run_global` as well, one that can work on a mixed local form (V, R, s) without
+    elimination has `run_mixed`; both are chosen by the option linear="kkt". `limits` says on which problems the method is not meant
+    to reach a small error; its status is honest there as everywhere.
     """
 
     run: Run

@@ -12,8 +12,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers import SOLVERS, Status, solve
 from fcsim.solvers.base import Monitor
-from fcsim.solvers.projection import khobotov_ratio, project_on_hyperplanes, solodov_tseng_ratio
-from fcsim.solvers.projection import HyperplaneOptions
+from fcsim.solvers.projection import HyperplaneOptions, khobotov_ratio, project_on_hyperplanes, solodov_tseng_ratio
 from fcsim.solvers.variational import Inequality, ProblemWatch
 
 NAMES = [name for name, method in SOLVERS.items() if method.family == "projection"]
