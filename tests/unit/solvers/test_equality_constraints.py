@@ -95,6 +95,7 @@ def test_mixed_local_constraints(name: str, options: dict[str, Any], d: int, sto
     assert result.solved and result.multiplier is not None
     assert_allclose(result.r, expected.r, atol=1e-8)
     assert_allclose(result.u, expected.u, atol=1e-8)
+    assert whole.multiplier is not None
     assert_allclose(result.multiplier, whole.multiplier, atol=1e-7)
     assert_allclose(result.u, local.W @ result.r + local.V @ result.multiplier + local.q, atol=1e-10)
     assert_allclose(local.V.T @ result.r + local.R @ result.multiplier + local.s, 0, atol=1e-10)
