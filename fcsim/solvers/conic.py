@@ -84,7 +84,9 @@ def scaled_program(vi: Inequality) -> tuple[ConicRows, Any, FloatArray, float]:
     """Rows, P, c and the scale of r that makes ||P|| = ||c|| = 1: engines have absolute tolerances."""
     rows = conic_rows(vi)
     operator = vi.operator
-    P = operator.W if len(rows.free) == operator.size else operator.W[rows.free][:, rows.free]
+    P = sp.csr_array(operator.W) if sp.issparse(operator.W) else operator.W
+    if len(rows.free) < operator.size:
+        P = P[rows.free][:, rows.free]
     size = float(np.linalg.norm(vi.q)) or 1.0
     scale = size / operator.norm
     return replace(rows, h=rows.h / scale), P / operator.norm, vi.q[rows.free] / size, scale

@@ -30,7 +30,7 @@ class _NesterovTodd:
         S, Z = s[l:].reshape(self._shape), z[l:].reshape(self._shape)
         size_s, size_z = np.sqrt(_determinant(S)), np.sqrt(_determinant(Z))
         S, Z = S / size_s[:, None], Z / size_z[:, None]
-        gamma = np.sqrt(0.5 * (1 + np.einsum("ai,ai->a", S, Z)))
+        gamma = np.sqrt(np.maximum(0.5 * (1 + np.einsum("ai,ai->a", S, Z)), 1))  # >= 1 but for round-off
         w = (S + _reflect(Z)) / (2 * gamma[:, None])
         w[:, 0] += 1
         self._v = w / np.sqrt(2 * w[:, :1])
@@ -137,6 +137,7 @@ def _direction(
     return dx, b - dz, dz
 
 
+@np.errstate(over="ignore", divide="ignore", invalid="ignore")  # the last iterations may meet infinity: they end there
 def primal_dual(vi: Inequality, r: FloatArray, watch: Watch, max_iterations: int = 60) -> Iterate:
     """The program by our primal-dual method; one Cholesky factorisation of P + A^T V^-2 A an iteration."""
     status = watch.visit(vi.project(r), None, True)
