@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.cone import de_saxce, project_cone, tangential_norm
+from fcsim.cone import de_saxce, tangential_norm
 from fcsim.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +23,10 @@ Matrix = Any  # a scipy.sparse array or a dense ndarray
 
 
 def _vector(values: Any, what: str) -> FloatArray:
-    vector = np.asarray(values, dtype=np.float64)
+    try:
+        vector = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: expected a vector of numbers, got {type(values).__name__} of something else") from None
     if vector.ndim != 1:
         raise InputError(f"{what}: expected a vector, got shape {vector.shape}")
     if not np.all(np.isfinite(vector)):
@@ -143,9 +146,23 @@ class LocalProblem:
 
 
 def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension: int = 3) -> float:
-    """Return ||r - P_K(r - (u + g(u)))||, the numerator of the error, for flat r and u (m,)."""
+    """Return ||r - P_K(r - (u + g(u)))||, the numerator of the error, for flat r and u (m,).
+
+    With z = r - (u + g(u)) it is u + g(u) + (z - P_K(z)): so written, a small u is not lost beside a large r, whose difference with
+    itself would be zero wherever r grows without bound.
+    """
     r2, u2 = r.reshape(-1, dimension), u.reshape(-1, dimension)
-    return float(np.linalg.norm(r2 - project_cone(r2 - u2 - de_saxce(u2, mu), mu)))
+    modified = u2 + de_saxce(u2, mu)
+    z = r2 - modified
+    norm = tangential_norm(z)
+    # z - P_K(z) is c (-mu, t), with t the direction of z_T, c = 0 inside K; in the polar cone it is z, and the residual r
+    c = np.maximum(norm - mu * z[:, 0], 0) / (1 + mu**2)
+    residual = modified
+    residual[:, 0] -= mu * c
+    residual[:, 1:] += (c / np.where(norm > 0, norm, 1))[:, None] * z[:, 1:]
+    polar = mu * norm <= -z[:, 0]
+    residual[polar] = r2[polar]
+    return float(np.linalg.norm(residual))
 
 
 def error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, floor: float = 0.0) -> float:

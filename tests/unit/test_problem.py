@@ -9,6 +9,7 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
+from fcsim.cone import de_saxce, project_cone
 from fcsim.errors import InputError
 from fcsim.problem import OPEN, SLIP, STICK, GlobalProblem, LocalProblem, check, contact_status, error, natural_map_residual
 
@@ -33,7 +34,7 @@ def local_arguments(**changes: Any) -> dict[str, Any]:
 
 def test_error_and_checks_vanish_on_an_exact_solution() -> None:
     assert error(local_problem(), R) <= 1e-16
-    assert natural_map_residual(R, U, MU) <= 1e-15
+    assert natural_map_residual(R, U, MU) <= 4e-15
     checks = check(R, U, MU)
     for value in (checks.cone, checks.dual_cone, checks.complementarity, checks.penetration):
         assert 0 <= value <= 1e-16
@@ -160,3 +161,24 @@ def test_any_sparse_matrix_is_taken(kind: Any) -> None:
 def test_bad_input_is_refused(form: str, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         GlobalProblem(**global_arguments(**changes)) if form == "G" else LocalProblem(**local_arguments(**changes))
+
+
+def test_small_velocities_count_beside_huge_reactions() -> None:
+    """u_N = -1 under r_N = 1e23: r - (u + g(u)) is r in floating point, yet nothing is solved; nor at the edge of the cone."""
+    mu = np.array([0.3])
+    assert_allclose(natural_map_residual(np.array([1e23, 0, 0]), np.array([-1.0, 0, 0]), mu), 1)
+    assert natural_map_residual(np.array([1e23, 3e22, 0]), np.array([-1.0, 0, 0]), mu) >= 0.9
+    assert_allclose(natural_map_residual(np.array([1e23, 0, 0]), np.array([-1.0, 0, 0]), np.zeros(1)), 1)
+    assert_allclose(natural_map_residual(np.array([1e8, 0, 0]), np.array([1e-9, 0, 2e-9]), mu), np.hypot(1e-9 + 0.3 * 2e-9, 2e-9))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_residual_against_the_projection(d: int) -> None:
+    """||r - P_K(r - (u + g(u)))|| with the projection of `fcsim.cone`, in every zone and with mu = 0."""
+    rng = np.random.default_rng(d)
+    r, u, mu = rng.standard_normal((500, d)), rng.standard_normal((500, d)), rng.uniform(0, 1.2, 500) * (rng.random(500) < 0.8)
+    r[::7] = 0
+    for one in range(500):
+        own = slice(one, one + 1)
+        expected = r[own] - project_cone(r[own] - u[own] - de_saxce(u[own], mu[own]), mu[own])
+        assert_allclose(natural_map_residual(r[one], u[one], mu[own], d), np.linalg.norm(expected), rtol=1e-12, atol=1e-15)
