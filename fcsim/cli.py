@@ -125,8 +125,8 @@ def _run(options: argparse.Namespace) -> int:
         vtk_every=options.vtk_every,
         checkpoint_every=options.checkpoint_every,
     )
-    # a polite kill ends the run as Ctrl-C does
-    before = signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    # a polite kill ends the run as Ctrl-C does, also where Ctrl-C itself is ignored, as under nohup
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with Progress() as progress:
             summary = run_case(

@@ -249,7 +249,14 @@ def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_s
     command = [sys.executable, "-m", "fcsim.cli", "run", str(case_folder), "--out", str(out), "--set", "slow=on"]
     arguments = ["--checkpoint-every", "3", "--export-every", "2", "--vtk-every", "2"]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    process = subprocess.Popen([*command, *arguments], env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = subprocess.Popen(
+        [*command, *arguments],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background shell hands SIGINT down as ignored
+    )
     try:
         table, deadline = out / "steps.csv", time.monotonic() + 60
         while not (table.is_file() and table.read_text().count("\n") > 5) and process.poll() is None and time.monotonic() < deadline:
