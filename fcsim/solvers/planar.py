@@ -56,14 +56,18 @@ def conjugated_projected_gradient(problem: LocalProblem, r: FloatArray, monitor:
     """2D-CPG: conjugate gradients on W r + q over the friction segments |r_T| <= mu r_N of the current r_N.
 
     Iterates are projected on the segments, residuals and directions on what the contacts' states leave free: nothing leaves r_N = 0, and
-    a sliding contact moves along its edge of the cone, (1, mu r_T / |r_T|). The numbers are the paper's steps.
+    a sliding contact stays on its edge of the cone, (1, s mu). A contact slides towards s where r_T - u_T / W_TT is beyond that end of its
+    segment. The numbers are the paper's steps.
     """
     mu, shape = problem.mu, (problem.nc, problem.dimension)
-    P = 1 / _positive(np.einsum("aii->ai", problem.diagonal_blocks)) if options.preconditioner == "diagonal" else np.ones(shape)
-    r = _project_segments(r.reshape(shape), mu)
+    diagonal = _positive(np.einsum("aii->ai", problem.diagonal_blocks))
+    P = 1 / diagonal if options.preconditioner == "diagonal" else np.ones(shape)
+    r_N = np.maximum(r[0::2], 0)
+    r = np.column_stack([r_N, np.clip(r[1::2], -mu * r_N, mu * r_N)])
     u = problem.W @ r.ravel() + problem.q
     g = -u.reshape(shape)
-    p = w = _project_state(P * g, r, g, mu)  # (0)
+    states = _States.of(r, g, mu, diagonal[:, 1])
+    p = w = states.free(P * g)  # (0)
     least, last_progress = np.inf, monitor.iterations
     while True:
         error = monitor.record(r.ravel(), u)
@@ -81,17 +85,18 @@ def conjugated_projected_gradient(problem: LocalProblem, r: FloatArray, monitor:
             return Iterate(r.ravel(), Status.STAGNATED)
         Wp = problem.W @ p.ravel()
         curvature = float(p.ravel() @ Wp)
-        descent = float(np.sum(_project_state(g, r, g, mu) * p))
+        descent = float(np.sum(states.free(g) * p))
         if not (curvature > 0 and descent > 0):  # conjugacy is lost where states change: begin again with the gradient
             if p is w:
                 return Iterate(r.ravel(), Status.STAGNATED)
             p = w
             continue
-        r = _project_segments(r + descent / curvature * p, mu)  # (1) to (3)
+        r = states.project(r + descent / curvature * p)  # (1) to (3)
         u = problem.W @ r.ravel() + problem.q  # (4)
         g = -u.reshape(shape)
-        w = _project_state(P * g, r, g, mu)  # (5)
-        z = _project_state(p, r, g, mu)  # (6)
+        states = _States.of(r, g, mu, diagonal[:, 1])
+        w = states.free(P * g)  # (5)
+        z = states.free(p)  # (6)
         beta = -float(w.ravel() @ Wp) / curvature  # (7)
         p = w + beta * z  # (8)
         monitor.iterations += 1
@@ -102,22 +107,33 @@ def _positive(values: FloatArray) -> FloatArray:
     return np.where(values > 0, values, mean)
 
 
-def _project_segments(r: FloatArray, mu: FloatArray) -> FloatArray:
-    """r_N to the half-line, then r_T to the segment of length mu r_N on either side."""
-    r_N = np.maximum(r[:, 0], 0)
-    return np.column_stack([r_N, np.clip(r[:, 1], -mu * r_N, mu * r_N)])
+@dataclass(frozen=True, eq=False)
+class _States:
+    """Which contacts are open, which slide, and to which side (nc,): what directions are free, where iterates are projected."""
 
+    mu: FloatArray
+    open: BoolArray
+    slip: BoolArray
+    side: FloatArray
 
-def _project_state(z: FloatArray, r: FloatArray, g: FloatArray, mu: FloatArray) -> FloatArray:
-    """z (nc, 2) in the directions that the contacts' states at r leave free; a contact slides where -u = g pushes out of its segment."""
-    z = z.copy()
-    open_contact = r[:, 0] <= 0
-    slip = ~open_contact & (np.abs(r[:, 1]) >= mu * r[:, 0] * (1 - 1e-14)) & (g[:, 1] * r[:, 1] >= 0)
-    z[open_contact, 0] = np.maximum(z[open_contact, 0], 0)
-    radius = mu * z[:, 0]
-    z[open_contact, 1] = np.clip(z[open_contact, 1], -radius[open_contact], radius[open_contact])
-    z[slip, 1] = (np.sign(r[:, 1]) * radius)[slip]
-    return z
+    @classmethod
+    def of(cls, r: FloatArray, g: FloatArray, mu: FloatArray, W_TT: FloatArray) -> _States:
+        ahead = r[:, 1] + g[:, 1] / W_TT
+        is_open = r[:, 0] <= 0
+        return cls(mu, is_open, ~is_open & (np.abs(ahead) >= mu * r[:, 0]), np.sign(ahead))
+
+    def free(self, z: FloatArray) -> FloatArray:
+        """z (nc, 2) in the free directions."""
+        z_N = np.where(self.open, np.maximum(z[:, 0], 0), z[:, 0])
+        edge = self.mu * z_N
+        z_T = np.where(self.open, np.clip(z[:, 1], -edge, edge), np.where(self.slip, self.side * edge, z[:, 1]))
+        return np.column_stack([z_N, z_T])
+
+    def project(self, r: FloatArray) -> FloatArray:
+        """r_N to the half-line, then r_T to the segment, of a sliding contact to its end."""
+        r_N = np.maximum(r[:, 0], 0)
+        end = self.mu * r_N
+        return np.column_stack([r_N, np.where(self.slip, self.side * end, np.clip(r[:, 1], -end, end))])
 
 
 @dataclass(frozen=True, kw_only=True)
