@@ -304,8 +304,8 @@ def _described(options: Any) -> str:
     texts = []
     for field in dataclasses.fields(options):
         value = getattr(options, field.name)
-        if field.name == "stages":
-            value = " then ".join(f"{stage.options.max_iterations} {stage.run.__name__}" for stage in value)
+        if field.name in ("first", "stages"):
+            value = " then ".join(f"{stage.options.max_iterations} {stage.run.__name__}" for stage in value) or "none"
         elif isinstance(value, Mapping):
             value = ", ".join(f"{key} {entry}" for key, entry in value.items()) or "none"
         texts.append(f"{field.name}={value:.6g}" if isinstance(value, float) else f"{field.name}={value}")

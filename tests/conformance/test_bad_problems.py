@@ -318,7 +318,7 @@ def test_status_is_honest_where_theory_ends(name: str, make: Callable[[int], Loc
         result = solve(p, name, tol=1e-8, time_limit=0.5)
     except FcsimError:
         return
-    assert result.time < 10
+    assert result.time < 60  # compilation included
     if np.abs(result.r).max() < 1e6:  # beyond, r - (r - u) is round-off
         found = true_error(p, result.r)
         assert_allclose(result.error, found, rtol=1e-5, atol=1e-9)
