@@ -4,11 +4,14 @@
    positive and show how fast Gauss-Seidel converges here.
 2. Race. A model of the costs (entries of W, size, density; no clock, so that runs repeat exactly) and the measured rate say whether
    Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will.
-3. Newton, plain (NSN-AC): exact for full-rank W, given up when a dozen iterations bring no better iterate.
+3. Newton, plain (NSN-AC): exact for full-rank W, given up when a dozen iterations bring no better iterate, or when the first one
+   throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and more; of 1e2 for full rank).
 4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha I, q - alpha r_k, whose solution is r_k+1.
    alpha I makes rank-deficient W regular and pulls Newton into its basin; alpha falls while the inner solves are easy and grows when
    they fail, where the natural map takes turns with Alart-Curnier. Its fixed points solve the problem itself, whatever alpha.
-5. Gauss-Seidel to the end of the iterations, from the best iterate.
+   Where noise makes W unsymmetric and indefinite, self-stress may grow without end at alpha below the noise: the best iterate is
+   taken up again at a larger alpha.
+5. Gauss-Seidel from the best iterate, as long as it finds better ones.
 
 Sources: the proximal point for frictional contact, Acary, Brémond, Huber 2018, section on PPA-NSN; R. T. Rockafellar, SIAM J. Control
 Optim. 14, 1976. The schedule of alpha and the race are our own.
@@ -33,6 +36,10 @@ FloatArray = NDArray[np.float64]
 
 SPARSE_BELOW = 0.15
 """Density of W below which sparse elimination is cheaper than dense."""
+RANK_DEFICIENT = 3e3
+"""Growth of the error in a Newton iteration that only rank-deficient W shows (measured: below 200 for full rank, above 1e4 else)."""
+RUNAWAY = 100.0
+"""Growth of the error over the best one at which the proximal stage goes back to its best iterate."""
 SMALL = 150
 """Up to this many unknowns dense linear algebra is cheapest whatever the density."""
 
@@ -42,14 +49,15 @@ class AutomaticOptions(Options):
     """max_iterations counts sweeps and Newton iterations alike.
 
     probe: Gauss-Seidel sweeps of the first stage; patience: Newton iterations without a better iterate before the next stage;
-    alpha: first regularisation of the proximal stage, relative to the mean of W's diagonal; outer: cap of its outer iterations.
+    alpha: first regularisation of the proximal stage, relative to the mean of W's diagonal; outer: its outer iterations without
+    a better iterate before the next stage.
     """
 
     max_iterations: int = 100_000
     probe: int = 20
     patience: int = 12
-    alpha: float = 1e-2
-    outer: int = 500
+    alpha: float = 1e-4
+    outer: int = 300
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -141,7 +149,7 @@ class _Run:
         iterate = Iterate(r, Status.STAGNATED)
         while self.options.patience:
             before = monitor.best
-            options = NewtonOptions(formulation="AC", max_iterations=self._limit(self.options.patience))
+            options = NewtonOptions(formulation="AC", max_iterations=self._limit(self.options.patience), divergence=RANK_DEFICIENT)
             iterate = newton(self.problem, r, monitor, options)
             if iterate.status is not Status.MAX_ITERATIONS or monitor.best >= 0.7 * before:
                 return iterate
@@ -154,32 +162,53 @@ class _Run:
         d, W = problem.dimension, problem.W
         alpha, formulation, floor = self.options.alpha * self.scale, "AC", 0.0
         norm = float(np.linalg.norm(problem.q))
-        error = monitor.best
-        for _ in range(self.options.outer):
+        error, waited = monitor.best, 0
+        while waited < self.options.outer:
             if monitor.out_of_time():
                 return Iterate(r, Status.TIME_LIMIT)
             if monitor.iterations >= self.options.max_iterations:
                 return Iterate(r, Status.MAX_ITERATIONS)
             inner = LocalProblem(regularised(W, alpha, d), problem.q - alpha * r, problem.mu, dimension=d)
-            tol = max(0.1 * monitor.tol, 1e-2 * min(error, 1.0))
+            tol = 0.1 * max(monitor.tol, min(error, 1.0))
             watch = Monitor(inner.q, inner.mu, d, tol, floor=norm, time_limit=monitor.time_limit, start=monitor.start)
             iterate = newton(inner, r, watch, NewtonOptions(formulation=formulation, max_iterations=15))
             monitor.iterations += max(watch.iterations, 1)
+            waited += 1
             if iterate.status is Status.SOLVED:
+                least = monitor.best
                 r = iterate.r
                 error = monitor.record(r, W @ r + problem.q)
                 if error <= monitor.tol:
                     return Iterate(r, Status.SOLVED)
-                alpha = max(floor, alpha * (0.3 if watch.iterations <= 4 else 0.6 if watch.iterations <= 8 else 1.0))
-                floor *= 0.9
-            else:  # stay well above what failed, for a while
-                floor = 3 * alpha
+                if error < least:
+                    waited = 0
+                if error <= RUNAWAY * least:
+                    alpha = max(floor, alpha * (0.3 if watch.iterations <= 4 else 0.6 if watch.iterations <= 8 else 1.0))
+                    floor *= 0.7
+                    continue
+                r, error = _best(monitor)
                 alpha *= 3
-                formulation = "NM" if formulation == "AC" else "AC"
-                if alpha > 1e8 * self.scale:
-                    return Iterate(r, Status.STAGNATED)
+            # what failed is left behind: well above it for a while, with the other formulation
+            alpha *= 3
+            floor = alpha
+            formulation = "NM" if formulation == "AC" else "AC"
+            if alpha > 1e8 * self.scale:
+                break
         return Iterate(r, Status.STAGNATED)
 
     def sweeps_to_the_end(self, r: FloatArray) -> Iterate:
-        """Gauss-Seidel with what iterations are left."""
-        return self._sweeps(r, self.options.max_iterations)
+        """Gauss-Seidel in chunks that double, as long as each brings a better iterate."""
+        monitor, chunk = self.monitor, 50 * (self.options.probe or 1)
+        while True:
+            before = monitor.best
+            iterate = self._sweeps(r, chunk)
+            if iterate.status is not Status.MAX_ITERATIONS or monitor.iterations >= self.options.max_iterations:
+                return iterate
+            if monitor.best > 0.9 * before:
+                return Iterate(iterate.r, Status.STAGNATED)
+            r, chunk = iterate.r, 2 * chunk
+
+
+def _best(monitor: Monitor) -> tuple[FloatArray, float]:
+    assert monitor.best_r is not None  # the start was recorded
+    return monitor.best_r, monitor.best

@@ -31,8 +31,8 @@ class NewtonOptions(Options):
     """formulation: AC, JM, NM, FB; rho: rule of `scaling`, times rho_factor; line_search: none (NLS), Goldstein-Price, Goldstein, Armijo,
     with at most line_search_iterations trials; reference: what the merit must fall below, "none" (monotone) or its maximum, mean or
     Zhang and Hager's weighted mean over `memory` iterations; safeguard: a gradient step where Newton's direction does not exist or does
-    not descend; linear: how the linear system is solved ("auto" chooses from size and density; "kkt" keeps the global or mixed form,
-    see newton_global).
+    not descend; divergence: factor of the best error beyond which the iterates are called diverged; linear: how the linear system is
+    solved ("auto" chooses from size and density; "kkt" keeps the global or mixed form, see newton_global).
     """
 
     formulation: str = "AC"
@@ -43,6 +43,7 @@ class NewtonOptions(Options):
     reference: str = "none"
     memory: int = 10
     safeguard: bool = False
+    divergence: float = float("inf")
     linear: str = "auto"
 
     def __post_init__(self) -> None:
@@ -54,6 +55,8 @@ class NewtonOptions(Options):
         choice("linear", self.linear, ("auto", "kkt", *SYSTEMS))
         if not self.rho_factor > 0:
             raise InputError(f"option rho_factor: expected a number > 0, got {self.rho_factor}")
+        if not self.divergence > 1:
+            raise InputError(f"option divergence: expected a number > 1, got {self.divergence}")
         for name in ("line_search_iterations", "memory"):
             if getattr(self, name) < 1:
                 raise InputError(f"option {name}: expected an integer >= 1, got {getattr(self, name)}")
@@ -126,7 +129,7 @@ def newton_iterations(
         error = monitor.record(r, space.u)  # (S.1)
         if error <= monitor.tol:
             return Iterate(r, Status.SOLVED)
-        if not np.isfinite(error):
+        if not np.isfinite(error) or error > options.divergence * monitor.best:
             return Iterate(r, Status.DIVERGED)
         if monitor.iterations >= options.max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
