@@ -28,12 +28,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import own_runs
-from fclib_problems import FclibProblem, read_problems
-from killable import Task, run_killable
 from report import CLOCKS, Record, circumstances, duration, geometric_mean, table, write_markdown
-from siconos_client import Siconos, siconos_on, siconos_version
 
+from fcsim.bench import solves
+from fcsim.bench.judge import FclibProblem, read_problems
+from fcsim.bench.killable import Task, run_killable
+from fcsim.bench.siconos_client import Siconos, siconos_on, siconos_version
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
 from fcsim.reduction import reduce
@@ -99,7 +99,7 @@ def own_sweep_seconds(problem: FclibProblem, limit: float, clock: str) -> float 
         result = solve(local, "NSGS-AC", tol=1e-300, max_iterations=SWEEPS, time_limit=limit)
         yield tick() - start, result.iterations
 
-    ended = next(run_killable([Task(None, items, limit + own_runs.GRACE)]))
+    ended = next(run_killable([Task(None, items, limit + solves.GRACE)]))
     if not ended.items or not ended.items[0][1]:
         return None
     seconds, iterations = ended.items[0]
@@ -119,7 +119,7 @@ def sweep_rows(problem: FclibProblem, siconos: Siconos, options: argparse.Namesp
 def measure(problem: FclibProblem, options: argparse.Namespace, order: Counter[tuple[str, str]]) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     methods = [name for name in options.solver if problem.problem.dimension in SOLVERS[name].dimensions]
-    for _, own in own_runs.measure(problem, methods, options.tol, options.time_limit, repeat_within=0.3):
+    for _, own in solves.measure(problem, methods, options.tol, options.time_limit, repeat_within=0.3):
         rows += [{**row, "program": "fcsim", "configuration": row["method"]} for row in own]
     reduction = reduction_seconds(problem, options.clock)
     with siconos_on(problem, options.siconos_python) as siconos:
@@ -281,7 +281,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             known.add(problem.name)
     record.keep(lambda row: row["problem"] in known and row["time_limit"] == options.time_limit)
     order: Counter[tuple[str, str]] = Counter()
-    own_runs.warm(options.solver)
+    solves.warm(options.solver)
     for number, problem in enumerate(problems, 1):
         print(f"{number}/{len(problems)} {problem.name}: {problem.problem.nc} contacts", file=sys.stderr)
         if problem.name not in known:

@@ -21,10 +21,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import own_runs
-from fclib_problems import read_problems
 from report import CLOCKS, Record, circumstances, duration, geometric_mean, table, write_markdown
 
+from fcsim.bench import solves
+from fcsim.bench.judge import read_problems
 from fcsim.errors import InputError
 from fcsim.solvers import SOLVERS
 
@@ -134,13 +134,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     record.keep(lambda row: row["problem"] in names and row["time_limit"] == options.time_limit)
     known = {(row["problem"], row["method"], row["tol"]) for row in record.rows}
     reused = len(known)
-    own_runs.warm(methods)
+    solves.warm(methods)
     for number, problem in enumerate(problems, 1):
         about = problem.description
         fitting = [name for name in methods if about["dimension"] in SOLVERS[name].dimensions]
         missing = [name for name in fitting if any((problem.name, name, tol) not in known for tol in tolerances)]
         print(f"{number}/{len(problems)} {problem.name}: {about['nc']} contacts, {len(missing)} methods", file=sys.stderr)
-        for method, rows in own_runs.measure(problem, missing, tolerances, options.time_limit, options.jobs, repeat_within=0.1):
+        for method, rows in solves.measure(problem, missing, tolerances, options.time_limit, options.jobs, repeat_within=0.1):
             record.add({**about, **row, "family": SOLVERS[method].family, "time_limit": options.time_limit} for row in rows)
     latest = {(row["problem"], row["method"], row["tol"]): row for row in record.rows}  # a row measured again replaces the old one
     wanted = [row for row in latest.values() if row["tol"] in tolerances and row["method"] in methods]

@@ -17,6 +17,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from fcsim.bench import siconos_client, solves
+from fcsim.bench.judge import FclibProblem
+from fcsim.bench.killable import Task, run_killable
 from fcsim.export_fclib import GlobalRollingProblem, read_fclib, write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import solve
@@ -64,8 +67,8 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_the_judge_knows_the_sliding_block(scripts: Any) -> None:
-    problem = scripts("fclib_problems").FclibProblem("block", "global", sliding_block())
+def test_the_judge_knows_the_sliding_block() -> None:
+    problem = FclibProblem("block", "global", sliding_block())
     assert problem.scale == pytest.approx(np.hypot(5, 2.5))
     assert problem.error(np.array([10.0, -3, 0])) == pytest.approx(0, abs=1e-15)
     # without reactions u = (-5, 2.5, 0): -(u + g(u)) = (4.25, -2.5, 0) projects on the cone's edge at ((4.25 + 0.75) / 1.09) (1, -0.3)
@@ -105,16 +108,16 @@ def test_table_says_what_a_direct_solve_says(tmp_path: Path) -> None:
 
 
 def test_false_claims_are_wrong_not_solved(scripts: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    own_runs, table = scripts("own_runs"), scripts("solver_table")
-    problem = scripts("fclib_problems").FclibProblem("block", "global", sliding_block())
+    table = scripts("solver_table")
+    problem = FclibProblem("block", "global", sliding_block())
 
     def claim(*_: Any, **options: Any) -> Any:
         result = solve(sliding_block(mu=0.2), "NSN-NM", tol=options["tol"])  # solved, but another problem
         assert result.solved
         return result
 
-    monkeypatch.setattr(own_runs, "solve", claim)
-    [(_, [row])] = own_runs.measure(problem, ["NSN-NM"], [1e-8], 5.0)
+    monkeypatch.setattr(solves, "solve", claim)
+    [(_, [row])] = solves.measure(problem, ["NSN-NM"], [1e-8], 5.0)
     assert row["status"] == "SOLVED" and not row["solved"]
     # r = (10, -2, 0), u = (0, 1.5, 0): r - (u + g(u)) = (9.55, -3.5, 0) projects on ((9.55 + 1.05) / 1.09) (1, -0.3)
     edge = (9.55 + 1.05) / 1.09
@@ -122,9 +125,7 @@ def test_false_claims_are_wrong_not_solved(scripts: Any, monkeypatch: pytest.Mon
     assert table.cell(row).startswith("*WRONG")
 
 
-def test_hangs_and_crashes_end_their_task_only(scripts: Any) -> None:
-    killable = scripts("killable")
-
+def test_hangs_and_crashes_end_their_task_only() -> None:
     def hangs() -> Iterator[int]:
         yield 1
         time.sleep(60)
@@ -142,9 +143,9 @@ def test_hangs_and_crashes_end_their_task_only(scripts: Any) -> None:
         yield 3
         raise ValueError("no")
 
-    tasks = [killable.Task(f.__name__, f, 0.5) for f in (hangs, crashes, leaves, fails)]
+    tasks = [Task(f.__name__, f, 0.5) for f in (hangs, crashes, leaves, fails)]
     for jobs in (1, 3):
-        ended = {end.key: (end.items, end.how) for end in killable.run_killable(tasks, jobs, quiet=True)}
+        ended = {end.key: (end.items, end.how) for end in run_killable(tasks, jobs, quiet=True)}
         assert ended == {
             "hangs": ([1], "time limit"),
             "crashes": ([], f"killed by signal {int(signal.SIGKILL)}"),
@@ -154,15 +155,13 @@ def test_hangs_and_crashes_end_their_task_only(scripts: Any) -> None:
 
 
 @pytest.fixture
-def siconos_client(scripts: Any) -> ModuleType:
-    client: ModuleType = scripts("siconos_client")
-    if client.siconos_version(SYSTEM_PYTHON) is None:
+def siconos() -> None:
+    if siconos_client.siconos_version(SYSTEM_PYTHON) is None:
         pytest.skip(f"{SYSTEM_PYTHON} cannot import siconos.numerics")
-    return client
 
 
-def test_siconos_reads_every_storage_as_it_is_meant(scripts: Any, siconos_client: Any) -> None:
-    FclibProblem = scripts("fclib_problems").FclibProblem
+@pytest.mark.usefixtures("siconos")
+def test_siconos_reads_every_storage_as_it_is_meant() -> None:
     local = unsymmetric_local()
     ours = solve(local, "NSN-NM", tol=1e-13).r
     problem = FclibProblem("unsymmetric", "local", local)
@@ -178,7 +177,8 @@ def test_siconos_reads_every_storage_as_it_is_meant(scripts: Any, siconos_client
         np.testing.assert_allclose(reply["r"], [10, -3, 0], atol=1e-9)
 
 
-def test_comparison_with_siconos(siconos_client: Any, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("siconos")
+def test_comparison_with_siconos(tmp_path: Path) -> None:
     write_fclib(tmp_path / "unsymmetric.hdf5", unsymmetric_local())
     out = tmp_path / "against.md"
     arguments = ["--solver", "NSN-NM", "--tol", "1e-6", "--time-limit", "1", "--siconos-python", str(SYSTEM_PYTHON), "--out", str(out)]

@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from killable import FINISHED, Task, run_killable
+from killable import FINISHED, Task, run_killable  # type: ignore[import-not-found]  # the file beside this one, not a package
 
 DENSE_UP_TO = 3000
 REPEAT_WITHIN, REPEAT_AT_MOST = 0.3, 7

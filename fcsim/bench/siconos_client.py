@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from fclib_problems import SLACK, FclibProblem
 
+from fcsim.bench.judge import FclibProblem
+from fcsim.bench.results import SLACK
 from fcsim.problem import GlobalProblem
 from fcsim.reduction import eliminate_equalities, reduce
 

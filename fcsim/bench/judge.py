@@ -1,4 +1,4 @@
-"""FCLIB files as the measuring scripts take them, and a judge of reactions that shares no code with the solvers."""
+"""FCLIB files as they are measured, and a judge of reactions that shares no code with the solvers."""
 
 from __future__ import annotations
 
@@ -18,9 +18,6 @@ from fcsim.export_fclib import read_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
 
 FloatArray = NDArray[np.float64]
-
-SLACK = 1.01
-"""An error up to tol * SLACK meets tol: the judge factors M by another library than the solver, and their u differ by round-off."""
 
 
 def project_on_cones(x: FloatArray, mu: FloatArray) -> FloatArray:

@@ -9,9 +9,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from fclib_problems import SLACK, FclibProblem
-from killable import FINISHED, Task, run_killable
 
+from fcsim.bench.judge import FclibProblem
+from fcsim.bench.killable import FINISHED, Task, run_killable
+from fcsim.bench.results import SLACK
 from fcsim.problem import LocalProblem
 from fcsim.solvers import SOLVERS, solve
 
