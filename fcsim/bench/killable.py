@@ -1,13 +1,20 @@
-"""Work in forked child processes that may hang or crash: each has a time limit, and its end is a result like any other.
+"""Work in forked child processes that may hang, crash or leak: each has limits, and its end is a result like any other.
 
-A fork inherits what its parent has loaded and compiled, so that children start warm. Needs Python >= 3.11 alone: the process that
-drives Siconos uses it as well.
+A fork inherits what its parent has loaded and compiled, so that children start warm. A child leads a process group, which is killed
+whole, and dies with its parent. Needs Python >= 3.11 alone: the process that drives Siconos uses it as well.
+
+The memory limit is on the resident memory that a child has beyond what it inherited, watched from outside every WATCH seconds, not on
+its address space (RLIMIT_AS): compiled code and libraries reserve far more addresses than they use, and C libraries answer a refused
+allocation with a crash that nothing tells from any other. Between two looks a child adds some tens of MiB at most; should the system's
+memory run out all the same, the kernel is told to end the child rather than its parent.
 """
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
+import signal
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -16,20 +23,28 @@ from typing import Any
 
 FINISHED = "finished"
 TIME_LIMIT = "time limit"
+MEMORY_LIMIT = "memory limit"
+WATCH = 0.02
+"""[s] between two looks at the memory of a child that has a limit."""
+PR_SET_PDEATHSIG = 1
 
 
 @dataclass
 class Task:
-    """Items made one after the other in a child; each, the first included, may take `limit` seconds. Items are pickled."""
+    """Items made one after the other in a child; each, the first included, may take `limit` seconds. Items are pickled.
+
+    memory: MiB of resident memory beyond what the child inherits, None for no limit.
+    """
 
     key: Any
     items: Callable[[], Iterator[Any]]
     limit: float
+    memory: float | None = None
 
 
 @dataclass
 class Ended:
-    """What a task gave before it ended: FINISHED, TIME_LIMIT, or in words how it failed."""
+    """What a task gave before it ended: FINISHED, TIME_LIMIT, MEMORY_LIMIT, or in words how it failed."""
 
     key: Any
     items: list[Any] = field(default_factory=list)
@@ -42,9 +57,41 @@ class _Child:
     process: Any
     deadline: float
     ended: Ended
+    inherited: float = 0.0
 
 
-def _work(items: Callable[[], Iterator[Any]], pipe: Connection, quiet: bool) -> None:
+def resident(pid: int) -> float:
+    """Resident memory of a process without its mapped files [MiB], 0 where the system does not say."""
+    try:
+        with open(f"/proc/{pid}/statm", encoding="ascii") as file:  # noqa: PTH123 - many times a second
+            _, pages, of_files, *_ = map(int, file.read().split())
+    except (OSError, ValueError):
+        return 0.0
+    return (pages - of_files) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def die_with_parent() -> None:
+    """Have this process killed when the one that started it ends, however that ends (Linux)."""
+    try:
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL))
+    except (OSError, AttributeError):
+        return
+
+
+def _settle(parent: int) -> None:
+    die_with_parent()
+    if os.getppid() != parent:  # it ended just before
+        os._exit(1)
+    os.setpgid(0, 0)
+    try:
+        with open("/proc/self/oom_score_adj", "w", encoding="ascii") as file:  # noqa: PTH123
+            file.write("1000")
+    except OSError:
+        return
+
+
+def _work(items: Callable[[], Iterator[Any]], pipe: Connection, quiet: bool, parent: int) -> None:
+    _settle(parent)
     if quiet:
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, 1)
@@ -53,8 +100,12 @@ def _work(items: Callable[[], Iterator[Any]], pipe: Connection, quiet: bool) -> 
         for item in items():
             pipe.send(("item", item))
         pipe.send(("end", FINISHED))
+    except MemoryError:
+        pipe.send(("end", MEMORY_LIMIT))
     except Exception as error:  # its text is the result
         pipe.send(("end", f"{type(error).__name__}: {error}".splitlines()[0]))
+    except SystemExit as leaving:
+        pipe.send(("end", f"exit code {leaving.code}"))
 
 
 def run_killable(tasks: Iterable[Task], jobs: int = 1, quiet: bool = False) -> Iterator[Ended]:
@@ -70,13 +121,17 @@ def run_killable(tasks: Iterable[Task], jobs: int = 1, quiet: bool = False) -> I
                     exhausted = True
                     break
                 receiver, sender = fork.Pipe(duplex=False)
-                process = fork.Process(target=_work, args=(task.items, sender, quiet), daemon=True)
+                process = fork.Process(target=_work, args=(task.items, sender, quiet, os.getpid()), daemon=True)
                 process.start()
                 sender.close()
-                running[receiver] = _Child(task, process, time.monotonic() + task.limit, Ended(task.key))
+                assert process.pid is not None
+                inherited = resident(process.pid)
+                running[receiver] = _Child(task, process, time.monotonic() + task.limit, Ended(task.key), inherited)
             if not running:
                 return
             patience = min(child.deadline for child in running.values()) - time.monotonic()
+            if any(child.task.memory is not None for child in running.values()):
+                patience = min(patience, WATCH)
             for pipe in wait(list(running), max(patience, 0.0)):
                 assert isinstance(pipe, Connection)
                 child = running[pipe]
@@ -95,14 +150,29 @@ def run_killable(tasks: Iterable[Task], jobs: int = 1, quiet: bool = False) -> I
             for pipe in [pipe for pipe, child in running.items() if time.monotonic() > child.deadline]:
                 running[pipe].ended.how = TIME_LIMIT
                 yield _reap(running, pipe)
+            for pipe in [pipe for pipe, child in running.items() if _too_large(child)]:
+                running[pipe].ended.how = MEMORY_LIMIT
+                yield _reap(running, pipe)
     finally:
         for child in running.values():
-            child.process.kill()
+            _kill(child)
+
+
+def _too_large(child: _Child) -> bool:
+    return child.task.memory is not None and resident(child.process.pid) - child.inherited > child.task.memory
+
+
+def _kill(child: _Child) -> None:
+    child.process.kill()
+    try:
+        os.killpg(child.process.pid, signal.SIGKILL)  # what the child started itself
+    except (ProcessLookupError, PermissionError):
+        return
 
 
 def _reap(running: dict[Connection, _Child], pipe: Connection) -> Ended:
     child = running.pop(pipe)
-    child.process.kill()
+    _kill(child)
     child.process.join()
     pipe.close()
     return child.ended

@@ -36,7 +36,8 @@ def siconos_version(python: Path) -> str | None:
     return check.stdout.strip() if check.returncode == 0 else None
 
 
-def _write(problem: FclibProblem, path: Path) -> None:
+def write_problem(problem: FclibProblem, path: Path) -> None:
+    """Write the file that the worker reads."""
     p = problem.problem
     arrays: dict[str, Any] = {"dimension": p.dimension, "mu": p.mu}
     # equality constraints are eliminated for Siconos, which does not know them
@@ -73,14 +74,16 @@ class Siconos:
         reply: dict[str, Any] = json.loads(self._read())
         return reply
 
-    def solve(self, configuration: str, storage: str, tol: float, limit: float) -> dict[str, Any]:
+    def solve(self, configuration: str, storage: str, tol: float, limit: float, memory: float | None = None) -> dict[str, Any]:
         """Run until the independent error meets `tol`, Siconos' tolerance tightened by powers of ten; each run takes `limit` s at most.
+
+        memory: MiB that a run may add to what the problem takes.
 
         Returns status, error, solved, siconos_tol, iterations and the seconds of the run that met it (else of the last one).
         """
         own = tol
         while True:
-            reply = self.request(configuration=configuration, storage=storage, tol=own, limit=limit)
+            reply = self.request(configuration=configuration, storage=storage, tol=own, limit=limit, memory=memory)
             row = {"status": reply["status"], "siconos_tol": own, "error": None, "solved": False}
             if "r" not in reply:
                 return row
@@ -101,12 +104,13 @@ class Siconos:
 
 
 @contextmanager
-def siconos_on(problem: FclibProblem, python: Path) -> Iterator[Siconos]:
-    """Start the worker on the problem; it ends with the block."""
+def siconos_on(problem: FclibProblem, python: Path, written: Path | None = None) -> Iterator[Siconos]:
+    """Start the worker on the problem, `written` to a file already or not; it ends with the block."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "problem.npz"
-        _write(problem, path)
+        path = written or Path(folder) / "problem.npz"
+        if written is None:
+            write_problem(problem, path)
         command = [python, WORKER, path]
         with subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment

@@ -8,8 +8,8 @@ w (m,). A matrix X is stored as compressed rows X.data, X.indices, X.indptr, X.s
 u = H^T v + w, u = W r + q, normal component first.
 
 The first line on stdout lists the configurations that fit the problem: [name, storage] pairs. Request: configuration, storage, tol,
-limit [s], and optionally `iterations` (run exactly so many, for the speed of a sweep). Reply: status, info, iterations, seconds and
-cpu_seconds of the driver's call alone (median of repetitions where it is short), and r.
+limit [s], and optionally memory [MiB] and `iterations` (run exactly so many, for the speed of a sweep). Reply: status, info, iterations,
+seconds and cpu_seconds of the driver's call alone (median of repetitions where it is short), and r.
 Each request runs in a forked child, so that a hang or crash of a solver ends that request only.
 """
 
@@ -27,7 +27,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from killable import FINISHED, Task, run_killable  # type: ignore[import-not-found]  # the file beside this one, not a package
+
+if __name__ == "__main__":  # by a Python without fcsim: the file beside this one
+    from killable import FINISHED, Task, die_with_parent, run_killable  # type: ignore[import-not-found]
+else:
+    from fcsim.bench.killable import FINISHED, Task, die_with_parent, run_killable
 
 DENSE_UP_TO = 3000
 REPEAT_WITHIN, REPEAT_AT_MOST = 0.3, 7
@@ -282,13 +286,14 @@ def answer(problem: Problem, request: dict[str, Any]) -> dict[str, Any]:
     problem.held(request["storage"])  # read here, once for all children
     if "rho" in CONFIGURATIONS[request["configuration"]]:
         request["rho"] = 1 / problem.norm()
-    task = Task(None, lambda: problem.runs(request), request["limit"])
+    task = Task(None, lambda: problem.runs(request), request["limit"], request.get("memory"))
     ended = next(run_killable([task], quiet=True))
     return {**(ended.items[-1] if ended.items else {}), "status": FINISHED if ended.items else ended.how}
 
 
 def main() -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    die_with_parent()
     try:
         numerics: Any = import_module("siconos.numerics")
     except ImportError as error:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.bench.judge import FclibProblem
 from fcsim.bench.killable import FINISHED, Task, run_killable
 from fcsim.bench.results import SLACK
-from fcsim.problem import LocalProblem
+from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, solve
 
 WARM_UP = 2.0
@@ -26,15 +27,20 @@ def runs(problem: Any, method: str, tolerances: Sequence[float], time_limit: flo
     """Solve to each tolerance in turn, from r = 0 and with nothing kept from run to run; medians where a run is short."""
     solve(replace(problem), method, tol=min(tolerances), time_limit=min(WARM_UP, time_limit))
     for tol in tolerances:
-        measured: list[dict[str, float]] = []
-        while not measured or (sum(run["seconds"] for run in measured) < repeat_within and len(measured) < 7):
-            fresh = replace(problem)
-            wall, cpu = time.perf_counter(), time.process_time()
-            result = solve(fresh, method, tol=tol, time_limit=time_limit)
-            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-            measured.append({"seconds": wall, "cpu_seconds": cpu, "reduction": result.seconds["reduction"]})
-        medians = {key: statistics.median(run[key] for run in measured) for key in measured[0]}
-        yield {"tol": tol, "status": result.status.name, "iterations": result.iterations, "r": result.r, **medians}
+        yield run(problem, method, tol, time_limit, repeat_within)
+
+
+def run(problem: Any, method: str, tol: float, time_limit: float, repeat_within: float) -> dict[str, Any]:
+    """Solve from r = 0, with nothing kept from before; medians of several solves where they are short."""
+    measured: list[dict[str, float]] = []
+    while not measured or (sum(run["seconds"] for run in measured) < repeat_within and len(measured) < 7):
+        fresh = replace(problem)
+        wall, cpu = time.perf_counter(), time.process_time()
+        result = solve(fresh, method, tol=tol, time_limit=time_limit)
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        measured.append({"seconds": wall, "cpu_seconds": cpu, "reduction": result.seconds["reduction"]})
+    medians = {key: statistics.median(run[key] for run in measured) for key in measured[0]}
+    return {"tol": tol, "status": result.status.name, "iterations": result.iterations, "r": result.r, **medians}
 
 
 def measure(
@@ -77,13 +83,37 @@ def small_problem(dimension: int) -> LocalProblem:
     return LocalProblem(root @ root.T + np.eye(2 * dimension), q, np.full(2, 0.4), dimension=dimension)
 
 
+def small_problem_like(problem: GlobalProblem | LocalProblem) -> GlobalProblem | LocalProblem:
+    """Two contacts in the form, dimension and storage of `problem`, with one equality constraint where it has some."""
+    small = small_problem(problem.dimension)
+    m, d = small.m, problem.dimension
+
+    def stored(matrix: Any, like: Any) -> Any:
+        return type(like)(matrix) if sp.issparse(like) else matrix
+
+    one = np.full((m, 1), 0.1)
+    if isinstance(problem, LocalProblem):
+        W = stored(small.W, problem.W)
+        if problem.V is None:
+            return LocalProblem(W, small.q, small.mu, dimension=d)
+        V, R = stored(one, problem.V), stored(-np.eye(1), problem.R)
+        return LocalProblem(W, small.q, small.mu, V, R, np.zeros(1), dimension=d)
+    G = None if problem.G is None else stored(one, problem.G)
+    M, H = stored(np.linalg.inv(small.W), problem.M), stored(np.eye(m), problem.H)
+    return GlobalProblem(M, H, np.zeros(m), small.q, small.mu, G, None if G is None else np.zeros(1), d)
+
+
 def warm(methods: Iterable[str], time_limit: float = 120.0) -> None:
     """Compile what each method needs: first in a child, since it may hang or crash, then here, where later children inherit it."""
-    cases = {(name, d): small_problem(d) for name in methods for d in SOLVERS[name].dimensions}
+    warm_on({(name, d): small_problem(d) for name in methods for d in SOLVERS[name].dimensions}, time_limit)
 
-    def task(case: tuple[str, int]) -> Task:
+
+def warm_on(cases: Mapping[tuple[str, Any], Any], time_limit: float = 120.0) -> None:
+    """The same with the problems of `cases`, by (method, anything)."""
+
+    def task(case: tuple[str, Any]) -> Task:
         return Task(case, lambda: iter([solve(cases[case], case[0], time_limit=5.0).iterations]), time_limit)
 
-    for ended in run_killable(map(task, cases)):
+    for ended in run_killable(map(task, cases), quiet=True):
         if ended.how == FINISHED:
             solve(cases[ended.key], ended.key[0], time_limit=5.0)
