@@ -41,7 +41,10 @@ def _matrix(values: Any, what: str, shape: tuple[int, int]) -> Matrix:
         values = sp.csr_array(values)
     if tuple(values.shape) != shape:
         raise InputError(f"{what}: expected shape {shape}, got {tuple(values.shape)}")
-    if not np.all(np.isfinite(values.data if sp.issparse(values) else values)):
+    entries = values.data if sp.issparse(values) else values
+    with np.errstate(over="ignore", invalid="ignore"):
+        finite = np.isfinite(entries.sum())  # no array of booleans as large as the matrix
+    if not finite and not np.all(np.isfinite(entries)):
         raise InputError(f"{what}: expected finite numbers, got NaN or infinity")
     return values
 
@@ -99,7 +102,11 @@ class GlobalProblem:
 
 @dataclass(frozen=True, eq=False)
 class LocalProblem:
-    """W (m, m), q (m,), mu (nc,), optionally V (m, p), R (p, p) and s (p,); m = dimension * nc."""
+    """W (m, m), q (m,), mu (nc,), optionally V (m, p), R (p, p) and s (p,); m = dimension * nc.
+
+    kept: where a simulation lets solvers leave what serves the next, nearly equal problem (a factor as preconditioner); None keeps
+    nothing. It shortens the way to an answer, which is checked against this problem alone.
+    """
 
     W: Matrix
     q: FloatArray
@@ -108,6 +115,7 @@ class LocalProblem:
     R: Matrix | None = None
     s: FloatArray | None = None
     dimension: int = 3
+    kept: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         q = _vector(self.q, "q")

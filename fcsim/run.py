@@ -28,7 +28,7 @@ from fcsim.case import Case, CaseScript, parse_parameters
 from fcsim.errors import InputError, NotConverged
 from fcsim.export_fclib.steps import write_step
 from fcsim.files import replacing
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.simulation import Moment, Step
 from fcsim.timestep.state import State
 from fcsim.timestep.warm_start import Reactions
 from fcsim.view.vtk import SeriesWriter
@@ -96,7 +96,7 @@ def run_case(
     case = script.build(parameters)
     description = _describe(case, script, parameters, assignments, options)
     checkpoint = _read_checkpoint(directory / "checkpoint.h5") if resume else None
-    start = checkpoint[0] if checkpoint else 0
+    start = checkpoint[0].number if checkpoint else 0
     if start > case.simulation.steps:
         raise InputError(f"--resume: expected at least the {start} steps that {directory} holds, got {case.simulation.steps}")
     if checkpoint is None:  # a new run, or one that stopped before its first checkpoint
@@ -235,26 +235,37 @@ def _write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 def _write_checkpoint(path: Path, step: Step) -> None:
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
-        file.attrs["step"] = step.number
-        file.attrs["t"] = step.state.t
-        for name in ("x", "v"):
-            file[name] = getattr(step.state, name)
-        for age, reactions in enumerate(step.memory):
-            for name in ("identity", "frame", "r"):
-                file[f"memory/{age}/{name}"] = getattr(reactions, name)
+        _write_moment(file, step.moment)
+        _write_moment(file.create_group("anchor"), step.anchor)
 
 
-def _read_checkpoint(path: Path) -> tuple[int, State, tuple[Reactions, ...]] | None:
+def _write_moment(group: h5py.Group, moment: Moment) -> None:
+    group.attrs["step"] = moment.number
+    group.attrs["t"] = moment.state.t
+    for name in ("x", "v"):
+        group[name] = getattr(moment.state, name)
+    memory = group.create_group("memory")
+    for age, reactions in enumerate(moment.memory):
+        for name in ("identity", "frame", "r"):
+            memory[f"{age}/{name}"] = getattr(reactions, name)
+
+
+def _read_checkpoint(path: Path) -> tuple[Moment, Moment] | None:
+    """The moment to go on from, and its anchor."""
     if not path.is_file():
         return None
     try:
         with h5py.File(path) as file:
-            state = State(float(file.attrs["t"]), file["x"][()], file["v"][()])
-            stored = [file[f"memory/{age}"] for age in range(len(file["memory"]))]
-            memory = tuple(Reactions(*(group[name][()] for name in ("identity", "frame", "r"))) for group in stored)
-            return int(file.attrs["step"]), state, memory
+            return _read_moment(file), _read_moment(file["anchor"])
     except (OSError, KeyError) as error:
         raise InputError(f"{path}: expected a checkpoint of an earlier run: {error}") from None
+
+
+def _read_moment(group: h5py.Group) -> Moment:
+    state = State(float(group.attrs["t"]), group["x"][()], group["v"][()])
+    stored = [group[f"memory/{age}"] for age in range(len(group["memory"]))]
+    memory = tuple(Reactions(*(entry[name][()] for name in ("identity", "frame", "r"))) for entry in stored)
+    return Moment(int(group.attrs["step"]), state, memory)
 
 
 class _StepTable:

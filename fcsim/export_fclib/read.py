@@ -62,7 +62,8 @@ def _read(path: Path, file: h5py.File) -> FclibFile:
         letter: _matrix(_group(group, letter), (len(arrays[row]), len(arrays[column])), f"({row}, {column})")
         for letter, (row, column) in {**form.matrices, **(form.optional_matrices if constrained else {})}.items()
     }
-    problem = form.problem(**{letter: matrix for letter, (matrix, _) in matrices.items()}, **arrays, dimension=spacedim)
+    parts: dict[str, Any] = {**{letter: matrix for letter, (matrix, _) in matrices.items()}, **arrays}
+    problem = form.problem(**parts, dimension=spacedim)
 
     return FclibFile(
         path=path,

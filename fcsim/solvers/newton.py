@@ -85,14 +85,13 @@ class LocalSpace:
 
     def __init__(self, problem: LocalProblem, r: FloatArray, options: NewtonOptions) -> None:
         self._problem, self._r = problem, r
-        self._system: NewtonSystem = SYSTEMS[_linear(problem, options)](problem.W, problem.dimension)
+        self._system = _system(problem, _linear(problem, options))
         self._moves = 0
         self._Wr = problem.W @ r
         self.u = self._Wr + problem.q
 
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
-        self._dr = self._system.solve(A, B, -F)
-        self._Wdr = self._problem.W @ self._dr
+        self._dr, self._Wdr = self._system.solve(A, B, -F)
         return self._dr, self._Wdr
 
     def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -109,6 +108,17 @@ class LocalSpace:
         # W r is recomputed now and then only: the update is exact up to round-off, which the final error would show
         self._Wr = self._problem.W @ self._r if self._moves % 8 == 0 else self._Wr + t * self._Wdr
         self.u = self._Wr + self._problem.q
+
+
+def _system(problem: LocalProblem, linear: str) -> NewtonSystem:
+    """The linear algebra of this problem: the previous problem's where it was kept and can serve, else new."""
+    kept = problem.kept
+    system: NewtonSystem | None = None if kept is None else kept.get(linear)
+    if system is None or not system.follow(problem.W):
+        system = SYSTEMS[linear](problem.W, problem.dimension)
+    if kept is not None:
+        kept[linear] = system
+    return system
 
 
 def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:

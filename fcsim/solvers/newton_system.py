@@ -27,16 +27,29 @@ def _is_symmetric(W: FloatArray) -> bool:
     return bool(float(np.linalg.norm(Wx - W.T @ x)) <= 1e-10 * float(np.linalg.norm(Wx)))
 
 
+CORRECTIONS = 4
+"""Defect corrections with an earlier W's factor before factoring anew."""
+FORCING = 1e-2
+"""Defect, relative to the right-hand side, at which a corrected Newton step is accepted."""
+SLOW = 0.1
+"""Reduction of the defect that a correction must reach at least."""
+
 MUMPS_FROM = 300_000
 """Entries of A W + B above which MUMPS' analysis pays off against SuperLU."""
 
 
 class NewtonSystem(Protocol):
-    """Solves (A W + B) dr = rhs (m,) for one W and changing A, B."""
+    """Solves (A W + B) dr = rhs (nc, d) for one W and changing A, B."""
 
     def __init__(self, W: Any, dimension: int) -> None: ...
 
-    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> FloatArray: ...
+    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return dr and W dr (m,); raises SingularMatrix."""
+        ...
+
+    def follow(self, W: Any) -> bool:
+        """Go on with another W near the present one; False where nothing is kept that would serve."""
+        ...
 
 
 def _dofs(contacts: IntArray, d: int) -> IntArray:
@@ -61,7 +74,7 @@ class DenseSystem:
     def __init__(self, W: FloatArray, dimension: int) -> None:
         self._W, self._d = W, dimension
 
-    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> FloatArray:
+    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         d = self._d
         active, rhs, dr = _without_open(self._W, A, rhs)
         k = len(active)
@@ -71,7 +84,10 @@ class DenseSystem:
             own = np.arange(k)
             J.reshape(k, d, k, d)[own, :, own, :] += B[active]
             dr[active] = DenseLU(J.T, overwrite=True).solve_transposed(rhs.ravel()).reshape(k, d)
-        return dr.ravel()
+        return dr.ravel(), self._W @ dr.ravel()
+
+    def follow(self, W: FloatArray) -> bool:
+        return False
 
 
 class CondensedSystem:
@@ -86,25 +102,67 @@ class CondensedSystem:
     So a change of sets costs columns, not a factorisation; W_SS is factored anew only when the border has grown too large for that.
     The matrix of this response is kept; while the free contacts stay the same, `_NormalElimination` keeps them shorter by a third.
     The result is the exact Newton step. W must be symmetric; where W_SS is not positive definite the dense LU takes over.
+
+    After `follow` the factor and the columns belong to an earlier W: their step is the first of a defect correction, and is accepted
+    when the defect of the true system is small; where the correction does not get there all is factored anew.
     """
 
     def __init__(self, W: FloatArray, dimension: int) -> None:
         self._W, self._d = W, dimension
         self._dense = DenseSystem(W, dimension)
-        self._symmetric = _is_symmetric(W)
+        self._symmetric: bool | None = None  # not looked at yet
         self._held: IntArray | None = None
+        self._followed = False
 
-    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> FloatArray:
+    def follow(self, W: FloatArray) -> bool:
+        if self._held is None or W.shape != self._W.shape:
+            return False
+        self._W, self._followed, self._symmetric = W, True, None
+        self._dense = DenseSystem(W, self._d)
+        return True
+
+    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         stick = ~np.any(B, axis=(1, 2))
-        if not self._symmetric or not stick.any():
+        if not stick.any():
             return self._dense.solve(A, B, rhs)
         try:
+            if self._held is not None and self._followed:
+                corrected = self._corrected(A, B, rhs, stick)
+                if corrected is not None:
+                    return corrected
+                self._held = None
+            if self._symmetric is None:
+                self._symmetric = _is_symmetric(self._W)
+            if not self._symmetric:
+                return self._dense.solve(A, B, rhs)
             if self._held is None or self._outgrown(stick):
                 self._hold(np.flatnonzero(stick))
-            return self._condensed(A, B, rhs)
+            dr = self._condensed(A, B, rhs)
+            return dr, self._W @ dr
         except SingularMatrix:
             self._held = None
             return self._dense.solve(A, B, rhs)
+
+    def _corrected(self, A: FloatArray, B: FloatArray, rhs: FloatArray, stick: BoolArray) -> tuple[FloatArray, FloatArray] | None:
+        """Defect correction with an earlier W's factor, dr <- dr + J^-1 (rhs - (A W + B) dr); None where it converges too slowly."""
+        size = float(np.linalg.norm(rhs))
+        dr, Wdr, defect, norm = np.zeros(rhs.size), np.zeros(rhs.size), rhs, size
+        for _ in range(CORRECTIONS):
+            if self._outgrown(stick):
+                return None
+            try:
+                step = self._condensed(A, B, defect)
+            except SingularMatrix:
+                return None
+            dr = dr + step
+            Wdr = Wdr + self._W @ step
+            defect = rhs - np.einsum("aij,aj->ai", A, Wdr.reshape(rhs.shape)) - np.einsum("aij,aj->ai", B, dr.reshape(rhs.shape))
+            before, norm = norm, float(np.linalg.norm(defect))
+            if norm <= FORCING * size:
+                return dr, Wdr
+            if not norm <= SLOW * before:
+                return None
+        return None
 
     def _outgrown(self, stick: BoolArray) -> bool:
         """Whether many border contacts stick, or were released: factoring anew then costs less than carrying them."""
@@ -121,6 +179,7 @@ class CondensedSystem:
         if info != 0:
             raise SingularMatrix(f"W of {len(held)} sticking contacts is not positive definite")
         self._L, self._held, self._held_dofs = factor, held, dofs
+        self._followed = False
         self._is_held = np.zeros(nc, dtype=bool)
         self._is_held[held] = True
         self._place = np.full(nc, -1)  # of a held contact in W_SS
@@ -278,7 +337,7 @@ class SparseSystem:
     def __init__(self, W: Any, dimension: int) -> None:
         self._W, self._d = sp.csr_array(W), dimension
 
-    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> FloatArray:
+    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         d = self._d
         active, rhs, dr = _without_open(self._W, A, rhs)
         k = len(active)
@@ -290,7 +349,10 @@ class SparseSystem:
             J = sp.csr_array(block_diagonal @ W + shift)
             factor: Factor = Mumps(J) if J.nnz > MUMPS_FROM and runtime.has_petsc() else SuperLU(J, symmetric_pattern=True)
             dr[active] = factor.solve(rhs.ravel()).reshape(k, d)
-        return dr.ravel()
+        return dr.ravel(), self._W @ dr.ravel()
+
+    def follow(self, W: Any) -> bool:
+        return False
 
 
 SYSTEMS: dict[str, type[NewtonSystem]] = {"dense": DenseSystem, "condensed": CondensedSystem, "sparse": SparseSystem}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -65,6 +65,15 @@ class Attempt:
 
 
 @dataclass(frozen=True, eq=False)
+class Moment:
+    """The end of step `number`: its state and the last reactions (newest first), all that the next steps depend on."""
+
+    number: int
+    state: State
+    memory: tuple[Reactions, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class Step:
     """One finished step: all that export and view need.
 
@@ -73,6 +82,7 @@ class Step:
     problem, result   the global problem and its answer
     reduction         its local form, and v from r
     start, earlier    (m,) where the solver began, and the reactions of earlier steps, newest first, see `warm_start`
+    anchor            where the factors began that served this step, see `Simulation`
     support_impulse   (n_dofs,) A v - f - H r: at driven dofs the reaction of the supports [N s; quasi-statics: N], zero elsewhere
     attempts          what the solver chain tried, the last one converged
     seconds           by phase: detection, assembly, solve
@@ -88,6 +98,7 @@ class Step:
     reduction: Reduction
     start: FloatArray
     earlier: tuple[Reactions, ...]
+    anchor: Moment
     support_impulse: FloatArray
     force_per_reaction: float
     attempts: tuple[Attempt, ...]
@@ -95,8 +106,12 @@ class Step:
 
     @property
     def memory(self) -> tuple[Reactions, ...]:
-        """The last reactions, newest first: with `state` all that the next step depends on."""
+        """The last reactions, newest first."""
         return (self.reactions, *self.earlier)
+
+    @property
+    def moment(self) -> Moment:
+        return Moment(self.number, self.state, self.memory)
 
     @property
     def reactions(self) -> Reactions:
@@ -140,7 +155,9 @@ class Step:
 class Simulation:
     """A model, where it may touch itself, and how it moves in time; iterate over it for its steps.
 
-    The factor of the system matrix and the compliances are computed on the first step and kept: they do not change.
+    The factor of the system matrix and the compliances are computed on the first step and kept: they do not change. What changes
+    little from step to step, the factors of the solver's own linear systems, serves up to `keep` steps as an approximation; it is
+    forgotten after the steps whose numbers are multiples of `keep`, the anchors, from which a resumed run rebuilds it.
     """
 
     model: Model
@@ -149,8 +166,11 @@ class Simulation:
     steps: int
     solver: SolverSettings = field(default_factory=SolverSettings)
     initial: State | None = None
+    keep: int = 10
 
     def __post_init__(self) -> None:
+        if self.keep < 0:
+            raise InputError(f"keep: expected a whole number >= 0, got {self.keep}")
         if self.steps < 0:
             raise InputError(f"steps: expected a whole number >= 0, got {self.steps}")
 
@@ -178,17 +198,26 @@ class Simulation:
         """Size of the model [m]."""
         return float(np.ptp(self.model.reference, axis=0).max())
 
-    def run(self, number: int = 0, state: State | None = None, memory: Sequence[Reactions] = ()) -> Iterator[Step]:
-        """Yield the steps after step `number`, from that step's `state` and `memory` (default: from the initial state)."""
-        state = state or self.initial or at_rest(self.model)
-        while number < self.steps:
-            number += 1
-            step = self.step(number, state, memory)
-            yield step
-            state, memory = step.state, step.memory
+    def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
+        """Yield the steps after a moment (default: the initial state).
 
-    def step(self, number: int, state: State, memory: Sequence[Reactions] = ()) -> Step:
-        """Compute one step; raises NotConverged when the whole solver chain fails."""
+        With that moment's `anchor` the steps between the two are computed again first, and what follows is bit by bit what the whole
+        run gives; without it, up to the solver's tolerance.
+        """
+        after = after or Moment(0, self.initial or at_rest(self.model))
+        moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
+        kept: dict[str, Any] | None = {} if self.keep else None
+        while moment.number < self.steps:
+            step = self.step(moment, kept, anchor)
+            if step.number > after.number:
+                yield step
+            moment = step.moment
+            if self.keep and moment.number % self.keep == 0:
+                kept, anchor = {}, moment
+
+    def step(self, after: Moment, kept: dict[str, Any] | None = None, anchor: Moment | None = None) -> Step:
+        """Compute the step after a moment; raises NotConverged when the whole solver chain fails. `kept`: see `LocalProblem`."""
+        number, state, memory = after.number + 1, after.state, after.memory
         model, scheme = self.model, self.scheme
         clock = _Clock()
         configuration = scheme.detection_configuration(model, state)
@@ -197,7 +226,7 @@ class Simulation:
         clock.lap("detection")
         load = scheme.right_hand_side(model, state)
         problem = self._problem(state, contacts, H, load)
-        reduction = Reduction(problem, self.factor)
+        reduction = Reduction(problem, self.factor, kept)
         if len(contacts):
             _ = reduction.local
         clock.lap("assembly")
@@ -221,6 +250,7 @@ class Simulation:
             reduction=reduction,
             start=start,
             earlier=tuple(memory[: MEMORY - 1]),
+            anchor=anchor or after,
             support_impulse=support,
             force_per_reaction=scheme.force_per_reaction,
             attempts=attempts,

@@ -18,7 +18,7 @@ from fcsim.mesh.part import Body, Material
 from fcsim.solvers import SOLVERS, Status
 from fcsim.solvers.base import Iterate
 from fcsim.timestep.scheme import Velocity
-from fcsim.timestep.simulation import Simulation, SolverSettings
+from fcsim.timestep.simulation import Moment, Simulation, SolverSettings
 from fcsim.timestep.theta import Theta
 from fcsim.timestep.warm_start import Reactions
 
@@ -119,9 +119,9 @@ def test_the_problem_of_a_step_is_the_whole_model(law: Any) -> None:
 
 
 def test_a_step_is_a_function_of_its_state() -> None:
-    """Continuing from a stored state and its reactions gives the same bits."""
+    """Continuing from a stored moment and its anchor gives the same bits."""
     whole = list(press())
-    again = list(press().run(3, whole[2].state, whole[2].memory))
+    again = list(press().run(whole[2].moment, whole[2].anchor))
     assert [step.number for step in again] == [4, 5, 6]
     for one, other in zip(whole[3:], again, strict=True):
         assert_array_equal(one.state.x, other.state.x)
@@ -132,7 +132,7 @@ def test_a_step_is_a_function_of_its_state() -> None:
 def test_warm_start_takes_fewer_iterations() -> None:
     steps = list(press(steps=12))
     simulation = press(steps=12)
-    cold = [simulation.step(s.number, s.previous).result.iterations for s in steps]
+    cold = [simulation.step(Moment(s.number - 1, s.previous)).result.iterations for s in steps]
     warm = [s.result.iterations for s in steps]
     assert sum(warm) < sum(cold)
 
