@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from fcsim import __version__
+from fcsim.bench.profile_command import add_parsers as add_profile_parsers
+from fcsim.collection.command import add_parsers as add_collection_parsers
 from fcsim.errors import FcsimError, InputError
 
 EXIT_OK, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
@@ -68,6 +70,9 @@ def _parser() -> argparse.ArgumentParser:
 
     solvers = commands.add_parser("solvers", help="list the solvers", description="Print the table of solvers.")
     solvers.set_defaults(act=_solvers)
+    add_collection_parsers(commands)
+
+    add_profile_parsers(commands)
     return parser
 
 
