@@ -48,7 +48,8 @@ th, td { padding: .22rem .7rem; text-align: right; border-bottom: 1px solid var(
 th { border-bottom: 1.5px solid var(--ink); vertical-align: bottom; }
 th:first-child, td:first-child, .facts th, .facts td, .text th, .text td { text-align: left; }
 .facts th { border-bottom: 1px solid var(--rule); font-weight: 600; vertical-align: top; white-space: nowrap; }
-td:first-child { white-space: nowrap; }
+td { white-space: nowrap; }
+.facts td, .text td { white-space: normal; }
 pre { background: var(--shade); padding: .7rem .9rem; overflow-x: auto; font-size: .86rem; white-space: pre-wrap; overflow-wrap: anywhere; }
 code { font-family: ui-monospace, "DejaVu Sans Mono", Consolas, monospace; }
 details summary { cursor: pointer; color: var(--accent); }

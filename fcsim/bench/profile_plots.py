@@ -75,6 +75,10 @@ def _draw(axes: Axes, strip: Axes, part: ToleranceComparison, tau_max: float, si
     axes.tick_params(labelsize=size)
     axes.set_title(f"tolerance {tolerance_name(part.table.tol)}", pad=20, fontsize=size + 2)
     axes.text(0, 1.025, part.description(), transform=axes.transAxes, color=GREY, fontsize=size, va="bottom")
+    if part.summary.censored_from < tau_max:
+        axes.axvline(part.summary.censored_from, color=GREY, linestyle=(0, (1, 3)), linewidth=1.0, zorder=1)
+        where = axes.get_xaxis_transform()
+        axes.text(part.summary.censored_from, 0.03, " time limit felt →", transform=where, color=GREY, fontsize=0.8 * size)
     order = profile.order(tau_max)
     labels = [f"{_percent(profile.solved[s])}  {solvers[s]}" for s in order]
     edge_labels(strip, profile.rho(tau_max)[order], labels, [styles[s] for s in order], size=size, heading="solved")

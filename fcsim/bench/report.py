@@ -13,7 +13,7 @@ from fcsim.bench.comparison import Comparison, ToleranceComparison
 from fcsim.bench.page import KINDS, data_uri, drawn, facts, markdown_text, page, picture, table
 from fcsim.bench.profile_plots import panels_figure, profile_figure
 from fcsim.bench.results import SLACK, Measurement, results_file
-from fcsim.bench.summary import AT_TIME_LIMIT, notes, tables
+from fcsim.bench.summary import AT_TIME_LIMIT, notes, number, tables
 from fcsim.bench.time_table import CLOCKS, tolerance_name
 from fcsim.errors import InputError
 from fcsim.files import replacing
@@ -44,8 +44,8 @@ def write_report(comparison: Comparison, path: Path, *, results: Path, collectio
     ]
     if plots := _convergence(results if results.is_dir() else results.parent):
         sections.append(("convergence", "Convergence", plots))
-    for number, folder in enumerate(collections, 1):
-        sections.append((f"collection-{number}", f"Collection {folder.resolve().name}", _collection(folder)))
+    for place, folder in enumerate(collections, 1):
+        sections.append((f"collection-{place}", f"Collection {folder.resolve().name}", _collection(folder)))
     sections.append(("reproduce", "How to reproduce", _reproduce(comparison, results, collections)))
     body = [f"<h1>{escape(heading)}</h1>", f'<p class="lead">{escape(_counts(comparison))}</p>']
     body.append("<nav><ul>" + "".join(f'<li><a href="#{anchor}">{escape(name)}</a></li>' for anchor, name, _ in sections) + "</ul></nav>")
@@ -72,7 +72,8 @@ def _counts(comparison: Comparison) -> str:
 
 
 def _range(values: Iterable[float]) -> str:
-    low, high = (f"{v:g}" for v in (min(known := list(values)), max(known)))
+    known = sorted(values)
+    low, high = f"{known[0]:g}", f"{known[-1]:g}"
     return low if low == high else f"{low} to {high}"
 
 
@@ -119,17 +120,25 @@ def _limits(comparison: Comparison) -> list[str]:
     censored = sum(not m.solved and m.outcome in AT_TIME_LIMIT for m in measurements)
     text = (
         f"Each solve had a time limit of {limits} s and {bound}. {censored} of {len(measurements)} measurements ended at the time limit. "
-        "They are censored: such a solver might have solved the problem later, its time is known to be above the limit only. They "
-        "count as unsolved in profiles and tables, and no time enters a mean for them. So with a longer limit the curves of "
-        "slow solvers would rise further, beyond a ratio of (time limit / time of the fastest), while what is left of it would not change "
-        "unless the fastest solver of a problem is yet to be found."
+        "They are censored: their time is known to be above the limit, no more. They count as unsolved in profiles and tables, and no "
+        "time enters a mean for them. With a longer limit, a curve could rise only from the ratio on that is given below (the least "
+        "time limit / time of the fastest among them), where a dotted line stands in the profiles; left of it, only the problems "
+        "that no solver solved could change it."
     )
+    felt = [
+        [tolerance_name(s.tol), str(sum(r.at_time_limit for r in s.solvers)), number(s.censored_from), str(s.unsolved_by_all)]
+        for s in comparison.summaries
+    ]
     outcomes: dict[str, Counter[str]] = {}
     for m in measurements:
         outcomes.setdefault(m.solver, Counter())["SOLVED" if m.solved else m.outcome] += 1
     seen = [o for o in dict.fromkeys(outcome for of in outcomes.values() for outcome in of) if o != "SOLVED"]
     rows = [[solver, *(str(outcomes[solver][o]) for o in ("SOLVED", *seen))] for solver in comparison.solvers]
-    return [f"<p>{escape(text)}</p>", table(["solver", "SOLVED", *seen], rows, "How the measurements of all tolerances ended")]
+    return [
+        f"<p>{escape(text)}</p>",
+        table(["tolerance", "at the time limit", "felt from ratio", "problems solved by none"], felt, "Where the time limit is felt"),
+        table(["solver", "SOLVED", *seen], rows, "How the measurements of all tolerances ended"),
+    ]
 
 
 def _profiles(comparison: Comparison) -> list[str]:
@@ -211,11 +220,11 @@ def _reproduce(comparison: Comparison, results: Path, collections: Sequence[Path
     words += ["--memory-limit", f"{max(memory):g}"] if memory else []
     words += ["--out", "RESULTS"]
     table_file = results_file(results)
-    uri = data_uri("text/csv", table_file.read_bytes())
+    uri, name = data_uri("text/csv", table_file.read_bytes()), escape(table_file.name)
     commands = "\n".join([shlex.join(words), "fcsim profile RESULTS", "fcsim report RESULTS"])
     return [
         f"<pre><code>{escape(commands)}</code></pre>",
         "<p>Measurements that are in RESULTS already are not made again. Ratios of times carry over to another machine roughly, "
         "times do not, nor which solves end at the time limit.</p>",
-        f'<p class="screen">The table behind this page: <a download="{escape(table_file.name)}" href="{uri}">{escape(table_file.name)}</a>.</p>',
+        f'<p class="screen">The table behind this page: <a download="{name}" href="{uri}">{name}</a>.</p>',
     ]

@@ -53,7 +53,9 @@ class SolverSummary:
 class Summary:
     """One tolerance. Times [s] of the fastest solver of each problem, mean and population standard deviation over the solved problems.
 
-    The values per contact leave out problems without contacts. common: problems that every solver solved.
+    The values per contact leave out problems without contacts. common: problems that every solver solved. censored_from: least ratio
+    (time limit / time of the fastest) of the solves that ended at the time limit, on problems that another solver solved: with a
+    longer limit, profiles change from this ratio on; infinity where no solve did.
     """
 
     tol: float
@@ -66,6 +68,7 @@ class Summary:
     per_contact_mean: float
     per_contact_deviation: float
     common: int
+    censored_from: float
     reference: str | None
     solvers: tuple[SolverSummary, ...]
 
@@ -112,9 +115,15 @@ def summarize(table: TimeTable, reference: str | None = None, *, resolution: flo
         per_contact_mean=_mean(per_contact),
         per_contact_deviation=_deviation(per_contact),
         common=int(common.sum()),
+        censored_from=float((table.limits / fastest[:, None])[stopped_at_limit(table) & solvable[:, None]].min(initial=math.inf)),
         reference=None if reference_index is None else reference,
         solvers=tuple(rows),
     )
+
+
+def stopped_at_limit(table: TimeTable) -> NDArray[np.bool_]:
+    """(problems, solvers) Whether a solve ended unsolved at its time limit."""
+    return np.array([[m.outcome in AT_TIME_LIMIT and not m.solved for m in row] for row in table.rows])
 
 
 def geometric_mean(values: FloatArray) -> float:
@@ -133,8 +142,7 @@ def _deviation(values: FloatArray) -> float:
 def _speedup(table: TimeTable, times: FloatArray, reference: int, s: int) -> dict[str, Any]:
     of_reference = times[:, reference]
     both = np.isfinite(of_reference) & np.isfinite(times[:, s])
-    stopped = np.array([row[reference].outcome in AT_TIME_LIMIT and not row[reference].solved for row in table.rows])
-    bound = np.where(stopped, table.limits[:, reference], of_reference)
+    bound = np.where(stopped_at_limit(table)[:, reference], table.limits[:, reference], of_reference)
     bounded = np.isfinite(bound) & np.isfinite(times[:, s])
     return {
         "speedup": geometric_mean(of_reference[both] / times[both, s]),
@@ -146,7 +154,7 @@ def _speedup(table: TimeTable, times: FloatArray, reference: int, s: int) -> dic
 
 def number(value: float | None, unit: str = "") -> str:
     """Three digits; a dash for what is not there."""
-    if value is None or math.isnan(value):
+    if value is None or not math.isfinite(value):
         return "–"
     text = f"{value:.3g}" if value < 1000 else f"{value:.0f}"
     return f"{text} {unit}".rstrip()
@@ -247,5 +255,10 @@ def csv_text(summaries: Sequence[Summary]) -> str:
     for s in summaries:
         for row in s.solvers:
             values = [getattr(s, name) for name in own] + [getattr(row, name) for name in of_solver]
-            writer.writerow(["" if v is None or v != v else repr(v) if isinstance(v, float) else v for v in values])
+            writer.writerow(
+                [
+                    "" if v is None or (isinstance(v, float) and not math.isfinite(v)) else repr(v) if isinstance(v, float) else v
+                    for v in values
+                ]
+            )
     return file.getvalue()
