@@ -1,0 +1,226 @@
+"""A collection from a case or from a finished run's folder: files in both forms, manifest, README, picture and plot."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fcsim.bench.judge import FclibProblem
+from fcsim.case import Case, load_case
+from fcsim.collection.folder import members, parse_name, refuse_folder, whole_folder
+from fcsim.collection.manifest import AT_REST, Entry, sha256, write_manifest
+from fcsim.collection.plots import write_distributions
+from fcsim.collection.properties import Properties, properties
+from fcsim.collection.readme import facts, write_readme
+from fcsim.collection.run_about import RunAbout, notes_on
+from fcsim.errors import InputError, MissingDependency
+from fcsim.export_fclib import FclibFile, Solution, file_name, read_fclib, write_fclib
+from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.reduction import DENSE_W_UP_TO, reduce
+from fcsim.run import RunOptions, run_case
+from fcsim.timestep.simulation import Step
+from fcsim.view.run_folder import RunFolder, open_run
+
+Progress = Callable[[str, int, int], None]
+"""Called with (what, done, total)."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A collection on the disk: its folder, its rows, what is to be said of it, and whether the run behind it ended well."""
+
+    directory: Path
+    entries: tuple[Entry, ...]
+    notes: tuple[str, ...]
+    complete: bool
+
+
+def build_collection(
+    source: str | Path,
+    out: str | Path,
+    *,
+    every: int = 1,
+    assignments: Mapping[str, str] | None = None,
+    authors: str = "",
+    spectrum_up_to: int = DENSE_W_UP_TO,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    watch: Callable[[Case, Step], None] | None = None,
+) -> Built:
+    """Write the problems of a case, which is run, or of a run's folder as the collection `out`, whole or not at all.
+
+    source          folder of a run that exported FCLIB files, or a case (its folder or its script)
+    every           keep the steps that it divides
+    assignments     of a case: parameters by name, as texts
+    spectrum_up_to  contact unknowns up to which rank and condition of W are computed (0.8 s a problem at 2064)
+    progress        called after each problem written, `watch` after each step of the case's run
+
+    OUT/global, OUT/local  SET-i<iterations>-<contacts>-<step>.hdf5 with title, description, math_info, solution and guess; local by
+                           reduction of global. The iterations are those of the run.
+    OUT/manifest.csv       one row a file, see `Entry`
+    OUT/README.md          with picture.png, where the run's VTK files can be drawn, and distributions.png
+
+    Raises InputError where source or out cannot be used.
+    """
+    source, out = Path(source), Path(out)
+    if every < 1:
+        raise InputError(f"every: expected a whole number >= 1, got {every}")
+    refuse_folder(out, overwrite)
+    is_run = (source / "run.json").is_file()
+    if is_run and assignments:
+        raise InputError(f"{source}: a finished run, whose parameters stay as they are; got {', '.join(assignments)}")
+    with whole_folder(out, overwrite) as folder:
+        made = folder / "run"
+        if not is_run:
+            options = RunOptions(export_every=every, vtk_every=1 << 60, checkpoint_every=0)  # VTK files of the last step only
+            if run_case(load_case(source), assignments or {}, made, options, watch=watch).status == "interrupted":
+                raise KeyboardInterrupt
+        run = open_run(source if is_run else made)
+        about = RunAbout.of(run)
+        chosen = _exported(run, every)
+        entries: list[Entry] = []
+        described: list[Properties] = []
+        for done, (step, path) in enumerate(chosen, 1):
+            content = read_fclib(path)
+            written, known = _write_problem(content, step, run, about, folder, spectrum_up_to)
+            entries += written
+            described.append(known)
+            if progress is not None:
+                progress("problems", done, len(chosen))
+        entries.sort(key=lambda entry: entry.place)
+        complete = run.description.get("status") == "finished"
+        drawn, notes = _draw(run, entries, folder)
+        notes = [*notes_on(run, entries), *notes]
+        write_manifest(folder, entries)
+        write_readme(
+            folder / "README.md",
+            about.title,
+            facts={**about.facts(authors), **facts(entries, described)},
+            text=about.text(every),
+            pictures={name: text for name, text in PICTURES.items() if name in drawn},
+            notes=notes,
+        )
+        shutil.rmtree(made, ignore_errors=True)
+    return Built(out, tuple(entries), tuple(notes), complete)
+
+
+PICTURES = {
+    "picture.png": "the last step",
+    "distributions.png": "distribution of contacts, degrees of freedom, contact density, iterations",
+}
+
+
+def _exported(run: RunFolder, every: int) -> list[tuple[int, Path]]:
+    """The steps that `every` divides, with their files: global where there, else local."""
+    fclib = run.directory / "fclib"
+    if not fclib.is_dir():
+        raise InputError(f"{run.directory}: expected FCLIB files in fclib/, the run exported none (fcsim run --export-every K)")
+    steps = {step: member.path for member in members(fclib) if (step := parse_name(member.stem, 0).step) is not None}
+    chosen = sorted((step, path) for step, path in steps.items() if step % every == 0)
+    if not chosen:
+        raise InputError(f"{run.directory}: expected an exported step that {every} divides, got {', '.join(map(str, sorted(steps)[:10]))}")
+    return chosen
+
+
+def _write_problem(
+    content: FclibFile, step: int, run: RunFolder, about: RunAbout, folder: Path, spectrum_up_to: int
+) -> tuple[list[Entry], Properties]:
+    """Write a problem in both forms (a local one as it is) and return its rows and properties."""
+    problem, solution = content.problem, content.solution
+    if solution is None or not isinstance(problem, GlobalProblem | LocalProblem):
+        raise InputError(f"{content.path}: expected a problem with its solution, as fcsim run exports it")
+    local = reduce(problem).local if isinstance(problem, GlobalProblem) else problem
+    known = properties(problem, local, spectrum_up_to)
+    solver, iterations, t = _solve_of(run, step, parse_name(content.path.stem, 0).iterations or 0)
+    tol = float(run.description.get("tol") or math.nan)
+    name = file_name(parse_name(content.path.stem, 0).fclib_set, iterations, problem.nc, step)
+    forms: dict[str, GlobalProblem | LocalProblem] = {"local": local}
+    if isinstance(problem, GlobalProblem):
+        forms = {"global": problem, **forms}
+    entries = []
+    for form, written in forms.items():
+        error = FclibProblem(name, form, written).error(solution.r)
+        path = folder / form / name
+        path.parent.mkdir(exist_ok=True)
+        write_fclib(
+            path,
+            written,
+            solution=_of_form(form, solution),
+            guesses=[_of_form(form, guess) for guess in content.guesses],
+            title=content.info.title or f"{about.title}, step {step}",
+            description=about.of_each_file,
+            math_info=f"{known.text}; solution by {solver} in {iterations} iterations from the reactions of the steps before, "
+            f"error ||r - P_K(r - u - g(u))|| / ||q|| = {error:.3e}",
+        )
+        at_rest = not np.any(solution.r) and error > tol
+        entries.append(
+            Entry(
+                name=name,
+                form=form,
+                step=step,
+                time=t,
+                nc=known.nc,
+                n=known.n,
+                m=known.m,
+                density=known.density,
+                symmetric=known.symmetric,
+                rank=known.rank,
+                condition=known.condition,
+                solver=solver,
+                iterations=iterations,
+                error=error,
+                sha256=sha256(path),
+                status=AT_REST if at_rest else "SOLVED",
+                tol=tol,
+                fill=known.fill,
+                dimension=known.dimension,
+                source="",
+            )
+        )
+    return entries, known
+
+
+def _of_form(form: str, solution: Solution) -> Solution:
+    return solution if form == "global" else Solution(solution.u, solution.r)
+
+
+def _solve_of(run: RunFolder, step: int, iterations: int) -> tuple[str, int, float | None]:
+    """Solver, iterations and time [s] of a step by steps.csv; what the file's name and run.json say where its row is missing."""
+    numbers = run.numbers("step")
+    rows = np.flatnonzero(numbers == step) if numbers is not None else np.empty(0, dtype=int)
+    if not len(rows):
+        h = run.description.get("h")
+        return str(run.description.get("solver")), iterations, step * h if isinstance(h, float) else None
+    row = int(rows[-1])
+    return str(run.columns["solver"][row]), int(run.columns["iterations"][row]), float(run.columns["t"][row])
+
+
+def _draw(run: RunFolder, entries: list[Entry], folder: Path) -> tuple[list[str], list[str]]:
+    """Draw what can be drawn; return the pictures' names and a note for each that cannot."""
+    drawn, notes = [], []
+    try:
+        write_distributions(entries, folder / "distributions.png")
+        drawn.append("distributions.png")
+        if run.instants:
+            _picture(run, folder / "picture.png")
+            drawn.append("picture.png")
+        else:
+            notes.append("No picture: the run wrote no VTK files.")
+    except MissingDependency as error:
+        notes.append(f"No {'picture' if drawn else 'pictures'}: {error}.")
+    return drawn, notes
+
+
+def _picture(run: RunFolder, path: Path) -> None:
+    """The deformed shape at the last instant, coloured by stress."""
+    from fcsim.view.pictures import stress_figure
+    from fcsim.view.scene import Scene, survey
+    from fcsim.view.style import STYLE, matplotlib, save
+
+    with matplotlib().rc_context(STYLE), Scene(survey(run, run.instants)) as scene:
+        save(stress_figure(run, scene, run.instants[-1]), path)

@@ -1,0 +1,77 @@
+"""What a run's folder says of all problems that came of it: in the files' info, in the README, on the terminal."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fcsim.collection.manifest import AT_REST, Entry
+from fcsim.view.run_folder import RunFolder
+
+
+@dataclass(frozen=True)
+class RunAbout:
+    """What a run's folder says of all its problems."""
+
+    title: str
+    description: str
+    software: str
+    parameters: Mapping[str, Any]
+    run: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, run: RunFolder) -> RunAbout:
+        about = run.description
+        software = ", ".join(f"{name} {version}" for name, version in (about.get("versions") or {}).items())
+        return cls(run.title, str(about.get("description") or ""), software, about.get("parameters") or {}, about)
+
+    @property
+    def seed(self) -> str:
+        return str(self.parameters.get("seed", "none, no random numbers are used"))
+
+    @property
+    def of_each_file(self) -> str:
+        parts = [self.description, f"software: {self.software}", f"parameters: {json.dumps(self.parameters)}", f"seed: {self.seed}"]
+        return "; ".join(part for part in parts if part)
+
+    def facts(self, authors: str) -> dict[str, str]:
+        given = {"authors": authors} if authors else {}
+        return {**given, "software": self.software, "required accuracy": f"{float(self.run.get('tol') or math.nan):g}"}
+
+    def text(self, every: int) -> str:
+        run = self.run
+        kept = math.lcm(every, int((run.get("options") or {}).get("export_every") or 1))
+        sets = "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in (run.get("assignments") or {}).items())
+        parameters = ", ".join(f"{name} = {value}" for name, value in self.parameters.items())
+        steps = "every step" if kept == 1 else f"every {kept} steps"
+        simulated = f"{run.get('steps_done', run.get('steps'))} steps of {run.get('h')} s"
+        return (
+            f"{self.description or self.title}. The problems of {steps} of a simulation of {simulated}, each solved by {run.get('solver')} "
+            f"to {run.get('tol')} from the reactions of the steps before; the iterations in the files' names are those of that solve.\n\n"
+            f"Parameters: {parameters}. Seed: {self.seed}.\n\n"
+            "To make it again:\n\n"
+            f"    fcsim collection build cases/{run.get('case')}{sets} --every {kept} --out DIR"
+        )
+
+
+def notes_on(run: RunFolder, entries: Sequence[Entry]) -> list[str]:
+    """What a user of the collection should know: a run that did not end well, steps at rest, a missing form."""
+    notes = []
+    if run.description.get("status") != "finished":
+        message = str(run.description.get("message") or "")
+        notes.append(
+            f"The run is {run.description.get('status')}{': ' if message else ''}{message}. The collection holds the steps before."
+        )
+    at_rest = sorted({str(entry.step) for entry in entries if entry.status == AT_REST})
+    if at_rest:
+        notes.append(
+            f"At rest in step {', '.join(at_rest)}: q is the round-off of a state without load, its answer is r = 0, and a relative error "
+            f"says nothing there (status {AT_REST})."
+        )
+    if not any(entry.form == "global" for entry in entries):
+        notes.append("The run exported local files only: there is no global form.")
+    return notes
