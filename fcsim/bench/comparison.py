@@ -34,7 +34,9 @@ class ToleranceComparison:
     def description(self) -> str:
         """The counts behind the curves in one line."""
         of, unsolved = self.profile.problems, self.profile.unsolved_by_all
-        words = [f"{of} problem{'s' * (of != 1)}", CLOCKS[self.table.clock][1], f"time limit {self.limits()}"]
+        felt = self.summary.censored_from
+        limit = f"time limit {self.limits()}" + (f", felt from τ = {felt:.3g} (dotted)" if felt <= self.profile.largest else "")
+        words = [f"{of} problem{'s' * (of != 1)}", CLOCKS[self.table.clock][1], limit]
         if unsolved:
             words.append(f"{unsolved} solved by none " + ("left out" if self.profile.left_out else "counted"))
         if self.table.left_out:

@@ -70,15 +70,13 @@ def _draw(axes: Axes, strip: Axes, part: ToleranceComparison, tau_max: float, si
     axes.set_yticks(np.linspace(0, 1, 6))
     # the curves end at tau_max; whether all that is solved is solved within it, is said
     more = "" if tau_max >= profile.largest else f", largest ratio {profile.largest:.3g}"
-    axes.set_xlabel(rf"$\tau$ = time / time of the fastest  ($\tau_{{max}}$ = {tau_max:.3g}{more})", fontsize=size + 0.5)
-    axes.set_ylabel(r"$\rho(\tau)$: fraction of the problems", fontsize=size + 0.5)
+    axes.set_xlabel(f"τ = time / time of the fastest  (τₘₐₓ = {tau_max:.3g}{more})", fontsize=size + 0.5)
+    axes.set_ylabel("ρ(τ): fraction of the problems", fontsize=size + 0.5)
     axes.tick_params(labelsize=size)
     axes.set_title(f"tolerance {tolerance_name(part.table.tol)}", pad=20, fontsize=size + 2)
     axes.text(0, 1.025, part.description(), transform=axes.transAxes, color=GREY, fontsize=size, va="bottom")
-    if part.summary.censored_from < tau_max:
+    if part.summary.censored_from <= min(tau_max, profile.largest):
         axes.axvline(part.summary.censored_from, color=GREY, linestyle=(0, (1, 3)), linewidth=1.0, zorder=1)
-        where = axes.get_xaxis_transform()
-        axes.text(part.summary.censored_from, 0.03, " time limit felt →", transform=where, color=GREY, fontsize=0.8 * size)
     order = profile.order(tau_max)
     labels = [f"{_percent(profile.solved[s])}  {solvers[s]}" for s in order]
     edge_labels(strip, profile.rho(tau_max)[order], labels, [styles[s] for s in order], size=size, heading="solved")
