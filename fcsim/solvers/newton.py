@@ -62,6 +62,12 @@ class NewtonOptions(Options):
                 raise InputError(f"option {name}: expected an integer >= 1, got {getattr(self, name)}")
 
 
+CONDENSED_UP_TO = 12_000
+"""Contact unknowns up to which the dense factor of a sparse W is affordable (1.1 GB)."""
+FILLED = 0.05
+"""Density of a sparse W from which its factor counts as dense."""
+
+
 class NewtonSpace(Protocol):
     """The linear part of a problem: keeps u of the current iterate, solves for Newton's step and follows it."""
 
@@ -206,9 +212,12 @@ def _merit(
 
 
 def _linear(problem: LocalProblem, options: NewtonOptions) -> str:
-    """The linear algebra behind "auto": condensed elimination for AC and JM on a dense W, dense LU otherwise, sparse for sparse W."""
+    """The linear algebra behind "auto": condensed elimination for AC and JM on a dense W, and on a sparse one whose factor would be
+    dense; else dense or sparse LU as W is stored.
+    """
     if options.linear not in ("auto", "kkt"):
         return options.linear
-    if not isinstance(problem.W, np.ndarray):
-        return "sparse"
-    return "condensed" if options.formulation in ("AC", "JM") else "dense"
+    W, condensing = problem.W, options.formulation in ("AC", "JM")
+    if isinstance(W, np.ndarray):
+        return "condensed" if condensing else "dense"
+    return "condensed" if condensing and problem.m <= CONDENSED_UP_TO and W.nnz >= FILLED * problem.m**2 else "sparse"

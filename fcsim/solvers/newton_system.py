@@ -20,9 +20,9 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
-def _is_symmetric(W: FloatArray) -> bool:
+def _is_symmetric(W: Any) -> bool:
     """Whether W x = W^T x for a random x, to round-off: an asymmetry would have to be orthogonal to x to hide."""
-    x = np.random.default_rng(0).standard_normal(len(W))
+    x = np.random.default_rng(0).standard_normal(W.shape[0])
     Wx = W @ x
     return bool(float(np.linalg.norm(Wx - W.T @ x)) <= 1e-10 * float(np.linalg.norm(Wx)))
 
@@ -33,6 +33,9 @@ FORCING = 1e-2
 """Defect, relative to the right-hand side, at which a corrected Newton step is accepted."""
 SLOW = 0.1
 """Reduction of the defect that a correction must reach at least."""
+
+ROWS_AT_ONCE = 512
+"""Rows of a sparse W that are made dense at a time."""
 
 MUMPS_FROM = 300_000
 """Entries of A W + B above which MUMPS' analysis pays off against SuperLU."""
@@ -54,6 +57,16 @@ class NewtonSystem(Protocol):
 
 def _dofs(contacts: IntArray, d: int) -> IntArray:
     return (contacts[:, None] * d + np.arange(d)).ravel()
+
+
+def _dense_part(W: Any, rows: IntArray, columns: IntArray) -> FloatArray:
+    """W[rows, columns] as a dense array in C order, from dense or sparse rows."""
+    if isinstance(W, np.ndarray):
+        return W[np.ix_(rows, columns)]
+    part = np.empty((len(rows), len(columns)))
+    for begin in range(0, len(rows), ROWS_AT_ONCE):
+        part[begin : begin + ROWS_AT_ONCE] = W[rows[begin : begin + ROWS_AT_ONCE]].toarray()[:, columns]
+    return part
 
 
 def _without_open(W: Any, A: FloatArray, rhs: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -101,30 +114,36 @@ class CondensedSystem:
 
     So a change of sets costs columns, not a factorisation; W_SS is factored anew only when the border has grown too large for that.
     The matrix of this response is kept; while the free contacts stay the same, `_NormalElimination` keeps them shorter by a third.
-    The result is the exact Newton step. W must be symmetric; where W_SS is not positive definite the dense LU takes over.
+    The result is the exact Newton step. W must be symmetric; where W_SS is not positive definite the LU of the whole takes
+    over. W may be sparse as long as its Cholesky factor is dense anyway.
 
     After `follow` the factor and the columns belong to an earlier W: their step is the first of a defect correction, and is accepted
     when the defect of the true system is small; where the correction does not get there all is factored anew.
     """
 
-    def __init__(self, W: FloatArray, dimension: int) -> None:
-        self._W, self._d = W, dimension
-        self._dense = DenseSystem(W, dimension)
+    def __init__(self, W: Any, dimension: int) -> None:
+        self._d = dimension
+        self._set(W)
         self._symmetric: bool | None = None  # not looked at yet
         self._held: IntArray | None = None
         self._followed = False
 
-    def follow(self, W: FloatArray) -> bool:
+    def _set(self, W: Any) -> None:
+        """Take W, dense or as sparse rows, with what solves where the condensation cannot."""
+        self._W = W if isinstance(W, np.ndarray) else sp.csr_array(W)
+        self._whole: NewtonSystem = (DenseSystem if isinstance(W, np.ndarray) else SparseSystem)(self._W, self._d)
+
+    def follow(self, W: Any) -> bool:
         if self._held is None or W.shape != self._W.shape:
             return False
-        self._W, self._followed, self._symmetric = W, True, None
-        self._dense = DenseSystem(W, self._d)
+        self._set(W)
+        self._followed, self._symmetric = True, None
         return True
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         stick = ~np.any(B, axis=(1, 2))
         if not stick.any():
-            return self._dense.solve(A, B, rhs)
+            return self._whole.solve(A, B, rhs)
         try:
             if self._held is not None and self._followed:
                 corrected = self._corrected(A, B, rhs, stick)
@@ -134,14 +153,14 @@ class CondensedSystem:
             if self._symmetric is None:
                 self._symmetric = _is_symmetric(self._W)
             if not self._symmetric:
-                return self._dense.solve(A, B, rhs)
+                return self._whole.solve(A, B, rhs)
             if self._held is None or self._outgrown(stick):
                 self._hold(np.flatnonzero(stick))
             dr = self._condensed(A, B, rhs)
             return dr, self._W @ dr
         except SingularMatrix:
             self._held = None
-            return self._dense.solve(A, B, rhs)
+            return self._whole.solve(A, B, rhs)
 
     def _corrected(self, A: FloatArray, B: FloatArray, rhs: FloatArray, stick: BoolArray) -> tuple[FloatArray, FloatArray] | None:
         """Defect correction with an earlier W's factor, dr <- dr + J^-1 (rhs - (A W + B) dr); None where it converges too slowly."""
@@ -173,9 +192,12 @@ class CondensedSystem:
 
     def _hold(self, held: IntArray) -> None:
         """Factor W on the held contacts and start with an empty border."""
-        d, nc = self._d, len(self._W) // self._d
+        self._L = self._P = self._response = np.empty((0, 0))  # the old ones make room for the new
+        self._held = None
+        self._normals: _NormalElimination | None = None
+        d, nc = self._d, self._W.shape[0] // self._d
         dofs = _dofs(held, d)
-        factor, info = sla.lapack.dpotrf(self._W[np.ix_(dofs, dofs)].T, lower=True, overwrite_a=True, clean=False)
+        factor, info = sla.lapack.dpotrf(_dense_part(self._W, dofs, dofs).T, lower=True, overwrite_a=True, clean=False)
         if info != 0:
             raise SingularMatrix(f"W of {len(held)} sticking contacts is not positive definite")
         self._L, self._held, self._held_dofs = factor, held, dofs
@@ -189,7 +211,6 @@ class CondensedSystem:
         self._column = np.full(nc, -1)  # of a border contact in P
         self._P = np.empty((len(dofs), 0), order="F")
         self._response = np.empty((0, 0))  # of ((W dr)_C, dr_R) to x
-        self._normals: _NormalElimination | None = None
 
     def _extend(self, contacts: IntArray) -> None:
         """Give the contacts columns in the border."""
@@ -200,7 +221,7 @@ class CondensedSystem:
         released = self._is_held[new]
         self._released[new[released]] = True
         dofs = _dofs(new, d)
-        columns = self._W[np.ix_(dofs, self._held_dofs)].T  # W_SC, as W is symmetric, in LAPACK's order
+        columns = _dense_part(self._W, dofs, self._held_dofs).T  # W_SC, as W is symmetric, in LAPACK's order
         if released.any():
             own = _dofs(np.flatnonzero(released), d)
             columns[:, own] = 0
@@ -217,7 +238,9 @@ class CondensedSystem:
         free = np.flatnonzero(~self._released[border])
         rows, fresh, held = _dofs(free, d), k + _dofs(np.flatnonzero(~released), d), _dofs(np.flatnonzero(self._released[border]), d)
         # signs of the class's formulas, on the new rows and columns only
-        response[np.ix_(fresh, rows)] = self._W[np.ix_(_dofs(new[~released], d), _dofs(border[free], d))] - response[np.ix_(fresh, rows)]
+        response[np.ix_(fresh, rows)] = (
+            _dense_part(self._W, _dofs(new[~released], d), _dofs(border[free], d)) - response[np.ix_(fresh, rows)]
+        )
         if k:
             old = rows[rows < k]
             response[np.ix_(old, fresh)] = response[np.ix_(fresh, old)].T

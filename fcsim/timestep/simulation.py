@@ -166,7 +166,7 @@ class Simulation:
     steps: int
     solver: SolverSettings = field(default_factory=SolverSettings)
     initial: State | None = None
-    keep: int = 10
+    keep: int = 25
 
     def __post_init__(self) -> None:
         if self.keep < 0:
