@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from fcsim.bench.profiles import RESOLUTION, Profile, performance_profile
 from fcsim.bench.results import Measurement, read_results
-from fcsim.bench.summary import Summary, summarize
-from fcsim.bench.time_table import CLOCKS, TimeTable, solver_names, time_table, tolerances
+from fcsim.bench.summary import Summary, number, summarize
+from fcsim.bench.time_table import CLOCKS, TimeTable, solver_names, time_table, tolerance_name, tolerances
 from fcsim.errors import InputError
 
 
@@ -24,6 +24,15 @@ class Selection:
     leave_out_unsolved: bool = False
     resolution: float = RESOLUTION
 
+    def arguments(self) -> list[str]:
+        """The options of fcsim profile and fcsim report that select this."""
+        words = ["--tols", ",".join(map(tolerance_name, self.tols))] if self.tols is not None else []
+        words += ["--solvers", ",".join(self.solvers)] if self.solvers is not None else []
+        words += ["--clock", self.clock] if self.clock != "wall" else []
+        words += ["--reference", self.reference] if self.reference is not None else []
+        words += ["--leave-out-unsolved"] if self.leave_out_unsolved else []
+        return words + (["--resolution", f"{self.resolution:g}"] if self.resolution != RESOLUTION else [])
+
 
 @dataclass(frozen=True, eq=False)
 class ToleranceComparison:
@@ -35,7 +44,7 @@ class ToleranceComparison:
         """The counts behind the curves in one line."""
         of, unsolved = self.profile.problems, self.profile.unsolved_by_all
         felt = self.summary.censored_from
-        limit = f"time limit {self.limits()}" + (f", felt from τ = {felt:.3g} (dotted)" if felt <= self.profile.largest else "")
+        limit = f"time limit {self.limits()}" + (f", felt from τ = {number(felt)} on (dotted)" if felt <= self.profile.largest else "")
         words = [f"{of} problem{'s' * (of != 1)}", CLOCKS[self.table.clock][1], limit]
         if unsolved:
             words.append(f"{unsolved} solved by none " + ("left out" if self.profile.left_out else "counted"))
@@ -56,6 +65,7 @@ class Comparison:
     measurements: tuple[Measurement, ...]
     parts: tuple[ToleranceComparison, ...]
     remarks: tuple[str, ...]
+    selection: Selection = field(default_factory=Selection)
 
     @property
     def summaries(self) -> list[Summary]:
@@ -93,7 +103,7 @@ def compare(results: Path | Sequence[Measurement], selection: Selection | None =
     if not parts:
         raise InputError("; ".join(remarks))
     chosen = tuple(m for m in measurements if m.solver in names and m.tol in {part.table.tol for part in parts})
-    return Comparison(chosen, tuple(parts), (*remarks, *_remarks(chosen, parts)))
+    return Comparison(chosen, tuple(parts), (*remarks, *_remarks(chosen, parts)), s)
 
 
 def _remarks(measurements: Sequence[Measurement], parts: Sequence[ToleranceComparison]) -> list[str]:

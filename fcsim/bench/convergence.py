@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fcsim.bench.curves import CurveStyle, curve_styles, edge_labels, log_ticks, strip_width
+from fcsim.bench.curves import CurveStyle, above_axes, curve_styles, edge_labels, log_ticks, strip_width
 from fcsim.bench.time_table import tolerance_name
 from fcsim.errors import InputError
 from fcsim.files import replacing
@@ -84,11 +84,11 @@ def convergence_figure(runs: Sequence[Convergence], title: str, tol: float) -> F
         axes.set_yscale("log")
     by_time.set_xscale("log")
     by_iteration.set_xscale("symlog", linthresh=1.0)
+    low, high = _limits(runs, tol)
     for k, run in enumerate(runs):
         some = run.error_history > 0  # an exact zero has no place on a logarithmic axis
         for axes, x in ((by_time, run.time), (by_iteration, run.iteration)):
-            _curve(axes, x[some], run.error_history[some], styles[k], (k + 0.5) / len(runs), run.solved)
-    low, high = _limits(runs, tol)
+            _curve(axes, x[some], run.error_history[some], styles[k], (k + 0.5) / len(runs), run.solved, high)
     for axes in (by_time, by_iteration):
         axes.set_ylim(low, high)
         axes.axhline(tol, color=GREY, linestyle=(0, (8, 4)), linewidth=1.0)
@@ -100,7 +100,7 @@ def convergence_figure(runs: Sequence[Convergence], title: str, tol: float) -> F
     by_time.set_xlabel("time [s], reduction included")
     by_iteration.set_xlabel("iteration")
     by_time.set_title(title, pad=20)
-    by_time.text(0, 1.025, "from r = 0", transform=by_time.transAxes, color=GREY, fontsize=size, va="bottom")
+    above_axes(by_time, 0, "from r = 0", size)
     order = ranked(runs)
     labels.set_ylim(0, 1)
     edge_labels(labels, None, [_label(runs[k]) for k in order], [styles[k] for k in order], size=size)
@@ -123,7 +123,7 @@ def _limits(runs: Sequence[Convergence], tol: float) -> tuple[float, float]:
     return max(errors.min() / 3, 1e-4 * tol), float(high)
 
 
-def _curve(axes: Axes, x: NDArray, y: NDArray, style: CurveStyle, phase: float, solved: bool) -> None:
+def _curve(axes: Axes, x: NDArray, y: NDArray, style: CurveStyle, phase: float, solved: bool, high: float) -> None:
     if not len(x):
         return
     kept = thinned(x, y)
@@ -131,10 +131,9 @@ def _curve(axes: Axes, x: NDArray, y: NDArray, style: CurveStyle, phase: float, 
     scale = np.log1p(x / max(x[0], 1e-12)) if axes.get_xscale() == "log" else np.log1p(x)
     at = np.searchsorted(scale, scale[0] + (scale[-1] - scale[0]) * (np.arange(MARKS) + phase) / MARKS)
     axes.plot(x[at], y[at], **style.points)
-    if solved:
-        axes.plot(x[-1:], y[-1:], **{**style.points, "markerfacecolor": style.colour, "markersize": 8}, clip_on=False)
-    else:
-        axes.plot(x[-1:], y[-1:], "x", color=style.colour, markersize=9, markeredgewidth=2, clip_on=False)
+    end = np.clip(y[-1:], None, high)  # one that diverged ends at the top
+    look = {**style.points, "markerfacecolor": style.colour, "markersize": 8} if solved else {"marker": "x", "color": style.colour}
+    axes.plot(x[-1:], end, clip_on=False, **(look if solved else {**look, "markersize": 9, "markeredgewidth": 2}))
 
 
 def thinned(x: NDArray, y: NDArray, bins: int = BINS) -> NDArray[np.int64]:

@@ -26,15 +26,16 @@ class CurveStyle:
     dashes: Any
     marker: str
     hollow: bool
+    scale: float = 1.0
 
     @property
     def line(self) -> dict[str, Any]:
-        return {"color": self.colour, "linestyle": self.dashes, "linewidth": 1.6}
+        return {"color": self.colour, "linestyle": self.dashes, "linewidth": 1.6 * self.scale}
 
     @property
     def points(self) -> dict[str, Any]:
         face = "white" if self.hollow else self.colour
-        size = 5.0 if self.marker in "sD" else 6.2
+        size = self.scale * (5.0 if self.marker in "sD" else 6.2)
         look = {"marker": self.marker, "markersize": size, "markerfacecolor": face, "markeredgecolor": self.colour, "markeredgewidth": 1.2}
         return {"linestyle": "none", **look}
 
@@ -92,7 +93,12 @@ def edge_labels(
         axes.plot([0.24, SAMPLE - 0.09], [place, place], clip_on=False, **style.line)
         axes.plot([(0.15 + SAMPLE) / 2], [place], clip_on=False, **style.points)
         axes.text(SAMPLE, place, label, va="center", fontsize=size)
-    axes.text(SAMPLE, 1.025, heading, transform=axes.get_xaxis_transform(), va="bottom", fontsize=size, color=GREY)
+    above_axes(axes, SAMPLE / inches[0], heading, size)
+
+
+def above_axes(axes: Axes, x: float, text: str, size: float) -> None:
+    """Grey text 4 points above the axes, whatever their height, from the fraction x of their width on."""
+    axes.annotate(text, (x, 1), (0, 4), "axes fraction", "offset points", va="bottom", color=GREY, fontsize=size, annotation_clip=False)
 
 
 def log_ticks(axes: Axes, low: float, high: float) -> None:

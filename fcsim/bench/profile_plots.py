@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcsim.bench.comparison import Comparison, ToleranceComparison
-from fcsim.bench.curves import CurveStyle, curve_styles, edge_labels, log_ticks, strip_width
+from fcsim.bench.curves import CurveStyle, above_axes, curve_styles, edge_labels, log_ticks, strip_width
 from fcsim.bench.profiles import Profile
+from fcsim.bench.summary import number
 from fcsim.bench.time_table import tolerance_name
 from fcsim.errors import InputError
 from fcsim.view.style import GREY, STYLE, figure, matplotlib, save
@@ -32,13 +34,13 @@ def panels_figure(parts: Sequence[ToleranceComparison], tau_max: float | None = 
     return _figure(parts, tau_max or axis_end([part.profile for part in parts]), columns=min(2, len(parts)), plot=(4.6, 3.0), size=9.0)
 
 
-LEFT, RIGHT, BOTTOM, TOP = 0.72, 0.12, 0.62, 0.66  # [inch] around each plot with its labels
+LEFT, RIGHT, BOTTOM, TOP = 0.72, 0.12, 0.62, 0.86  # [inch] around each plot with its labels
 
 
 def _figure(parts: Sequence[ToleranceComparison], tau_max: float, *, columns: int, plot: tuple[float, float], size: float) -> Figure:
     """Plots of `plot` inches (higher where many labels need it) in rows of `columns`, each with its strip of labels."""
-    number = max(len(part.table.solvers) for part in parts)
-    width, height = plot[0], max(plot[1], 1.5 * size / 72 * number)
+    most = max(len(part.table.solvers) for part in parts)
+    width, height = plot[0], max(plot[1], 1.5 * size / 72 * most)
     strip = strip_width([f"100 %  {solver}" for part in parts for solver in part.table.solvers], size)
     cell = np.array([LEFT + width + strip + RIGHT, TOP + height + BOTTOM])
     rows = -(-len(parts) // columns)
@@ -48,7 +50,7 @@ def _figure(parts: Sequence[ToleranceComparison], tau_max: float, *, columns: in
         x, y = cell * (place % columns, rows - 1 - place // columns) + (LEFT, BOTTOM)
         axes = drawing.add_axes((x / whole[0], y / whole[1], width / whole[0], height / whole[1]))
         labels = drawing.add_axes(((x + width) / whole[0], y / whole[1], strip / whole[0], height / whole[1]))
-        _draw(axes, labels, part, tau_max, size)
+        _draw(axes, labels, part, tau_max, width, size)
     return drawing
 
 
@@ -57,7 +59,7 @@ def axis_end(profiles: Sequence[Profile]) -> float:
     return max(2.0, 1.05 * max(profile.largest for profile in profiles))
 
 
-def _draw(axes: Axes, strip: Axes, part: ToleranceComparison, tau_max: float, size: float) -> None:
+def _draw(axes: Axes, strip: Axes, part: ToleranceComparison, tau_max: float, inches: float, size: float) -> None:
     profile, solvers = part.profile, part.table.solvers
     styles = curve_styles(len(solvers))
     for s in reversed(range(len(solvers))):  # the first solver on top
@@ -69,12 +71,14 @@ def _draw(axes: Axes, strip: Axes, part: ToleranceComparison, tau_max: float, si
     axes.set_xlim(1, tau_max)
     axes.set_yticks(np.linspace(0, 1, 6))
     # the curves end at tau_max; whether all that is solved is solved within it, is said
-    more = "" if tau_max >= profile.largest else f", largest ratio {profile.largest:.3g}"
-    axes.set_xlabel(f"τ = time / time of the fastest  (τₘₐₓ = {tau_max:.3g}{more})", fontsize=size + 0.5)
+    more = "" if tau_max >= profile.largest else f", largest ratio {number(profile.largest)}"
+    axes.set_xlabel(f"τ = time / time of the fastest  (τₘₐₓ = {number(tau_max)}{more})", fontsize=size + 0.5)
     axes.set_ylabel("ρ(τ): fraction of the problems", fontsize=size + 0.5)
     axes.tick_params(labelsize=size)
-    axes.set_title(f"tolerance {tolerance_name(part.table.tol)}", pad=20, fontsize=size + 2)
-    axes.text(0, 1.025, part.description(), transform=axes.transAxes, color=GREY, fontsize=size, va="bottom")
+    whole_words = part.description().replace(" ", "\u00a0").replace("·\u00a0", "· ")  # lines break between the counts only
+    lines = [line.replace("\u00a0", " ") for line in textwrap.wrap(whole_words, round(inches / (0.0071 * size)))]
+    axes.set_title(f"tolerance {tolerance_name(part.table.tol)}", pad=8 + 1.3 * size * len(lines), fontsize=size + 2)
+    above_axes(axes, 0, "\n".join(lines), size)
     if part.summary.censored_from <= min(tau_max, profile.largest):
         axes.axvline(part.summary.censored_from, color=GREY, linestyle=(0, (1, 3)), linewidth=1.0, zorder=1)
     order = profile.order(tau_max)
@@ -93,8 +97,7 @@ def _percent(fraction: float) -> str:
 def _curve(axes: Axes, profile: Profile, s: int, style: CurveStyle, tau_max: float) -> None:
     tau, rho = profile.steps(s, tau_max)
     axes.plot(tau, rho, drawstyle="steps-post", clip_on=False, **style.line)
-    number = profile.ratios.shape[1]
-    at = tau_max ** ((np.arange(MARKS) + (s + 0.5) / number) / MARKS)
+    at = tau_max ** ((np.arange(MARKS) + (s + 0.5) / profile.ratios.shape[1]) / MARKS)
     reached = profile.rho(at)[:, s]
     some = reached > 0  # on the axis itself marks would only pile up
     axes.plot(at[some], reached[some], clip_on=False, **style.points)

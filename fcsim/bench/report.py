@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -211,20 +212,40 @@ def _short(text: str) -> str:
 
 
 def _reproduce(comparison: Comparison, results: Path, collections: Sequence[Path]) -> list[str]:
+    table_file = results_file(results)
+    uri, name = data_uri("text/csv", table_file.read_bytes()), escape(table_file.name)
+    place = _shown(results)
+    given = [word for folder in collections for word in ("--collection", _shown(folder))]
+    commands = [
+        _bench_command(comparison, results, collections),
+        shlex.join(["fcsim", "profile", place, *comparison.selection.arguments()]),
+        shlex.join(["fcsim", "report", place, *comparison.selection.arguments(), *given]),
+    ]
+    return [
+        f"<pre><code>{escape(chr(10).join(commands))}</code></pre>",
+        "<p>Measurements that are in the folder of the results already are not made again. Ratios of times carry over to another machine "
+        "roughly, times do not, nor which solves end at the time limit.</p>",
+        f'<p class="screen">The table behind this page: <a download="{name}" href="{uri}">{name}</a>.</p>',
+    ]
+
+
+def _shown(path: Path) -> str:
+    return path.name or str(path) if path.is_absolute() else str(path)
+
+
+def _bench_command(comparison: Comparison, results: Path, collections: Sequence[Path]) -> str:
+    """The call that the bench noted last; where there is no note, one that measures what is compared."""
+    note = results_file(results).with_name("bench.json")
+    if note.is_file():
+        try:
+            return str(json.loads(note.read_text(encoding="utf-8"))["command"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f'{note}: expected the note of fcsim bench, JSON with a "command" ({error})') from None
     measurements = comparison.measurements
-    words = ["fcsim", "bench", collections[0].name if collections else "PROBLEMS"]
+    words = ["fcsim", "bench", *(map(_shown, collections) if collections else ["PROBLEMS"])]
     words += ["--solvers", ",".join(comparison.solvers)]
     words += ["--tols", ",".join(tolerance_name(part.table.tol) for part in comparison.parts)]
     words += ["--time-limit", f"{max(m.time_limit for m in measurements):g}"]
     memory = [m.memory_limit for m in measurements if m.memory_limit is not None]
     words += ["--memory-limit", f"{max(memory):g}"] if memory else []
-    words += ["--out", "RESULTS"]
-    table_file = results_file(results)
-    uri, name = data_uri("text/csv", table_file.read_bytes()), escape(table_file.name)
-    commands = "\n".join([shlex.join(words), "fcsim profile RESULTS", "fcsim report RESULTS"])
-    return [
-        f"<pre><code>{escape(commands)}</code></pre>",
-        "<p>Measurements that are in RESULTS already are not made again. Ratios of times carry over to another machine roughly, "
-        "times do not, nor which solves end at the time limit.</p>",
-        f'<p class="screen">The table behind this page: <a download="{name}" href="{uri}">{name}</a>.</p>',
-    ]
+    return shlex.join([*words, "--out", _shown(results)])

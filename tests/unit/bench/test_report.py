@@ -2,6 +2,7 @@
 
 import base64
 import io
+import json
 import xml.etree.ElementTree as ElementTree
 from html.parser import HTMLParser
 from pathlib import Path
@@ -150,6 +151,20 @@ def test_what_is_said(page):
     # of 36 measurements: the sixth problem 3 x 2, NSGS-AC at 1e-6 on two more
     assert "8 of 36 measurements ended at the time limit" in page.text
     assert "W-1.hdf5" in page.cells and "1.235e+08" in page.cells and "sha256" not in page.cells
+
+
+def test_the_call_that_the_bench_noted_is_shown(folder, tmp_path, capsys):
+    copy = tmp_path / "results"
+    copy.mkdir()
+    (copy / "results.csv").write_bytes((folder / "results.csv").read_bytes())
+    (copy / "bench.json").write_text(json.dumps({"command": "fcsim bench sets/MySet --jobs 2 --out results"}))
+    assert main(["report", str(copy), "--clock", "cpu", "--solvers", "NSN-AC,NSGS-AC"]) == 0
+    text = Page((copy / "report.html").read_text(encoding="utf-8")).text
+    assert "fcsim bench sets/MySet --jobs 2 --out results\nfcsim profile results --solvers NSN-AC,NSGS-AC --clock cpu\n" in text
+    assert "processor time of the whole solve" in text
+    (copy / "bench.json").write_text("{")
+    assert main(["report", str(copy)]) == 2
+    assert "bench.json: expected the note" in capsys.readouterr().err
 
 
 def test_links_within_the_page_lead_somewhere(page):
