@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from fcsim import __version__
+from fcsim.bench.command import add_parsers as add_bench_parser
 from fcsim.bench.profile_command import add_parsers as add_profile_parsers
 from fcsim.collection.command import add_parsers as add_collection_parsers
 from fcsim.errors import FcsimError, InputError
@@ -72,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     solvers.set_defaults(act=_solvers)
     add_collection_parsers(commands)
 
+    add_bench_parser(commands)
     add_profile_parsers(commands)
     return parser
 

@@ -94,6 +94,14 @@ def fclib_files(paths: Sequence[Path]) -> list[Path]:
     return files
 
 
+def read_problem(path: Path) -> FclibProblem:
+    """The problem of a file. Raises InputError where it cannot be read or is a rolling friction problem."""
+    content = read_fclib(path)
+    if not isinstance(content.problem, GlobalProblem | LocalProblem):
+        raise InputError(f"{path}: a rolling friction problem (spacedim 5); it can be read and described, not solved")
+    return FclibProblem(path.stem, content.form, content.problem)
+
+
 def read_problems(paths: Sequence[Path]) -> tuple[list[FclibProblem], list[str]]:
     """The problems that can be solved, the small ones first, and a note for each file left out (rolling friction)."""
     problems, notes = [], []

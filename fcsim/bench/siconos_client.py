@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import math
 import os
+import statistics
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,7 +19,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.bench.judge import FclibProblem
+from fcsim.bench.killable import FINISHED
 from fcsim.bench.results import SLACK
+from fcsim.files import replacing
 from fcsim.problem import GlobalProblem
 from fcsim.reduction import eliminate_equalities, reduce
 
@@ -81,20 +86,26 @@ class Siconos:
 
         Returns status, error, solved, siconos_tol, iterations and the seconds of the run that met it (else of the last one).
         """
+        *_, row = self.runs(configuration, storage, tol, limit, memory)
+        return row
+
+    def runs(self, configuration: str, storage: str, tol: float, limit: float, memory: float | None) -> Iterator[dict[str, Any]]:
+        """The same, run by run."""
         own = tol
         while True:
             reply = self.request(configuration=configuration, storage=storage, tol=own, limit=limit, memory=memory)
             row = {"status": reply["status"], "siconos_tol": own, "error": None, "solved": False}
             if "r" not in reply:
-                return row
+                yield row
+                return
             error = self.problem.error(reply["r"])
-            row |= {"error": error, "solved": error <= tol * SLACK}
+            row |= {"error": error, "solved": error <= tol * SLACK, "info": reply["info"]}
             row |= {key: reply[key] for key in ("seconds", "cpu_seconds", "iterations")}
-            if row["solved"]:
-                return row
-            row["status"] = f"info {reply['info']}"
-            if reply["info"] != 0 or own <= TIGHTEST or not math.isfinite(error):
-                return row
+            if not row["solved"]:
+                row["status"] = f"info {reply['info']}"
+            yield row
+            if row["solved"] or reply["info"] != 0 or own <= TIGHTEST or not math.isfinite(error):
+                return
             tenths = math.ceil(math.log10(error / tol))
             own = max(own / min(10.0 ** max(tenths, 1), UNREACHED), TIGHTEST)
 
@@ -119,3 +130,55 @@ def siconos_on(problem: FclibProblem, python: Path, written: Path | None = None)
                 yield Siconos(problem, process)
             finally:
                 process.kill()
+
+
+def write_with_reduction_time(problem: FclibProblem, path: Path) -> None:
+    """Write what the worker reads and, beside it, the seconds of our reduction to W and q, which Siconos' local solvers are given."""
+    p = problem.problem
+    seconds: list[tuple[float, float]] = []
+    while not seconds or (sum(wall for wall, _ in seconds) < 0.1 and len(seconds) < 7):
+        fresh = replace(p)
+        wall, cpu = time.perf_counter(), time.process_time()
+        if isinstance(fresh, GlobalProblem):
+            _ = reduce(fresh).local.q
+        else:
+            _ = eliminate_equalities(fresh).q
+        seconds.append((time.perf_counter() - wall, time.process_time() - cpu))
+    medians = [statistics.median(column) for column in zip(*seconds, strict=True)]
+    path.with_suffix(".json").write_text(json.dumps(medians), encoding="utf-8")
+    with replacing(path) as temporary:  # last: the file is there when all is
+        write_problem(problem, temporary)
+
+
+def solve_by_siconos(
+    problem: FclibProblem, name: str, tol: float, limit: float, memory: float | None, python: Path, written: Path
+) -> Iterator[dict[str, Any]]:
+    """Solve by the configuration NAME, or NAME/STORAGE, to the independent error; the last item is the measurement, others mean progress.
+
+    written: where the problem is kept for the worker from call to call.
+    Items have `how` (FINISHED or how the run was ended) and if finished status, seconds, cpu_seconds, iterations, error. Without a
+    storage, the first of the configuration's that fits the size is taken.
+    """
+    if not written.exists():
+        write_with_reduction_time(problem, written)
+    yield {"how": "written"}
+    configuration, _, storage = name.partition("/")
+    with siconos_on(problem, python, written) as siconos:
+        fitting = [s for n, s in siconos.configurations if n == configuration and storage in ("", s)]
+        if not fitting:
+            yield {"how": f"Siconos' {name} is not for this problem"}
+            return
+        added = (0.0, 0.0) if fitting[0] == "global" else json.loads(written.with_suffix(".json").read_text(encoding="utf-8"))
+        for row in siconos.runs(configuration, fitting[0], tol, limit, memory):
+            if "seconds" not in row:
+                yield {"how": row["status"]}
+                continue
+            times = {"seconds": row["seconds"] + added[0], "cpu_seconds": row["cpu_seconds"] + added[1]}
+            told = f"info {row['info']} at its tolerance {row['siconos_tol']:g}"
+            if row["solved"]:
+                status = "SOLVED"
+            elif not math.isfinite(row["error"]):
+                status = f"DIVERGED: {told}"
+            else:  # by its own measure it is solved, or it gave up
+                status = f"STAGNATED: {told}" if row["info"] == 0 else f"MAX_ITERATIONS: {told}"
+            yield {"how": FINISHED, "status": status, "iterations": row["iterations"], "error": row["error"], **times}

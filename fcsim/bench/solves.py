@@ -40,7 +40,7 @@ def run(problem: Any, method: str, tol: float, time_limit: float, repeat_within:
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         measured.append({"seconds": wall, "cpu_seconds": cpu, "reduction": result.seconds["reduction"]})
     medians = {key: statistics.median(run[key] for run in measured) for key in measured[0]}
-    return {"tol": tol, "status": result.status.name, "iterations": result.iterations, "r": result.r, **medians}
+    return {"tol": tol, "status": result.status.name, "iterations": result.iterations, "r": result.r, "repeats": len(measured), **medians}
 
 
 def measure(

@@ -1,0 +1,77 @@
+"""Which problems a folder holds, from the sizes in the files alone: matrices are read by the process that measures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+
+from fcsim.errors import InputError
+
+FORMS = ("global", "local")
+ROLLING = 5
+"""spacedim of rolling friction problems, which are not solved."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A file and the sizes of its problem; `n`: degrees of freedom, contact unknowns in local form."""
+
+    path: Path
+    form: str
+    dimension: int
+    nc: int
+    n: int
+
+    @property
+    def name(self) -> str:
+        return self.path.stem
+
+
+def _entry(path: Path) -> Entry:
+    try:
+        with h5py.File(path, "r") as file:
+            form = next((form for form in FORMS if f"fclib_{form}" in file), None)
+            if form is None:
+                rolling = any("rolling" in name for name in file)
+                if not rolling:
+                    raise InputError(
+                        f"{path}: expected an FCLIB problem (/fclib_global or /fclib_local), got {', '.join(file) or 'nothing'}"
+                    )
+                return Entry(path, "rolling", ROLLING, 0, 0)
+            group = file[f"fclib_{form}"]
+            dimension = int(group["spacedim"][()].item())
+            vectors = group["vectors"]
+            return Entry(path, form, dimension, vectors["mu"].shape[0], vectors["f" if form == "global" else "q"].shape[0])
+    except (OSError, KeyError, AttributeError, IndexError, ValueError, TypeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: expected an FCLIB file, which cannot be read: {error}") from None
+
+
+def entries(paths: Sequence[Path], form: str = "all") -> tuple[list[Entry], list[str]]:
+    """The problems of that form (global, local or all) in files and folders and folders therein, the small ones first.
+
+    Also a note for each that is left out: rolling friction, no contact. Raises InputError where there is none, or two of one name.
+    """
+    found: list[Entry] = []
+    notes: list[str] = []
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: expected a folder of FCLIB files, or such a file; it does not exist")
+        files = sorted(path.rglob("*.hdf5")) if path.is_dir() else [path]
+        found += [_entry(file) for file in files if not file.name.startswith(".")]  # those with a dot are being written
+    kept: dict[tuple[str, str], Entry] = {}
+    for entry in found:
+        if entry.dimension == ROLLING or entry.nc == 0:
+            notes.append(f"{entry.name}: left out, " + ("a rolling friction problem" if entry.dimension == ROLLING else "no contact"))
+        elif form in ("all", entry.form):
+            other = kept.setdefault((entry.name, entry.form), entry)
+            if other.path.resolve() != entry.path.resolve():
+                raise InputError(f"{entry.path}: expected another name, {other.path} is a {entry.form} problem of the same")
+    if not kept:
+        wanted = "FCLIB problems (*.hdf5)" if form == "all" else f"FCLIB problems in {form} form (*.hdf5)"
+        raise InputError(f"{', '.join(map(str, paths))}: expected {wanted} with contacts, found none among {len(found)} files")
+    return sorted(kept.values(), key=lambda entry: (entry.nc, entry.n, entry.name)), notes
