@@ -60,7 +60,10 @@ def _names(text: str) -> list[str]:
 
 
 def _numbers(text: str) -> list[float]:
-    return [float(name) for name in _names(text)]
+    try:
+        return [float(name) for name in _names(text)]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected numbers with commas between, got {text!r}") from None
 
 
 def _profile(options: argparse.Namespace) -> int:
@@ -130,6 +133,8 @@ def _write_convergence(options: argparse.Namespace) -> list[Path]:
 
     if not options.solvers:
         raise InputError("--convergence: expected --solvers NAME,..., the solvers to draw")
+    if not options.time_limit > 0:
+        raise InputError(f"--time-limit: expected a number > 0, got {options.time_limit:g}")
     directory = options.out or (Path("convergence") if options.results is None else _folder(options.results) / "profiles")
     written = []
     for file in options.convergence:

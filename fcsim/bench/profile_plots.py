@@ -76,7 +76,8 @@ def _draw(axes: Axes, strip: Axes, part: ToleranceComparison, tau_max: float, in
     axes.set_ylabel("ρ(τ): fraction of the problems", fontsize=size + 0.5)
     axes.tick_params(labelsize=size)
     whole_words = part.description().replace(" ", "\u00a0").replace("·\u00a0", "· ")  # lines break between the counts only
-    lines = [line.replace("\u00a0", " ") for line in textwrap.wrap(whole_words, round(inches / (0.0071 * size)))]
+    wrapped = textwrap.wrap(whole_words, round((inches + 0.6) / (0.0069 * size)))  # up to the strip's heading
+    lines = [line.replace("\u00a0", " ").removesuffix(" ·") for line in wrapped]
     axes.set_title(f"tolerance {tolerance_name(part.table.tol)}", pad=8 + 1.3 * size * len(lines), fontsize=size + 2)
     above_axes(axes, 0, "\n".join(lines), size)
     if part.summary.censored_from <= min(tau_max, profile.largest):

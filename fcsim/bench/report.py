@@ -14,6 +14,7 @@ from fcsim.bench.comparison import Comparison, ToleranceComparison
 from fcsim.bench.page import KINDS, data_uri, drawn, facts, markdown_text, page, picture, table
 from fcsim.bench.profile_plots import panels_figure, profile_figure
 from fcsim.bench.results import SLACK, Measurement, results_file
+from fcsim.bench.run import NOT_TRIED
 from fcsim.bench.summary import AT_TIME_LIMIT, notes, number, tables
 from fcsim.bench.time_table import CLOCKS, tolerance_name
 from fcsim.errors import InputError
@@ -87,7 +88,7 @@ def _measured(comparison: Comparison) -> list[str]:
     first = list({(m.problem, m.form): m for m in measurements}.values())
     programs = {m.program: m.version for m in measurements}
     pairs = [
-        ("Problems", f"{len(first)}: " + ", ".join(f"{count} {form}" for form, count in Counter(m.form for m in first).items())),
+        ("Problems", ", ".join(f"{count} in {form} form" for form, count in Counter(m.form for m in first).items())),
         ("Dimension", _listed(f"{d}D" for d in sorted({m.dimension for m in first}))),
         ("Contacts", _range(m.nc for m in first)),
         ("Unknowns n", _range(m.n for m in first) + " (degrees of freedom of a global problem, contact unknowns of a local one)"),
@@ -95,7 +96,7 @@ def _measured(comparison: Comparison) -> list[str]:
         ("Tolerances", _listed(tolerance_name(part.table.tol) for part in comparison.parts)),
         ("Time", f"{CLOCKS[comparison.parts[0].table.clock][1]} of the whole solve from r = 0, with the reduction of a global problem"),
         ("Error", "‖r − P_K(r − (u + g(u)))‖ / ‖q‖ with g(u) = (μ ‖u_T‖, 0), recomputed from r outside the solver"),
-        ("Solved", f"the recomputed error is at most {SLACK:g} × tolerance, whatever the solver says"),
+        ("Solved", f"the solver says so within the time limit, and the recomputed error is at most {SLACK:g} × tolerance"),
         ("Machine", "; ".join(sorted({m.machine for m in measurements}))),
         ("Threads", _listed(sorted({m.threads for m in measurements})) + " a solve"),
         ("Versions", ", ".join(f"{program} {version}" for program, version in programs.items())),
@@ -117,14 +118,16 @@ def _limits(comparison: Comparison) -> list[str]:
     measurements = comparison.measurements
     limits = _range(m.time_limit for m in measurements)
     memory = {m.memory_limit for m in measurements}
+    skipped = sum(NOT_TRIED in m.status for m in measurements)
     bound = "no memory limit" if memory == {None} else f"a memory limit of {_range(m for m in memory if m is not None)} MiB"
     censored = sum(not m.solved and m.outcome in AT_TIME_LIMIT for m in measurements)
     text = (
         f"Each solve had a time limit of {limits} s and {bound}. {censored} of {len(measurements)} measurements ended at the time limit. "
-        "They are censored: their time is known to be above the limit, no more. They count as unsolved in profiles and tables, and no "
+        + (f"({skipped} of them without a try: the solver had not met a looser tolerance in time.) " if skipped else "")
+        + "They are censored: their time is known to be above the limit, no more. They count as unsolved in profiles and tables, and no "
         "time enters a mean for them. With a longer limit, a curve could rise only from the ratio on that is given below (the least "
-        "time limit / time of the fastest among them), where a dotted line stands in the profiles; left of it, only the problems "
-        "that no solver solved could change it."
+        "time limit / time of the fastest among them; a dotted line in the profiles, where they reach it); left of it, only the "
+        "problems that no solver solved could change it."
     )
     felt = [
         [tolerance_name(s.tol), str(sum(r.at_time_limit for r in s.solvers)), number(s.censored_from), str(s.unsolved_by_all)]
@@ -200,7 +203,10 @@ def _collection(folder: Path) -> list[str]:
             cells = [[_short(row[k]) for k in kept] for row in shown]
             listing = table([rows[0][k] for k in kept], cells)
             html.append(f"<details><summary>The {len(shown)} files of manifest.csv</summary>{listing}</details>")
-    return html or ["<p>The folder holds neither README.md nor manifest.csv nor pictures.</p>"]
+    if not html:
+        files = len(list(folder.rglob("*.hdf5")))
+        html.append(f"<p>{files} FCLIB files, without README.md, manifest.csv and pictures.</p>")
+    return html
 
 
 def _short(text: str) -> str:

@@ -94,5 +94,10 @@ def test_thinning_keeps_ends_and_extremes():
 def test_bad_arguments(file, capsys):
     assert main(["profile", "--convergence", str(file)]) == 2
     assert "expected --solvers" in capsys.readouterr().err
+    assert main(["profile", "--convergence", str(file), "--solvers", "NSN-AC", "--time-limit", "0"]) == 2
+    assert "--time-limit: expected" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["profile", str(file), "--tols", "1e-4,small"])
+    assert "expected numbers with commas between" in capsys.readouterr().err
     with pytest.raises(InputError, match="solver 'NONE'"):
         solve_all(file, ["NONE"])
