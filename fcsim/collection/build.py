@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.bench.judge import FclibProblem
 from fcsim.case import Case, load_case
@@ -70,7 +71,7 @@ def build_collection(
     source, out = Path(source), Path(out)
     if every < 1:
         raise InputError(f"every: expected a whole number >= 1, got {every}")
-    refuse_folder(out, overwrite)
+    refuse_folder(out, overwrite, source)
     is_run = (source / "run.json").is_file()
     if is_run and assignments:
         raise InputError(f"{source}: a finished run, whose parameters stay as they are; got {', '.join(assignments)}")
@@ -139,7 +140,8 @@ def _write_problem(
     solver, iterations, t = _solve_of(run, step, parse_name(content.path.stem, 0).iterations or 0)
     tol = float(run.description.get("tol") or math.nan)
     name = file_name(parse_name(content.path.stem, 0).fclib_set, iterations, problem.nc, step)
-    forms: dict[str, GlobalProblem | LocalProblem] = {"local": local}
+    stored = replace(local, W=sp.csc_array(local.W))  # judged in the storage of the file, as `check` will
+    forms: dict[str, GlobalProblem | LocalProblem] = {"local": stored}
     if isinstance(problem, GlobalProblem):
         forms = {"global": problem, **forms}
     entries = []

@@ -21,6 +21,8 @@ Progress = Callable[[str, int, int], None]
 
 ERROR_SLACK = (1.1, 1e-10)
 """An error up to 1.1 times the stated one + 1e-10 agrees with it: round-off differs from machine to machine."""
+POOR = 1e-2
+"""A stored solution with a larger error is reported as none."""
 EQUATIONS_UP_TO = 1e-6
 """Relative residual of the equations of motion that a stored solution may leave; its multiple of round-off is cond(M)."""
 
@@ -111,8 +113,9 @@ def _check(directory: Path, place: str, stated: dict[str, Entry] | None) -> Chec
         return Checked(**row, failures=(*failures, f"the stored solution cannot be judged: {singular}"))
     cone = check(solution.r, solution.u, problem.mu, problem.dimension).cone
     equations = _equations(problem, solution, judge.scale)
-    note = "at rest" if entry is not None and entry.status == AT_REST else ""
-    if entry is not None and not note:
+    at_rest = entry is not None and entry.status == AT_REST
+    note = "at rest" if at_rest else "not a solution" if error > POOR else ""
+    if entry is not None and not at_rest:
         if entry.error is None:
             failures.append("a /solution, the manifest states none")
         elif not error <= ERROR_SLACK[0] * entry.error + ERROR_SLACK[1]:

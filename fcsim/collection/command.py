@@ -107,6 +107,7 @@ def _build(options: argparse.Namespace) -> int:
             spectrum_up_to=options.spectrum_up_to,
             overwrite=options.overwrite,
             progress=progress,
+            watch=None if progress is None else lambda case, step: progress("steps", step.number, case.simulation.steps),
         )
     _tell(built.notes)
     print(f"{len(one_a_problem(built.entries))} problems, {len(built.entries)} files: {built.directory} (README.md, manifest.csv)")
@@ -146,11 +147,11 @@ def _check(options: argparse.Namespace) -> int:
 
     with _bar() as progress:
         rows = check_collection(options.directory, progress)
-    header = ("file", "nc", "n", "error", "stated", "cone", "equations", "")
+    header = ("file", "nc", "n", "m", "error", "stated", "cone", "equations", "")
     table = [
         (
             row.place,
-            *("-" if size is None else str(size) for size in (row.nc, row.n)),
+            *("-" if size is None else str(size) for size in (row.nc, row.n, row.m)),
             *("-" if value is None else f"{value:.1e}" for value in (row.error, row.stated, row.cone, row.equations)),
             "FAILED" if row.failures else row.note or "ok",
         )

@@ -40,8 +40,10 @@ def whole_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def refuse_folder(path: Path, overwrite: bool) -> None:
-    """Raise InputError where a collection may not be written to `path`."""
+def refuse_folder(path: Path, overwrite: bool, source: Path | None = None) -> None:
+    """Raise InputError where a collection may not be written to `path`, as where that is or holds the `source` it is made from."""
+    if source is not None and source.resolve().is_relative_to(path.resolve()):
+        raise InputError(f"{path}: expected a folder apart from {source}, which the collection is made from")
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: expected a new folder for the collection, found a file")
     entries = {entry.name for entry in path.iterdir()} if path.exists() else set()
@@ -100,12 +102,12 @@ def parse_name(stem: str, nc: int) -> Name:
     """Read SET-i<iterations>-<contacts>-<step>; of other names the set and what number may be a step.
 
     SET-i<iterations>-<number> is found in FCLIB: the number is the contacts where it equals nc, else the step. Otherwise a step is a
-    trailing number after a separator or of four digits at least. A name that says no step is its own set.
+    trailing number after a separator or of three digits at least. A name that says no step is its own set.
     """
     if found := re.fullmatch(r"(.+)-i(\d+)-(\d+)-(\d+)", stem):
         return Name(found[1], int(found[2]), int(found[4]))
     if found := re.fullmatch(r"(.+)-i(\d+)-(\d+)", stem):
         return Name(found[1], int(found[2]), None if int(found[3]) == nc else int(found[3]))
-    if found := re.fullmatch(r"(.*?[^\d_-])(?:[_-]+(\d+)|(\d{4,}))", stem) or re.fullmatch(r"(.+)[_-](\d+)()", stem):
+    if found := re.fullmatch(r"(.*?[^\d_-])(?:[_-]+(\d+)|(\d{3,}))", stem) or re.fullmatch(r"(.+)[_-](\d+)()", stem):
         return Name(found[1].removesuffix(f"-{nc}"), None, int(found[2] or found[3]))
     return Name(stem)

@@ -65,4 +65,5 @@ def shares(total: int, sizes: IntArray, rng: np.random.Generator) -> IntArray:
 
 def systematic(size: int, count: int, rng: np.random.Generator) -> IntArray:
     """`count` of 0 ... size - 1 at equal distances from a random start."""
-    return np.floor((np.arange(count) + rng.random()) * size / max(count, 1)).astype(np.int64)
+    places = np.floor((np.arange(count) + rng.random()) * size / max(count, 1)).astype(np.int64)
+    return np.minimum(places, size - 1)

@@ -66,13 +66,17 @@ def _histogram(axes: Axes, values: Any, name: str) -> None:
 def write_selection(
     iterations: Sequence[int], solved: Sequence[bool], chosen: Sequence[bool], path: Path, *, solver: str, ordered_by: str
 ) -> Path:
-    """Draw the iterations of every problem in the order of time, (k,) each, with those chosen marked, unsolved ones as crosses."""
-    count, good, taken = np.asarray(iterations), np.asarray(solved, dtype=bool), np.asarray(chosen, dtype=bool)
+    """Draw the iterations of every problem in the order of time, (k,) each, with those chosen marked, unsolved ones as crosses on top."""
+    good, taken = np.asarray(solved, dtype=bool), np.asarray(chosen, dtype=bool)
+    count = np.asarray(iterations, dtype=float)
+    highest, lowest = count[good].max(initial=1.0), count[good].min(initial=np.inf)
+    wide = highest > WIDE * max(lowest, 1.0)
+    count[~good] = highest * 1.6 if wide else highest * 1.08 + 0.5  # as they rank: the hardest
     place = np.arange(1, len(count) + 1)
     with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
         drawing = figure(8.0, 5.0, layout="constrained")
         axes = drawing.subplots()
-        if len(count) and count.max() > WIDE * max(count.min(), 1):
+        if wide:
             axes.set_yscale("log")
         for group, marker, what in ((good, "o", ""), (~good, "X", ", unsolved")):
             others, own = group & ~taken, group & taken
@@ -84,5 +88,5 @@ def write_selection(
         axes.set(xlabel=ordered_by, ylabel=f"iterations of {solver} from r = 0")
         axes.set_title(f"{taken.sum()} of {len(count)} problems")
         axes.margins(x=0.02)
-        drawing.legend(loc="outside lower center", ncols=4)
+        drawing.legend(loc="outside lower center", ncols=2)
         return save(drawing, path)

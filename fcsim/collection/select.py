@@ -80,7 +80,7 @@ def select_problems(
     for name, value in (("tol", tol), ("time limit", time_limit)):
         if not value > 0:
             raise InputError(f"{name}: expected a number > 0, got {value}")
-    refuse_folder(out, overwrite)
+    refuse_folder(out, overwrite, directory)
     found = members(directory)
     known = {entry.place: entry for entry in read_manifest(directory)} if (directory / MANIFEST).is_file() else {}
     graded: list[Graded] = []
