@@ -110,11 +110,14 @@ def select_problems(
         entries.sort(key=lambda entry: entry.place)
         write_manifest(folder, entries)
         pictures = _draw(graded, places, entries, folder, solver, notes)
+        if (directory / "picture.png").is_file():
+            shutil.copyfile(directory / "picture.png", folder / "picture.png")
+            pictures = {"picture.png": "the case", **pictures}
         sets = sorted({g.name.fclib_set for g in graded})
         write_readme(
             folder / "README.md",
             f"{len(places)} problems of graded difficulty: {', '.join(sets[:5])}{' and others' if len(sets) > 5 else ''}",
-            facts=facts(entries, described),
+            facts={"required accuracy": f"{tol:g}", **facts(entries, described)},
             text=_text(directory, graded, count, solver, tol, time_limit, seed),
             pictures=pictures,
             notes=notes,

@@ -74,6 +74,7 @@ def test_graded(tmp_path: Path) -> None:
 def test_a_collection_of_both_forms(built: Built, tmp_path: Path) -> None:
     """The iterations are those that the method needs from r = 0, found here again; both forms are copied."""
     selection = select_problems(built.directory, tmp_path / "out", count=2, solver="NSN-AC-GP", tol=1e-6)
+    assert (tmp_path / "out" / "picture.png").read_bytes() == (built.directory / "picture.png").read_bytes()
     assert any("r = 0 solves it" in note for note in selection.notes)  # step 1 has no load yet
     assert sorted((e.form, e.step) for e in selection.entries) == [("global", 2), ("global", 3), ("local", 2), ("local", 3)]
     for entry in selection.entries:
