@@ -1,0 +1,437 @@
+"""fcsim bench: what hangs, crashes, leaks or lies is a result; a bench that was killed goes on without loss or repetition."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fcsim.bench.command import SICONOS_BEST
+from fcsim.bench.launch import cores
+from fcsim.bench.problems import entries
+from fcsim.bench.results import Measurement, read_results
+from fcsim.bench.siconos_client import siconos_version
+from fcsim.bench.siconos_worker import CONFIGURATIONS
+from fcsim.cli import main
+from fcsim.export_fclib import GlobalRollingProblem, write_fclib
+from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.solvers import SOLVERS
+
+ROOT = Path(__file__).parents[3]
+SYSTEM_PYTHON = Path("/usr/bin/python3")
+
+PLUGIN = '''
+import ctypes, os, time
+from dataclasses import replace
+import numpy as np
+from fcsim.solvers import SOLVERS
+from fcsim.solvers.base import Iterate, Method, Options, Status
+from pathlib import Path
+
+NOTES = Path(os.environ.get("BENCH_NOTES", os.devnull))
+
+def method(name):
+    def add(run):
+        SOLVERS[name] = Method(run, Options(), "test", "this file")
+        return run
+    return add
+
+def real(problem, r):
+    """Whether this is the problem measured rather than the small one by which methods are compiled."""
+    return len(r) == 3
+
+@method("SLEEPS")
+def sleeps(problem, r, monitor, options):
+    if real(problem, r):
+        time.sleep(60)
+    return Iterate(r, Status.STAGNATED)
+
+@method("SLEEPS-SOME")
+def sleeps_some(problem, r, monitor, options):
+    """Solves, late and without a look at the clock."""
+    if real(problem, r):
+        time.sleep(1.2)
+    return Iterate(exact(problem), Status.SOLVED)
+
+@method("EXITS")
+def exits(problem, r, monitor, options):
+    if real(problem, r):
+        os._exit(7)
+    return Iterate(r, Status.STAGNATED)
+
+@method("SEGFAULTS")
+def segfaults(problem, r, monitor, options):
+    if real(problem, r):
+        ctypes.string_at(0)
+    return Iterate(r, Status.STAGNATED)
+
+@method("RAISES")
+def raises(problem, r, monitor, options):
+    if real(problem, r):
+        raise ArithmeticError("two words\\nand a line")
+    return Iterate(r, Status.STAGNATED)
+
+@method("LEAKS")
+def leaks(problem, r, monitor, options):
+    held = []
+    while real(problem, r):
+        held.append(np.ones(2**20))  # 8 MiB
+        time.sleep(0.01)
+    return Iterate(r, Status.STAGNATED)
+
+@method("USES-MEMORY")
+def uses_memory(problem, r, monitor, options):
+    """50 MiB, below the limit."""
+    held = np.ones(50 * 2**17)
+    time.sleep(0.1)
+    return Iterate(exact(problem), Status.SOLVED)
+
+@method("LIES")
+def lies(problem, r, monitor, options):
+    """Has the monitor believe any error."""
+    if real(problem, r):
+        monitor.error = lambda r, u: 0.0
+    return Iterate(r, Status.SOLVED)
+
+@method("NOT-A-NUMBER")
+def not_a_number(problem, r, monitor, options):
+    monitor.error = lambda r, u: 0.0 if real(problem, r) else 1.0
+    return Iterate(np.full_like(r, np.nan), Status.SOLVED)
+
+@method("EXACT")
+def solves(problem, r, monitor, options):
+    """Notes that it ran, then takes its time."""
+    if real(problem, r):
+        with NOTES.open("a") as file:
+            file.write(f"{monitor.tol:g}\\\\n")
+        time.sleep(float(os.environ.get("BENCH_SLEEP", "0.15")))
+    return Iterate(exact(problem), Status.SOLVED)
+
+def exact(problem):
+    """The sliding block with its friction coefficient."""
+    return np.array([10.0, -10.0 * problem.mu[0], 0.0]) if len(problem.q) == 3 else np.zeros_like(problem.q)
+'''.replace("\\\\n", "\\n")
+
+
+def sliding_block(mu: float = 0.3) -> GlobalProblem:
+    """A point of mass 2 pushed down by 10 and sideways by 5: it slides, r = (10, -10 mu, 0)."""
+    eye = sp.eye_array(3, format="csc")
+    return GlobalProblem(M=2 * eye, H=eye, f=np.array([-10.0, 5, 0]), w=np.zeros(3), mu=np.array([mu]))
+
+
+@pytest.fixture
+def plugin(tmp_path: Path) -> Path:
+    path = tmp_path / "solvers_of_the_test.py"
+    path.write_text(PLUGIN, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def block(tmp_path: Path) -> Path:
+    folder = tmp_path / "problems"
+    folder.mkdir()
+    write_fclib(folder / "block.hdf5", sliding_block())
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def table_of_solvers() -> Iterator[None]:
+    """Plugins add to the table of this process too."""
+    before = dict(SOLVERS)
+    yield
+    SOLVERS.clear()
+    SOLVERS.update(before)
+
+
+def bench(*arguments: Any) -> int:
+    return main(["bench", *map(str, arguments)])
+
+
+def by(rows: Sequence[Measurement]) -> dict[tuple[str, float], Measurement]:
+    return {(row.solver, row.tol): row for row in rows}
+
+
+def test_what_solvers_do_wrong_is_recorded(block: Path, plugin: Path, tmp_path: Path) -> None:
+    names = ["SLEEPS", "SLEEPS-SOME", "EXITS", "SEGFAULTS", "RAISES", "LEAKS", "USES-MEMORY", "LIES", "NOT-A-NUMBER", "NSN-AC", "2D-LEMKE"]
+    out = tmp_path / "out"
+    limits = ["--time-limit", 1, "--memory-limit", 200, "--tols", "1e-4"]
+    assert bench(block, "--solvers", ",".join(names), *limits, "--jobs", 2, "--plugin", plugin, "--out", out) == 0
+    rows = {row.solver: row for row in read_results(out)}
+    assert list(set(names) - set(rows)) == ["2D-LEMKE"]  # the problem has three dimensions
+    assert rows["SLEEPS"].outcome == "KILLED_TIME"
+    assert rows["SLEEPS-SOME"].outcome == "TIME_LIMIT" and 1.2 <= (rows["SLEEPS-SOME"].seconds or 0) < 2
+    assert rows["EXITS"].status == "CRASHED: exit code 7"
+    assert rows["SEGFAULTS"].status == f"CRASHED: killed by signal {int(signal.SIGSEGV)}"
+    assert rows["RAISES"].status == "CRASHED: ArithmeticError: two words"
+    assert rows["LEAKS"].outcome == "KILLED_MEMORY"
+    assert rows["LIES"].outcome == "WRONG"
+    # without reactions u = (-5, 2.5, 0): -(u + g(u)) = (4.25, -2.5, 0) projects on the cone's edge at ((4.25 + 0.75) / 1.09) (1, -0.3)
+    assert rows["LIES"].error == pytest.approx(5 / 1.09 * np.hypot(1, 0.3) / np.hypot(5, 2.5))
+    assert rows["NOT-A-NUMBER"].outcome == "WRONG" and rows["NOT-A-NUMBER"].error == np.inf
+    assert {name for name, row in rows.items() if row.solved} == {"USES-MEMORY", "NSN-AC"}
+    for name, row in rows.items():
+        answered = name in ("SLEEPS-SOME", "USES-MEMORY", "LIES", "NOT-A-NUMBER", "NSN-AC")
+        assert (row.seconds is not None) == (row.cpu_seconds is not None) == (row.iterations is not None) == answered, name
+        assert (row.problem, row.form, row.dimension, row.nc, row.n) == ("block", "global", 3, 1, 3)
+        assert (row.program, row.time_limit, row.memory_limit, row.threads) == ("fcsim", 1.0, 200.0, 1)
+    about = json.loads((out / "bench.json").read_text(encoding="utf-8"))
+    assert about["solvers"] == names and about["time_limit"] == 1.0
+
+
+def test_limits_that_are_looser_measure_again_what_they_stopped(
+    block: Path, plugin: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, notes = tmp_path / "out", tmp_path / "notes"
+    monkeypatch.setenv("BENCH_NOTES", str(notes))
+    base = [block, "--plugin", plugin, "--out", out, "--tols", "1e-2,1e-4"]
+    assert bench(*base, "--solvers", "SLEEPS-SOME,USES-MEMORY,EXACT", "--time-limit", 0.3, "--memory-limit", 20) == 0
+    first = by(read_results(out))
+    assert first["SLEEPS-SOME", 1e-2].outcome == "TIME_LIMIT" or first["SLEEPS-SOME", 1e-2].outcome == "KILLED_TIME"
+    assert first["SLEEPS-SOME", 1e-4].status == "TIME_LIMIT: not tried: 0.01 not met in time"
+    assert first["SLEEPS-SOME", 1e-4].seconds is None
+    assert {first["USES-MEMORY", tol].outcome for tol in (1e-2, 1e-4)} == {"KILLED_MEMORY"}
+    assert {first["EXACT", tol].outcome for tol in (1e-2, 1e-4)} == {"SOLVED"}
+    before = (out / "results.csv").read_bytes()
+    for time_limit, memory_limit in ((0.3, 20), (0.2, 10)):
+        limits = ["--time-limit", time_limit, "--memory-limit", memory_limit]
+        assert bench(*base, "--solvers", "SLEEPS-SOME,USES-MEMORY,EXACT", *limits) == 0
+        assert (out / "results.csv").read_bytes() == before
+    # a new tolerance is hopeless too; what was not tried is tried on demand
+    assert bench(*base, "--solvers", "SLEEPS-SOME", "--tols", "1e-6", "--time-limit", 0.3) == 0
+    assert by(read_results(out))["SLEEPS-SOME", 1e-6].outcome == "TIME_LIMIT"
+    assert bench(*base, "--solvers", "SLEEPS-SOME", "--time-limit", 0.3, "--no-skip-hopeless") == 0
+    tried = by(read_results(out))["SLEEPS-SOME", 1e-4]
+    assert "not tried" not in tried.status and tried.outcome in ("TIME_LIMIT", "KILLED_TIME")
+    # looser limits
+    assert bench(*base, "--solvers", "SLEEPS-SOME,USES-MEMORY,EXACT", "--time-limit", 3, "--memory-limit", 200) == 0
+    last = by(read_results(out))
+    assert all(last[name, tol].solved for name in ("SLEEPS-SOME", "USES-MEMORY", "EXACT") for tol in (1e-2, 1e-4))
+    assert last["EXACT", 1e-2] == first["EXACT", 1e-2]
+    assert sorted(notes.read_text(encoding="utf-8").split()) == ["0.0001", "0.01"]
+
+
+def processes_in(folder: Path) -> list[int]:
+    """Processes whose environment names the folder of this test."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            if str(folder).encode() in path.read_bytes():
+                found.append(int(path.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="no /proc: processes left behind cannot be looked for")
+@pytest.mark.parametrize(("jobs", "ending"), [(2, signal.SIGKILL), (1, signal.SIGINT)])
+def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Path, jobs: int, ending: signal.Signals) -> None:
+    write_fclib(block / "another.hdf5", sliding_block(0.2))
+    out, notes = tmp_path / "out", tmp_path / "notes"
+    tols = [10.0**-k for k in range(1, 5)]
+    environment = os.environ | {"BENCH_NOTES": str(notes), "BENCH_SLEEP": "0.2", "PYTHONPATH": str(ROOT)}
+    command: list[str | Path] = [
+        sys.executable,
+        "-m",
+        "fcsim",
+        "bench",
+        block,
+        "--solvers",
+        "EXACT",
+        "--tols",
+        ",".join(f"{tol:g}" for tol in tols),
+    ]
+    command += ["--time-limit", "5", "--jobs", str(jobs), "--plugin", plugin, "--out", out]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as running:
+        deadline = time.monotonic() + 60
+        while not (out / "results.csv").exists() or (out / "results.csv").read_bytes().count(b"\n") < 4:
+            assert running.poll() is None and time.monotonic() < deadline, running.stdout and running.stdout.read()
+            time.sleep(0.02)
+        assert len(processes_in(tmp_path)) >= 1 + jobs  # the bench and its workers
+        running.send_signal(ending)
+        said = running.communicate()[0]
+        assert running.returncode == (-signal.SIGKILL if ending == signal.SIGKILL else 130)
+        assert ending == signal.SIGKILL or "the same command goes on with the rest" in said
+    deadline = time.monotonic() + 5
+    while processes_in(tmp_path):
+        assert time.monotonic() < deadline, "processes outlive the bench"
+        time.sleep(0.02)
+    finished = read_results(out)
+    assert 3 <= len(finished) < 8
+    if ending == signal.SIGINT:
+        return
+    with (out / "results.csv").open("ab") as file:  # as if killed within a line
+        file.write(b"block,global,3,1,3,fcsim,EXACT,1e-")
+    again = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
+    assert again.returncode == 0, again.stderr
+    rows = read_results(out)
+    assert rows[: len(finished)] == finished
+    assert {(row.problem, row.tol) for row in rows} == {(p.stem, tol) for p in block.glob("*.hdf5") for tol in tols}
+    assert len(rows) == (out / "results.csv").read_bytes().count(b"\n") - 1 == 8  # none twice
+    assert all(row.solved for row in rows)
+    # each ran once, those cut off twice
+    runs = len(notes.read_text(encoding="utf-8").split())
+    assert 8 <= runs <= 8 + jobs
+
+
+def test_a_problem_that_cannot_be_read_does_not_end_the_bench(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_fclib(block / "damaged.hdf5", sliding_block())
+    import h5py
+
+    with h5py.File(block / "damaged.hdf5", "r+") as file:
+        file["fclib_global/M/nzmax"][...] = 1
+    eye = sp.eye_array(5, format="csc")
+    write_fclib(block / "rolling.hdf5", GlobalRollingProblem(eye, eye, np.zeros(5), np.zeros(5), np.ones(1), np.ones(1)))
+    out = tmp_path / "out"
+    assert bench(block, "--solvers", "NSN-AC,NSGS-AC", "--tols", "1e-4", "--time-limit", 5, "--out", out) == 2
+    told = capsys.readouterr()
+    assert told.err.count("damaged.hdf5") == 1 and "/fclib_global/M/nzmax" in told.err
+    assert "rolling: left out, a rolling friction problem" in told.err
+    assert "2 measurements made, 2 of 4" in told.out
+    assert {(row.problem, row.solved) for row in read_results(out)} == {("block", True)}
+
+
+def test_forms_are_told_from_the_files(block: Path) -> None:
+    write_fclib(block / "here.hdf5", LocalProblem(np.eye(4), np.array([-1.0, 0, -1, 0]), np.array([0.3, 0.2]), dimension=2))
+    (block / "below").mkdir()
+    write_fclib(block / "below" / "block.hdf5", LocalProblem(np.eye(3) / 2, np.array([-5.0, 2.5, 0]), np.array([0.3])))
+    expected = {
+        "local": [("block", "local", 3, 1, 3), ("here", "local", 2, 2, 4)],
+        "global": [("block", "global", 3, 1, 3)],
+        "all": [("block", "global", 3, 1, 3), ("block", "local", 3, 1, 3), ("here", "local", 2, 2, 4)],
+    }
+    for form, problems in expected.items():
+        found, notes = entries([block], form)
+        assert sorted((e.name, e.form, e.dimension, e.nc, e.n) for e in found) == problems
+        assert not notes
+
+
+def test_bad_input_is_named(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def refused(*arguments: Any) -> str:
+        assert bench(*arguments, "--out", tmp_path / "out") == 2
+        return capsys.readouterr().err
+
+    assert "nowhere: expected a folder of FCLIB files" in refused(tmp_path / "nowhere")
+    assert "in local form" in refused(block, "--form", "local")
+    assert "--tols: expected numbers with commas between, got '1e-4;1e-6'" in refused(block, "--tols", "1e-4;1e-6")
+    assert "--tols: expected a number > 0, got -1" in refused(block, "--tols=-1")
+    assert "--time-limit: expected a number > 0" in refused(block, "--time-limit", 0)
+    assert "solver 'NSN-XX': expected one of auto" in refused(block, "--solvers", "NSN-XX")
+    assert "solver 'Siconos:NO': expected Siconos: and one of NSGS" in refused(block, "--solvers", "Siconos:NO")
+    assert "expected the storage block or dense, got 'green'" in refused(block, "--siconos", "NSGS/green")
+    assert "expected a Python that can import siconos" in refused(block, "--siconos", "NSGS", "--siconos-python", "/bin/false")
+    assert "expected a Python file" in refused(block, "--plugin", tmp_path / "none.py")
+    twin = tmp_path / "twin"
+    twin.mkdir()
+    write_fclib(twin / "block.hdf5", sliding_block())
+    assert "is a global problem of the same" in refused(block, twin)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_table_of_other_problems_or_threads_is_refused(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    call = [block, "--solvers", "NSN-AC", "--tols", "1e-4", "--out", tmp_path / "out"]
+    assert bench(*call) == 0
+    assert bench(*call, "--threads", 2) == 2
+    assert "measured with 1 threads, expected 2" in capsys.readouterr().err
+    eye = sp.eye_array(4, 3, format="csc")
+    write_fclib(block / "block.hdf5", GlobalProblem(sp.eye_array(4, format="csc"), eye, np.ones(4), np.zeros(3), np.ones(1)))
+    assert bench(*call) == 2
+    assert "its global problem block has other sizes than the file" in capsys.readouterr().err
+
+
+def test_two_benches_do_not_write_one_table(block: Path, plugin: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import fcntl
+
+    out = tmp_path / "out"
+    out.mkdir()
+    with (out / "results.csv").open("ab") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert bench(block, "--solvers", "NSN-AC", "--tols", "1e-4", "--out", out) == 2
+    assert "another fcsim bench is writing there" in capsys.readouterr().err
+
+
+def test_places_have_processors_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fcsim.bench.launch.os.sched_getaffinity", lambda pid: {8, 2, 4, 6}, raising=False)
+    assert [cores(place, 4, 1) for place in range(4)] == [(2,), (4,), (6,), (8,)]
+    assert [cores(place, 2, 2) for place in range(2)] == [(2, 4), (6, 8)]
+    assert sorted(cores(rank, 4, 1) for rank in range(1, 5)) == [(2,), (4,), (6,), (8,)]  # MPI: rank 0 does not measure
+    assert cores(0, 5, 1) == cores(0, 2, 3) == ()
+
+
+def test_measurements_are_pinned(block: Path, tmp_path: Path) -> None:
+    if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
+        pytest.skip("processors cannot be chosen here")
+    plugin = tmp_path / "look.py"
+    plugin.write_text(
+        PLUGIN + "\n@method('LOOKS')\ndef looks(problem, r, monitor, options):\n"
+        "    raise ArithmeticError(f'{sorted(os.sched_getaffinity(0))} {os.environ[\"OMP_NUM_THREADS\"]}')\n",
+        encoding="utf-8",
+    )
+    assert bench(block, "--solvers", "LOOKS", "--tols", "1e-2,1e-3", "--plugin", plugin, "--out", tmp_path / "out") == 0
+    first = min(os.sched_getaffinity(0))
+    assert {row.status for row in read_results(tmp_path / "out")} == {f"CRASHED: ArithmeticError: [{first}] 1"}
+
+
+@pytest.mark.parametrize("served", [["-m", "mpi4py.futures", "-m", "fcsim"], pytest.param(["-m", "fcsim"], marks=pytest.mark.slow)])
+def test_over_mpi_ranks(block: Path, plugin: Path, tmp_path: Path, served: list[str]) -> None:
+    mpiexec = Path(sys.executable).with_name("mpiexec")
+    pytest.importorskip("mpi4py")
+    if not mpiexec.exists():
+        pytest.skip("no mpiexec beside this Python")
+    out = tmp_path / "out"
+    command: list[str | Path] = [
+        mpiexec,
+        "-n",
+        "2",
+        sys.executable,
+        *served,
+        "bench",
+        block,
+        "--launcher",
+        "mpi",
+        "--solvers",
+        "NSN-AC,EXITS,LIES",
+    ]
+    command += ["--tols", "1e-2,1e-4", "--time-limit", "5", "--plugin", plugin, "--out", out]
+    try:
+        done = subprocess.run(
+            command, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False, timeout=60, cwd=tmp_path
+        )
+    except subprocess.TimeoutExpired:
+        pytest.skip("mpiexec does not start two ranks within a minute here")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("6 measurements made, 6 of 6") == 1
+    assert {(row.solver, row.outcome) for row in read_results(out)} == {("NSN-AC", "SOLVED"), ("EXITS", "CRASHED"), ("LIES", "WRONG")}
+
+
+def test_siconos_is_one_more_solver(block: Path, tmp_path: Path) -> None:
+    version = siconos_version(SYSTEM_PYTHON)
+    if version is None:
+        pytest.skip(f"{SYSTEM_PYTHON} cannot import siconos.numerics")
+    planar = LocalProblem(np.eye(2), np.array([-1.0, 0.1]), np.array([0.3]), dimension=2)
+    write_fclib(block / "planar.hdf5", planar)
+    out = tmp_path / "out"
+    names = "NSGS,NSGS/dense,GLOBAL NSGS_WR,2D NSGS"
+    call = [block, "--solvers", "NSN-AC", "--siconos", names, "--siconos-python", SYSTEM_PYTHON, "--tols", "1e-4,1e-10", "--out", out]
+    assert bench(*call) == 0
+    rows = read_results(out)
+    theirs = {(row.problem, row.solver) for row in rows if row.program == "siconos"}
+    assert theirs == {
+        ("block", "Siconos:NSGS"),
+        ("block", "Siconos:NSGS/dense"),
+        ("block", "Siconos:GLOBAL NSGS_WR"),
+        ("planar", "Siconos:2D NSGS"),
+    }
+    for row in rows:
+        assert row.solved and row.error is not None and row.error <= 1.01 * row.tol and (row.seconds or 0) > 0
+        assert row.version == version or row.program == "fcsim"
+    assert set(SICONOS_BEST) <= set(CONFIGURATIONS)
