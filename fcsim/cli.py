@@ -1,4 +1,4 @@
-"""The command line: fcsim run | solve | info | render | solvers."""
+"""The command line: fcsim run | solve | info | render | solvers | collection | bench | profile | report."""
 
 from __future__ import annotations
 
