@@ -114,7 +114,7 @@ def solves(problem, r, monitor, options):
     if real(problem, r):
         with NOTES.open("a") as file:
             file.write(f"{monitor.tol:g}\\\\n")
-        time.sleep(float(os.environ.get("BENCH_SLEEP", "0.15")))
+        time.sleep(float(os.environ.get("BENCH_LONG", "0.15")) if monitor.tol < 2e-4 else 0.15)
     return Iterate(exact(problem), Status.SOLVED)
 
 def exact(problem):
@@ -238,7 +238,7 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
     write_fclib(block / "another.hdf5", sliding_block(0.2))
     out, notes = tmp_path / "out", tmp_path / "notes"
     tols = [10.0**-k for k in range(1, 5)]
-    environment = os.environ | {"BENCH_NOTES": str(notes), "BENCH_SLEEP": "0.2", "PYTHONPATH": str(ROOT)}
+    environment = os.environ | {"BENCH_NOTES": str(notes), "PYTHONPATH": str(ROOT)}
     command: list[str | Path] = [
         sys.executable,
         "-m",
@@ -250,10 +250,12 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
         "--tols",
         ",".join(f"{tol:g}" for tol in tols),
     ]
-    command += ["--time-limit", "5", "--jobs", str(jobs), "--plugin", plugin, "--out", out]
-    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as running:
+    command += ["--time-limit", "60", "--jobs", str(jobs), "--plugin", plugin, "--out", out]
+    # the tightest tolerance takes longer than is waited below for processes that outlive the bench
+    slow = environment | {"BENCH_LONG": "30"}
+    with subprocess.Popen(command, env=slow, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as running:
         deadline = time.monotonic() + 60
-        while not (out / "results.csv").exists() or (out / "results.csv").read_bytes().count(b"\n") < 4:
+        while not (out / "results.csv").exists() or (out / "results.csv").read_bytes().count(b"\n") < 1 + 3 * jobs:
             assert running.poll() is None and time.monotonic() < deadline, running.stdout and running.stdout.read()
             time.sleep(0.02)
         assert len(processes_in(tmp_path)) >= 1 + jobs  # the bench and its workers
@@ -266,7 +268,7 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
         assert time.monotonic() < deadline, "processes outlive the bench"
         time.sleep(0.02)
     finished = read_results(out)
-    assert 3 <= len(finished) < 8
+    assert len(finished) == 3 * jobs
     if ending == signal.SIGINT:
         return
     with (out / "results.csv").open("ab") as file:  # as if killed within a line
