@@ -25,12 +25,13 @@ if TYPE_CHECKING:
 SOLVERS = "NSN-AC-NLS,NSN-JM-NLS,NSN-NM-NLS,NSN-AC-NLS-HYBRID,NSGS-AC,NSGS-FP-VI-UPK"
 """Those of the comparison of Acary, Brémond, Huber 2018 that the masonry wall is measured by."""
 TOLERANCES = "1e-2,1e-3,1e-4,1e-6"
-SICONOS_BEST = ("NSGS", "NSN_AC no line search", "NSN_AC hybrid VI_EG", "ADMM")
+SICONOS_BEST = ("NSGS", "NSN_AC", "ADMM", "PROX NSN_AC", "PROX regularisation", "2D NSGS")
+"""Different methods, among those of Siconos that solve most problems of the FCLIB collection."""
 
 DESCRIPTION = """\
 Measure each solver on each problem to each tolerance, every measurement in a process of its own with limits on time and memory: a
-hang, a crash, a leak or a false claim is a result. Rows go to DIR/results.csv as they are made, and a bench that was ended, by whatever,
-goes on where it was when the same command is given again.
+hang, a crash, a leak or a false claim is a result. Rows go to results.csv in --out as they are made, and a bench that was ended
+by whatever goes on where it was when the same command is given again.
 
 What results.csv has is not measured again, except what was stopped by a time or memory limit that is looser now. Machine and version are
 noted with each row and not compared; delete rows, or choose another --out, to measure anew.

@@ -139,10 +139,7 @@ def write_with_reduction_time(problem: FclibProblem, path: Path) -> None:
     while not seconds or (sum(wall for wall, _ in seconds) < 0.1 and len(seconds) < 7):
         fresh = replace(p)
         wall, cpu = time.perf_counter(), time.process_time()
-        if isinstance(fresh, GlobalProblem):
-            _ = reduce(fresh).local.q
-        else:
-            _ = eliminate_equalities(fresh).q
+        _ = reduce(fresh).local.q if isinstance(fresh, GlobalProblem) else eliminate_equalities(fresh).q
         seconds.append((time.perf_counter() - wall, time.process_time() - cpu))
     medians = [statistics.median(column) for column in zip(*seconds, strict=True)]
     path.with_suffix(".json").write_text(json.dumps(medians), encoding="utf-8")

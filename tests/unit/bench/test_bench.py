@@ -81,6 +81,14 @@ def raises(problem, r, monitor, options):
         raise ArithmeticError("two words\\nand a line")
     return Iterate(r, Status.STAGNATED)
 
+@method("ENDS-ITS-PARENT")
+def ends_its_parent(problem, r, monitor, options):
+    """As where the system ends the process that reads a problem too large."""
+    if real(problem, r):
+        os.kill(os.getppid(), 9)
+        time.sleep(60)
+    return Iterate(r, Status.STAGNATED)
+
 @method("LEAKS")
 def leaks(problem, r, monitor, options):
     held = []
@@ -162,7 +170,8 @@ def by(rows: Sequence[Measurement]) -> dict[tuple[str, float], Measurement]:
 
 
 def test_what_solvers_do_wrong_is_recorded(block: Path, plugin: Path, tmp_path: Path) -> None:
-    names = ["SLEEPS", "SLEEPS-SOME", "EXITS", "SEGFAULTS", "RAISES", "LEAKS", "USES-MEMORY", "LIES", "NOT-A-NUMBER", "NSN-AC", "2D-LEMKE"]
+    names = ["SLEEPS", "SLEEPS-SOME", "EXITS", "SEGFAULTS", "RAISES", "ENDS-ITS-PARENT", "LEAKS", "USES-MEMORY", "LIES", "NOT-A-NUMBER"]
+    names += ["NSN-AC", "2D-LEMKE"]
     out = tmp_path / "out"
     limits = ["--time-limit", 1, "--memory-limit", 200, "--tols", "1e-4"]
     assert bench(block, "--solvers", ",".join(names), *limits, "--jobs", 2, "--plugin", plugin, "--out", out) == 0
@@ -173,6 +182,8 @@ def test_what_solvers_do_wrong_is_recorded(block: Path, plugin: Path, tmp_path: 
     assert rows["EXITS"].status == "CRASHED: exit code 7"
     assert rows["SEGFAULTS"].status == f"CRASHED: killed by signal {int(signal.SIGSEGV)}"
     assert rows["RAISES"].status == "CRASHED: ArithmeticError: two words"
+    ended = f"the process that reads and judges the problem ended, signal {int(signal.SIGKILL)}"
+    assert rows["ENDS-ITS-PARENT"].status == f"CRASHED: {ended}"
     assert rows["LEAKS"].outcome == "KILLED_MEMORY"
     assert rows["LIES"].outcome == "WRONG"
     # without reactions u = (-5, 2.5, 0): -(u + g(u)) = (4.25, -2.5, 0) projects on the cone's edge at ((4.25 + 0.75) / 1.09) (1, -0.3)
