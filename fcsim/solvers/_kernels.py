@@ -84,9 +84,29 @@ def off_diagonal(indptr, indices, blocks, a, q0, q1, q2, r):
 
 
 def sweep(
-    indptr, indices, blocks, diagonal, shift, q, mu, rho, order, r, frozen, tolerance, iterations, relaxation, filtered, freezing, settled
+    indptr,
+    indices,
+    blocks,
+    diagonal,
+    shift,
+    q,
+    mu,
+    rho,
+    order,
+    r,
+    frozen,
+    tolerance,
+    iterations,
+    relaxation,
+    filtered,
+    freezing,
+    settled,
+    sweeps,
+    enough,
 ):
-    """One Gauss-Seidel sweep over the contacts in `order`, in place on r (nc, 3); return (||change||^2, ||r||^2, local failures).
+    """Gauss-Seidel sweeps over the contacts in `order`, in place on r (nc, 3): at most `sweeps`, ended by ||change|| <= enough ||r||.
+
+    Return (||change||^2, ||r||^2, local failures) of the last one, and how many there were.
 
     indptr, indices, blocks (nnz, 3, 3): W by block rows; diagonal (nc, 3, 3): W_aa + shift_a I, where shift_a (nc,) is the contact's
     proximal regularisation, balanced by q_a - shift_a r_a; rho (nc, 2): rho_N, rho_T. tolerance is relative to ||r_a|| + rho_N ||q_a||.
@@ -96,32 +116,40 @@ def sweep(
     change = 0.0
     size = 0.0
     failures = 0
-    for a in order:
-        old0, old1, old2 = r[a, 0], r[a, 1], r[a, 2]
-        if frozen[a] > 0:
-            frozen[a] -= 1
-            size += old0 * old0 + old1 * old1 + old2 * old2
-            continue
-        s, W, m, rho_N, rho_T = shift[a], diagonal[a], mu[a], rho[a, 0], rho[a, 1]
-        q0, q1, q2 = off_diagonal(indptr, indices, blocks, a, q[a, 0] - s * old0, q[a, 1] - s * old1, q[a, 2] - s * old2, r)
-        tol = tolerance * (np.sqrt(old0 * old0 + old1 * old1 + old2 * old2) + rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
-        r0, r1, r2, solved = one_contact(W, q0, q1, q2, m, rho_N, rho_T, old0, old1, old2, tol, iterations)
-        if not solved:
-            failures += 1
-        if filtered:
-            rho_a = min(rho_N, rho_T)
-            before = natural_residual(W, q0, q1, q2, m, rho_a, old0, old1, old2)
-            if not (natural_residual(W, q0, q1, q2, m, rho_a, r0, r1, r2) <= before and np.isfinite(r0 + r1 + r2)):
-                r0, r1, r2 = old0, old1, old2
-        if relaxation != 1.0:
-            r0, r1, r2 = old0 + relaxation * (r0 - old0), old1 + relaxation * (r1 - old1), old2 + relaxation * (r2 - old2)
-        r[a, 0], r[a, 1], r[a, 2] = r0, r1, r2
-        own = (r0 - old0) ** 2 + (r1 - old1) ** 2 + (r2 - old2) ** 2
-        if freezing > 0 and own <= settled * settled:
-            frozen[a] = freezing
-        change += own
-        size += r0 * r0 + r1 * r1 + r2 * r2
-    return change, size, failures
+    done = 0
+    while done < sweeps:
+        done += 1
+        change = 0.0
+        size = 0.0
+        failures = 0
+        for a in order:
+            old0, old1, old2 = r[a, 0], r[a, 1], r[a, 2]
+            if frozen[a] > 0:
+                frozen[a] -= 1
+                size += old0 * old0 + old1 * old1 + old2 * old2
+                continue
+            s, W, m, rho_N, rho_T = shift[a], diagonal[a], mu[a], rho[a, 0], rho[a, 1]
+            q0, q1, q2 = off_diagonal(indptr, indices, blocks, a, q[a, 0] - s * old0, q[a, 1] - s * old1, q[a, 2] - s * old2, r)
+            tol = tolerance * (np.sqrt(old0 * old0 + old1 * old1 + old2 * old2) + rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
+            r0, r1, r2, solved = one_contact(W, q0, q1, q2, m, rho_N, rho_T, old0, old1, old2, tol, iterations)
+            if not solved:
+                failures += 1
+            if filtered:
+                rho_a = min(rho_N, rho_T)
+                before = natural_residual(W, q0, q1, q2, m, rho_a, old0, old1, old2)
+                if not (natural_residual(W, q0, q1, q2, m, rho_a, r0, r1, r2) <= before and np.isfinite(r0 + r1 + r2)):
+                    r0, r1, r2 = old0, old1, old2
+            if relaxation != 1.0:
+                r0, r1, r2 = old0 + relaxation * (r0 - old0), old1 + relaxation * (r1 - old1), old2 + relaxation * (r2 - old2)
+            r[a, 0], r[a, 1], r[a, 2] = r0, r1, r2
+            own = (r0 - old0) ** 2 + (r1 - old1) ** 2 + (r2 - old2) ** 2
+            if freezing > 0 and own <= settled * settled:
+                frozen[a] = freezing
+            change += own
+            size += r0 * r0 + r1 * r1 + r2 * r2
+        if not change > enough * enough * size:  # NaN ends it too
+            break
+    return change, size, failures, done
 
 
 def sweep_velocities(indptr, indices, blocks, inverse, p, mu, rho, order, u, r, tolerance, iterations, relaxation):

@@ -26,6 +26,8 @@ IntArray = NDArray[np.int64]
 
 FULL_AT_LEAST_EVERY = 100
 """Sweeps between two full errors at most: they are the history, and what stagnation is judged by."""
+UNWATCHED = 100_000
+"""Contacts solved between two looks at the clock, about."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,8 +159,10 @@ def local_tolerance(error: float, nc: int, options: SweepOptions) -> float:
     return float(np.clip(error / (options.local_error_ratio * share), options.local_tolerance, 0.1))
 
 
-Sweep = Callable[[float, float], float]
-"""sweep(local tolerance, tau) -> relative change of the iterate."""
+Sweep = Callable[[float, float, int], tuple[float, int]]
+"""sweep(local tolerance, tau, count) -> relative change of the iterate in the last sweep, number of sweeps.
+
+At most `count` sweeps are done, where changes decide ("light" evaluation) none after one that changes the iterate by tau or less."""
 Point = Callable[[], tuple[FloatArray, FloatArray]]
 
 
@@ -173,21 +177,22 @@ def nsgs(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: GaussS
     own = own + shift[:, None, None] * np.eye(d)
     rho = np.ascontiguousarray(RHO_RULES[solver.rho](own)[:, :2])
     diagonal, order, frozen = embed_blocks(own), contact_order(nc, options), np.zeros(nc, dtype=np.int64)
-    settled = 0.0
+    settled, alike = 0.0, options.shuffle != "each sweep" and not options.freezing
 
-    def sweep(tolerance: float, tau: float) -> float:
+    def sweep(tolerance: float, tau: float, count: int) -> tuple[float, int]:
         nonlocal settled
-        change, size, _ = solver.sweep(
+        change, size, _, done = solver.sweep(
             *(indptr, indices, blocks, diagonal, shift, q, problem.mu, rho, order(), reaction, frozen),
             *(tolerance, options.local_iterations, options.relaxation, options.filter_local, options.freezing, settled),
+            *(count if alike else 1, tau if options.error_evaluation == "light" else 0.0),
         )
         light = float(np.sqrt(change / size)) if size > 0 else float(change)
         if options.freezing:
             settled = 0.1 * tau * float(np.sqrt(size / nc))
             if light <= tau and frozen.any():  # nothing is over while contacts are left out
                 frozen[:] = 0
-                return float(max(light, np.nextafter(tau, np.inf)))
-        return light
+                return float(max(light, np.nextafter(tau, np.inf))), done
+        return light, done
 
     def point() -> tuple[FloatArray, FloatArray]:
         return reaction[:, :d].flatten(), product(indptr, indices, blocks, q, reaction)[:, :d].flatten()
@@ -209,12 +214,15 @@ def iterate(sweep: Sweep, point: Point, nc: int, monitor: Monitor, options: Swee
             r, u = point()
             return Iterate(r, Status.SOLVED if monitor.record(r, u) <= monitor.tol else Status.TIME_LIMIT)
         tolerance = local_tolerance(caution * error, nc, options)
-        light = sweep(tolerance, tau)
-        monitor.iterations += 1
+        by_change = options.error_evaluation == "light"
+        # sweeps until the full error is looked at anyway; a share of them at a time, so that the clock is looked at too
+        count = (FULL_AT_LEAST_EVERY if by_change else interval) - (monitor.iterations - last_full)
+        count = max(1, min(count, options.max_iterations - monitor.iterations, 1 + UNWATCHED // nc))
+        light, done = sweep(tolerance, tau, count)
+        monitor.iterations += done
         if not np.isfinite(light):
             return Iterate(r, Status.DIVERGED)
         waited = monitor.iterations - last_full
-        by_change = options.error_evaluation == "light"
         due = light <= (tau if by_change else 0.0) or waited >= (FULL_AT_LEAST_EVERY if by_change else interval)
         if not due and monitor.iterations < options.max_iterations:
             continue

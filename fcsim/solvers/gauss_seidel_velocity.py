@@ -56,12 +56,12 @@ def nsgsv(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Veloc
     p = product(*M_rows, np.zeros((nc, 3)), -q)
     velocity = product(*W_rows, q, reaction)
 
-    def sweep(tolerance: float, tau: float) -> float:
+    def sweep(tolerance: float, tau: float, count: int) -> tuple[float, int]:
         change, _, _ = solver.sweep_velocities(
             *(*M_rows, inverse, p, problem.mu, rho, order(), velocity, reaction),
             *(tolerance, options.local_iterations, options.relaxation),
         )
-        return float(np.sqrt(change)) / monitor.scale  # ||u|| itself goes to zero where all contacts stick
+        return float(np.sqrt(change)) / monitor.scale, 1  # ||u|| itself goes to zero where all contacts stick
 
     def point() -> tuple[FloatArray, FloatArray]:
         return reaction[:, :d].flatten(), product(*W_rows, q, reaction)[:, :d].flatten()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
@@ -88,7 +88,16 @@ class Sweeping:
     ) -> tuple[np.ndarray, tuple]:
         r = given.pop("r", self.start).copy()
         own = self.diagonal + shift * np.eye(3)
-        numbers = (1e-14, 50, given.pop("relaxation", 1.0), filtered, given.pop("freezing", 0), given.pop("settled", 0.0))
+        numbers = (
+            1e-14,
+            50,
+            given.pop("relaxation", 1.0),
+            filtered,
+            given.pop("freezing", 0),
+            given.pop("settled", 0.0),
+            given.pop("sweeps", 1),
+            given.pop("enough", 0.0),
+        )
         assert not given
         told = ONE_CONTACT[name].sweep(
             *(*self.rows, own, np.full(self.nc, shift), self.q, self.mu, rho * self.rho, self.order, r, self.frozen), *numbers
@@ -110,11 +119,28 @@ class Sweeping:
 @pytest.mark.parametrize("name", ["AC", "JM", "AC-GP", "AC-GP-HYBRID", "EXACT", "NCP-FB", "NCP-FP"])
 def test_one_sweep(name: str, storage: str) -> None:
     sweeping = Sweeping(storage=storage)
-    r, (change, size, failures) = sweeping(name)
+    r, (change, size, failures, _) = sweeping(name)
     assert_allclose(r, sweeping.expected(), atol=1e-10)
     assert_allclose(change, np.sum((r - sweeping.start) ** 2))
     assert_allclose(size, np.sum(r**2))
     assert failures <= sweeping.nc
+
+
+def test_sweeps_in_one_call() -> None:
+    """Seven sweeps at once are seven sweeps, and one that changes little enough is the last."""
+    sweeping = Sweeping()
+    r = sweeping.start
+    changes = []
+    for _ in range(7):
+        r, (change, size, _, done) = sweeping(r=r)
+        changes.append(np.sqrt(change / size))
+        assert done == 1
+    together, (*_, done) = sweeping(sweeps=7)
+    assert done == 7
+    assert_array_equal(together, r)
+    assert changes[3] < min(changes[:3])
+    *_, (*_, done) = sweeping(sweeps=7, enough=0.5 * (changes[2] + changes[3]))
+    assert done == 4
 
 
 @pytest.mark.parametrize("relaxation", [0.7, 1.5])
