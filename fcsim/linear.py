@@ -68,6 +68,10 @@ class DenseLU:
         return sla.lu_solve(self._factor, rhs, trans=1, check_finite=False)
 
 
+MUMPS_FROM = 300_000
+"""Entries of a contact problem's matrix above which MUMPS' analysis pays off against SuperLU."""
+
+
 class SuperLU:
     """Sparse LU factorisation by SuperLU (SciPy)."""
 

@@ -3,7 +3,8 @@
 1. Probe. From a warm start Newton goes first; from a cold one a few Gauss-Seidel sweeps do, since they are cheap, make reactions
    positive and show how fast Gauss-Seidel converges here.
 2. Race. A model of the costs (entries of W, size, density; no clock, so that runs repeat exactly) and the measured rate say whether
-   Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will.
+   Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will. Where it needs more than ADMM's one
+   factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly.
 3. Newton, plain (NSN-AC): exact for full-rank W, given up when a dozen iterations bring no better iterate, or when the first one
    throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and more; of 1e2 for full rank).
 4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha I, q - alpha r_k, whose solution is r_k+1.
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
+from fcsim.solvers.admm import AdmmOptions, admm
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.newton import NewtonOptions, newton
@@ -38,6 +40,8 @@ SPARSE_BELOW = 0.15
 """Density of W below which sparse elimination is cheaper than dense."""
 RANK_DEFICIENT = 3e3
 """Growth of the error in a Newton iteration that only rank-deficient W shows (measured: below 200 for full rank, above 1e4 else)."""
+FAR = 1e-3
+"""Error above which ADMM is tried."""
 RUNAWAY = 100.0
 """Growth of the error over the best one at which the proximal stage goes back to its best iterate."""
 SMALL = 150
@@ -48,20 +52,22 @@ SMALL = 150
 class AutomaticOptions(Options):
     """max_iterations counts sweeps and Newton iterations alike.
 
-    probe: Gauss-Seidel sweeps of the first stage; patience: Newton iterations without a better iterate before the next stage;
-    alpha: first regularisation of the proximal stage, relative to the mean of W's diagonal; outer: its outer iterations without
+    probe: Gauss-Seidel sweeps of the first stage; splitting: ADMM iterations that must bring the error down tenfold (0: no ADMM);
+    patience: Newton iterations without a better iterate before the next stage; alpha: first regularisation of the proximal stage,
+    relative to the mean of W's diagonal; outer: its outer iterations without
     a better iterate before the next stage.
     """
 
     max_iterations: int = 100_000
     probe: int = 20
+    splitting: int = 30
     patience: int = 12
     alpha: float = 1e-4
     outer: int = 300
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("probe", "patience", "outer"):
+        for name in ("probe", "splitting", "patience", "outer"):
             if getattr(self, name) < 0:
                 raise InputError(f"option {name}: expected an integer >= 0, got {getattr(self, name)}")
         if not self.alpha > 0:
@@ -100,7 +106,12 @@ def _fitting_storage(problem: LocalProblem) -> LocalProblem:
     nonzero = W.nnz if sp.issparse(W) else np.count_nonzero(W)
     sparse = problem.m > SMALL and nonzero < SPARSE_BELOW * problem.m**2
     if sparse == sp.issparse(W):
-        return problem
+        if not sparse or getattr(W, "has_sorted_indices", True):
+            return problem
+        # a factorisation would sort the caller's W in place, and later products would differ in the last bits
+        W = W.copy()
+        W.sort_indices()
+        return LocalProblem(W, problem.q, problem.mu, dimension=d)
     W = sp.bsr_array(sp.csr_array(W), blocksize=(d, d)) if sparse else W.toarray()
     return LocalProblem(W, problem.q, problem.mu, dimension=d)
 
@@ -116,6 +127,7 @@ class _Run:
         # seconds on a common processor; only their ratio matters
         self.sweep_cost = 1e-9 * entries + 1.5e-7 * problem.nc
         self.newton_cost = 1e-3 + 1.5e-7 * entries if self.sparse else 2e-4 + 3e-11 * m**3 + 4e-9 * m**2
+        self.splitting_cost = 0.5 * self.newton_cost + 2 * self.options.splitting * self.sweep_cost
         diagonal = W.diagonal()
         self.scale = float(np.mean(np.abs(diagonal))) or 1.0
 
@@ -127,7 +139,7 @@ class _Run:
 
     def race(self, r: FloatArray) -> Iterate:
         """Gauss-Seidel in chunks that double, while it is predicted to arrive before Newton."""
-        monitor, chunk = self.monitor, self.options.probe
+        monitor, chunk, untried = self.monitor, self.options.probe, self.options.splitting > 0
         iterate = Iterate(r, Status.MAX_ITERATIONS)
         while chunk:
             before, begun = monitor.best, monitor.iterations
@@ -138,10 +150,26 @@ class _Run:
             swept = monitor.iterations - begun
             gain = np.log(before / monitor.best) / max(swept, 1) if monitor.best < before else 0.0
             remaining = np.log(monitor.best / monitor.tol) / gain if gain > 0 else np.inf
+            if untried and monitor.best > FAR and remaining * self.sweep_cost > self.splitting_cost:
+                untried, iterate = False, self.splitting()
+                if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
+                    return iterate
+                r = _best(monitor)[0]
             if remaining * self.sweep_cost > 30 * self.newton_cost:
                 return iterate
             chunk *= 2
         return iterate
+
+    def splitting(self) -> Iterate:
+        """ADMM from zero, which suits it better than sweeps' iterate, as long as each share of iterations brings the error down tenfold."""
+        monitor, r = self.monitor, np.zeros(self.problem.m)
+        while True:
+            before = monitor.best
+            options = AdmmOptions(initial_rho="norm", rho=1e-3, max_iterations=self._limit(self.options.splitting))
+            iterate = admm(self.problem, r, monitor, options)
+            if iterate.status is not Status.MAX_ITERATIONS or monitor.best > 0.1 * before:
+                return iterate
+            r = iterate.r
 
     def plain_newton(self, r: FloatArray) -> Iterate:
         """NSN-AC as long as every `patience` iterations bring a better iterate."""

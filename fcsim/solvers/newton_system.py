@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim import runtime
-from fcsim.linear import DenseLU, Factor, Mumps, SingularMatrix, SuperLU
+from fcsim.linear import MUMPS_FROM, DenseLU, Factor, Mumps, SingularMatrix, SuperLU
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -36,9 +36,6 @@ SLOW = 0.1
 
 ROWS_AT_ONCE = 512
 """Rows of a sparse W that are made dense at a time."""
-
-MUMPS_FROM = 300_000
-"""Entries of A W + B above which MUMPS' analysis pays off against SuperLU."""
 
 
 class NewtonSystem(Protocol):

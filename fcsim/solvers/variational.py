@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.cone import de_saxce
-from fcsim.linear import Factor, SingularMatrix, factorise
+from fcsim.linear import MUMPS_FROM, Factor, SingularMatrix, SuperLU, factorise
 from fcsim.problem import LocalProblem
 from fcsim.solvers._set_kernels import add_de_saxce, step_cone, step_cylinder, step_disk
 from fcsim.solvers.base import Monitor, Status
@@ -174,7 +174,9 @@ class Operator:
 
     def _factorise(self, rho: float, symmetric: bool) -> Factor:
         if sp.issparse(self.W):
-            return factorise(sp.csr_array(self.W + rho * sp.eye_array(self.size, format="csr")))
+            shifted = sp.csr_array(self.W + rho * sp.eye_array(self.size, format="csr"))
+            # MUMPS pays off for many entries only, and its factors differ in the last bits from run to run
+            return factorise(shifted) if shifted.nnz > MUMPS_FROM else SuperLU(shifted, symmetric_pattern=True)
         shifted = self.W + rho * np.eye(self.size)
         if symmetric:
             try:
