@@ -264,7 +264,14 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
     command += ["--time-limit", "60", "--jobs", str(jobs), "--plugin", plugin, "--out", out]
     # the tightest tolerance takes longer than is waited below for processes that outlive the bench
     slow = environment | {"BENCH_LONG": "30"}
-    with subprocess.Popen(command, env=slow, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as running:
+    with subprocess.Popen(
+        command,
+        env=slow,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background shell hands SIGINT down as ignored
+    ) as running:
         deadline = time.monotonic() + 60
         while not (out / "results.csv").exists() or (out / "results.csv").read_bytes().count(b"\n") < 1 + 3 * jobs:
             assert running.poll() is None and time.monotonic() < deadline, running.stdout and running.stdout.read()

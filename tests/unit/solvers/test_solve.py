@@ -156,6 +156,7 @@ def test_gauss_seidel_out_of_time_returns_its_last_sweep(monkeypatch: pytest.Mon
     p, calls = problem(1), iter([False] * 5 + [True])
     expected = solve(p, "NSGS-AC", tol=1e-14, max_iterations=5)
     monkeypatch.setattr(Monitor, "out_of_time", lambda self: next(calls))
+    monkeypatch.setattr("fcsim.solvers.gauss_seidel.UNWATCHED", 0)  # a look at the clock before each sweep
     result = solve(p, "NSGS-AC", tol=1e-14)
     assert result.status is Status.TIME_LIMIT and result.iterations == 5
     assert expected.error < 0.1
