@@ -13,7 +13,8 @@ _runtime.limit_threads()
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from fcsim.assembly.model import Support, build_model
+    from fcsim.assembly.model import build_model
+    from fcsim.assembly.supports import Support
     from fcsim.contact_detection import Detector, SurfacePair
     from fcsim.contact_detection.model_surfaces import contact_surface
     from fcsim.export_fclib import read_fclib, write_fclib
@@ -38,7 +39,7 @@ _HOME = {
     "SOLVERS": "solvers",
     "Simulation": "timestep.simulation",
     "SolverSettings": "timestep.simulation",
-    "Support": "assembly.model",
+    "Support": "assembly.supports",
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
     "Velocity": "timestep.scheme",

@@ -13,7 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.assembly.model import Model, Support, build_model
+from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.supports import Support
 from fcsim.case import Case, Sensor
 from fcsim.cli import main
 from fcsim.contact_detection import ContactSurface, Detector, SurfacePair

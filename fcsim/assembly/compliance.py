@@ -13,7 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.assembly.model import DIRECTIONS, Group, Model
+from fcsim.assembly.groups import Group
+from fcsim.assembly.model import Model
+from fcsim.assembly.supports import DIRECTIONS
 from fcsim.errors import InputError
 from fcsim.linear import Factor, SingularMatrix, factorise
 from fcsim.reduction import assemble_delassus, refuse_singular

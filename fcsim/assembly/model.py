@@ -8,7 +8,7 @@ body through the operators of the parts, which are assembled once.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
@@ -17,97 +17,14 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from fcsim.assembly import elasticity
+from fcsim.assembly.groups import Group, operator_groups
+from fcsim.assembly.loads import Load, load_vector
+from fcsim.assembly.supports import DIRECTIONS, Support, refuse_contradictions, support_dofs, support_velocity
 from fcsim.errors import InputError
-from fcsim.mesh.part import Body, Part, RigidBody
+from fcsim.mesh.part import Body, RigidBody
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-TimeFunction = Callable[[float], float]
-
-DIRECTIONS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
-
-
-@dataclass(frozen=True)
-class Support:
-    """Holds or drives degrees of freedom of one body.
-
-    directions of x, y, z; of a rigid body also rx, ry, rz (2D: x, y, rz)
-    surface    name of the surface whose nodes are meant; None = all nodes of the body, or the rigid body itself
-    velocity   [m/s] or [rad/s], a number or a function of the time t [s]; 0 holds
-    """
-
-    body: str
-    directions: tuple[str, ...]
-    surface: str | None = None
-    velocity: float | TimeFunction = 0.0
-
-
-@dataclass(frozen=True)
-class Traction:
-    """A force per area [Pa] (2D: per length and thickness) on a deformable body's surface, in world axes, times factor(t)."""
-
-    body: str
-    surface: str
-    traction: tuple[float, ...]
-    factor: TimeFunction = field(default=lambda t: 1.0)
-
-
-@dataclass(frozen=True)
-class Force:
-    """A force [N] at a rigid body's centre of mass, and a moment [N m] (3 entries, 2D: 1), in world axes, times factor(t)."""
-
-    body: str
-    force: tuple[float, ...]
-    moment: tuple[float, ...] | None = None
-    factor: TimeFunction = field(default=lambda t: 1.0)
-
-
-@dataclass(frozen=True)
-class BodyForce:
-    """A force per volume [N/m^3] on a deformable body, in world axes, times factor(t)."""
-
-    body: str
-    density: tuple[float, ...]
-    factor: TimeFunction = field(default=lambda t: 1.0)
-
-
-Load = Traction | Force | BodyForce
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Deformable bodies that share their operators: one part, one orientation, the same supported degrees of freedom.
-
-    first (nb,) first dof of each body; rotation (d, d) of all of them; K, M (n_part, n_part) in world axes; driven (n_part,) bool
-    """
-
-    part: Part
-    first: IntArray
-    nodes: IntArray
-    rotation: FloatArray
-    K: Any
-    M: Any
-    lumped: FloatArray | None
-    driven: NDArray[np.bool_]
-
-    @property
-    def size(self) -> int:
-        return len(self.driven)
-
-    @property
-    def dofs(self) -> IntArray:
-        """Degrees of freedom (nb, n_part)."""
-        return self.first[:, None] + np.arange(self.size)
-
-
-def _rotated(operator: Any, rotation: FloatArray) -> Any:
-    """Return T K T^T for a matrix of a part placed by `rotation`."""
-    d = len(rotation)
-    if np.array_equal(rotation, np.eye(d)):
-        return operator
-    T = sp.kron(sp.eye_array(operator.shape[0] // d), sp.csr_array(rotation), format="csr")
-    return sp.csr_array(T @ operator @ T.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,16 +101,16 @@ class Model:
         return dofs
 
     @cached_property
-    def _supported(self) -> tuple[IntArray, IntArray]:
+    def supported(self) -> tuple[IntArray, IntArray]:
         """Driven dofs and the number of the support that drives each."""
-        dofs = [_support_dofs(self, support) for support in self.supports]
+        dofs = [support_dofs(self, support) for support in self.supports]
         support = np.repeat(np.arange(len(dofs)), [len(k) for k in dofs]).astype(np.int64)
         return np.concatenate([*dofs, np.empty(0, dtype=np.int64)]), support
 
     @cached_property
     def driven_dofs(self) -> IntArray:
         """Sorted numbers of the driven dofs."""
-        return np.unique(self._supported[0])
+        return np.unique(self.supported[0])
 
     @cached_property
     def free_dofs(self) -> IntArray:
@@ -201,38 +118,15 @@ class Model:
 
     def driven_velocity(self, t: float) -> FloatArray:
         """Velocity (n_driven,) [m/s, rad/s] that the supports prescribe at time t."""
-        dofs, support = self._supported
-        value = np.array([_support_velocity(s, t) for s in self.supports])
+        dofs, support = self.supported
+        value = np.array([support_velocity(s, t) for s in self.supports])
         velocity = np.zeros(len(self.driven_dofs))
         velocity[np.searchsorted(self.driven_dofs, dofs)] = value[support] if len(dofs) else 0.0
         return velocity
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        driven = np.zeros(self.n_dofs, dtype=bool)
-        driven[self.driven_dofs] = True
-        members: dict[tuple[int, bytes, bytes], list[int]] = {}
-        for b, body in enumerate(self.deformable):
-            own = driven[self.dof_offset[b] : self.dof_offset[b + 1]]
-            members.setdefault((id(body.part), body.rotation.tobytes(), own.tobytes()), []).append(b)
-        groups = []
-        for numbers in members.values():
-            body = self.deformable[numbers[0]]
-            operators = elasticity.assemble(body.part)
-            first = self.dof_offset[numbers]
-            groups.append(
-                Group(
-                    part=body.part,
-                    first=first,
-                    nodes=self.node_offset[numbers],
-                    rotation=body.rotation,
-                    K=_rotated(operators.stiffness, body.rotation),
-                    M=sp.diags_array(operators.lumped_mass).tocsr() if self.lumped else _rotated(operators.consistent_mass, body.rotation),
-                    lumped=operators.lumped_mass if self.lumped else None,
-                    driven=driven[first[0] : first[0] + len(operators.lumped_mass)],
-                )
-            )
-        return tuple(groups)
+        return operator_groups(self)
 
     @cached_property
     def rigid_mass(self) -> FloatArray:
@@ -298,7 +192,7 @@ class Model:
 
     @cached_property
     def _load_vectors(self) -> tuple[FloatArray, ...]:
-        return tuple(_load_vector(self, load) for load in self.loads)
+        return tuple(load_vector(self, load) for load in self.loads)
 
     def load(self, t: float) -> FloatArray:
         """External forces (n_dofs,) [N] at time t: gravity and the loads."""
@@ -406,9 +300,15 @@ class Model:
             shape=(self.n_dofs, m),
         )
 
+    def body_number(self, name: str) -> int:
+        """Return the number of the body of that name; InputError where there is none."""
+        if name not in self.number:
+            raise InputError(f"body {name!r}: expected one of {', '.join(map(repr, self.number))}")
+        return self.number[name]
+
     def facets(self, body: str, surface: str) -> IntArray:
         """Facets (nf, k) of a body's surface in global node numbers."""
-        number = _body_number(self, body)
+        number = self.body_number(body)
         surfaces = self.bodies[number].surfaces
         if surface not in surfaces:
             raise InputError(f"body {body!r}: expected a surface among {', '.join(map(repr, surfaces))}, got {surface!r}")
@@ -417,74 +317,6 @@ class Model:
 
 def _offsets(sizes: Sequence[int]) -> IntArray:
     return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-
-
-def _body_number(model: Model, name: str) -> int:
-    if name not in model.number:
-        raise InputError(f"body {name!r}: expected one of {', '.join(map(repr, model.number))}")
-    return model.number[name]
-
-
-def _support_dofs(model: Model, support: Support) -> IntArray:
-    """The dofs that a support drives."""
-    number = _body_number(model, support.body)
-    body = model.bodies[number]
-    known = DIRECTIONS[model.dimension] if isinstance(body, RigidBody) else DIRECTIONS[model.dimension][: model.dimension]
-    unknown = [direction for direction in support.directions if direction not in known]
-    if unknown or not support.directions:
-        raise InputError(f"support of body {support.body!r}: expected directions among {', '.join(known)}, got {support.directions}")
-    component = np.array([known.index(direction) for direction in support.directions])
-    first = model.dof_offset[number]
-    if isinstance(body, RigidBody):
-        if support.surface is not None:
-            raise InputError(f"support of rigid body {support.body!r}: expected no surface, got {support.surface!r}")
-        return first + component
-    nodes = np.arange(len(body.part.points)) if support.surface is None else None
-    if nodes is None:
-        nodes = np.unique(model.facets(support.body, str(support.surface))) - model.node_offset[number]
-    return (first + nodes[:, None] * model.dimension + component).ravel()
-
-
-def _support_velocity(support: Support, t: float) -> float:
-    value = support.velocity(t) if callable(support.velocity) else support.velocity
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = np.nan
-    if not np.isfinite(number):
-        raise InputError(f"support of body {support.body!r} at t = {t} s: expected a velocity that is a finite number, got {value!r}")
-    return number
-
-
-def _load_vector(model: Model, load: Load) -> FloatArray:
-    number = _body_number(model, load.body)
-    body, d = model.bodies[number], model.dimension
-    vector = np.zeros(model.n_dofs)
-    own = slice(model.dof_offset[number], model.dof_offset[number + 1])
-    if isinstance(load, Force):
-        if not isinstance(body, RigidBody):
-            raise InputError(f"Force on body {load.body!r}: expected a rigid body; use Traction or BodyForce on a deformable one")
-        moment = (0.0,) * (len(DIRECTIONS[d]) - d) if load.moment is None else load.moment
-        values = np.concatenate([load.force, moment])
-        if values.shape != (len(DIRECTIONS[d]),) or not np.all(np.isfinite(values)):
-            raise InputError(
-                f"Force on body {load.body!r}: expected {d} force and {len(DIRECTIONS[d]) - d} moment components, finite numbers, got "
-                f"{load.force} and {load.moment}"
-            )
-        vector[own] = values
-        return vector
-    if not isinstance(body, Body):
-        raise InputError(f"{type(load).__name__} on body {load.body!r}: expected a deformable body; use Force on a rigid one")
-    values = np.asarray(load.traction if isinstance(load, Traction) else load.density, dtype=np.float64)
-    if values.shape != (d,):
-        raise InputError(f"{type(load).__name__} on body {load.body!r}: expected {d} components, got {values.shape}")
-    in_part_axes = body.rotation.T @ values
-    if isinstance(load, Traction):
-        nodal = elasticity.traction(body.part, load.surface, in_part_axes)
-    else:
-        nodal = elasticity.body_force(body.part, in_part_axes)
-    vector[own] = (nodal.reshape(-1, d) @ body.rotation.T).ravel()
-    return vector
 
 
 def build_model(
@@ -516,21 +348,7 @@ def build_model(
         raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {alpha} and {beta}")
     ordered = [b for b in bodies if isinstance(b, Body)] + [b for b in bodies if isinstance(b, RigidBody)]
     model = Model(tuple(ordered), tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven)
-    _refuse_contradictions(model)
+    refuse_contradictions(model)
     model.load(0.0)  # these two refuse what loads and supports get wrong before the run starts
     model.driven_velocity(0.0)
     return model
-
-
-def _refuse_contradictions(model: Model) -> None:
-    """A dof may be named by two supports only if both say the same."""
-    dofs, support = model._supported
-    order = np.argsort(dofs, kind="stable")
-    twice = np.flatnonzero(np.diff(dofs[order]) == 0)
-    for k in twice:
-        first, second = (model.supports[support[order[k + i]]] for i in (0, 1))
-        if first.velocity is not second.velocity and first.velocity != second.velocity:
-            raise InputError(
-                f"supports: degree of freedom {int(dofs[order[k]])} of body {second.body!r} is driven twice and differently, by the "
-                f"supports {model.supports.index(first)} and {model.supports.index(second)}"
-            )

@@ -11,7 +11,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from fcsim.assembly.model import Model, Support, build_model
+from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle

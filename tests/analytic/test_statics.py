@@ -8,8 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from fcsim.assembly.model import Model, Support, Traction, build_model
+from fcsim.assembly.loads import Traction
+from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.stress import stress_operator
+from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from fcsim.assembly import compliance
 from fcsim.assembly.compliance import SystemFactor
-from fcsim.assembly.model import Model, Support, build_model
+from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.supports import Support
 from fcsim.errors import InputError
 from fcsim.linear import Factor
 from fcsim.mesh.part import Body, Material, Part, RigidBody

@@ -9,7 +9,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from fcsim.assembly import elasticity
-from fcsim.assembly.model import BodyForce, Force, Model, Support, Traction, build_model
+from fcsim.assembly.loads import BodyForce, Force, Traction
+from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.supports import Support
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, Material, Part, RigidBody

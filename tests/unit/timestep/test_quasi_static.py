@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim.assembly.model import Model, Support, Traction, build_model
+from fcsim.assembly.loads import Traction
+from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.errors import InputError, NotConverged

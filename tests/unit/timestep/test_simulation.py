@@ -9,7 +9,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from fcsim.assembly.model import Model, Support, build_model
+from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Contacts, Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.errors import InputError, NotConverged

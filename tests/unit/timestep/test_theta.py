@@ -8,7 +8,9 @@ from numpy.testing import assert_allclose
 from scipy.linalg import eigh, expm
 from scipy.spatial.transform import Rotation
 
-from fcsim.assembly.model import Force, Model, Support, build_model
+from fcsim.assembly.loads import Force
+from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.errors import InputError

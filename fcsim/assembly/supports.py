@@ -1,0 +1,81 @@
+"""Supports: which degrees of freedom are held or driven, and how fast."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.errors import InputError
+from fcsim.mesh.part import RigidBody
+
+if TYPE_CHECKING:
+    from fcsim.assembly.model import Model
+
+IntArray = NDArray[np.int64]
+TimeFunction = Callable[[float], float]
+
+DIRECTIONS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
+
+
+@dataclass(frozen=True)
+class Support:
+    """Holds or drives degrees of freedom of one body.
+
+    directions of x, y, z; of a rigid body also rx, ry, rz (2D: x, y, rz)
+    surface    name of the surface whose nodes are meant; None = all nodes of the body, or the rigid body itself
+    velocity   [m/s] or [rad/s], a number or a function of the time t [s]; 0 holds
+    """
+
+    body: str
+    directions: tuple[str, ...]
+    surface: str | None = None
+    velocity: float | TimeFunction = 0.0
+
+
+def support_dofs(model: Model, support: Support) -> IntArray:
+    """The dofs that a support drives."""
+    number = model.body_number(support.body)
+    body = model.bodies[number]
+    known = DIRECTIONS[model.dimension] if isinstance(body, RigidBody) else DIRECTIONS[model.dimension][: model.dimension]
+    unknown = [direction for direction in support.directions if direction not in known]
+    if unknown or not support.directions:
+        raise InputError(f"support of body {support.body!r}: expected directions among {', '.join(known)}, got {support.directions}")
+    component = np.array([known.index(direction) for direction in support.directions])
+    first = model.dof_offset[number]
+    if isinstance(body, RigidBody):
+        if support.surface is not None:
+            raise InputError(f"support of rigid body {support.body!r}: expected no surface, got {support.surface!r}")
+        return first + component
+    nodes = np.arange(len(body.part.points)) if support.surface is None else None
+    if nodes is None:
+        nodes = np.unique(model.facets(support.body, str(support.surface))) - model.node_offset[number]
+    return (first + nodes[:, None] * model.dimension + component).ravel()
+
+
+def support_velocity(support: Support, t: float) -> float:
+    value = support.velocity(t) if callable(support.velocity) else support.velocity
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise InputError(f"support of body {support.body!r} at t = {t} s: expected a velocity that is a finite number, got {value!r}")
+    return number
+
+
+def refuse_contradictions(model: Model) -> None:
+    """A dof may be named by two supports only if both say the same."""
+    dofs, support = model.supported
+    order = np.argsort(dofs, kind="stable")
+    twice = np.flatnonzero(np.diff(dofs[order]) == 0)
+    for k in twice:
+        first, second = (model.supports[support[order[k + i]]] for i in (0, 1))
+        if first.velocity is not second.velocity and first.velocity != second.velocity:
+            raise InputError(
+                f"supports: degree of freedom {int(dofs[order[k]])} of body {second.body!r} is driven twice and differently, by the "
+                f"supports {model.supports.index(first)} and {model.supports.index(second)}"
+            )
