@@ -159,39 +159,83 @@ def test_cantilever_under_end_load():
     assert extrapolated == pytest.approx(bending + shear, rel=(G / E / 4**2) ** 2)
 
 
-@pytest.mark.parametrize("cell_type", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize("cell_type", ["quadrilateral", "triangle", "hexahedron", "tetrahedron"])
+def test_cantilever_converges_with_order_2(cell_type):
+    """The tip's error against Timoshenko's beam, nu = 0, halving the cells. Simplices are far off at first: their order comes from below.
+
+    The clamped end prevents no warping that the beam has with nu = 0 but that of the parabolic shear stress: less than (h / L)^3.
+    """
+    L, h, b, E, P = 8.0, 1.0, 0.5, 1000.0, 2.0
+    d = 2 if cell_type in ("quadrilateral", "triangle") else 3
+    exact = P * L**3 / (3 * E * b * h**3 / 12) + P * L / (5 / 6 * E / 2 * b * h)
+    off = []
+    for n in (2, 4, 8):
+        counts, lengths = ((8 * n, n), (L, h)) if d == 2 else ((8 * n, n // 2, n), (L, b, h))
+        options = {"plane": "stress", "thickness": b} if d == 2 else {}
+        part = grid(cell_type, counts, lengths, Material(E, 0.0, 1.0), **options)
+        load = traction(part, "x1", [0] * (d - 1) + [-P / (b * h)])
+        x = solve(part, load, np.repeat(part.points[:, :1] == 0, d, axis=1))
+        off.append(1 + x[part.points[:, 0] == L, -1].mean() / exact)
+    orders = np.log2(np.divide(off[:-1], off[1:]))
+    assert np.all(np.array(off) > (h / L) ** 3)  # too stiff, and more than the model of the beam leaves open
+    assert orders[1] == pytest.approx(2, abs=0.05 if cell_type in ("quadrilateral", "hexahedron") else 0.3), orders
+    assert orders[0] < orders[1]
+
+
+def test_slender_cantilever_tends_to_euler_and_bernoulli():
+    """Without the cells' parasitic shear (see `test_cantilever_under_end_load`) the tip exceeds P L^3 / (3 E I) by shear alone:
+    E h^2 / (4 (5/6) G L^2) = 0.6 (h / L)^2 for nu = 0, order 2 in the slenderness."""
+    h, E, P, n = 1.0, 1000.0, 2.0, 6
+    slenderness, excess = np.array([4, 8, 16]), []
+    for L in slenderness * h:
+        tips = []
+        for k in (n, 2 * n):
+            part = grid("quadrilateral", (int(L / h) * k, k), (L, h), Material(E, 0.0, 1.0), plane="stress")
+            x = solve(part, traction(part, "x1", [0, -P / h]), np.repeat(part.points[:, :1] == 0, 2, axis=1))
+            tips.append(-x[part.points[:, 0] == L, 1].mean())
+        excess.append((tips[1] + (tips[1] - tips[0]) / 3) / (P * L**3 / (3 * E * h**3 / 12)) - 1)
+    mesh = (0.5 / (2 * n) ** 2) ** 2  # the extrapolation leaves the square of the parasitic term
+    assert excess == pytest.approx(0.6 / slenderness**2, rel=0.05, abs=mesh)
+    assert -np.polyfit(np.log(slenderness), np.log(excess), 1)[0] == pytest.approx(2, abs=0.1)
+
+
+@pytest.mark.parametrize("cell_type", ["quadrilateral", "triangle", "hexahedron", "tetrahedron"])
 def test_thick_cylinder_under_inner_pressure(cell_type):
     """Lame, plane strain: u_r = (1 + nu) p a^2 / (E (b^2 - a^2)) ((1 - 2 nu) r + b^2 / r), sigma_rr + sigma_tt = 2 p a^2 / (b^2 - a^2).
 
-    Source: Timoshenko & Goodier, Theory of Elasticity, 3rd ed., 1970, section 28.
+    In 3D a slice, one cell thick, that cannot move along the axis. Source: Timoshenko & Goodier, Theory of Elasticity, 3rd ed., 1970,
+    section 28.
     """
     a, b, p, E, nu = 1.0, 2.0, 5e6, 2e9, 0.3
+    d = 2 if cell_type in ("quadrilateral", "triangle") else 3
 
     def quarter(points):
-        radius, angle = a + points[:, 0], points[:, 1]
-        return radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        radius, angle = a + points[:, :1], points[:, 1:2]
+        return np.hstack([radius * np.cos(angle), radius * np.sin(angle), points[:, 2:]])
 
     displacement_errors, stress_errors = [], []
     for n in (8, 16, 32):
-        part = grid(cell_type, (n, n), (b - a, np.pi / 2), Material(E, nu, 1.0), quarter, thickness=0.3)
+        counts, lengths = ((n, n), (b - a, np.pi / 2)) if d == 2 else ((n, n, 1), (b - a, np.pi / 2, (b - a) / n))
+        part = grid(cell_type, counts, lengths, Material(E, nu, 1.0), quarter, thickness=0.3 if d == 2 else 1.0)
         symmetry = np.zeros(part.points.shape, dtype=bool)
         symmetry[part.surfaces["y0"].ravel(), 1] = True  # the ray along x does not move along y
         symmetry[part.surfaces["y1"].ravel(), 0] = True
+        symmetry[:, 2:] = True
         x = solve(part, pressure(part, "x0", p), symmetry)
-        r = np.linalg.norm(part.points, axis=1)
+        r = np.linalg.norm(part.points[:, :2], axis=1)
         exact = (1 + nu) * p * a**2 / (E * (b**2 - a**2)) * ((1 - 2 * nu) * r + b**2 / r)
-        u_r = (x * part.points).sum(axis=1) / r
+        u_r = (x * part.points)[:, :2].sum(axis=1) / r
         displacement_errors.append(np.sqrt(np.mean((u_r / exact - 1) ** 2)))
 
         stress = (stress_operator(part) @ x.ravel()).reshape(-1, 6)
-        r = np.linalg.norm(part.points[part.cells].mean(axis=1), axis=1)
+        r = np.linalg.norm(part.points[part.cells].mean(axis=1)[:, :2], axis=1)
         mean, deviation = p * a**2 / (b**2 - a**2), p * a**2 / (b**2 - a**2) * b**2 / r**2
         along = np.full_like(r, 2 * nu * mean)
         expected = von_mises(np.column_stack([mean - deviation, mean + deviation, along, np.zeros((len(r), 3))]))
         stress_errors.append(np.sqrt(np.mean((von_mises(stress) / expected - 1) ** 2)))
     assert np.allclose(np.log2(np.divide(displacement_errors[:-1], displacement_errors[1:])), 2, atol=0.2), displacement_errors
     assert displacement_errors[-1] < (np.pi / 2 / 32) ** 2  # (edge on the inner circle / its radius)^2
-    order = 2 if cell_type == "quadrilateral" else 1  # the centre of a quadrilateral is superconvergent
+    order = 2 if cell_type in ("quadrilateral", "hexahedron") else 1  # the centre of a quadrilateral is superconvergent
     assert np.all(np.log2(np.divide(stress_errors[:-1], stress_errors[1:])) > order - 0.25), stress_errors
 
 
