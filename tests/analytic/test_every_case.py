@@ -1,0 +1,151 @@
+"""Every case folder obeys mechanics at every step: momentum, action and reaction, Coulomb's cone, no penetration.
+
+A few steps of each, with the small parameters below; a folder that is not named there runs five steps of its defaults. Nothing is taken
+from the program's own checks: the equation of motion is written again, with the whole matrices, from the states at both ends of the step,
+and what remains of it at degrees of freedom that nothing holds must vanish; what remains at held ones is the reaction of the supports.
+"""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcsim.case import CaseScript, load_case
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.scheme import Gap
+from fcsim.timestep.simulation import Simulation, Step
+from fcsim.timestep.theta import Theta
+
+CASES = Path(__file__).parents[2] / "cases"
+
+SMALL: dict[str, list[dict[str, Any]]] = {
+    "masonry_wall": [
+        {"courses": 2, "blocks": 1.5, "divisions": (4, 2, 2), "steps": 30},
+        {"courses": 2, "blocks": 2.5, "divisions": (4, 2, 2), "driven": "eliminated", "theta": 0.7, "steps": 30},
+    ],
+    "hertz": [
+        {"contact": "sphere", "divisions": 3, "steps": 4},
+        {"contact": "cylinder", "divisions": 8, "approach": 2.4e-4, "steps": 4},
+        {"contact": "two-spheres", "divisions": 3, "approach": 4e-3, "steps": 4},
+    ],
+    "cattaneo_mindlin": [
+        {"contact": "cylinder", "divisions": 8, "steps": 6},
+        {"contact": "sphere", "shear": 4.5e-6, "divisions": 3, "steps": 6},
+    ],
+    "two_cubes": [{"elements": 3, "steps": 4}, {"elements": 3, "lower_elements": 2, "candidates": "gauss", "steps": 4}],
+}
+FOLDERS = sorted(folder.name for folder in CASES.iterdir() if (folder / f"{folder.name}.py").is_file())
+RUNS = [(name, k) for name in FOLDERS for k in range(len(SMALL.get(name, [{}])))]
+
+
+@cache
+def script(name: str) -> CaseScript:
+    return load_case(CASES / name)
+
+
+def simulation(name: str, k: int) -> Simulation:
+    parameters = script(name).parameters
+    return script(name).build(parameters(**SMALL.get(name, [{"steps": 5}])[k])).simulation
+
+
+class Mechanics:
+    """The equation of motion of a model in a scheme, with the whole matrices."""
+
+    def __init__(self, run: Simulation) -> None:
+        model, self.scheme = run.model, run.scheme
+        self.model, self.M, self.K, self.C = model, model.mass, model.stiffness, model.damping
+        d = model.dimension
+        # of a rigid body the translations: its rotations are finite, and no matrix times a velocity
+        self.linear = np.ones(model.n_dofs, dtype=bool)
+        for first in model.dof_offset[len(model.deformable) : -1]:
+            self.linear[first + d : first + 3 * (d - 1)] = False
+        self.held = np.zeros(model.n_dofs, dtype=bool)
+        self.held[model.driven_dofs] = True
+
+    def remainder(self, step: Step) -> tuple[np.ndarray, float] | None:
+        """Change of momentum minus the impulses of loads, stresses, damping and contacts (n_dofs,) [N s; statics: N], and its scale.
+
+        theta scheme, with a_theta = theta a+ + (1 - theta) a: M (v+ - v) - h (F - C v - K x)_theta - H r. Quasi-statics: K x+ - F+ - H r +
+        eta M dx / h^2. None for other schemes.
+        """
+        before, after, h = step.previous, step.state, self.scheme.h
+        contact = step.H @ step.result.r
+        if isinstance(self.scheme, QuasiStatic):
+            regular = self.scheme.eta / h**2 * (self.M @ (after.x - before.x))
+            terms = [self.K @ after.x, -self.model.load(after.t), regular, -contact]
+        elif isinstance(self.scheme, Theta):
+            theta = self.scheme.theta
+            inner = [self.C @ s.v + self.K @ s.x - self.model.load(s.t) for s in (before, after)]
+            terms = [self.M @ (after.v - before.v), h * (theta * inner[1] + (1 - theta) * inner[0]), -contact]
+        else:
+            return None
+        return np.sum(terms, axis=0), float(max(np.abs(term).max() for term in terms))
+
+    def resultants(self, forces: np.ndarray) -> np.ndarray:
+        """Resultant (nbodies, d) on each body of a vector on all degrees of freedom."""
+        model, d = self.model, self.model.dimension
+        own = [forces[model.dof_offset[k] : model.dof_offset[k + 1]] for k in range(len(model.bodies))]
+        return np.array([o.reshape(-1, d).sum(axis=0) if k < len(model.deformable) else o[:d] for k, o in enumerate(own)])
+
+
+def edge_length(run: Simulation, facets: np.ndarray) -> float:
+    """Length [m] of the facets' shortest first edge."""
+    first, second = run.model.reference[facets[:, 0]], run.model.reference[facets[:, 1]]
+    return float(np.linalg.norm(second - first, axis=1).min())
+
+
+@pytest.mark.parametrize(("name", "k"), RUNS)
+def test_every_step_of_every_case(name: str, k: int) -> None:
+    run = simulation(name, k)
+    mechanics, touched, model = Mechanics(run), 0, run.model
+    slack = 1e-6  # relative: the solver's 1e-8, amplified from displacements to forces
+    element = min(edge_length(run, pair.slave.facets) for pair in run.detector.pairs)
+    for step in run:
+        contacts, d = step.contacts, model.dimension
+        r = step.result.r.reshape(-1, d)
+        size = max(np.abs(r).max(initial=0.0), 1e-300)
+        touched += len(contacts)
+
+        # action = reaction: (H r) on each body is what its contacts' forces sum to, taken from frames and body numbers alone
+        forces = np.einsum("aij,ai->aj", contacts.frame, r)
+        expected = np.zeros((len(model.bodies), d))
+        np.add.at(expected, contacts.bodies[:, 0], forces)
+        np.add.at(expected, contacts.bodies[:, 1], -forces)
+        contact = mechanics.resultants(step.H @ step.result.r)
+        assert contact == pytest.approx(expected, abs=1e-10 * size * max(len(contacts), 1))
+        assert contact.sum(axis=0) == pytest.approx(0, abs=1e-10 * size * max(len(contacts), 1))
+
+        # every free degree of freedom obeys the equation of motion, hence every body and the whole the balance of momentum
+        if (found := mechanics.remainder(step)) is not None:
+            remainder, scale = found
+            free = mechanics.linear & ~mechanics.held
+            assert np.abs(remainder[free]).max() <= 1e-8 * scale + 1e-12
+            supports = mechanics.resultants(np.where(mechanics.held, remainder, 0.0))
+            assert supports == pytest.approx(mechanics.resultants(np.where(mechanics.linear, remainder, 0.0)), abs=slack * scale + 1e-12)
+            stated = step.support_impulse[mechanics.linear & mechanics.held]
+            assert stated == pytest.approx(remainder[mechanics.linear & mechanics.held], abs=1e-8 * scale + 1e-12)
+
+        # Coulomb's cone; friction takes energy
+        tangential = np.linalg.norm(r[:, 1:], axis=1)
+        assert np.all(r[:, 0] >= -slack * size) and np.all(tangential <= contacts.mu * r[:, 0] + slack * size)
+        u = (step.H.T @ (step.state.x - step.previous.x if isinstance(run.scheme, QuasiStatic) else step.state.v)).reshape(-1, d)
+        work = np.einsum("ai,ai->", r[:, 1:], u[:, 1:])
+        moved = max(np.abs(u).max(initial=0.0), run.solver.floor)
+        assert work <= 10 * run.solver.tol * size * moved * max(len(contacts), 1)
+
+        # no penetration where the step detects and, linearised, at its end; facets that turn leave the square of the step's motion
+        h = run.scheme.h
+        if isinstance(run.scheme, QuasiStatic) or isinstance(getattr(run.scheme, "law", None), Gap):
+            travel = np.abs(step.state.x - step.previous.x).max()
+            advance = 1.0 if isinstance(run.scheme, QuasiStatic) else h
+            assert np.all(contacts.gap + advance * u[:, 0] >= -slack * travel - 1e-12)
+            assert contacts.gap.min(initial=0.0) >= -(travel**2) / element - 1e-9 * np.ptp(model.reference)
+            open_ = contacts.gap + advance * u[:, 0] > 1e-3 * max(travel, 1e-12)
+            assert np.all(r[open_, 0] <= 1e-3 * size)  # no force at a distance
+    assert touched  # the contact was met
+
+
+def test_small_parameters_name_cases_that_exist() -> None:
+    assert set(SMALL) <= set(FOLDERS)
