@@ -139,7 +139,8 @@ def round_on_plane(p: Parameters, core: float, d: int) -> tuple[list[Body | Rigi
     mesh, box = (half_ball, rigid_box) if d == 3 else (half_disk, rigid_rectangle)
     part = mesh("half ball" if d == 3 else "half disk", p.radius, core, p.divisions, Material(p.E, p.nu, 0.0))
     up = "xyz"[d - 1]
-    plane = box("lower", (4 * p.radius,) * d, (0.0,) * (d - 1) + (-2 * p.radius,), mass=1.0)
+    width, thickness = 1.4 * p.radius, 0.2 * p.radius
+    plane = box("lower", (width,) * (d - 1) + (thickness,), (0.5 * p.radius,) * (d - 1) + (-thickness / 2,), mass=1.0)
     supports = [Support("lower", ("x", "y", "z", "rx", "ry", "rz") if d == 3 else ("x", "y", "rz"))]
     return [Body("upper", part), plane], [*supports, *symmetry("upper", part), Support("upper", (up,), "middle", -p.approach)]
 
