@@ -1,6 +1,7 @@
 """Meshes: materials, parts and bodies, bricks and walls by gmsh, mesh files in and out."""
 
 from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
 from fcsim.mesh.masonry import RunningBond, running_bond
 from fcsim.mesh.part import Body, Material, Part, RigidBody
@@ -14,6 +15,10 @@ __all__ = [
     "RunningBond",
     "brick",
     "check_quality",
+    "graded_brick",
+    "graded_rectangle",
+    "half_ball",
+    "half_disk",
     "part_from_gmsh",
     "read_mesh",
     "read_parts",
