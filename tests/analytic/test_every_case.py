@@ -1,11 +1,12 @@
 """Every case folder obeys mechanics at every step: momentum, action and reaction, Coulomb's cone, no penetration.
 
-A few steps of each, with the small parameters below; a folder that is not named there runs five steps of its defaults. Nothing is taken
+A few steps of each, with the small parameters below; a folder that is not named there runs the first steps of its defaults. Nothing is taken
 from the program's own checks: the equation of motion is written again, with the whole matrices, from the states at both ends of the step,
 and what remains of it at degrees of freedom that nothing holds must vanish; what remains at held ones is the reaction of the supports.
 """
 
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ SMALL: dict[str, list[dict[str, Any]]] = {
     "two_cubes": [{"elements": 3, "steps": 4}, {"elements": 3, "lower_elements": 2, "candidates": "gauss", "steps": 4}],
 }
 FOLDERS = sorted(folder.name for folder in CASES.iterdir() if (folder / f"{folder.name}.py").is_file())
+FIRST = 5  # steps of a case without small parameters
 RUNS = [(name, k) for name in FOLDERS for k in range(len(SMALL.get(name, [{}])))]
 
 
@@ -47,7 +49,7 @@ def script(name: str) -> CaseScript:
 
 def simulation(name: str, k: int) -> Simulation:
     parameters = script(name).parameters
-    return script(name).build(parameters(**SMALL.get(name, [{"steps": 5}])[k])).simulation
+    return script(name).build(parameters(**SMALL.get(name, [{}])[k])).simulation
 
 
 class Mechanics:
@@ -102,7 +104,7 @@ def test_every_step_of_every_case(name: str, k: int) -> None:
     mechanics, touched, model = Mechanics(run), 0, run.model
     slack = 1e-6  # relative: the solver's 1e-8, amplified from displacements to forces
     element = min(edge_length(run, pair.slave.facets) for pair in run.detector.pairs)
-    for step in run:
+    for step in run if name in SMALL else islice(run, FIRST):
         contacts, d = step.contacts, model.dimension
         r = step.result.r.reshape(-1, d)
         size = max(np.abs(r).max(initial=0.0), 1e-300)
