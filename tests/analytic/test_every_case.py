@@ -1,8 +1,8 @@
 """Every case folder obeys mechanics at every step: momentum, action and reaction, Coulomb's cone, no penetration.
 
-A few steps of each, with the small parameters below; a folder that is not named there runs the first steps of its defaults. Nothing is taken
-from the program's own checks: the equation of motion is written again, with the whole matrices, from the states at both ends of the step,
-and what remains of it at degrees of freedom that nothing holds must vanish; what remains at held ones is the reaction of the supports.
+A few steps of each, with the small parameters below; a folder that is not named there runs the first steps of its defaults. Nothing is
+taken from the program's own checks: the equation of motion is written again, with the whole matrices, from the states at both ends of the
+step, and what remains of it at degrees of freedom that nothing holds must vanish; what remains at held ones is the supports' reaction.
 """
 
 from functools import cache
