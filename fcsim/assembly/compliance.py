@@ -23,6 +23,9 @@ from fcsim.reduction import assemble_delassus, refuse_singular
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+SOLVED_AT_ONCE = 8_000_000
+"""Numbers of right-hand sides that are solved for together (64 MB, of which a factor's solution takes a few copies)."""
+
 
 class SystemFactor:
     """Factor of the free part of A = mass M + stiffness K; driven dofs are rows of the identity.
@@ -133,11 +136,20 @@ class _GroupFactor:
         # numbers of the contact dofs in the part, driven ones left out
         surface = np.repeat(nodes, d) & ~group.driven
         self.surface = np.flatnonzero(surface)
-        place = np.searchsorted(self.free, self.surface)
-        units = np.zeros((len(self.free), len(place)))
-        units[place, np.arange(len(place))] = 1
-        self.compliance = np.ascontiguousarray(self.factor.solve(units)[place]) if len(place) else np.empty((0, 0))
-        self.compliance = 0.5 * (self.compliance + self.compliance.T)
+        self.compliance = _inverse_on(self.factor, len(self.free), np.searchsorted(self.free, self.surface))
+
+
+def _inverse_on(factor: Factor, size: int, place: IntArray) -> FloatArray:
+    """Return (A^-1)[place, place] (k, k) of a factored symmetric A (size, size), a few columns at a time: all would be k size numbers."""
+    k = len(place)
+    inverse = np.empty((k, k))
+    count = max(1, SOLVED_AT_ONCE // max(size, 1))
+    for first in range(0, k, count):
+        own = place[first : first + count]
+        units = np.zeros((size, len(own)))
+        units[own, np.arange(len(own))] = 1
+        inverse[:, first : first + count] = factor.solve(units)[place]
+    return 0.5 * (inverse + inverse.T)
 
 
 def _contact_columns(H: Any, first: int, size: int, surface: IntArray, d: int) -> tuple[IntArray, Any]:

@@ -76,6 +76,16 @@ def test_solve_matrix_and_delassus(grid_part: GridPart, d: int, lumped: bool, dr
     assert_allclose(factor.delassus(H, d), W, rtol=1e-9, atol=1e-12 * abs(W).max())
 
 
+@pytest.mark.parametrize("at_once", [1, 100])
+def test_few_columns_at_a_time_are_the_same(grid_part: GridPart, monkeypatch: pytest.MonkeyPatch, at_once: int) -> None:
+    model = model_of(grid_part, 3, "identity")
+    nodes = np.arange(0, model.n_nodes, 2)
+    H = random_contacts(model, nodes, 7)
+    monkeypatch.setattr(compliance, "SOLVED_AT_ONCE", at_once)
+    W = H.T @ np.linalg.solve(dense_system(model), H.toarray())
+    assert_allclose(SystemFactor(model, MASS, STIFFNESS, nodes).delassus(H, 3), W, rtol=1e-9, atol=1e-12 * abs(W).max())
+
+
 def test_apply_keeps_driven_dofs(grid_part: GridPart) -> None:
     model = model_of(grid_part, 3, "eliminated")
     v = np.random.default_rng(4).standard_normal(model.n_dofs)
