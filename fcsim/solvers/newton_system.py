@@ -185,7 +185,7 @@ class CondensedSystem:
         held = self._is_held
         released = np.count_nonzero(self._released | (held & ~stick))
         carried = int(np.count_nonzero(stick & ~held) + released)
-        return bool(carried > 30 + 0.1 * np.count_nonzero(held))
+        return bool(carried > 80 + 0.2 * np.count_nonzero(held))
 
     def _hold(self, held: IntArray) -> None:
         """Factor W on the held contacts and start with an empty border."""
