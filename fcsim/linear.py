@@ -186,3 +186,10 @@ def factorise(A: Any, *, positive_definite: bool = False) -> Factor:
         dense = A.toarray() if sp.issparse(A) else np.asarray(A)
         return DenseCholesky(dense) if positive_definite else DenseLU(dense)
     return Mumps(A) if runtime.has_petsc() else SuperLU(A)
+
+
+def is_symmetric(W: Any) -> bool:
+    """Whether W x = W^T x for a random x, to round-off: an asymmetry would have to be orthogonal to x to hide."""
+    x = np.random.default_rng(0).standard_normal(W.shape[0])
+    Wx = W @ x
+    return bool(float(np.linalg.norm(Wx - W.T @ x)) <= 1e-10 * float(np.linalg.norm(Wx)))

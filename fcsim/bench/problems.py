@@ -52,7 +52,7 @@ def _entry(path: Path) -> Entry:
 
 
 def entries(paths: Sequence[Path], form: str = "all", dimension: int | None = None) -> tuple[list[Entry], list[str]]:
-    """The problems of that form (global, local or all) and dimension (2, 3 or None for both) in files and folders and folders therein, the small ones first.
+    """The problems of that form (global, local or all) and dimension (2, 3 or None for both) in files and folders, the small ones first.
 
     Also a note for each that is left out: rolling friction, no contact. Raises InputError where there is none, or two of one name.
     """
