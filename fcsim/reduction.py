@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fcsim._kernels import add_tile
+from fcsim._kernels import add_tile, add_tile_to_block_rows, union_of_neighbours
 from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise
 from fcsim.problem import GlobalProblem, LocalProblem
 
@@ -49,19 +49,21 @@ def assemble_delassus(tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dim
         for contacts, tile in tiles:
             add_tile(W, contacts, tile, d)
         return W
-    keys, blocks = [], []
-    for contacts, tile in tiles:
-        k = len(contacts)
-        keys.append((contacts[:, None] * nc + contacts[None, :]).ravel())
-        blocks.append(tile.reshape(k, d, k, d).transpose(0, 2, 1, 3).reshape(k * k, d, d))
-    if not keys:
+    parts = list(tiles)
+    if not parts:
         return sp.bsr_array((nc * d, nc * d), blocksize=(d, d))
-    key, block = np.concatenate(keys), np.concatenate(blocks)
-    order = np.argsort(key, kind="stable")
-    unique, first = np.unique(key[order], return_index=True)
-    data = np.add.reduceat(block[order], first, axis=0)
-    indptr = np.searchsorted(unique, np.arange(nc + 1) * nc)
-    return sp.bsr_array((data, unique % nc, indptr), shape=(nc * d, nc * d), blocksize=(d, d))
+    members = np.concatenate([contacts for contacts, _ in parts])
+    first = np.concatenate([[0], np.cumsum([len(contacts) for contacts, _ in parts])])
+    owner = np.repeat(np.arange(len(parts)), np.diff(first))
+    by_contact = np.argsort(members, kind="stable")
+    first_tile = np.searchsorted(members[by_contact], np.arange(nc + 1))
+    indptr, columns = union_of_neighbours(first_tile, owner[by_contact], first, members, nc)
+    blocks = np.zeros((len(columns), d, d))
+    place = np.empty(nc, dtype=np.int64)
+    for k, (contacts, tile) in enumerate(parts):
+        add_tile_to_block_rows(indptr, columns, blocks, contacts, np.ascontiguousarray(tile), d, place)
+        parts[k] = (contacts, np.empty((0, 0)))  # tiles are as large as W together
+    return sp.bsr_array((blocks, columns, indptr), shape=(nc * d, nc * d), blocksize=(d, d))
 
 
 @dataclass(frozen=True)

@@ -162,7 +162,14 @@ class Operator:
         if sp.issparse(self.W):
             shifted = sp.csr_array(self.W + rho * sp.eye_array(self.size, format="csr"))
             # MUMPS pays off for many entries only, and its factors differ in the last bits from run to run
-            return factorise(shifted) if shifted.nnz > MUMPS_FROM else SuperLU(shifted, symmetric_pattern=True)
+            if shifted.nnz <= MUMPS_FROM:
+                return SuperLU(shifted, symmetric_pattern=True)
+            if symmetric:
+                try:
+                    return factorise(shifted, positive_definite=True)
+                except SingularMatrix:  # W slightly indefinite
+                    pass
+            return factorise(shifted)
         shifted = self.W + rho * np.eye(self.size)
         if symmetric:
             try:
