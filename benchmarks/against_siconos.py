@@ -28,12 +28,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from report import CLOCKS, Record, circumstances, duration, geometric_mean, table, write_markdown
+from report import Record, circumstances, table, write_markdown
 
 from fcsim.bench import solves
 from fcsim.bench.judge import FclibProblem, read_problems
 from fcsim.bench.killable import Task, run_killable
 from fcsim.bench.siconos_client import Siconos, siconos_on, siconos_version
+from fcsim.bench.summary import duration, geometric_mean
+from fcsim.bench.time_table import CLOCKS
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
 from fcsim.reduction import reduce

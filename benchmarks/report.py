@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import math
 import os
 import platform
 import shlex
@@ -17,24 +16,11 @@ from typing import Any
 import fcsim
 from fcsim.files import replacing
 
-CLOCKS = {"wall": ("seconds", "wall clock"), "cpu": ("cpu_seconds", "processor time")}
-"""Clocks to compare by: the column of the CSV, the name."""
-
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> list[str]:
     """A Markdown table; the first `left` columns are aligned to the left, the others to the right."""
     rule = [":---" if column < left else "---:" for column in range(len(header))]
     return ["| " + " | ".join(cells) + " |" for cells in (header, rule, *rows)] + [""]
-
-
-def duration(seconds: float) -> str:
-    """Three digits in a unit that suits: 0.123 ms, 12.3 ms, 1.23 s."""
-    scaled, unit = (seconds, "s") if seconds >= 1 else (1e3 * seconds, "ms")
-    return f"{scaled:#.3g}".rstrip(".") + f" {unit}"
-
-
-def geometric_mean(values: Sequence[float]) -> float:
-    return math.exp(sum(map(math.log, values)) / len(values)) if values else math.nan
 
 
 def processor() -> str:

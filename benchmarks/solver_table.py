@@ -21,10 +21,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from report import CLOCKS, Record, circumstances, duration, geometric_mean, table, write_markdown
+from report import Record, circumstances, table, write_markdown
 
 from fcsim.bench import solves
 from fcsim.bench.judge import read_problems
+from fcsim.bench.summary import duration, geometric_mean
+from fcsim.bench.time_table import CLOCKS
 from fcsim.errors import InputError
 from fcsim.solvers import SOLVERS
 

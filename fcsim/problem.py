@@ -141,16 +141,26 @@ class LocalProblem:
     @cached_property
     def diagonal_blocks(self) -> FloatArray:
         """The contacts' own blocks W_aa (nc, d, d)."""
-        d, nc = self.dimension, self.nc
-        if not sp.issparse(self.W):
-            index = np.arange(nc)
-            return self.W.reshape(nc, d, nc, d)[index, :, index, :].copy()
-        blocks = np.zeros((nc, d, d))
-        coo = self.W.tocoo()
-        row, column = coo.coords
-        own = row // d == column // d
-        np.add.at(blocks, (row[own] // d, row[own] % d, column[own] % d), coo.data[own])
+        return diagonal_blocks(self.W, self.dimension)
+
+
+def diagonal_blocks(W: Any, d: int) -> FloatArray:
+    """The blocks W_aa (nc, d, d) of W (m, m), dense or sparse."""
+    nc = W.shape[0] // d
+    index = np.arange(nc)
+    if not sp.issparse(W):
+        return W.reshape(nc, d, nc, d)[index, :, index, :]
+    blocks = np.zeros((nc, d, d))
+    if W.format == "bsr" and W.blocksize == (d, d):
+        row = np.repeat(index, np.diff(W.indptr))
+        own = row == W.indices
+        np.add.at(blocks, row[own], W.data[own])
         return blocks
+    coo = sp.coo_array(W)
+    row, column = coo.coords
+    own = row // d == column // d
+    np.add.at(blocks, (row[own] // d, row[own] % d, column[own] % d), coo.data[own])
+    return blocks
 
 
 def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension: int = 3) -> float:

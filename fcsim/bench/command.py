@@ -64,6 +64,7 @@ def add_parsers(commands: argparse._SubParsersAction) -> None:
     bench.add_argument("--threads", type=int, default=1, metavar="N", help="of each measurement (default 1)")
     bench.add_argument("--launcher", choices=("local", "mpi"), default="local", help="processes of this machine, or of MPI ranks")
     bench.add_argument("--form", choices=("global", "local", "all"), default="all", help="problems in this form only (default all)")
+    bench.add_argument("--dimension", type=int, choices=(2, 3), help="problems of this dimension only (default both)")
     bench.add_argument(
         "--siconos",
         default="none",
@@ -142,6 +143,7 @@ def _circumstances(options: argparse.Namespace, solvers: list[str], tols: list[f
         "command": shlex.join(["fcsim", *sys.argv[1:]]),
         "paths": list(map(str, options.paths)),
         "form": options.form,
+        "dimension": options.dimension,
         "problems": problems,
         "solvers": solvers,
         "tols": tols,
@@ -172,7 +174,7 @@ def _bench(options: argparse.Namespace) -> int:
     load_plugins([str(path) for path in options.plugin])
     tols, solvers = _tolerances(options.tols), _solvers(options)
     settings = _settings(options, solvers)
-    problems, notes = entries(options.paths, options.form)
+    problems, notes = entries(options.paths, options.form, options.dimension)
     directory = options.out or Path("results") / "bench" / options.paths[0].resolve().stem
     limits = Limits(options.time_limit, options.memory_limit, options.skip_hopeless)
 

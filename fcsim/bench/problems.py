@@ -51,8 +51,8 @@ def _entry(path: Path) -> Entry:
         raise InputError(f"{path}: expected an FCLIB file, which cannot be read: {error}") from None
 
 
-def entries(paths: Sequence[Path], form: str = "all") -> tuple[list[Entry], list[str]]:
-    """The problems of that form (global, local or all) in files and folders and folders therein, the small ones first.
+def entries(paths: Sequence[Path], form: str = "all", dimension: int | None = None) -> tuple[list[Entry], list[str]]:
+    """The problems of that form (global, local or all) and dimension (2, 3 or None for both) in files and folders, the small ones first.
 
     Also a note for each that is left out: rolling friction, no contact. Raises InputError where there is none, or two of one name.
     """
@@ -67,11 +67,11 @@ def entries(paths: Sequence[Path], form: str = "all") -> tuple[list[Entry], list
     for entry in found:
         if entry.dimension == ROLLING or entry.nc == 0:
             notes.append(f"{entry.name}: left out, " + ("a rolling friction problem" if entry.dimension == ROLLING else "no contact"))
-        elif form in ("all", entry.form):
+        elif form in ("all", entry.form) and dimension in (None, entry.dimension):
             other = kept.setdefault((entry.name, entry.form), entry)
             if other.path.resolve() != entry.path.resolve():
                 raise InputError(f"{entry.path}: expected another name, {other.path} is a {entry.form} problem of the same")
     if not kept:
-        wanted = "FCLIB problems (*.hdf5)" if form == "all" else f"FCLIB problems in {form} form (*.hdf5)"
+        wanted = f"FCLIB problems{'' if dimension is None else f' in {dimension}D'}{'' if form == 'all' else f' in {form} form'} (*.hdf5)"
         raise InputError(f"{', '.join(map(str, paths))}: expected {wanted} with contacts, found none among {len(found)} files")
     return sorted(kept.values(), key=lambda entry: (entry.nc, entry.n, entry.name)), notes

@@ -13,8 +13,7 @@ from pathlib import Path
 from fcsim.bench.comparison import Comparison, ToleranceComparison
 from fcsim.bench.page import KINDS, data_uri, drawn, facts, markdown_text, page, picture, table
 from fcsim.bench.profile_plots import panels_figure, profile_figure
-from fcsim.bench.results import SLACK, Measurement, results_file
-from fcsim.bench.run import NOT_TRIED
+from fcsim.bench.results import NOT_TRIED, SLACK, Measurement, results_file
 from fcsim.bench.summary import AT_TIME_LIMIT, notes, number, tables
 from fcsim.bench.time_table import CLOCKS, tolerance_name
 from fcsim.errors import InputError

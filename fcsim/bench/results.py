@@ -26,6 +26,10 @@ STATUSES = (*OWN_STATUSES, "KILLED_TIME", "KILLED_MEMORY", "CRASHED", "WRONG")
 """KILLED_*: ended from outside at a hard limit; WRONG: said to be solved, but the error recomputed outside the solver is above tol."""
 
 
+NOT_TRIED = "not tried"
+"""Stands in the status of what was recorded as TIME_LIMIT because a looser tolerance was not met in time."""
+
+
 @dataclass(frozen=True)
 class Measurement:
     """One solve of a problem by a solver to a tolerance. What is None was not measured, or could not be."""

@@ -19,13 +19,12 @@ from time import monotonic
 
 from fcsim.bench.launch import Launcher
 from fcsim.bench.problems import Entry
-from fcsim.bench.results import FILE, Measurement, append, read_results
+from fcsim.bench.results import FILE, NOT_TRIED, Measurement, append, read_results
 from fcsim.bench.siconos_worker import GLOBAL_3D, LOCAL_2D, LOCAL_3D
 from fcsim.bench.worker import SICONOS, Request, Settings, blank, grace
 from fcsim.errors import InputError
 from fcsim.solvers import SOLVERS
 
-NOT_TRIED = "not tried"
 BY_TIME = ("TIME_LIMIT", "KILLED_TIME")
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fcsim.bench.profiles import RESOLUTION
 from fcsim.bench.time_table import TimeTable, tolerance_name
@@ -126,9 +126,10 @@ def stopped_at_limit(table: TimeTable) -> NDArray[np.bool_]:
     return np.array([[m.outcome in AT_TIME_LIMIT and not m.solved for m in row] for row in table.rows])
 
 
-def geometric_mean(values: FloatArray) -> float:
+def geometric_mean(values: ArrayLike) -> float:
     """exp(mean(log)), NaN for nothing."""
-    return float(np.exp(np.log(values).mean())) if len(values) else math.nan
+    logarithms = np.log(values)
+    return float(np.exp(logarithms.mean())) if logarithms.size else math.nan
 
 
 def _mean(values: FloatArray) -> float:

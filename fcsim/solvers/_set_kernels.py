@@ -124,6 +124,25 @@ def minimise_on_disk(a11: float, a12: float, a22: float, g1: float, g2: float, r
 
 
 @njit(cache=True)
+def velocity(
+    indptr: IntArray, indices: IntArray, blocks: FloatArray, q: FloatArray, r: FloatArray, a: int
+) -> tuple[float, float, float, int]:
+    """u_a = q_a + sum_b W_ab r_b, and which block is the contact's own W_aa (-1: none is stored)."""
+    u0, u1, u2 = q[a, 0], q[a, 1], q[a, 2]
+    own = -1
+    for k in range(indptr[a], indptr[a + 1]):
+        b = indices[k]
+        w = blocks[k]
+        s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
+        u0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
+        u1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
+        u2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
+        if b == a:
+            own = k
+    return u0, u1, u2, own
+
+
+@njit(cache=True)
 def sweep_cylinder(
     indptr: IntArray,
     indices: IntArray,
@@ -141,17 +160,7 @@ def sweep_cylinder(
     total = 0.0
     size = 0.0
     for a in range(len(indptr) - 1):
-        u0, u1, u2 = q[a, 0], q[a, 1], q[a, 2]
-        own = -1
-        for k in range(indptr[a], indptr[a + 1]):
-            b = indices[k]
-            w = blocks[k]
-            s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
-            u0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
-            u1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
-            u2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
-            if b == a:
-                own = k
+        u0, u1, u2, own = velocity(indptr, indices, blocks, q, r, a)
         if own >= 0:
             w = blocks[own]
             if normal and w[0, 0] > 0.0:
@@ -191,17 +200,7 @@ def sweep_cone(
     total = 0.0
     size = 0.0
     for a in range(len(indptr) - 1):
-        u0, u1, u2 = q[a, 0], q[a, 1], q[a, 2]
-        own = -1
-        for k in range(indptr[a], indptr[a + 1]):
-            b = indices[k]
-            w = blocks[k]
-            s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
-            u0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
-            u1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
-            u2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
-            if b == a:
-                own = k
+        u0, u1, u2, own = velocity(indptr, indices, blocks, q, r, a)
         if own >= 0:
             w = blocks[own]
             m, p = mu[a], rho[a]

@@ -21,6 +21,7 @@ Optim. 14, 1976. The schedule of alpha and the race are our own.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -101,19 +102,21 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
 
 
 def _fitting_storage(problem: LocalProblem) -> LocalProblem:
-    """Return the problem with W stored dense or block-sparse as its size and density ask for."""
+    """Return the problem with W stored dense or in sorted block rows as its size and density ask for, converted once for all stages."""
     W, d = problem.W, problem.dimension
-    nonzero = W.nnz if sp.issparse(W) else np.count_nonzero(W)
-    sparse = problem.m > SMALL and nonzero < SPARSE_BELOW * problem.m**2
-    if sparse == sp.issparse(W):
-        if not sparse or getattr(W, "has_sorted_indices", True):
-            return problem
-        # a factorisation would sort the caller's W in place, and later products would differ in the last bits
-        W = W.copy()
+    sparse = problem.m > SMALL and _entries(W) < SPARSE_BELOW * problem.m**2
+    if sparse:
+        # a copy even of block rows: a factorisation would sort the caller's in place, and later products would differ in the last bits
+        W = sp.bsr_array(W, blocksize=(d, d), copy=True)
         W.sort_indices()
-        return LocalProblem(W, problem.q, problem.mu, dimension=d)
-    W = sp.bsr_array(sp.csr_array(W), blocksize=(d, d)) if sparse else W.toarray()
-    return LocalProblem(W, problem.q, problem.mu, dimension=d)
+    elif sp.issparse(W):
+        W = W.toarray()
+    return problem if W is problem.W else LocalProblem(W, problem.q, problem.mu, dimension=d)
+
+
+def _entries(W: Any) -> int:
+    """Entries of W that are not zero."""
+    return int(np.count_nonzero(W.data if sp.issparse(W) else W))
 
 
 class _Run:
@@ -123,7 +126,7 @@ class _Run:
         self.problem, self.monitor, self.options = problem, monitor, options
         W, m = problem.W, problem.m
         self.sparse = sp.issparse(W)
-        entries = W.nnz if self.sparse else np.count_nonzero(W)
+        entries = _entries(W)
         # seconds on a common processor; only their ratio matters
         self.sweep_cost = 1e-9 * entries + 1.5e-7 * problem.nc
         self.newton_cost = 1e-3 + 1.5e-7 * entries if self.sparse else 2e-4 + 3e-11 * m**3 + 4e-9 * m**2

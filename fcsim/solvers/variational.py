@@ -20,8 +20,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.cone import de_saxce
-from fcsim.linear import MUMPS_FROM, Factor, SingularMatrix, SuperLU, factorise
-from fcsim.problem import LocalProblem
+from fcsim.linear import MUMPS_FROM, Factor, SingularMatrix, SuperLU, factorise, is_symmetric
+from fcsim.problem import LocalProblem, diagonal_blocks
 from fcsim.solvers._set_kernels import add_de_saxce, step_cone, step_cylinder, step_disk
 from fcsim.solvers.base import Monitor, Status
 
@@ -92,19 +92,6 @@ def coulomb_term(u: FloatArray, mu: FloatArray, dimension: int) -> FloatArray:
     return de_saxce(u.reshape(-1, dimension), mu).ravel()
 
 
-def diagonal_blocks(W: Any, d: int) -> FloatArray:
-    """The blocks W_aa (nc, d, d) of W (m, m)."""
-    index = np.arange(W.shape[0] // d)
-    if not sp.issparse(W):
-        return W.reshape(len(index), d, len(index), d)[index, :, index, :]
-    blocks = np.zeros((len(index), d, d))
-    coo = sp.coo_array(W)
-    row, column = coo.coords
-    own = row // d == column // d
-    np.add.at(blocks, (row[own] // d, row[own] % d, column[own] % d), coo.data[own])
-    return blocks
-
-
 def power_norm(product: Callable[[FloatArray], FloatArray], size: int) -> float:
     """The largest eigenvalue in magnitude of x -> product(x) on R^size by the power method, from below within a few percent."""
     if not size:
@@ -144,8 +131,7 @@ class Operator:
     @cached_property
     def symmetric(self) -> bool:
         """Whether W equals its transpose up to round-off."""
-        largest = abs(self.W).max() if self.size else 0.0
-        return self.size == 0 or bool(abs(self.W - self.W.T).max() <= 1e-10 * largest)
+        return is_symmetric(self.W)
 
     @cached_property
     def symmetric_part(self) -> Operator:
@@ -176,7 +162,14 @@ class Operator:
         if sp.issparse(self.W):
             shifted = sp.csr_array(self.W + rho * sp.eye_array(self.size, format="csr"))
             # MUMPS pays off for many entries only, and its factors differ in the last bits from run to run
-            return factorise(shifted) if shifted.nnz > MUMPS_FROM else SuperLU(shifted, symmetric_pattern=True)
+            if shifted.nnz <= MUMPS_FROM:
+                return SuperLU(shifted, symmetric_pattern=True)
+            if symmetric:
+                try:
+                    return factorise(shifted, positive_definite=True)
+                except SingularMatrix:  # W slightly indefinite
+                    pass
+            return factorise(shifted)
         shifted = self.W + rho * np.eye(self.size)
         if symmetric:
             try:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 WIDTH = 10.0  # of every page [inch], whatever the resolution
 TOP, BOTTOM = 0.72, 0.85  # bands for title and for colours or legend [inch]
 STATUS = {1: ("stick", BLUE), 2: ("slip", RED), 0: ("open", "#a6a6a6")}
+SEPARATOR = "   ·   "
 LONGEST_SEGMENT = 0.12  # of the width of the picture
 
 
@@ -52,11 +53,12 @@ def stress_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
 
 
 def instants_figure(run: RunFolder, scene: Scene, instants: list[Instant]) -> Figure:
-    """Several instants in two columns with one colour bar."""
+    """Several instants in two columns with one colour bar; what they share is said once, in the line under the title."""
     page = _Page(scene, columns=2, rows=(len(instants) + 1) // 2, caption=0.36)
-    page.title(run.title, f"displacements × {scene.survey.exaggeration:g}")
+    label = _imposed_label(run)
+    page.title(run.title, SEPARATOR.join(["time", *([label] if label else []), _factor(scene)]))
     for place, instant in enumerate(instants):
-        page.image(scene.image(instant), place, describe(run, scene, instant, factor=False))
+        page.image(scene.image(instant), place, SEPARATOR.join(filter(None, [_time(run, instant), _imposed(run, instant)])))
     page.colour_bar()
     return page.drawing
 
@@ -99,17 +101,36 @@ def contact_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
     return page.drawing
 
 
-def describe(run: RunFolder, scene: Scene, instant: Instant, *, factor: bool = True) -> str:
+def describe(run: RunFolder, scene: Scene, instant: Instant) -> str:
     """Time, imposed displacement (where the run names its column) and the factor on displacements, as one line."""
+    time, imposed = _time(run, instant), _imposed(run, instant)
+    words = [time, *([f"{_imposed_label(run)} {imposed}"] if imposed else []), _factor(scene)]
+    return SEPARATOR.join(words)
+
+
+def _time(run: RunFolder, instant: Instant) -> str:
     step_length = run.description.get("h")
     digits = max(0, math.ceil(-math.log10(step_length) - 1e-9)) if isinstance(step_length, float) and step_length > 0 else 3
-    words = [f"t = {instant.t:.{digits}f} s"]
+    return f"t = {instant.t:.{digits}f} s"
+
+
+def _factor(scene: Scene) -> str:
+    return f"displacements × {scene.survey.exaggeration:g}"
+
+
+def _imposed_label(run: RunFolder) -> str:
+    imposed = run.plots.get("imposed") or {}
+    return str(imposed.get("label", imposed.get("column", ""))).replace(" -", " −")
+
+
+def _imposed(run: RunFolder, instant: Instant) -> str:
+    """The imposed displacement with its unit; empty where the run names no such column."""
     imposed = run.plots.get("imposed") or {}
     value = run.at(imposed.get("column", ""), instant.t)
-    if value is not None:
-        scale, unit = prefixed(imposed.get("unit", "m"), run.numbers(imposed["column"]))
-        words.append(f"{imposed.get('label', imposed['column'])} {value / scale:.3f}".replace(" -", " −") + f" {unit}")
-    return "   ·   ".join([*words, *([f"displacements × {scene.survey.exaggeration:g}"] if factor else [])])
+    if value is None:
+        return ""
+    scale, unit = prefixed(imposed.get("unit", "m"), run.numbers(imposed["column"]))
+    return f"{value / scale:.3f} {unit}".replace("-", "−")
 
 
 class _Page:

@@ -194,3 +194,22 @@ def test_comparison_with_siconos(tmp_path: Path) -> None:
     assert line.split("|")[-2].strip() == line.split("|")[-4].strip() == f"{theirs / ours:.2g}"
     run_script("against_siconos.py", tmp_path / "unsymmetric.hdf5", *arguments, "--resume")
     assert rows_of(out.with_suffix(".csv")) == rows
+
+
+def test_growth_from_wall_to_wall(scripts: Any, tmp_path: Path) -> None:
+    growth = scripts("growth")
+    rows = [
+        {"contacts": c, "cpu": 2e-3 * c**1.2, "step": 3e-3 * c, "solve": c, "assembly": c, "detection": c, "peak_MiB": 400.0}
+        for c in (700, 2800, 11000)
+    ]
+    assert growth.exponents(rows, "cpu") == pytest.approx([1.2, 1.2])
+    assert growth.exponents(rows, "peak_MiB") == pytest.approx([0, 0])
+    growth.plot(rows, tmp_path / "growth.png")
+    assert (tmp_path / "growth.png").stat().st_size > 10_000
+
+
+def test_growth_measures_a_wall_that_carries_its_weight(scripts: Any) -> None:
+    row = scripts("growth").measure(12, 4)
+    assert (row["dofs"], row["contacts"]) == (7212, 688)  # the masonry wall's README
+    assert row["error"] <= 1e-4 and row["imbalance"] < 1e-10
+    assert row["reaction"] == pytest.approx(1, abs=0.05)  # it still swings

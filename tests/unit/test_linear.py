@@ -34,6 +34,16 @@ def test_solves_like_dense_algebra(method: type, columns: int | None) -> None:
     assert factor.name
 
 
+@needs_petsc
+def test_sparse_cholesky() -> None:
+    A = random_matrix(40, 2, symmetric=True)
+    rhs = np.random.default_rng(3).standard_normal((40, 2))
+    assert_allclose(Mumps(A, positive_definite=True).solve(rhs), np.linalg.solve(A.toarray(), rhs), rtol=1e-11, atol=1e-13)
+    shifted = sp.csr_array(A - 1.01 * np.linalg.eigvalsh(A.toarray())[0] * sp.eye_array(40))
+    with pytest.raises(SingularMatrix, match="not positive definite: 1 negative pivots"):
+        Mumps(shifted, positive_definite=True)
+
+
 @pytest.mark.parametrize("method", [DenseLU, *SPARSE])
 def test_unsymmetric_matrix(method: type) -> None:
     A = random_matrix(30, 3)

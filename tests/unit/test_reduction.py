@@ -70,6 +70,21 @@ def test_equal_blocks_are_factored_once() -> None:
     assert_allclose(factor.solve(rhs[:, 0]), np.linalg.solve(M, rhs[:, 0]), rtol=1e-11, atol=1e-13)
 
 
+def test_blocks_that_differ_by_round_off_share_a_factor_and_are_solved_as_they_are() -> None:
+    rng = np.random.default_rng(5)
+    first = spd(40, rng)
+    first[0, 39] = first[39, 0] = 1e-14 * np.abs(first).max()  # stored in one copy, dropped in the other
+    noise = 1 + 5e-15 * rng.standard_normal(first.shape)
+    second = first * (noise + noise.T) / 2
+    second[0, 39] = second[39, 0] = 0
+    other = first * (1 + 1e-9 * np.eye(40))
+    A = sp.block_diag([sp.csr_array(first), sp.csr_array(second), sp.csr_array(other)], format="csr")
+    factor = BlockFactor(A)
+    assert [block.dofs.shape for block in factor.blocks] == [(2, 40), (1, 40)]
+    rhs = rng.standard_normal((120, 2))
+    assert np.abs(A @ factor.solve(rhs) - rhs).max() <= 1e-14 * np.abs(rhs).max()
+
+
 def test_blocks_above_the_dense_size(monkeypatch: pytest.MonkeyPatch) -> None:
     p = random_problem(4)
     expected = reduce(p).local.W

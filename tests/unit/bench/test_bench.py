@@ -333,6 +333,8 @@ def test_forms_are_told_from_the_files(block: Path) -> None:
         found, notes = entries([block], form)
         assert sorted((e.name, e.form, e.dimension, e.nc, e.n) for e in found) == problems
         assert not notes
+    assert [e.name for e in entries([block], dimension=2)[0]] == ["here"]
+    assert {(e.name, e.form) for e in entries([block], dimension=3)[0]} == {("block", "global"), ("block", "local")}
 
 
 def test_bad_input_is_named(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -342,6 +344,7 @@ def test_bad_input_is_named(block: Path, tmp_path: Path, capsys: pytest.CaptureF
 
     assert "nowhere: expected a folder of FCLIB files" in refused(tmp_path / "nowhere")
     assert "in local form" in refused(block, "--form", "local")
+    assert "FCLIB problems in 2D (*.hdf5)" in refused(block, "--dimension", "2")
     assert "--tols: expected numbers with commas between, got '1e-4;1e-6'" in refused(block, "--tols", "1e-4;1e-6")
     assert "--tols: expected a number > 0, got -1" in refused(block, "--tols=-1")
     assert "--time-limit: expected a number > 0" in refused(block, "--time-limit", 0)

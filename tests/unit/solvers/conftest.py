@@ -70,6 +70,28 @@ PROBLEMS: dict[str, Callable[[], LocalProblem]] = {
 }
 
 
+@pytest.fixture
+def natural_map_error() -> Callable[[LocalProblem, np.ndarray], float]:
+    """||r - P_K(r - (u + g(u)))|| / ||q|| contact by contact, u = W r + q, written again."""
+
+    def error(p: LocalProblem, r: np.ndarray) -> float:
+        u = (p.W @ r + p.q).reshape(-1, p.dimension)
+        total = 0.0
+        for mu, u_a, r_a in zip(p.mu, u, r.reshape(-1, p.dimension), strict=True):
+            z = r_a - u_a
+            z[0] -= mu * np.linalg.norm(u_a[1:])
+            length = np.linalg.norm(z[1:])
+            if mu * length <= -z[0]:
+                z = 0 * z
+            elif length > mu * z[0]:
+                s = (z[0] + mu * length) / (1 + mu * mu)
+                z = np.r_[s, mu * s * z[1:] / length]
+            total += np.sum((r_a - z) ** 2)
+        return float(np.sqrt(total) / np.linalg.norm(p.q))
+
+    return error
+
+
 @pytest.fixture(params=PROBLEMS)
 def coulomb_problem(request: pytest.FixtureRequest) -> LocalProblem:
     return PROBLEMS[request.param]()

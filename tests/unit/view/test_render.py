@@ -5,18 +5,20 @@ import json
 import shutil
 import subprocess
 import sys
-from itertools import pairwise
+from dataclasses import replace
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib import colors
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.view import SeriesWriter, render, scene
 from fcsim.view.film import film_instants, write_film
-from fcsim.view.pictures import contact_figure, stress_figure
+from fcsim.view.pictures import contact_figure, instants_figure, stress_figure
 from fcsim.view.plots import contact_plot, convergence_plot, phase_plot, reaction_plot, write_plots
 from fcsim.view.run_folder import Instant, RunFolder, open_run, replacing
 from fcsim.view.style import BLUE, RED, prefixed
@@ -105,6 +107,19 @@ def test_the_title_states_time_displacement_and_factor(run_directory):
         texts = [text.get_text() for text in stress_figure(run, view, run.instants[-1]).texts]
     assert texts[0] == "Masonry wall under compression and shear"
     assert texts[1] == "t = 0.500 s   ·   imposed displacement −0.450 mm   ·   displacements × 50"
+
+
+def test_no_text_of_the_instants_covers_another_or_leaves_the_page(run_directory):
+    run = open_run(run_directory)
+    plots = {**run.plots, "imposed": {**run.plots["imposed"], "label": "imposed displacement of the upper platen of the wall along -x"}}
+    run = replace(run, description={**run.description, "plots": plots})
+    with scene.Scene(scene.survey(run, run.instants, 50.0), width=700) as view:
+        page = instants_figure(run, view, list(run.instants))
+        renderer = FigureCanvasAgg(page).get_renderer()
+        boxes = [text.get_window_extent(renderer) for text in page.texts]
+        assert len(boxes) == 2 + len(run.instants)
+        assert all(box.x0 >= 0 and box.x1 <= page.bbox.x1 for box in boxes)
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
 def test_points_stand_where_the_camera_shows_them(run_directory):

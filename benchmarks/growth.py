@@ -1,0 +1,186 @@
+"""Walls of 12 to 2565 bricks: time and memory a step against the number of contacts.
+
+    python benchmarks/growth.py                        12, 48, 192 and 768 bricks
+    python benchmarks/growth.py --bricks 12 48 192 768 2565 --plot docs/growth.png
+    python benchmarks/growth.py --bricks 2565 --steps 3
+
+The wall of cases/masonry_wall (8 x 4 x 4 elements a brick) with as many courses and bricks as it takes, its whole weight and the platen's
+laid on within step 2. Each step is solved to 1e-4 by ADMM with one factorisation of W + rho I, rho = 3e-5 ||W||, from the previous step's
+reactions; steps 3 to the last count. Physics: the bottom platen's reaction over the weight at the last step, which the wall still swings
+about by a few per mille to per cent, and at every step that reaction less the rate of change of the vertical momentum, which is the weight
+to round-off. Each wall runs in a process of its own, so that its peak memory is its own; processor time serves on a busy machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import json
+import math
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy
+
+from rich.console import Console
+from rich.table import Table
+
+from fcsim.case import load_case, parse_parameters
+from fcsim.timestep.simulation import SolverSettings
+
+CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
+WALLS = {12: (3, 3.5), 48: (6, 7.5), 192: (12, 15.5), 768: (24, 31.5), 2565: (45, 56.5)}
+"""Bricks: courses, bricks a course."""
+SOLVER = SolverSettings(name="ADMM", tol=1e-4, options={"initial_rho": "norm", "rho": 3e-5, "rho_update": "constant"}, fallback=())
+PHASES = ("detection", "assembly", "solve")
+GRAVITY = 9.81
+LABELS = {"step": "whole step", "cpu": "whole step, processor time"}
+
+
+def measure(bricks: int, steps: int) -> dict[str, Any]:
+    """Run one wall; medians over the steps from the third on."""
+    courses, blocks = WALLS[bricks]
+    begin = time.perf_counter()
+    given = {"courses": str(courses), "blocks": str(blocks), "steps": str(steps), "gravity_last": "2"}
+    case = load_case(CASE).build(parse_parameters(load_case(CASE), given))
+    simulation = replace(case.simulation, solver=SOLVER)
+    _ = simulation.factor, simulation.matrix
+    set_up = time.perf_counter() - begin
+    model = simulation.model
+    sensor = {s.column: s.measure for s in case.sensors}
+    mass = sum(
+        body.part.material.density * math.prod(map(float, body.part.points.max(0) - body.part.points.min(0))) for body in model.deformable
+    )
+    platen = model.rigid[model.number["top platen"] - len(model.deformable)].mass
+    rows: list[dict[str, float]] = []
+    imbalance = 0.0
+    reaction, weight = math.nan, GRAVITY * (mass + platen)
+    before = time.process_time()
+    for step in simulation:
+        seconds = {**step.seconds, "cpu": time.process_time() - before}
+        if step.number > 2:  # from here on the whole weight acts at both ends of the step
+            reaction = sensor["bottom_Rz"](step) / weight
+            imbalance = max(imbalance, abs(reaction - sensor["inertia_z"](step) / weight - 1))
+            rows.append({**seconds, "iterations": step.result.iterations, "error": step.result.error, "contacts": len(step.contacts)})
+        words = f"{step.result.iterations} iterations, {sum(step.seconds.values()):.1f} s, processor time {seconds['cpu']:.1f} s"
+        print(f"  step {step.number}: {words}", file=sys.stderr, flush=True)
+        before = time.process_time()
+        del step
+    middle = {key: statistics.median(row[key] for row in rows) for key in (*PHASES, "cpu", "iterations", "contacts")}
+    return {
+        "bricks": bricks,
+        "dofs": model.n_dofs,
+        **middle,
+        "step": statistics.median(sum(row[phase] for phase in PHASES) for row in rows),
+        "set_up": set_up,
+        "error": max(row["error"] for row in rows),
+        "reaction": reaction,
+        "imbalance": imbalance,
+        "peak_MiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def exponents(rows: list[dict[str, Any]], key: str) -> list[float]:
+    """Slope of log key against log contacts from each wall to the next."""
+    pairs = itertools.pairwise(rows)
+    return [math.log(b[key] / a[key]) / math.log(b["contacts"] / a["contacts"]) for a, b in pairs]
+
+
+def report(rows: list[dict[str, Any]]) -> Table:
+    table = Table(title=f"walls, ADMM at 1e-4, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; exponents from wall to wall")
+    headings = [
+        "bricks",
+        "dofs",
+        "contacts",
+        *(f"{p}\n[s]" for p in PHASES),
+        "step\n[s]",
+        "processor\n[s]",
+        "exponent",
+        "iterations",
+        "error",
+    ]
+    for heading in (*headings, "reaction\n/ weight", "imbalance", "peak\n[MiB]", "exponent", "set-up\n[s]"):
+        table.add_column(heading, justify="right")
+    time_exponents, memory_exponents = ([math.nan, *exponents(rows, key)] for key in ("cpu", "peak_MiB"))
+    for row, time_exponent, memory_exponent in zip(rows, time_exponents, memory_exponents, strict=True):
+        cells = [f"{row[k]:.0f}" for k in ("bricks", "dofs", "contacts")]
+        cells += [f"{row[k]:.3g}" for k in (*PHASES, "step", "cpu")] + [
+            f"{time_exponent:.2f}",
+            f"{row['iterations']:.0f}",
+            f"{row['error']:.1e}",
+        ]
+        cells += [
+            f"{row['reaction']:.4f}",
+            f"{row['imbalance']:.1e}",
+            f"{row['peak_MiB']:.0f}",
+            f"{memory_exponent:.2f}",
+            f"{row['set_up']:.1f}",
+        ]
+        table.add_row(*cells)
+    return table
+
+
+def plot(rows: list[dict[str, Any]], path: Path) -> None:
+    """Time by phase and memory against contacts, on log axes, with the slopes 1 and 1.3."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.8), layout="constrained")
+    seconds, memory = figure.subplots(1, 2)
+    contacts = [row["contacts"] for row in rows]
+    for key, style in (("step", "ko-"), ("cpu", "C3x-"), ("solve", "C0s--"), ("assembly", "C1^:"), ("detection", "C2v-.")):
+        seconds.loglog(contacts, [row[key] for row in rows], style, label=LABELS.get(key, key))
+    for slope, shade in ((1.0, "0.7"), (1.3, "0.4")):
+        seconds.loglog(
+            contacts, [rows[0]["step"] * (c / contacts[0]) ** slope for c in contacts], color=shade, lw=1, label=f"slope {slope}"
+        )
+    memory.loglog(contacts, [row["peak_MiB"] for row in rows], "ko-", label="peak memory of the process")
+    memory.loglog(contacts, [rows[0]["peak_MiB"] * c / contacts[0] for c in contacts], color="0.7", lw=1, label="slope 1")
+    for axes, label in ((seconds, "seconds a step"), (memory, "MiB")):
+        axes.set(xlabel="contacts", ylabel=label)
+        axes.grid(True, which="both", alpha=0.25)
+        axes.legend(fontsize=8)
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bricks", type=int, nargs="+", choices=tuple(WALLS), default=[12, 48, 192, 768])
+    parser.add_argument("--steps", type=int, default=6, help="at least 3 (default 6)")
+    parser.add_argument("--csv", type=Path, help="write the table; walls that it has are not measured again")
+    parser.add_argument("--plot", type=Path, help="write the picture")
+    parser.add_argument("--measure", type=int, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.measure:
+        print(json.dumps(measure(options.measure, options.steps)))
+        return
+    if options.steps < 3:
+        parser.error(f"--steps: expected at least 3, got {options.steps}")
+    rows: list[dict[str, Any]] = []
+    if options.csv and options.csv.is_file():
+        with options.csv.open(newline="", encoding="utf-8") as file:
+            rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+    for bricks in sorted(set(options.bricks) - {int(row["bricks"]) for row in rows}):
+        print(f"{bricks} bricks", file=sys.stderr)
+        command = [sys.executable, __file__, "--measure", str(bricks), "--steps", str(options.steps)]
+        rows.append(json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout))
+        rows.sort(key=lambda row: row["bricks"])
+        if options.csv:
+            with options.csv.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, list(rows[0]))
+                writer.writeheader()
+                writer.writerows(rows)
+    Console(width=180).print(report(rows))
+    if options.plot:
+        plot(rows, options.plot)
+
+
+if __name__ == "__main__":
+    main()
