@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,3 +45,14 @@ class Contacts:
     def take(self, chosen: NDArray[np.bool_] | IntArray) -> Contacts:
         """Return the chosen contacts (a mask (nc,) or numbers)."""
         return Contacts(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+def join(parts: Sequence[Contacts]) -> Contacts:
+    """Concatenate contacts; the narrower lists of nodes are filled with -1, their weights with 0."""
+    width = max(part.nodes.shape[1] for part in parts)
+
+    def padded(array: NDArray, value: int) -> NDArray:
+        return np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=value)
+
+    wide = [replace(part, nodes=padded(part.nodes, -1), weights=padded(part.weights, 0)) for part in parts]
+    return Contacts(*(np.concatenate([getattr(part, field.name) for part in wide]) for field in fields(Contacts)))

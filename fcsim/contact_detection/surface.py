@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from fcsim.errors import InputError
 
 IntArray = NDArray[np.int64]
-CandidateRule = Literal["nodes", "faces", "gauss"]
+CandidateRule = Literal["nodes", "faces", "gauss", "mortar", "segments"]
+OPPOSING = -0.1  # a candidate's outward direction n and the master's normal N face each other while n . N < OPPOSING
 
 
 def _integers(values: ArrayLike, what: str, ndim: int) -> IntArray:
@@ -67,8 +68,9 @@ class SurfacePair:
 
     mu         Coulomb friction coefficient >= 0
     alert      [m] >= 0: a contact is kept while its gap is not larger
-    candidates "nodes" of the slave surface, "faces" (facet centres) or "gauss" (2 x 2 points of a quadrilateral, 3 of a triangle, 2
-               of a segment)
+    candidates node-to-segment: "nodes" of the slave surface, "faces" (facet centres) or "gauss" (2 x 2 points of a quadrilateral, 3 of
+               a triangle, 2 of a segment); integrated over the overlaps of the surfaces: "mortar" (a weighted gap for each slave node)
+               or "segments" (Gauss points of each overlap)
     """
 
     slave: ContactSurface
