@@ -68,12 +68,11 @@ class Mortar(SegmentToSegment):
         share, own, others = mortar_sums(found.row, len(slave), found.weight, found.phi, found.psi)
         key, row = np.unique(self.vertex[slave] * self.n_bodies + self.masters.bodies[master][:, None], return_inverse=True)
         row = row.reshape(share.shape)
-        size = np.bincount(row.ravel(), share.ravel(), minlength=len(key))
+        size = _sum_by(row, share, len(key))
         vertex, body = np.divmod(key, self.n_bodies)
         kept = size > self.least_share * self._full_size(now)[vertex]
 
-        direction = share[:, :, None] * -now.slave.normal[slave][:, None]
-        normal = np.stack([np.bincount(row.ravel(), c.ravel(), minlength=len(key)) for c in np.moveaxis(direction, -1, 0)], axis=1)[kept]
+        normal = np.stack([_sum_by(row, share * -n[:, None], len(key)) for n in now.slave.normal[slave].T], axis=1)[kept]
         normal /= np.sqrt(np.einsum("nd,nd->n", normal, normal))[:, None]
         scale = 1.0 / size[kept]
         on_slave = _rows(row, own, self.slaves.closed[slave], scale, kept, len(now.x))
@@ -100,7 +99,12 @@ class Mortar(SegmentToSegment):
         """About int phi_j over the whole slave surface: an equal share of each facet for each of its nodes."""
         real = self.slaves.nodes >= 0
         equal = np.broadcast_to((self.area(now.slave.size) / self.slave_sides)[:, None], real.shape)[real]
-        return np.bincount(self.vertex[real], equal, minlength=len(self.pair_of_vertex))
+        return _sum_by(self.vertex[real], equal, len(self.pair_of_vertex))
+
+
+def _sum_by(row: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Sums (count,) of the values of each row."""
+    return np.bincount(row.ravel(), values.ravel(), minlength=count).astype(np.float64, copy=False)  # integers where there is no value
 
 
 def _rows(row: IntArray, sums: FloatArray, nodes: IntArray, scale: FloatArray, kept: NDArray[np.bool_], n_nodes: int) -> csr_array:

@@ -113,11 +113,12 @@ class SegmentToSegment:
         reach = np.maximum(self.alert[self.pair_of_slave[slave]], self.penetration * size)
         found = (self._intervals if self.slaves.width == 2 else self._polygons)(now, slave, master, reach)
         near = np.abs(found.gap) <= reach[found.row]
+        if not near.all():
+            found = Segments(*found[:3], *(array[near] for array in found[3:]))
         touched = np.zeros(len(slave), dtype=bool)
-        touched[found.row[near]] = True
+        touched[found.row] = True
         row = (np.cumsum(touched) - 1)[found.row]
-        points = (array[near] for array in (row, found.number, found.weight, found.gap, found.phi, found.psi))
-        return Segments(slave[touched], master[touched], found.area[touched], *points)
+        return found._replace(slave=slave[touched], master=master[touched], area=found.area[touched], row=row)
 
     def area(self, size: FloatArray) -> FloatArray:
         """Areas (2D: lengths) of facets of that size."""
