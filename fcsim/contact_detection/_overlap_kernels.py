@@ -110,7 +110,8 @@ def overlap_polygons(
             continue
         apart = False
         for i in range(2):
-            apart |= plane[:n, i].min() >= window[:sides, i].max() or plane[:n, i].max() <= window[:sides, i].min()
+            if plane[:n, i].min() >= window[:sides, i].max() or plane[:n, i].max() <= window[:sides, i].min():
+                apart = True
         if apart:
             continue
         for k in range(n):  # the master looks the other way: its corners are clockwise here

@@ -28,7 +28,7 @@ def simulate(model: Model, pairs: list[SurfacePair], steps: int, scheme: Any) ->
     return list(Simulation(model, Detector(pairs, model.n_nodes), scheme, steps, SolverSettings(tol=1e-10)))
 
 
-@pytest.mark.parametrize("candidates", ["nodes", "faces", "gauss"])
+@pytest.mark.parametrize("candidates", ["nodes", "faces", "gauss", "mortar", "segments"])
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_contact_patch(candidates: str, mu: float) -> None:
     """Two cubes of side 2 mm, matching meshes, E = 200 GPa, nu = 0, u_z = -0.2 mm on top (small strain): p = 10 000 MPa uniform, the

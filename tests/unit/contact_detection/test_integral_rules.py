@@ -268,7 +268,7 @@ def test_two_dimensions_are_a_slice_of_three() -> None:
     flat, _ = detect(line(ours, 0.02, up=False), [line(theirs)], "mortar")
     deep = np.array([0.0, 1.0])
     nodes, facets = plate(ours, deep, up=False)
-    solid, _ = detect((nodes + [0, 0, 0.02], facets), [plate(theirs, deep)], "mortar")
+    solid, _ = detect((nodes + np.array([0, 0, 0.02]), facets), [plate(theirs, deep)], "mortar")
     sheet = dense(solid, 6 + 8).reshape(3, 2, -1).sum(axis=1)
     np.testing.assert_allclose(sheet[:, :6].reshape(3, 3, 2).sum(axis=2) / 2, dense(flat, 7)[:, :3], atol=1e-14)
     np.testing.assert_allclose(sheet[:, 6:].reshape(3, 4, 2).sum(axis=2) / 2, dense(flat, 7)[:, 3:], atol=1e-14)
@@ -299,7 +299,7 @@ def test_rules_side_by_side() -> None:
     x, facets = plate(np.linspace(0, 1, 4), np.linspace(0, 1, 4))
     upper, lower = np.linspace(0, 1, 3), np.linspace(0, 1, 4)
     nodes, looking_down = plate(upper, upper, up=False)
-    x = np.concatenate([x, nodes + [0, 0, 0.01]])
+    x = np.concatenate([x, nodes + np.array([0, 0, 0.01])])
     slave, master = ContactSurface(16 + looking_down, np.ones(4, int)), ContactSurface(facets, np.zeros(9, int))
     rules = ["segments", "nodes", "mortar", "faces", "mortar"]
     pairs = [SurfacePair(slave, master, 0.1 * k, 0.1, rule) for k, rule in enumerate(rules)]  # type: ignore[arg-type]
@@ -321,7 +321,7 @@ def test_rules_side_by_side() -> None:
 def test_verlet_list_gives_the_same_contacts(rule: Rule) -> None:
     nodes, facets = plate(np.linspace(0, 1, 5), np.linspace(0, 1, 4))
     other, looking_down = plate(np.linspace(0, 1, 4), np.linspace(0, 1, 5), up=False)
-    x = np.concatenate([nodes, other + [0, 0, 0.05]])
+    x = np.concatenate([nodes, other + np.array([0, 0, 0.05])])
     slave, master = ContactSurface(20 + looking_down, np.ones(12, int)), ContactSurface(facets, np.zeros(12, int))
     detector = Detector([SurfacePair(slave, master, 0.5, 0.1, rule)], len(x))
     near = detector.search(x, skin=0.2)
@@ -342,7 +342,9 @@ def test_normal_velocity_is_the_rate_of_the_gap(rule: Rule, seed: int) -> None:
     slave = plate(np.linspace(0, 1, 4), np.linspace(0, 1, 3), up=False)
     master = plate(np.array([-1, 0.4, 2]), np.array([-1, 0.7, 2]))
     shift = generator.normal(size=3)
-    found = [detect(((slave[0] + [0, 0, 0.05]) @ R.T + dt * shift, slave[1]), [(master[0] @ R.T, master[1])], rule) for dt in (-1e-6, 0, 1e-6)]
+    found = [
+        detect(((slave[0] + [0, 0, 0.05]) @ R.T + dt * shift, slave[1]), [(master[0] @ R.T, master[1])], rule) for dt in (-1e-6, 0, 1e-6)
+    ]
     (before, _), (now, x), (after, _) = found
     velocity = np.zeros_like(x)
     velocity[: len(slave[0])] = shift
