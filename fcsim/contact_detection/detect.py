@@ -14,19 +14,23 @@ from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.mortar import Mortar
 from fcsim.contact_detection.node_to_segment import NodeToSegment
 from fcsim.contact_detection.segment_points import SegmentPoints
-from fcsim.contact_detection.surface import CandidateRule, SurfacePair
+from fcsim.contact_detection.smoothed_normals import SmoothedNodeToSegment
+from fcsim.contact_detection.surface import SurfacePair
 from fcsim.errors import InputError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-METHODS: dict[CandidateRule, type[NodeToSegment | Mortar | SegmentPoints]] = {
-    "nodes": NodeToSegment,
-    "faces": NodeToSegment,
-    "gauss": NodeToSegment,
-    "mortar": Mortar,
-    "segments": SegmentPoints,
-}
+Method = NodeToSegment | Mortar | SegmentPoints
+
+
+def method_of(pair: SurfacePair) -> type[Method]:
+    """The class that detects the contacts of a pair."""
+    if pair.candidates == "mortar":
+        return Mortar
+    if pair.candidates == "segments":
+        return SegmentPoints
+    return SmoothedNodeToSegment if pair.normals == "smooth" else NodeToSegment
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +51,9 @@ class Detector:
     * Contacts are kept while -penetration * size <= gap <= alert, size the square root (2D: itself) of the smaller of the
       two facets: deeper is another side of the body.
 
-    Pairs with candidates "mortar" or "segments" are integrated over the overlaps of the two surfaces: see `mortar`, `segment_points`.
+    With normals "smooth" the second rule does not apply: the foot is along the interpolated normal, which is continuous (see
+    `smoothed_normals`). Pairs with candidates "mortar" or "segments" are integrated over the overlaps of the two surfaces: see
+    `mortar` and `segment_points`.
 
     `search` makes a list of possible pairs that can be passed again while `PairList.covers(positions)`; the contacts are the same.
     InputError: no pairs, 2D with 3D, node numbers not below n_nodes, positions of wrong shape or not finite, facets without area.
@@ -75,13 +81,10 @@ class Detector:
         for name in ("edge_tolerance", "penetration"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise InputError(f"Detector, {name}: expected a number >= 0, relative to the facet size, got {getattr(self, name)}")
-        rules = np.array([pair.candidates for pair in pairs])
+        wanted = [method_of(pair) for pair in pairs]
         methods, numbers, identities = [], [], np.zeros(len(pairs), dtype=np.int64)
-        for method in dict.fromkeys(METHODS.values()):
-            numbers.append(np.flatnonzero(np.isin(rules, [rule for rule, its in METHODS.items() if its is method])))
-            if not len(numbers[-1]):
-                numbers.pop()
-                continue
+        for method in dict.fromkeys(wanted):
+            numbers.append(np.array([k for k, its in enumerate(wanted) if its is method]))
             methods.append(method([pairs[k] for k in numbers[-1]], self.edge_tolerance, self.penetration))
             identities[numbers[-1]] = methods[-1].identities
         first = np.concatenate([[0], np.cumsum(identities)[:-1]])

@@ -21,11 +21,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
+ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
 
 
-class _Configuration(NamedTuple):
+class Configuration(NamedTuple):
     """Candidates (point, outward direction, size of their facets) and master facets at the given positions."""
 
     point: FloatArray
@@ -34,7 +34,7 @@ class _Configuration(NamedTuple):
     master: FacetGeometry
 
 
-class _Feet(NamedTuple):
+class Feet(NamedTuple):
     """Feet of candidates on facets, one a row."""
 
     candidate: IntArray
@@ -46,8 +46,8 @@ class _Feet(NamedTuple):
     distance: FloatArray
     scale: FloatArray
 
-    def take(self, rows: IntArray | BoolArray) -> _Feet:
-        return _Feet._make(array[rows] for array in self)
+    def take(self, rows: IntArray | BoolArray) -> Feet:
+        return Feet._make(array[rows] for array in self)
 
 
 class NodeToSegment:
@@ -70,21 +70,21 @@ class NodeToSegment:
         self._n_bodies = 1 + int(self.masters.bodies.max(initial=0))
         self.identities = np.array(counts) * self._n_bodies
 
-    def contacts(self, now: _Configuration, candidate: IntArray, facet: IntArray) -> tuple[Contacts, IntArray]:
+    def contacts(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[Contacts, IntArray]:
         """Contacts among the possible pairs, sorted by (pair, candidate, master body), and their pairs."""
         feet = self._once_per_place(now, self._once_per_body(now, *self._plausible(now, candidate, facet)))
         return self._contacts(feet), self.pair_of_candidate[feet.candidate]
 
-    def configuration(self, x: FloatArray) -> _Configuration:
+    def configuration(self, x: FloatArray) -> Configuration:
         """The candidates and facets at positions x (n_nodes, d) [m]."""
         slave = contact_facets.geometry(self.slaves, x)
         point = np.einsum("nk,nkd->nd", self.candidates.weights, x[self.candidates.nodes])
         mean = self.candidates.averaging @ np.column_stack([slave.normal, slave.size])
         length = np.sqrt(np.einsum("nd,nd->n", mean[:, :-1], mean[:, :-1]))
         outward = mean[:, :-1] / np.maximum(length, 1e-300)[:, None]
-        return _Configuration(point, outward, mean[:, -1], contact_facets.geometry(self.masters, x))
+        return Configuration(point, outward, mean[:, -1], contact_facets.geometry(self.masters, x))
 
-    def search(self, now: _Configuration, skin: float) -> tuple[IntArray, IntArray]:
+    def search(self, now: Configuration, skin: float) -> tuple[IntArray, IntArray]:
         """Possible pairs (candidate, facet), also of positions where they are closer by less than `skin` [m]."""
         found = []
         for number, pair in enumerate(self.pairs):
@@ -102,7 +102,7 @@ class NodeToSegment:
     def _alert(self, candidate: IntArray) -> FloatArray:
         return np.array([pair.alert for pair in self.pairs])[self.pair_of_candidate[candidate]]
 
-    def _plausible(self, now: _Configuration, candidate: IntArray, facet: IntArray) -> tuple[IntArray, IntArray]:
+    def _plausible(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[IntArray, IntArray]:
         """Pairs that face each other with the point above or just beside the facet: few are left to project."""
         facing = np.einsum("nd,nd->n", now.outward[candidate], now.master.normal[facet]) < OPPOSING
         candidate, facet = candidate[facing], facet[facing]
@@ -117,26 +117,26 @@ class NodeToSegment:
         keep &= aside <= now.master.radius[facet] + alert + np.maximum(-height, 0.0) + 2 * slack
         return candidate[keep], facet[keep]
 
-    def _feet(self, now: _Configuration, candidate: IntArray, facet: IntArray, weights: FloatArray, normal: FloatArray) -> _Feet:
+    def _feet(self, now: Configuration, candidate: IntArray, facet: IntArray, weights: FloatArray, normal: FloatArray) -> Feet:
         foot = np.einsum("nk,nkd->nd", weights, now.master.corners[facet])
         arm = now.point[candidate] - foot
         gap, distance = np.einsum("nd,nd->n", arm, normal), np.sqrt(np.einsum("nd,nd->n", arm, arm))
         scale = np.minimum(now.size[candidate], now.master.size[facet])
-        return _Feet(candidate, facet, weights, foot, normal, gap, distance, scale)
+        return Feet(candidate, facet, weights, foot, normal, gap, distance, scale)
 
-    def _once_per_body(self, now: _Configuration, candidate: IntArray, facet: IntArray) -> _Feet:
+    def _once_per_body(self, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
         """The nearest foot of each candidate on each master body, sorted by (candidate, body)."""
         triangle = self.masters.nodes[facet, -1] < 0
         weights, normal, inside = project_on_facets(now.point[candidate], now.master.corners[facet], triangle)
         feet = self._feet(now, candidate, facet, weights, normal)
         if not inside.all():
             on_edges = self._on_edges(now, feet.take(~inside))
-            feet = _Feet._make(np.concatenate(both) for both in zip(feet.take(inside), on_edges, strict=True))
+            feet = Feet._make(np.concatenate(both) for both in zip(feet.take(inside), on_edges, strict=True))
         facing = np.einsum("nd,nd->n", now.outward[feet.candidate], feet.normal) < OPPOSING
         feet = feet.take(facing & (feet.gap <= self._alert(feet.candidate)) & (feet.gap >= -self.penetration * feet.scale))
         return feet.take(self._nearest_by_body(now, feet))
 
-    def _on_edges(self, now: _Configuration, feet: _Feet) -> _Feet:
+    def _on_edges(self, now: Configuration, feet: Feet) -> Feet:
         """Feet on edges and vertices of candidates that do not project inside the facet: one a body, none far beyond its boundary."""
         point, tolerance = now.point[feet.candidate], self.edge_tolerance * feet.scale
         topology = self.topology
@@ -149,7 +149,7 @@ class NodeToSegment:
         )
         feet = self._feet(now, feet.candidate, feet.facet, found.weights, feet.normal)
         aside = point - feet.point - feet.gap[:, None] * feet.normal
-        accepted = found.interior | (np.einsum("nd,nd->n", aside, aside) <= (tolerance + _ROUND * feet.scale) ** 2)
+        accepted = found.interior | (np.einsum("nd,nd->n", aside, aside) <= (tolerance + ROUND * feet.scale) ** 2)
         # the nearest edge decides: behind the outer boundary of a body are other edges, inside its surface
         rows = self._nearest_by_body(now, feet)
         rows = rows[accepted[rows]]
@@ -166,26 +166,27 @@ class NodeToSegment:
         normal = np.where(ridge[:, None], fan, feet.normal)
         return feet._replace(normal=normal, gap=np.einsum("nd,nd->n", now.point[feet.candidate] - feet.point, normal))
 
-    def _identity(self, feet: _Feet) -> IntArray:
+    def _identity(self, feet: Feet) -> IntArray:
         return feet.candidate * self._n_bodies + self.masters.bodies[feet.facet]
 
-    def _nearest_by_body(self, now: _Configuration, feet: _Feet) -> IntArray:
-        """Row of the nearest foot for each (candidate, body), sorted by these; of equal ones the first facet."""
+    def _nearest_by_body(self, now: Configuration, feet: Feet, last: BoolArray | None = None) -> IntArray:
+        """Row of the nearest foot for each (candidate, body), sorted by these; of equal ones the first facet; those marked `last` only
+        where there is no other."""
         identity = self._identity(feet)
-        rounded = np.round(feet.distance / (_ROUND * now.size[feet.candidate]))
-        order = np.lexsort((feet.facet, rounded, identity))
+        rounded = np.round(feet.distance / (ROUND * now.size[feet.candidate]))
+        order = np.lexsort((feet.facet, rounded, identity) if last is None else (feet.facet, rounded, last, identity))
         identity = identity[order]
         return order[np.append(True, identity[1:] != identity[:-1])[: len(order)]]
 
-    def _once_per_place(self, now: _Configuration, feet: _Feet) -> _Feet:
+    def _once_per_place(self, now: Configuration, feet: Feet) -> Feet:
         """Leave one of the feet of a candidate that coincide on several bodies."""
         candidate = feet.candidate
         if not (candidate[1:] == candidate[:-1]).any():
             return feet
         size = now.size[candidate]
-        order = np.lexsort((self.masters.bodies[feet.facet], np.round(feet.gap / (_ROUND * size)), candidate))
+        order = np.lexsort((self.masters.bodies[feet.facet], np.round(feet.gap / (ROUND * size)), candidate))
         candidate, point, normal = candidate[order], feet.point[order], feet.normal[order]
-        near = (2.0 + 1e-3) * self.edge_tolerance * feet.scale[order] + _ROUND * size[order]
+        near = (2.0 + 1e-3) * self.edge_tolerance * feet.scale[order] + ROUND * size[order]
         drop = np.zeros(len(order), dtype=bool)
         for shift in range(1, len(order)):
             same = np.flatnonzero(candidate[shift:] == candidate[:-shift])
@@ -197,7 +198,7 @@ class NodeToSegment:
             drop[same[coincide] + shift] = True
         return feet.take(np.sort(order[~drop]))
 
-    def _contacts(self, feet: _Feet) -> Contacts:
+    def _contacts(self, feet: Feet) -> Contacts:
         candidate, master = feet.candidate, self.masters.nodes[feet.facet]
         mu = np.array([pair.mu for pair in self.pairs])
         return Contacts(

@@ -12,6 +12,7 @@ from fcsim.errors import InputError
 
 IntArray = NDArray[np.int64]
 CandidateRule = Literal["nodes", "faces", "gauss", "mortar", "segments"]
+NormalRule = Literal["facet", "smooth"]
 OPPOSING = -0.1  # a candidate's outward direction n and the master's normal N face each other while n . N < OPPOSING
 
 
@@ -71,6 +72,7 @@ class SurfacePair:
     candidates node-to-segment: "nodes" of the slave surface, "faces" (facet centres) or "gauss" (2 x 2 points of a quadrilateral, 3 of
                a triangle, 2 of a segment); integrated over the overlaps of the surfaces: "mortar" (a weighted gap for each slave node)
                or "segments" (Gauss points of each overlap)
+    normals    node-to-segment only: the master's, "facet" or "smooth" (interpolated between nodal means, see `smoothed_normals`)
     """
 
     slave: ContactSurface
@@ -79,6 +81,7 @@ class SurfacePair:
     alert: float
     candidates: CandidateRule = "nodes"
     name: str = ""
+    normals: NormalRule = "facet"
 
     def __post_init__(self) -> None:
         what = f"SurfacePair {self.name!r}" if self.name else "SurfacePair"
@@ -88,6 +91,10 @@ class SurfacePair:
             raise InputError(f"{what}: expected an alert distance >= 0 in m, got {self.alert}")
         if self.candidates not in get_args(CandidateRule):
             raise InputError(f"{what}: expected candidates among {', '.join(get_args(CandidateRule))}, got {self.candidates!r}")
+        if self.normals not in get_args(NormalRule):
+            raise InputError(f"{what}: expected normals among {', '.join(get_args(NormalRule))}, got {self.normals!r}")
+        if self.normals == "smooth" and self.candidates in ("mortar", "segments"):
+            raise InputError(f"{what}: expected normals 'facet' with candidates {self.candidates!r}, which go by the slave's normals")
         if self.slave.dimension != self.master.dimension:
             raise InputError(
                 f"{what}: expected surfaces of one dimension, got slave {self.slave.dimension}D, master {self.master.dimension}D"
