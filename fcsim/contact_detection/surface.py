@@ -99,3 +99,32 @@ class SurfacePair:
             raise InputError(
                 f"{what}: expected surfaces of one dimension, got slave {self.slave.dimension}D, master {self.master.dimension}D"
             )
+
+
+def two_pass(
+    first: ContactSurface,
+    second: ContactSurface,
+    mu: float,
+    alert: float,
+    candidates: CandidateRule = "nodes",
+    name: str = "",
+    normals: NormalRule = "facet",
+) -> tuple[SurfacePair, SurfacePair]:
+    """Return the two pairs of a two-pass rule: `first` as slave of `second`, and `second` as slave of `first`.
+
+    The problem holds the contacts of both passes, each with a reaction r in its own Coulomb cone, so that neither surface enters the other.
+    Nothing is halved: the two passes share the load, and what acts on a body is the sum over both, with friction at most mu times the
+    sum of normal forces. `Step.contact_force_on` sums so.
+
+    Hyperstaticity: the sum is determined, the share of a pass is not. On matching meshes each pair of nodes is two equal contacts and W has
+    half its rows for a rank; in general the rank is at most d (slave + master nodes - fields that both sides have).
+
+    Patch test: node-to-segment in two passes passes in 2D on any meshes, as the trapezoidal rule on the union of both sides' nodes is
+    a set of reactions that gives the forces of a uniform pressure. R. L. Taylor and P. Papadopoulos, On a patch test for contact
+    problems in two dimensions, 1991.
+    """
+    names = (f"{name}, first on second", f"{name}, second on first") if name else ("", "")
+    return (
+        SurfacePair(first, second, mu, alert, candidates, names[0], normals),
+        SurfacePair(second, first, mu, alert, candidates, names[1], normals),
+    )
