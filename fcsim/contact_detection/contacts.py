@@ -16,14 +16,14 @@ IntArray = NDArray[np.int64]
 class Contacts:
     """nc contacts in d dimensions; the normal points from the master surface to the slave candidate.
 
-    point    (nc, d) [m] foot point on the master surface
+    point    (nc, d) [m] foot point on the master surface; of a mortar contact the weighted mean of the feet
     frame    (nc, d, d)  rows N, T1[, T2]: orthonormal, right-handed
-    gap      (nc,) [m]   (candidate - foot point) . N, negative = penetration
+    gap      (nc,) [m]   (candidate - foot point) . N, negative = penetration; the candidate is the sum of the positive weights times nodes
     mu       (nc,)       Coulomb friction coefficient
     nodes    (nc, k)     global node numbers, -1 = none
     weights  (nc, k)     + shape functions on the slave's nodes, - shape functions on the master's; they sum to zero
     bodies   (nc, 2)     body numbers (slave, master)
-    identity (nc,)       the same number for the same (pair, candidate, master body) at every step: what a warm start matches
+    identity (nc,)       the same number for the same (pair, candidate, master body; segments: facets and point) at every step, for warm starts
     """
 
     point: FloatArray

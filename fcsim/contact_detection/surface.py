@@ -42,7 +42,8 @@ class ContactSurface:
         facets = _integers(self.facets, "ContactSurface, facets", 2)
         bodies = _integers(self.bodies, "ContactSurface, bodies", 1)
         if facets.shape[1] not in (2, 3, 4):
-            raise InputError(f"ContactSurface, facets: expected 2, 3 or 4 nodes a facet, got shape {facets.shape}")
+            hint = ": facets of second order are not supported, mesh with first-order cells" if facets.shape[1] in (6, 8, 9) else ""
+            raise InputError(f"ContactSurface, facets: expected 2, 3 or 4 nodes a facet, got shape {facets.shape}{hint}")
         if len(bodies) != len(facets):
             raise InputError(f"ContactSurface, bodies: expected one number for each of {len(facets)} facets, got {len(bodies)}")
         if bodies.size and bodies.min() < 0:
@@ -67,6 +68,7 @@ class ContactSurface:
 class SurfacePair:
     """One rule: candidate points of `slave` may touch facets of `master` (never those of their own body).
 
+    slave      the finer surface, or the softer body's; with "mortar" a slave node has a weight for every node under its facets
     mu         Coulomb friction coefficient >= 0
     alert      [m] >= 0: a contact is kept while its gap is not larger
     candidates node-to-segment: "nodes" of the slave surface, "faces" (facet centres) or "gauss" (2 x 2 points of a quadrilateral, 3 of

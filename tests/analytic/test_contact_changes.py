@@ -152,7 +152,7 @@ def test_block_in_a_corner(rule: Any, d: int) -> None:
     size = (0.4, 0.3, 0.2) if d == 3 else (0.4, 0.2)
     up, make = "xyz"[d - 1], rigid_box if d == 3 else rigid_rectangle
     centre = tuple(s / 2 for s in size)
-    block = make("block", size, centre, 10.0, (4, 3, 2)[: d - 1] + (2,))  # type: ignore[arg-type]
+    block = make("block", size, centre, 10.0, (4, 3, 2) if d == 3 else (4, 2))
     floor = make("floor", (4,) * d, (*(0.2,) * (d - 1), -2.0), 1.0)  # type: ignore[arg-type]
     wall = make("wall", (4,) * d, (-2.0, *(0.1,) * (d - 1)), 1.0)  # type: ignore[arg-type]
     gravity, push = np.zeros(d), np.zeros(d)
