@@ -39,7 +39,7 @@ class Parameters:
     press_steps: int = 2
     shear: float = 8e-4
     shear_steps: int = 8
-    candidates: Literal["mortar", "nodes", "faces", "gauss", "segments"] = "mortar"
+    candidates: Literal["mortar", "mortar-faces", "nodes", "faces", "gauss", "segments"] = "mortar"
     alert: float = 1e-2
     solver: str = "NSN-AC"
     tol: float = 1e-8

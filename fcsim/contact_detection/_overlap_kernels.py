@@ -209,15 +209,15 @@ def gauss_points(
 
 @njit(cache=True)
 def mortar_sums(
-    row: IntArray, count: int, weight: FloatArray, phi: FloatArray, psi: FloatArray
+    row: IntArray, count: int, weight: FloatArray, chi: FloatArray, phi: FloatArray, psi: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over the Gauss points of each of `count` rows: int phi_j (count, k), int phi_j phi_k and int phi_j psi_l (count, k, k)."""
-    ks, km = phi.shape[1], psi.shape[1]
-    share, own, others = np.zeros((count, ks)), np.zeros((count, ks, ks)), np.zeros((count, ks, km))
+    """Sums over the Gauss points of each of `count` rows: int chi_j (count, j), int chi_j phi_k and int chi_j psi_l (count, j, k)."""
+    kc, ks, km = chi.shape[1], phi.shape[1], psi.shape[1]
+    share, own, others = np.zeros((count, kc)), np.zeros((count, kc, ks)), np.zeros((count, kc, km))
     for g in range(len(row)):
         p = row[g]
-        for j in range(ks):
-            w = weight[g] * phi[g, j]
+        for j in range(kc):
+            w = weight[g] * chi[g, j]
             share[p, j] += w
             for k in range(ks):
                 own[p, j, k] += w * phi[g, k]

@@ -23,7 +23,7 @@ class Contacts:
     nodes    (nc, k)     global node numbers, -1 = none
     weights  (nc, k)     + shape functions on the slave's nodes, - shape functions on the master's; they sum to zero
     bodies   (nc, 2)     body numbers (slave, master)
-    identity (nc,)       the same number for the same (pair, candidate, master body; segments: facets and point) at every step, for warm starts
+    identity (nc,)       the same number for the same (pair, candidate, master body) at every step: what a warm start matches
     """
 
     point: FloatArray

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fcsim.contact_detection.broad_phase import PairList
 from fcsim.contact_detection.contacts import Contacts, join
-from fcsim.contact_detection.mortar import Mortar
+from fcsim.contact_detection.mortar import FaceMortar, Mortar
 from fcsim.contact_detection.node_to_segment import NodeToSegment
 from fcsim.contact_detection.segment_points import SegmentPoints
 from fcsim.contact_detection.smoothed_normals import SmoothedNodeToSegment
@@ -26,10 +26,9 @@ Method = NodeToSegment | Mortar | SegmentPoints
 
 def method_of(pair: SurfacePair) -> type[Method]:
     """The class that detects the contacts of a pair."""
-    if pair.candidates == "mortar":
-        return Mortar
-    if pair.candidates == "segments":
-        return SegmentPoints
+    integral: dict[str, type[Method]] = {"mortar": Mortar, "mortar-faces": FaceMortar, "segments": SegmentPoints}
+    if pair.candidates in integral:
+        return integral[pair.candidates]
     return SmoothedNodeToSegment if pair.normals == "smooth" else NodeToSegment
 
 
@@ -52,8 +51,8 @@ class Detector:
       two facets: deeper is another side of the body.
 
     With normals "smooth" the second rule does not apply: the foot is along the interpolated normal, which is continuous (see
-    `smoothed_normals`). Pairs with candidates "mortar" or "segments" are integrated over the overlaps of the two surfaces: see
-    `mortar` and `segment_points`.
+    `smoothed_normals`). Pairs with candidates "mortar", "mortar-faces" or "segments" are integrated over the overlaps of the two
+    surfaces: see `mortar` and `segment_points`.
 
     `search` makes a list of possible pairs that can be passed again while `PairList.covers(positions)`; the contacts are the same.
     InputError: no pairs, 2D with 3D, node numbers not below n_nodes, positions of wrong shape or not finite, facets without area.

@@ -1,21 +1,24 @@
-"""The mortar rule: a contact for each slave node and master body, the gap averaged over what the body covers around the node.
+"""The mortar rules: a contact for each multiplier of the slave surface and master body, its gap averaged over what the body covers.
 
-With a_j = int phi_j over the covered part (`segment_to_segment` says where phi, psi, the gap g and the slave's normal n live)
+The multipliers' functions chi_j are the shape functions of the slave nodes ("mortar"), or 1 on each slave facet ("mortar-faces"). With
+a_j = int chi_j over the covered part (`segment_to_segment` says where phi, psi, the gap g and the slave's normal n live)
 
-    weights of the slave's nodes  int phi_j phi_k / a_j,   of the master's nodes  - int phi_j psi_l / a_j,   N_j = - int phi_j n / |.|
+    weights of the slave's nodes  int chi_j phi_k / a_j,   of the master's nodes  - int chi_j psi_l / a_j,   N_j = - int chi_j n / |.|
 
-so that gap_j = N_j . int phi_j (x_s - x_m) / a_j is the weighted gap and r_j / a_j the nodal value of the traction.
+so that gap_j = N_j . int chi_j (x_s - x_m) / a_j is the weighted gap and r_j / a_j the multiplier, a traction.
 
-Hyperstaticity: that of a mortar method with standard multipliers. There are no more contacts than slave nodes, but a node above the joint
-of two masters counts for each, and W has full rank where the slave's mesh is not much finer than what can move.
+Hyperstaticity: "mortar" has no more contacts than slave nodes, and W full rank, as long as a node is in one pair and over one body; a node
+at the edge of two joints, or above the joint of two masters, has a contact in each, too many for its dofs if all its neighbours do alike
+(a wall of bricks). "mortar-faces" has no more contacts than slave facets: the rule for such joints, as "faces" is among those of
+node-to-segment. Constant multipliers can leave a checkerboard of pressures undetermined on large regular joints.
 
 Balance: the weights sum to zero, so H r has no resultant. Its moment is sum_j d_j x r_j with d_j the mean of x_s - x_m: zero on flat closed
 surfaces; on curved ones facets of size h are chords at a distance O(h^2) from each other with n off N_j by O(h), so d_j is off N_j by
 O(h^3) and so is the lever of a closed contact's force.
 
 Edges: only what the master covers counts, so the forces are continuous where the slave is drawn over the master's edge, but for the share
-of a node that loses its last cover: it acts at the edge until then. A node whose facets overlap two sides of one body has one contact
-with the mean of both normals; give the sides of a sharp concave edge as surfaces of two pairs.
+of a multiplier that loses its last cover: it acts at the edge until then. A node whose facets overlap two sides of one body has one
+contact with the mean of both normals; give the sides of a sharp concave edge as surfaces of two pairs.
 
 Patch test: a uniform pressure p gives the nodal forces p int phi_k and - p int psi_l to round-off on triangles and parallelograms, and
 to the order of the Gauss rule (degree 4) on other quadrilaterals, whose shape functions are rational in the plane.
@@ -35,7 +38,7 @@ from fcsim.contact_detection import facets as contact_facets
 from fcsim.contact_detection._overlap_kernels import mortar_sums
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.frames import frames
-from fcsim.contact_detection.segment_to_segment import SIX_POINTS, Configuration, SegmentToSegment
+from fcsim.contact_detection.segment_to_segment import SIX_POINTS, Configuration, Segments, SegmentToSegment
 from fcsim.contact_detection.surface import SurfacePair
 
 FloatArray = NDArray[np.float64]
@@ -43,9 +46,9 @@ IntArray = NDArray[np.int64]
 
 
 class Mortar(SegmentToSegment):
-    """Mortar contacts, sorted by (pair, slave node, master body); see `Detector`.
+    """Mortar contacts of slave nodes, sorted by (pair, slave node, master body); see `Detector`.
 
-    A contact is kept while its gap <= alert and the body covers more than least_share of the node's share of the surface.
+    A contact is kept while its gap <= alert and the body covers more than least_share of the multiplier's part of the surface.
     identities (pairs,): how many different numbers the contacts of each pair can have.
     """
 
@@ -53,28 +56,35 @@ class Mortar(SegmentToSegment):
 
     def __init__(self, pairs: Sequence[SurfacePair], edge_tolerance: float, penetration: float) -> None:
         super().__init__(pairs, edge_tolerance, penetration)
-        self.vertex = contact_facets.topology(self.slaves).vertex
+        self.multiplier = self._multipliers()
         self.n_bodies = 1 + int(self.masters.bodies.max(initial=0))
-        numbered = np.zeros(len(pairs), dtype=np.int64)  # vertices are numbered pair after pair
-        np.maximum.at(numbered, self.pair_of_slave, 1 + self.vertex.max(axis=1, initial=-1))
+        numbered = np.zeros(len(pairs), dtype=np.int64)  # multipliers are numbered pair after pair
+        np.maximum.at(numbered, self.pair_of_slave, 1 + self.multiplier.max(axis=1, initial=-1))
         ends = np.maximum.accumulate(numbered)
-        self.first_vertex = np.concatenate([[0], ends[:-1]])
-        self.pair_of_vertex = np.repeat(np.arange(len(pairs)), ends - self.first_vertex)
-        self.identities = (ends - self.first_vertex) * self.n_bodies
-        real = self.slaves.nodes >= 0
-        self.body_of_vertex = np.zeros(len(self.pair_of_vertex), dtype=np.int64)
-        self.body_of_vertex[self.vertex[real]] = np.broadcast_to(self.slaves.bodies[:, None], real.shape)[real]
+        self.first = np.concatenate([[0], ends[:-1]])
+        self.pair_of_multiplier = np.repeat(np.arange(len(pairs)), ends - self.first)
+        self.identities = (ends - self.first) * self.n_bodies
+        self.body_of_multiplier = np.zeros(len(self.pair_of_multiplier), dtype=np.int64)
+        self.body_of_multiplier[self.multiplier] = self.slaves.bodies[:, None]
+
+    def _multipliers(self) -> IntArray:
+        """Numbers (nf, j) of the multipliers on each slave facet."""
+        return contact_facets.topology(self.slaves).vertex
+
+    def _functions(self, found: Segments) -> FloatArray:
+        """Their functions chi (nq, j) at the Gauss points."""
+        return found.phi
 
     def contacts(self, now: Configuration, slave: IntArray, master: IntArray) -> tuple[Contacts, IntArray]:
         """Contacts among the possible pairs of facets, and their surface pairs."""
         found = self.segments(now, slave, master)
         slave, master = found.slave, found.master
-        share, own, others = mortar_sums(found.row, len(slave), found.weight, found.phi, found.psi)
-        key, row = np.unique(self.vertex[slave] * self.n_bodies + self.masters.bodies[master][:, None], return_inverse=True)
+        share, own, others = mortar_sums(found.row, len(slave), found.weight, self._functions(found), found.phi, found.psi)
+        key, row = np.unique(self.multiplier[slave] * self.n_bodies + self.masters.bodies[master][:, None], return_inverse=True)
         row = row.reshape(share.shape)
         size = _sum_by(row, share, len(key))
-        vertex, body = np.divmod(key, self.n_bodies)
-        kept = size > self.least_share * self._full_size(now)[vertex]
+        multiplier, body = np.divmod(key, self.n_bodies)
+        kept = size > self.least_share * self._full_size(now)[multiplier]
 
         normal = np.stack([_sum_by(row, share * -n[:, None], len(key)) for n in now.slave.normal[slave].T], axis=1)[kept]
         normal /= np.sqrt(np.einsum("nd,nd->n", normal, normal))[:, None]
@@ -83,10 +93,10 @@ class Mortar(SegmentToSegment):
         on_master = _rows(row, others, self.masters.closed[master], scale, kept, len(now.x))
         point = on_master @ now.x
         gap = np.einsum("nd,nd->n", on_slave @ now.x - point, normal)
-        near = gap <= self.alert[self.pair_of_vertex[vertex[kept]]]
-        vertex, body = vertex[kept][near], body[kept][near]
+        near = gap <= self.alert[self.pair_of_multiplier[multiplier[kept]]]
+        multiplier, body = multiplier[kept][near], body[kept][near]
         nodes, weights = _padded(on_slave[near] - on_master[near])
-        pair = self.pair_of_vertex[vertex]
+        pair = self.pair_of_multiplier[multiplier]
         contacts = Contacts(
             point=point[near],
             frame=frames(normal[near]),
@@ -94,16 +104,26 @@ class Mortar(SegmentToSegment):
             mu=self.mu[pair],
             nodes=nodes,
             weights=weights,
-            bodies=np.stack([self.body_of_vertex[vertex], body], axis=1),
-            identity=(vertex - self.first_vertex[pair]) * self.n_bodies + body,
+            bodies=np.stack([self.body_of_multiplier[multiplier], body], axis=1),
+            identity=(multiplier - self.first[pair]) * self.n_bodies + body,
         )
         return contacts, pair
 
     def _full_size(self, now: Configuration) -> FloatArray:
-        """About int phi_j over the whole slave surface: an equal share of each facet for each of its nodes."""
-        real = self.slaves.nodes >= 0
-        equal = np.broadcast_to((self.area(now.slave.size) / self.slave_sides)[:, None], real.shape)[real]
-        return _sum_by(self.vertex[real], equal, len(self.pair_of_vertex))
+        """About int chi_j over the whole slave surface: an equal share of each facet for each of its multipliers."""
+        real = self.slaves.nodes[:, : self.multiplier.shape[1]] >= 0
+        equal = np.broadcast_to((self.area(now.slave.size) / real.sum(axis=1))[:, None], real.shape)[real]
+        return _sum_by(self.multiplier[real], equal, len(self.pair_of_multiplier))
+
+
+class FaceMortar(Mortar):
+    """Mortar contacts of slave facets (multipliers constant on each), sorted by (pair, slave facet, master body); see `Detector`."""
+
+    def _multipliers(self) -> IntArray:
+        return np.arange(len(self.slaves.nodes))[:, None]
+
+    def _functions(self, found: Segments) -> FloatArray:
+        return np.ones((len(found.row), 1))
 
 
 def _sum_by(row: IntArray, values: FloatArray, count: int) -> FloatArray:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fcsim.errors import InputError
 
 IntArray = NDArray[np.int64]
-CandidateRule = Literal["nodes", "faces", "gauss", "mortar", "segments"]
+CandidateRule = Literal["nodes", "faces", "gauss", "mortar", "mortar-faces", "segments"]
 NormalRule = Literal["facet", "smooth"]
 OPPOSING = -0.1  # a candidate's outward direction n and the master's normal N face each other while n . N < OPPOSING
 
@@ -72,8 +72,8 @@ class SurfacePair:
     mu         Coulomb friction coefficient >= 0
     alert      [m] >= 0: a contact is kept while its gap is not larger
     candidates node-to-segment: "nodes" of the slave surface, "faces" (facet centres) or "gauss" (2 x 2 points of a quadrilateral, 3 of
-               a triangle, 2 of a segment); integrated over the overlaps of the surfaces: "mortar" (a weighted gap for each slave node)
-               or "segments" (Gauss points of each overlap)
+               a triangle, 2 of a segment); integrated over the overlaps of the surfaces: "mortar" (a weighted gap for each slave node),
+               "mortar-faces" (for each slave facet) or "segments" (Gauss points of each overlap)
     normals    node-to-segment only: the master's, "facet" or "smooth" (interpolated between nodal means, see `smoothed_normals`)
     """
 
@@ -95,7 +95,7 @@ class SurfacePair:
             raise InputError(f"{what}: expected candidates among {', '.join(get_args(CandidateRule))}, got {self.candidates!r}")
         if self.normals not in get_args(NormalRule):
             raise InputError(f"{what}: expected normals among {', '.join(get_args(NormalRule))}, got {self.normals!r}")
-        if self.normals == "smooth" and self.candidates in ("mortar", "segments"):
+        if self.normals == "smooth" and self.candidates in ("mortar", "mortar-faces", "segments"):
             raise InputError(f"{what}: expected normals 'facet' with candidates {self.candidates!r}, which go by the slave's normals")
         if self.slave.dimension != self.master.dimension:
             raise InputError(

@@ -95,7 +95,7 @@ def tolerance(rule: CandidateRule) -> float:
 @pytest.mark.parametrize("finer", ["slave", "master"])
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 @pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("rule", ["mortar", "segments"])
+@pytest.mark.parametrize("rule", ["mortar", "mortar-faces", "segments"])
 def test_integral_rules_pass(rule: Any, cell: str, nu: float, finer: str) -> None:
     d = CELL_DIMENSION[cell]
     slave, master = (FINE[d], COARSE[d]) if finer == "slave" else (COARSE[d], FINE[d])
@@ -134,7 +134,7 @@ def test_mortar_on_distorted_interfaces(cell: str) -> None:
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
-@pytest.mark.parametrize("rule", ["mortar", "segments"])
+@pytest.mark.parametrize("rule", ["mortar", "mortar-faces", "segments"])
 def test_one_slave_on_two_masters(rule: Any, cell: str) -> None:
     """The joint between the two lower bodies stands under the middle of a slave facet."""
     d = CELL_DIMENSION[cell]
@@ -151,12 +151,14 @@ def test_one_slave_on_two_masters(rule: Any, cell: str) -> None:
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 @pytest.mark.parametrize("finer", ["slave", "master"])
 def test_hyperstaticity(cell: str, finer: str) -> None:
-    """Rank of W where all interface nodes are free. Node-to-segment and mortar: one contact a slave node, full rank. Segments: the rank is
+    """Rank of W where all interface nodes are free. Node-to-segment and mortar: one contact a slave node or facet, full rank as long as
+    there are fewer of them than nodes that can tell them apart (finer triangles are not). Segments: the rank is
     3 (slave + master nodes - fields that both sides have: 1, x, y and on quadrilaterals x y), far below the number of rows."""
     slave, master = (FINE[3], COARSE[3]) if finer == "slave" else (COARSE[3], FINE[3])
     nodes = [(n[0] + 1) * (n[1] + 1) for n in (slave, master)]
     rank: dict[CandidateRule, tuple[int, int]] = {}
-    for rule in ("nodes", "mortar", "segments"):
+    facets = slave[0] * slave[1] * (2 if cell == "tetrahedron" else 1)
+    for rule in ("nodes", "mortar", "mortar-faces", "segments"):
         simulation = pressing([block("upper", slave, cell, 0.3)], [block("lower", master, cell, 0.3)], rule, free=False)
         model = simulation.model
         H = model.contact_matrix(contact_matrix(simulation.detector(model.reference), model.n_nodes), np.zeros(model.n_dofs))
@@ -168,6 +170,7 @@ def test_hyperstaticity(cell: str, finer: str) -> None:
     assert rank["segments"][1] > 2 * rank["segments"][0]
     for rule in ("nodes", "mortar"):
         assert rank[rule] == (3 * nodes[0], 3 * nodes[0])
+    assert rank["mortar-faces"] == (3 * facets, 3 * facets)
 
 
 @pytest.mark.parametrize("cell", CELLS)

@@ -44,7 +44,7 @@ def test_surface(facets: Any, bodies: Any, message: str) -> None:
         ({"mu": np.nan}, "mu >= 0"),
         ({"alert": -1e-3}, "alert distance >= 0 in m, got -0.001"),
         ({"alert": np.inf}, "alert distance"),
-        ({"candidates": "edges"}, "nodes, faces, gauss, mortar, segments, got 'edges'"),
+        ({"candidates": "edges"}, "nodes, faces, gauss, mortar, mortar-faces, segments, got 'edges'"),
         ({"slave": LINE}, "slave 2D, master 3D"),
     ],
 )

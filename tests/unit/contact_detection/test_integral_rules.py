@@ -14,8 +14,8 @@ from fcsim.contact_detection._overlap_kernels import overlap_polygons
 from fcsim.contact_detection.segment_to_segment import CENTRE, SIX_POINTS, THREE_POINTS
 from fcsim.contact_detection.surface import OPPOSING
 
-Rule = Literal["mortar", "segments"]
-RULES: list[Rule] = ["mortar", "segments"]
+Rule = Literal["mortar", "mortar-faces", "segments"]
+RULES: list[Rule] = ["mortar", "mortar-faces", "segments"]
 
 
 def line(x: np.ndarray, y: np.ndarray | float = 0.0, up: bool = True) -> tuple[np.ndarray, np.ndarray]:
@@ -75,6 +75,18 @@ def test_mortar_weights_in_two_dimensions() -> None:
         other = [quad(lambda x, j=j, k=k: hat(ours, j, x) * hat(theirs, k, x), 0, 2, points=breaks)[0] for k in range(4)]
         np.testing.assert_allclose(found[j] * size, [*own, *(-np.array(other))], atol=1e-12)
     np.testing.assert_allclose(contacts.frame, np.broadcast_to([[0, 1], [-1, 0]], (5, 2, 2)), atol=1e-15)
+
+
+def test_weights_of_constant_multipliers() -> None:
+    """int phi_k / a and - int psi_l / a over each slave segment."""
+    ours, theirs = np.array([0.0, 0.3, 1.0, 1.6, 2.0]), np.array([0.0, 0.7, 1.1, 2.0])
+    contacts, _ = detect(line(ours, up=False), [line(theirs)], "mortar-faces")
+    breaks = np.union1d(ours, theirs)
+    for j, (a, b) in enumerate(zip(ours, ours[1:], strict=False)):
+        inside = breaks[(breaks > a) & (breaks < b)]
+        own = [quad(lambda x, k=k: hat(ours, k, x), a, b, points=inside)[0] for k in range(5)]
+        other = [quad(lambda x, k=k: hat(theirs, k, x), a, b, points=inside)[0] for k in range(4)]
+        np.testing.assert_allclose(dense(contacts, 9)[j] * (b - a), [*own, *(-np.array(other))], atol=1e-12)
 
 
 def test_mortar_weights_of_quadrilaterals_are_products() -> None:
@@ -242,7 +254,7 @@ def test_several_masters_share_a_slave(rule: Rule) -> None:
             wanted[start + facet] += sign * np.prod(np.ptp(points[facet, :2], axis=0)) / 4
     r = np.linalg.lstsq(H, wanted, rcond=None)[0]
     np.testing.assert_allclose(H @ r, wanted, atol=1e-14)
-    if rule == "mortar":  # isostatic: the reactions are the covered shares of the nodes, all positive
+    if rule != "segments":  # isostatic: the reactions are the covered shares of nodes or facets, all positive
         assert np.linalg.matrix_rank(H) == len(contacts)
         assert (r > 0).all()
         for body, area in ((1, 0.45), (2, 0.55)):
@@ -301,7 +313,7 @@ def test_rules_side_by_side() -> None:
     nodes, looking_down = plate(upper, upper, up=False)
     x = np.concatenate([x, nodes + np.array([0, 0, 0.01])])
     slave, master = ContactSurface(16 + looking_down, np.ones(4, int)), ContactSurface(facets, np.zeros(9, int))
-    rules = ["segments", "nodes", "mortar", "faces", "mortar"]
+    rules = ["segments", "nodes", "mortar", "faces", "mortar-faces", "mortar"]
     pairs = [SurfacePair(slave, master, 0.1 * k, 0.1, rule) for k, rule in enumerate(rules)]  # type: ignore[arg-type]
     contacts = Detector(pairs, len(x))(x)
     assert (np.diff(contacts.identity) > 0).all()
@@ -354,13 +366,14 @@ def test_normal_velocity_is_the_rate_of_the_gap(rule: Rule, seed: int) -> None:
     np.testing.assert_allclose(u[::3], shift @ R[:, 2], atol=1e-12)
 
 
-def test_warped_quadrilaterals() -> None:
-    """Bilinear facets out of plane: points of both facets on one line along the slave's mean normal, at the distance of the gap."""
+@pytest.mark.parametrize("rule", ["mortar-faces", "segments"])
+def test_warped_quadrilaterals(rule: Rule) -> None:
+    """Bilinear facets out of plane: points of both facets, and their means, on one line along the slave's mean normal, apart by the gap."""
     generator = np.random.default_rng(4)
     slave, master = plate(np.linspace(0, 1, 4), np.linspace(0, 1, 4), up=False), plate(np.linspace(-0.1, 1.1, 4), np.linspace(-0.2, 1.1, 4))
     for points in (slave[0], master[0]):
         points += 0.03 * generator.uniform(-1, 1, points.shape)
-    contacts, x = detect((slave[0] + [0, 0, 0.05], slave[1]), [master], "segments")
-    assert len(contacts) > 27
+    contacts, x = detect((slave[0] + [0, 0, 0.05], slave[1]), [master], rule)
+    assert len(contacts) > 27 if rule == "segments" else len(contacts) == 9
     on_slave = np.einsum("nk,nkd->nd", np.maximum(contacts.weights, 0), x[contacts.nodes])
     np.testing.assert_allclose(on_slave - contacts.point, contacts.gap[:, None] * contacts.frame[:, 0], atol=1e-12)
