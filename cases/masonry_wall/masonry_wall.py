@@ -44,7 +44,7 @@ class Parameters:
     beta: float = 0.05
     lumped: bool = True
     friction: Literal["scripts", "paper"] = "scripts"
-    candidates: Literal["faces", "nodes", "gauss"] = "faces"
+    candidates: Literal["faces", "nodes", "gauss", "mortar", "mortar-faces", "segments"] = "faces"
     heads: bool = True
     alert: float = 2e-3
     compression: float = 30_000.0

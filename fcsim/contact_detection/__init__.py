@@ -1,9 +1,9 @@
-"""Node-to-segment contact detection: from positions to contacts, and from contacts to the matrix H."""
+"""Contact detection, node-to-segment and integral: from positions to contacts, and from contacts to the matrix H."""
 
 from fcsim.contact_detection.broad_phase import PairList
 from fcsim.contact_detection.contact_matrix import contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.detect import Detector
-from fcsim.contact_detection.surface import ContactSurface, SurfacePair
+from fcsim.contact_detection.surface import ContactSurface, SurfacePair, two_pass
 
-__all__ = ["ContactSurface", "Contacts", "Detector", "PairList", "SurfacePair", "contact_matrix"]
+__all__ = ["ContactSurface", "Contacts", "Detector", "PairList", "SurfacePair", "contact_matrix", "two_pass"]

@@ -14,15 +14,18 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class PairList:
-    """Possible pairs (candidate, facet), valid while nothing has moved far (a Verlet list).
+    """Possible pairs of a detector, valid while nothing has moved far (a Verlet list).
 
-    candidate, facet (np,); positions (nodes, d) [m] where it was made; skin [m], how much two points may have come closer since.
+    pairs: (candidate point, master facet) of the point rules, (slave facet, master facet) of the integral rules, as far as in use
+    positions (nodes, d) [m] where it was made; skin [m], how much two points may have come closer since.
     """
 
-    candidate: IntArray
-    facet: IntArray
+    pairs: tuple[tuple[IntArray, IntArray], ...]
     positions: FloatArray
     skin: float
+
+    def __len__(self) -> int:
+        return sum(len(slave) for slave, _ in self.pairs)
 
     def covers(self, positions: FloatArray) -> bool:
         """Whether no node has moved more than half the skin, so that every pair within reach at `positions` is in the list."""
@@ -47,4 +50,18 @@ def near_pairs(points: FloatArray, centres: FloatArray, reach: FloatArray) -> tu
             i, j = near["i"], facets[near["j"]]
             within = near["v"] <= reach[j]
             found.append((i[within], j[within]))
+    return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
+
+
+def near_facets(slave: FloatArray, radius: FloatArray, master: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs with |slave[i] - master[j]| <= reach[j] + a bound of radius[i] less than twice it, as arrays i, j.
+
+    slave (ns, d) centres and radius (ns,) [m] of facets, master (nm, d) and reach (nm,) [m]; slave facets in classes of like radius.
+    """
+    found = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
+    size_class = np.floor(np.log2(radius)).astype(np.int64)
+    for one in np.unique(size_class):
+        facets = np.flatnonzero(size_class == one)
+        i, j = near_pairs(slave[facets], master, reach + radius[facets].max())
+        found.append((facets[i], j))
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])

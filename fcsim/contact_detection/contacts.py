@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,9 @@ IntArray = NDArray[np.int64]
 class Contacts:
     """nc contacts in d dimensions; the normal points from the master surface to the slave candidate.
 
-    point    (nc, d) [m] foot point on the master surface
+    point    (nc, d) [m] foot point on the master surface; of a mortar contact the weighted mean of the feet
     frame    (nc, d, d)  rows N, T1[, T2]: orthonormal, right-handed
-    gap      (nc,) [m]   (candidate - foot point) . N, negative = penetration
+    gap      (nc,) [m]   (candidate - foot point) . N, negative = penetration; the candidate is the sum of the positive weights times nodes
     mu       (nc,)       Coulomb friction coefficient
     nodes    (nc, k)     global node numbers, -1 = none
     weights  (nc, k)     + shape functions on the slave's nodes, - shape functions on the master's; they sum to zero
@@ -44,3 +45,14 @@ class Contacts:
     def take(self, chosen: NDArray[np.bool_] | IntArray) -> Contacts:
         """Return the chosen contacts (a mask (nc,) or numbers)."""
         return Contacts(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+def join(parts: Sequence[Contacts]) -> Contacts:
+    """Concatenate contacts; the narrower lists of nodes are filled with -1, their weights with 0."""
+    width = max(part.nodes.shape[1] for part in parts)
+
+    def padded(array: NDArray, value: int) -> NDArray:
+        return np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=value)
+
+    wide = [replace(part, nodes=padded(part.nodes, -1), weights=padded(part.weights, 0)) for part in parts]
+    return Contacts(*(np.concatenate([getattr(part, field.name) for part in wide]) for field in fields(Contacts)))

@@ -1,161 +1,213 @@
-"""Closest points on facets, one (point, facet) pair a row: bilinear quadrilaterals, triangles, 2D segments, and their edges."""
+"""Node-to-segment detection: points of the slave surfaces on facets of the master surfaces."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fcsim.contact_detection import candidates as candidate_points
+from fcsim.contact_detection import facets as contact_facets
+from fcsim.contact_detection.broad_phase import near_pairs
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.facets import FacetGeometry
+from fcsim.contact_detection.frames import frames
+from fcsim.contact_detection.projection import closest_on_boundary, project_on_facets
+from fcsim.contact_detection.surface import OPPOSING, SurfacePair
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_MAX_NEWTON = 25
-_STEP = 1e-8  # Newton's error is the square of its last step
-_EDGE = 1e-9  # parameters closer to an edge than this are on it, whichever side round-off puts them
-_FAR = 2.0  # an iterate is kept within [-2, 2]^2: farther out only "outside" matters, and the bilinear map may fold
+ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
+_PARALLEL = 0.99
 
 
-class Projection(NamedTuple):
-    """Feet of n points on n facets: weights (n, k), the facet's shape functions at the foot (>= 0, sum 1); unit normal (n, d) of
-    the facet there; inside (n,): the foot lies inside the facet, not on its edges. Feet outside were moved onto an edge (not always
-    the nearest point of it: closest_on_boundary finds that)."""
+class Configuration(NamedTuple):
+    """Candidates (point, outward direction, size of their facets) and master facets at the given positions."""
 
+    point: FloatArray
+    outward: FloatArray
+    size: FloatArray
+    master: FacetGeometry
+
+
+class Feet(NamedTuple):
+    """Feet of candidates on facets, one a row."""
+
+    candidate: IntArray
+    facet: IntArray
     weights: FloatArray
+    point: FloatArray
     normal: FloatArray
-    inside: BoolArray
+    gap: FloatArray
+    distance: FloatArray
+    scale: FloatArray
+
+    def take(self, rows: IntArray | BoolArray) -> Feet:
+        return Feet._make(array[rows] for array in self)
 
 
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.einsum("nd,nd->n", a, b)
+class NodeToSegment:
+    """Contacts of candidate points (nodes, face centres, Gauss points of slave facets) with master facets; see `Detector` for the rules.
 
-
-def _unit(a: FloatArray) -> FloatArray:
-    return a / np.sqrt(_dot(a, a))[:, None]
-
-
-def project_on_quadrilaterals(points: FloatArray, corners: FloatArray) -> Projection:
-    """Closest points of x(xi, eta) = a + b xi + c eta + e xi eta, -1 <= xi, eta <= 1, to points (n, 3) on facets of corners (n, 4, 3).
-
-    Newton's method on 1/2 |x - p|^2 in (xi, eta), from the centre; for a parallelogram (e = 0) the first step is exact.
+    What does not depend on positions is computed here once: candidates, facets, which edges lie inside a surface.
+    identities (pairs,): how many different numbers the contacts of each pair can have.
     """
-    x0, x1, x2, x3 = (corners[:, k] for k in range(4))
-    a, b = 0.25 * (x0 + x1 + x2 + x3), 0.25 * ((x1 + x2) - (x0 + x3))
-    c, e = 0.25 * ((x2 + x3) - (x0 + x1)), 0.25 * ((x0 + x2) - (x1 + x3))
-    p = points - a
-    xi, eta = np.zeros(len(points)), np.zeros(len(points))
-    converged = np.zeros(len(points), dtype=bool)
-    active = np.arange(len(points))
-    dots = np.stack([_dot(s, t) for s, t in ((b, b), (c, c), (e, e), (b, c), (b, e), (c, e), (p, b), (p, c), (p, e))])
-    for _ in range(_MAX_NEWTON):
-        bb, cc, ee, bc, be, ce, pb, pc, pe = dots
-        s, t = xi[active], eta[active]
-        st = s * t
-        g_e = be * s + ce * t + ee * st - pe  # (x - p) . e
-        g_s = bb * s + bc * t + be * st - pb + t * g_e  # gradient: (x - p) . dx/dxi
-        g_t = bc * s + cc * t + ce * st - pc + s * g_e
-        h_ss, h_tt = bb + t * (2 * be + t * ee), cc + s * (2 * ce + s * ee)
-        h_st = bc + be * s + ce * t + ee * st
-        gram = h_ss * h_tt - h_st**2
-        full = h_st + g_e
-        det = h_ss * h_tt - full**2
-        # the point is farther than the facet's radius of curvature: the Hessian is indefinite, Gauss-Newton still descends
-        newton = det > 0.1 * gram
-        h_st = np.where(newton, full, h_st)
-        det = np.maximum(np.where(newton, det, gram), 1e-12 * bb * cc)
-        s_new = np.clip(s - (h_tt * g_s - h_st * g_t) / det, -_FAR, _FAR)
-        t_new = np.clip(t - (h_ss * g_t - h_st * g_s) / det, -_FAR, _FAR)
-        done = np.maximum(np.abs(s_new - s), np.abs(t_new - t)) <= _STEP
-        xi[active], eta[active] = s_new, t_new
-        converged[active] = done
-        if done.all():
-            break
-        active = np.flatnonzero(~converged)
-        dots = dots[:, ~done]
-    inside = converged & (np.maximum(np.abs(xi), np.abs(eta)) < 1.0 - _EDGE)
-    xi, eta = np.clip(xi, -1.0, 1.0), np.clip(eta, -1.0, 1.0)
-    weights = 0.25 * np.stack([(1 - xi) * (1 - eta), (1 + xi) * (1 - eta), (1 + xi) * (1 + eta), (1 - xi) * (1 + eta)], axis=1)
-    return Projection(weights, _unit(np.cross(b + e * eta[:, None], c + e * xi[:, None])), inside)
 
+    def __init__(self, pairs: Sequence[SurfacePair], edge_tolerance: float, penetration: float) -> None:
+        self.pairs, self.edge_tolerance, self.penetration = tuple(pairs), edge_tolerance, penetration
+        parts = [candidate_points.candidates(pair.slave, pair.candidates) for pair in pairs]
+        counts = [len(part.bodies) for part in parts]
+        self.candidates = candidate_points.join(parts)
+        self.slaves = contact_facets.join([pair.slave for pair in pairs])
+        self.masters = contact_facets.join([pair.master for pair in pairs], sort=True)
+        self.topology = contact_facets.topology(self.masters)
+        self.pair_of_candidate = np.repeat(np.arange(len(pairs)), counts)
+        self._first = np.concatenate([[0], np.cumsum(counts)])
+        self._n_bodies = 1 + int(self.masters.bodies.max(initial=0))
+        self.identities = np.array(counts) * self._n_bodies
 
-def project_on_triangles(points: FloatArray, corners: FloatArray) -> Projection:
-    """Closest points of plane triangles, corners (n, 3, 3), to points (n, 3)."""
-    b, c, p = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
-    bb, cc, bc, pb, pc = _dot(b, b), _dot(c, c), _dot(b, c), _dot(p, b), _dot(p, c)
-    det = bb * cc - bc**2
-    s, t = (cc * pb - bc * pc) / det, (bb * pc - bc * pb) / det
-    weights = np.stack([1 - s - t, s, t], axis=1)
-    inside = weights.min(axis=1, initial=1.0) > _EDGE
-    weights = np.maximum(weights, 0.0)
-    return Projection(weights / weights.sum(axis=1)[:, None], _unit(np.cross(b, c)), inside)
+    def contacts(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[Contacts, IntArray]:
+        """Contacts among the possible pairs, sorted by (pair, candidate, master body), and their pairs."""
+        feet = self._once_per_place(now, self._once_per_body(now, *self._plausible(now, candidate, facet)))
+        return self._contacts(feet), self.pair_of_candidate[feet.candidate]
 
+    def configuration(self, x: FloatArray) -> Configuration:
+        """The candidates and facets at positions x (n_nodes, d) [m]."""
+        slave = contact_facets.geometry(self.slaves, x)
+        point = np.einsum("nk,nkd->nd", self.candidates.weights, x[self.candidates.nodes])
+        mean = self.candidates.averaging @ np.column_stack([slave.normal, slave.size])
+        length = np.sqrt(np.einsum("nd,nd->n", mean[:, :-1], mean[:, :-1]))
+        outward = mean[:, :-1] / np.maximum(length, 1e-300)[:, None]
+        return Configuration(point, outward, mean[:, -1], contact_facets.geometry(self.masters, x))
 
-def project_on_segments(points: FloatArray, corners: FloatArray) -> Projection:
-    """Closest points of 2D segments, corners (n, 2, 2), to points (n, 2)."""
-    tangent = corners[:, 1] - corners[:, 0]
-    t = _dot(points - corners[:, 0], tangent) / _dot(tangent, tangent)
-    inside = np.abs(t - 0.5) < 0.5 - _EDGE
-    t = np.clip(t, 0.0, 1.0)
-    return Projection(np.stack([1 - t, t], axis=1), _unit(np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)), inside)
+    def search(self, now: Configuration, skin: float) -> tuple[IntArray, IntArray]:
+        """Possible pairs (candidate, facet), also of positions where they are closer by less than `skin` [m]."""
+        found = []
+        for number, pair in enumerate(self.pairs):
+            ours = slice(self._first[number], self._first[number + 1])
+            theirs = slice(self.masters.offsets[number], self.masters.offsets[number + 1])
+            size = now.master.size[theirs]
+            depth = np.minimum(size, now.size[ours].max(initial=0.0))
+            reach = now.master.radius[theirs] + np.maximum(pair.alert, self.penetration * depth) + self.edge_tolerance * depth + skin
+            candidate, facet = near_pairs(now.point[ours], now.master.centre[theirs], reach)
+            found.append((candidate + ours.start, facet + theirs.start))
+        candidate, facet = (np.concatenate(part) for part in zip(*found, strict=True))
+        other = self.candidates.bodies[candidate] != self.masters.bodies[facet]
+        return candidate[other], facet[other]
 
+    def _alert(self, candidate: IntArray) -> FloatArray:
+        return np.array([pair.alert for pair in self.pairs])[self.pair_of_candidate[candidate]]
 
-def project_on_facets(points: FloatArray, corners: FloatArray, triangle: BoolArray) -> Projection:
-    """The projection for the kind of each facet; among corners (n, 4, 3) a triangle has its first corner again in the last place."""
-    width = corners.shape[1]
-    if width == 2:
-        return project_on_segments(points, corners)
-    if width == 3:
-        return project_on_triangles(points, corners)
-    if not triangle.any():
-        return project_on_quadrilaterals(points, corners)
-    feet = Projection(np.zeros((len(points), 4)), np.empty((len(points), 3)), np.empty(len(points), dtype=bool))
-    for those, found in (
-        (triangle, project_on_triangles(points[triangle], corners[triangle, :3])),
-        (~triangle, project_on_quadrilaterals(points[~triangle], corners[~triangle])),
-    ):
-        feet.weights[those, : found.weights.shape[1]] = found.weights
-        feet.normal[those], feet.inside[those] = found.normal, found.inside
-    return feet
+    def _plausible(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[IntArray, IntArray]:
+        """Pairs that face each other with the point above or just beside the facet: few are left to project."""
+        facing = np.einsum("nd,nd->n", now.outward[candidate], now.master.normal[facet]) < OPPOSING
+        candidate, facet = candidate[facing], facet[facing]
+        normal, size = now.master.normal[facet], np.minimum(now.size[candidate], now.master.size[facet])
+        arm = now.point[candidate] - now.master.centre[facet]
+        height = np.einsum("nd,nd->n", arm, normal)
+        aside = np.sqrt(np.maximum(np.einsum("nd,nd->n", arm, arm) - height**2, 0.0))
+        warp = np.abs(np.einsum("nd,nd->n", now.master.corners[facet, 0] - now.master.centre[facet], normal))
+        alert, slack = self._alert(candidate), self.edge_tolerance * size
+        keep = height <= alert + warp + slack
+        keep &= height >= -self.penetration * size - warp - slack
+        keep &= aside <= now.master.radius[facet] + alert + np.maximum(-height, 0.0) + 2 * slack
+        return candidate[keep], facet[keep]
 
+    def _feet(self, now: Configuration, candidate: IntArray, facet: IntArray, weights: FloatArray, normal: FloatArray) -> Feet:
+        foot = np.einsum("nk,nkd->nd", weights, now.master.corners[facet])
+        arm = now.point[candidate] - foot
+        gap, distance = np.einsum("nd,nd->n", arm, normal), np.sqrt(np.einsum("nd,nd->n", arm, arm))
+        scale = np.minimum(now.size[candidate], now.master.size[facet])
+        return Feet(candidate, facet, weights, foot, normal, gap, distance, scale)
 
-class BoundaryFoot(NamedTuple):
-    """Nearest points of facets' edges to n points: weights (n, k); interior (n,): it lies on an edge or vertex inside the surface;
-    away (n, d) [m]: from it to the point, without the part along the edge where the edge ends at the outer boundary."""
+    def _once_per_body(self, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
+        """The nearest foot of each candidate on each master body, sorted by (candidate, body)."""
+        triangle = self.masters.nodes[facet, -1] < 0
+        weights, normal, inside = project_on_facets(now.point[candidate], now.master.corners[facet], triangle)
+        feet = self._feet(now, candidate, facet, weights, normal)
+        if not inside.all():
+            on_edges = self._on_edges(now, feet.take(~inside))
+            feet = Feet._make(np.concatenate(both) for both in zip(feet.take(inside), on_edges, strict=True))
+        facing = np.einsum("nd,nd->n", now.outward[feet.candidate], feet.normal) < OPPOSING
+        feet = feet.take(facing & (feet.gap <= self._alert(feet.candidate)) & (feet.gap >= -self.penetration * feet.scale))
+        return feet.take(self._nearest_by_body(now, feet))
 
-    weights: FloatArray
-    interior: BoolArray
-    away: FloatArray
+    def _on_edges(self, now: Configuration, feet: Feet) -> Feet:
+        """Feet on edges and vertices of candidates that do not project inside the facet: one a body, none far beyond its boundary."""
+        point, tolerance = now.point[feet.candidate], self.edge_tolerance * feet.scale
+        topology = self.topology
+        found = closest_on_boundary(
+            point,
+            now.master.corners[feet.facet],
+            topology.interior_edge[feet.facet],
+            topology.interior_vertex[feet.facet],
+            tolerance,
+        )
+        feet = self._feet(now, feet.candidate, feet.facet, found.weights, feet.normal)
+        aside = point - feet.point - feet.gap[:, None] * feet.normal
+        accepted = found.interior | (np.einsum("nd,nd->n", aside, aside) <= (tolerance + ROUND * feet.scale) ** 2)
+        # the nearest edge decides: behind the outer boundary of a body are other edges, inside its surface
+        rows = self._nearest_by_body(now, feet)
+        rows = rows[accepted[rows]]
+        feet, ridge, away = feet.take(rows), found.interior[rows], found.away[rows]
+        if not ridge.any():
+            return feet
+        vertices = topology.vertex[feet.facet]
+        mean = np.einsum("nk,nkd->nd", feet.weights, (topology.averaging @ now.master.normal)[vertices])
+        mean /= np.maximum(np.sqrt(np.einsum("nd,nd->n", mean, mean)), 1e-300)[:, None]
+        length = np.sqrt(np.einsum("nd,nd->n", away, away))
+        length[length <= 1e-6 * feet.scale] = np.inf  # too near: the direction is round-off
+        side = np.where(np.einsum("nd,nd->n", away, mean) < 0.0, -1.0, 1.0)
+        fan = np.where(np.isinf(length)[:, None], mean, (side / length)[:, None] * away)
+        normal = np.where(ridge[:, None], fan, feet.normal)
+        return feet._replace(normal=normal, gap=np.einsum("nd,nd->n", now.point[feet.candidate] - feet.point, normal))
 
+    def _identity(self, feet: Feet) -> IntArray:
+        return feet.candidate * self._n_bodies + self.masters.bodies[feet.facet]
 
-def closest_on_boundary(
-    points: FloatArray, corners: FloatArray, interior_edge: BoolArray, interior_vertex: BoolArray, tolerance: FloatArray
-) -> BoundaryFoot:
-    """Closest points of the facets' edges (2D: end points) to points that do not project inside them.
+    def _nearest_by_body(self, now: Configuration, feet: Feet, last: BoolArray | None = None) -> IntArray:
+        """Row of the nearest foot for each (candidate, body), sorted by these; of equal ones the first facet; those marked `last` only
+        where there is no other."""
+        identity = self._identity(feet)
+        rounded = np.round(feet.distance / (ROUND * now.size[feet.candidate]))
+        order = np.lexsort((feet.facet, rounded, identity) if last is None else (feet.facet, rounded, last, identity))
+        identity = identity[order]
+        return order[np.append(True, identity[1:] != identity[:-1])[: len(order)]]
 
-    interior_edge, interior_vertex (n, k) as in Topology. A point beyond the end of an edge by less than tolerance (n,) [m] counts as
-    beside that edge.
-    """
-    n, k = corners.shape[:2]
-    row = np.arange(n)
-    arm = points[:, None] - corners
-    if k == 2:
-        end = np.argmin(np.einsum("nkd,nkd->nk", arm, arm), axis=1)
-        return BoundaryFoot(np.eye(2)[end], interior_vertex[row, end], arm[row, end])
-    edge = np.roll(corners, -1, axis=1) - corners
-    square = np.einsum("nkd,nkd->nk", edge, edge)
-    real = square > 0.0  # a padded triangle closes with an edge of no length
-    t = np.einsum("nkd,nkd->nk", arm, edge) / np.where(real, square, 1.0)
-    clipped = np.clip(t, 0.0, 1.0)
-    off = arm - clipped[:, :, None] * edge
-    distance = np.where(real, np.einsum("nkd,nkd->nk", off, off), np.inf)
-    vertex = np.where(t > 0.5, np.roll(interior_vertex, -1, axis=1), interior_vertex)
-    beyond = (t - clipped) ** 2 * square
-    interior = np.where(beyond == 0.0, interior_edge, vertex | (interior_edge & (beyond <= tolerance[:, None] ** 2)))
-    # a vertex is the nearest point of two edges, of which one may lie inside the surface
-    tied = distance <= distance.min(axis=1, initial=np.inf)[:, None] + 1e-12 * square
-    best = np.argmax(np.where(real, 2 * tied + (tied & interior), 0), axis=1)
-    weights = np.zeros((n, k))
-    weights[row, best], weights[row, (best + 1) % k] = 1.0 - clipped[row, best], clipped[row, best]
-    along = np.where(vertex, clipped, t)[row, best]
-    return BoundaryFoot(weights, interior[row, best], arm[row, best] - along[:, None] * edge[row, best])
+    def _once_per_place(self, now: Configuration, feet: Feet) -> Feet:
+        """Leave one of the feet of a candidate that coincide on several bodies."""
+        candidate = feet.candidate
+        if not (candidate[1:] == candidate[:-1]).any():
+            return feet
+        size = now.size[candidate]
+        order = np.lexsort((self.masters.bodies[feet.facet], np.round(feet.gap / (ROUND * size)), candidate))
+        candidate, point, normal = candidate[order], feet.point[order], feet.normal[order]
+        near = (2.0 + 1e-3) * self.edge_tolerance * feet.scale[order] + ROUND * size[order]
+        drop = np.zeros(len(order), dtype=bool)
+        for shift in range(1, len(order)):
+            same = np.flatnonzero(candidate[shift:] == candidate[:-shift])
+            if not len(same):
+                break
+            apart = point[same + shift] - point[same]
+            coincide = np.einsum("nd,nd->n", apart, apart) <= np.minimum(near[same], near[same + shift]) ** 2
+            coincide &= np.einsum("nd,nd->n", normal[same + shift], normal[same]) > _PARALLEL
+            drop[same[coincide] + shift] = True
+        return feet.take(np.sort(order[~drop]))
+
+    def _contacts(self, feet: Feet) -> Contacts:
+        candidate, master = feet.candidate, self.masters.nodes[feet.facet]
+        mu = np.array([pair.mu for pair in self.pairs])
+        return Contacts(
+            point=feet.point,
+            frame=frames(feet.normal),
+            gap=feet.gap,
+            mu=mu[self.pair_of_candidate[candidate]],
+            nodes=np.concatenate([self.candidates.nodes[candidate], master], axis=1),
+            weights=np.concatenate([self.candidates.weights[candidate], -feet.weights], axis=1),
+            bodies=np.stack([self.candidates.bodies[candidate], self.masters.bodies[feet.facet]], axis=1),
+            identity=self._identity(feet) - self._first[self.pair_of_candidate[candidate]] * self._n_bodies,
+        )

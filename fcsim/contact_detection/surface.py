@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from fcsim.errors import InputError
 
 IntArray = NDArray[np.int64]
-CandidateRule = Literal["nodes", "faces", "gauss"]
+CandidateRule = Literal["nodes", "faces", "gauss", "mortar", "mortar-faces", "segments"]
+NormalRule = Literal["facet", "smooth"]
+OPPOSING = -0.1  # a candidate's outward direction n and the master's normal N face each other while n . N < OPPOSING
 
 
 def _integers(values: ArrayLike, what: str, ndim: int) -> IntArray:
@@ -40,7 +42,8 @@ class ContactSurface:
         facets = _integers(self.facets, "ContactSurface, facets", 2)
         bodies = _integers(self.bodies, "ContactSurface, bodies", 1)
         if facets.shape[1] not in (2, 3, 4):
-            raise InputError(f"ContactSurface, facets: expected 2, 3 or 4 nodes a facet, got shape {facets.shape}")
+            hint = ": facets of second order are not supported, mesh with first-order cells" if facets.shape[1] in (6, 8, 9) else ""
+            raise InputError(f"ContactSurface, facets: expected 2, 3 or 4 nodes a facet, got shape {facets.shape}{hint}")
         if len(bodies) != len(facets):
             raise InputError(f"ContactSurface, bodies: expected one number for each of {len(facets)} facets, got {len(bodies)}")
         if bodies.size and bodies.min() < 0:
@@ -65,10 +68,13 @@ class ContactSurface:
 class SurfacePair:
     """One rule: candidate points of `slave` may touch facets of `master` (never those of their own body).
 
+    slave      the finer surface, or the softer body's; with "mortar" a slave node has a weight for every node under its facets
     mu         Coulomb friction coefficient >= 0
     alert      [m] >= 0: a contact is kept while its gap is not larger
-    candidates "nodes" of the slave surface, "faces" (facet centres) or "gauss" (2 x 2 points of a quadrilateral, 3 of a triangle, 2
-               of a segment)
+    candidates node-to-segment: "nodes" of the slave surface, "faces" (facet centres) or "gauss" (2 x 2 points of a quadrilateral, 3 of
+               a triangle, 2 of a segment); integrated over the overlaps of the surfaces: "mortar" (a weighted gap for each slave node),
+               "mortar-faces" (for each slave facet) or "segments" (Gauss points of each overlap)
+    normals    node-to-segment only: the master's, "facet" or "smooth" (interpolated between nodal means, see `smoothed_normals`)
     """
 
     slave: ContactSurface
@@ -77,6 +83,7 @@ class SurfacePair:
     alert: float
     candidates: CandidateRule = "nodes"
     name: str = ""
+    normals: NormalRule = "facet"
 
     def __post_init__(self) -> None:
         what = f"SurfacePair {self.name!r}" if self.name else "SurfacePair"
@@ -86,7 +93,40 @@ class SurfacePair:
             raise InputError(f"{what}: expected an alert distance >= 0 in m, got {self.alert}")
         if self.candidates not in get_args(CandidateRule):
             raise InputError(f"{what}: expected candidates among {', '.join(get_args(CandidateRule))}, got {self.candidates!r}")
+        if self.normals not in get_args(NormalRule):
+            raise InputError(f"{what}: expected normals among {', '.join(get_args(NormalRule))}, got {self.normals!r}")
+        if self.normals == "smooth" and self.candidates in ("mortar", "mortar-faces", "segments"):
+            raise InputError(f"{what}: expected normals 'facet' with candidates {self.candidates!r}, which go by the slave's normals")
         if self.slave.dimension != self.master.dimension:
             raise InputError(
                 f"{what}: expected surfaces of one dimension, got slave {self.slave.dimension}D, master {self.master.dimension}D"
             )
+
+
+def two_pass(
+    first: ContactSurface,
+    second: ContactSurface,
+    mu: float,
+    alert: float,
+    candidates: CandidateRule = "nodes",
+    name: str = "",
+    normals: NormalRule = "facet",
+) -> tuple[SurfacePair, SurfacePair]:
+    """Return the two pairs of a two-pass rule: `first` as slave of `second`, and `second` as slave of `first`.
+
+    The problem holds the contacts of both passes, each with a reaction r in its own Coulomb cone, so that neither surface enters the other.
+    Nothing is halved: the two passes share the load, and what acts on a body is the sum over both, with friction at most mu times the
+    sum of normal forces. `Step.contact_force_on` sums so.
+
+    Hyperstaticity: the sum is determined, the share of a pass is not. On matching meshes each pair of nodes is two equal contacts and W has
+    half its rows for a rank; in general the rank is at most d (slave + master nodes - fields that both sides have).
+
+    Patch test: node-to-segment in two passes passes in 2D on any meshes, as the trapezoidal rule on the union of both sides' nodes is
+    a set of reactions that gives the forces of a uniform pressure. R. L. Taylor and P. Papadopoulos, On a patch test for contact
+    problems in two dimensions, 1991.
+    """
+    names = (f"{name}, first on second", f"{name}, second on first") if name else ("", "")
+    return (
+        SurfacePair(first, second, mu, alert, candidates, names[0], normals),
+        SurfacePair(second, first, mu, alert, candidates, names[1], normals),
+    )

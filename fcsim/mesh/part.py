@@ -94,7 +94,9 @@ class Part:
     def __post_init__(self) -> None:
         what = f"Part {self.name!r}"
         if self.cell_type not in CELL_NODES:
-            raise InputError(f"{what}: expected a cell type among {', '.join(CELL_NODES)}, got {self.cell_type!r}")
+            first = next((name for name in CELL_NODES if str(self.cell_type).startswith(name)), None)
+            hint = f": cells of second order are not supported, mesh with {first}s of first order" if first else ""
+            raise InputError(f"{what}: expected a cell type among {', '.join(CELL_NODES)}, got {self.cell_type!r}{hint}")
         if self.plane not in ("strain", "stress"):
             raise InputError(f"{what}: expected plane 'strain' or 'stress', got {self.plane!r}")
         if not self.thickness > 0:

@@ -28,7 +28,7 @@ def simulate(model: Model, pairs: list[SurfacePair], steps: int, scheme: Any) ->
     return list(Simulation(model, Detector(pairs, model.n_nodes), scheme, steps, SolverSettings(tol=1e-10)))
 
 
-@pytest.mark.parametrize("candidates", ["nodes", "faces", "gauss"])
+@pytest.mark.parametrize("candidates", ["nodes", "faces", "gauss", "mortar", "mortar-faces", "segments"])
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_contact_patch(candidates: str, mu: float) -> None:
     """Two cubes of side 2 mm, matching meshes, E = 200 GPa, nu = 0, u_z = -0.2 mm on top (small strain): p = 10 000 MPa uniform, the
@@ -54,7 +54,7 @@ def test_contact_patch(candidates: str, mu: float) -> None:
         stress = (stress_operator(part) @ u[own].ravel()).reshape(-1, 6)
         assert_allclose(stress, np.tile([0, 0, -10_000e6, 0, 0, 0], (len(part.cells), 1)), atol=1e-7 * 10_000e6)
     assert_allclose(last.contact_force_on(1), [0, 0, 10_000e6 * 4e-6], rtol=1e-7, atol=1e-3)
-    if candidates == "faces":  # one candidate a face: the pressure itself
+    if candidates in ("faces", "mortar-faces"):  # one candidate a face: the pressure itself
         assert_allclose(last.contact_force[:, 0] / (4e-6 / 6), 10_000e6, rtol=1e-6)
 
 

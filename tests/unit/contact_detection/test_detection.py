@@ -125,7 +125,7 @@ def test_the_skin_of_a_pair_list_covers_an_approach() -> None:
     master = ContactSurface(facets, np.zeros(1, int))
     detector = Detector([SurfacePair(ContactSurface(np.array([[4, 5, 6]]), np.ones(1, int)), master, 0.5, 0.3, "faces")], 7)
     far, close = (np.concatenate([nodes, DOWN - DOWN.mean(axis=0) + np.array([0.5, 0.5, z])]) for z in (1.3, 0.2))
-    assert len(detector.search(far).candidate) == 0
+    assert len(detector.search(far)) == 0
     near = detector.search(far, skin=2.5)
     assert near.covers(close)
     np.testing.assert_allclose(detector(close, near).gap, [0.2])

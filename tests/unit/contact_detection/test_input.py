@@ -7,6 +7,7 @@ import pytest
 
 from fcsim.contact_detection import ContactSurface, Detector, SurfacePair
 from fcsim.errors import InputError
+from fcsim.mesh.part import Material, Part
 
 SQUARE = ContactSurface(np.array([[0, 1, 2, 3]]), np.array([0]))
 LINE = ContactSurface(np.array([[0, 1]]), np.array([0]))
@@ -18,6 +19,9 @@ POINTS = np.array([[x, y, z] for z in (0.0, 0.1) for x, y in ((0, 0), (1, 0), (1
     ("facets", "bodies", "message"),
     [
         ([[0, 1, 2, 3, 4]], [0], "2, 3 or 4 nodes"),
+        ([[0, 1, 2, 3, 4, 5]], [0], "facets of second order are not supported"),
+        ([list(range(8))], [0], "facets of second order are not supported"),
+        ([list(range(9))], [0], "facets of second order are not supported"),
         ([[0]], [0], "2, 3 or 4 nodes"),
         ([0, 1, 2], [0], "2 dimension"),
         ([[0.5, 1.0, 2.0]], [0], "integers"),
@@ -40,7 +44,7 @@ def test_surface(facets: Any, bodies: Any, message: str) -> None:
         ({"mu": np.nan}, "mu >= 0"),
         ({"alert": -1e-3}, "alert distance >= 0 in m, got -0.001"),
         ({"alert": np.inf}, "alert distance"),
-        ({"candidates": "edges"}, "nodes, faces, gauss, got 'edges'"),
+        ({"candidates": "edges"}, "nodes, faces, gauss, mortar, mortar-faces, segments, got 'edges'"),
         ({"slave": LINE}, "slave 2D, master 3D"),
     ],
 )
@@ -72,3 +76,26 @@ def test_positions() -> None:
         detector(POINTS * [1, 0, 1])
     with pytest.raises(InputError, match="skin"):
         detector.search(POINTS, skin=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("cell_type", "first"),
+    [
+        ("hexahedron20", "hexahedron"),
+        ("hexahedron27", "hexahedron"),
+        ("tetrahedron10", "tetrahedron"),
+        ("triangle6", "triangle"),
+        ("quadrilateral8", "quadrilateral"),
+        ("quadrilateral9", "quadrilateral"),
+    ],
+)
+def test_parts_of_second_order(cell_type: str, first: str) -> None:
+    with pytest.raises(InputError, match=f"got '{cell_type}': cells of second order are not supported, mesh with {first}s of first order"):
+        Part("part", np.zeros((27, 3)), np.arange(27)[None], cell_type, {}, Material(1.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize("rule", ["nodes", "mortar", "segments"])
+def test_surfaces_without_facets(rule: Any) -> None:
+    empty = ContactSurface(np.empty((0, 4), int), np.empty(0, int))
+    for pair in (SurfacePair(OTHER, empty, 0.5, 0.2, rule), SurfacePair(empty, OTHER, 0.5, 0.2, rule)):
+        assert len(Detector([pair], 8)(POINTS)) == 0

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize, minimize_scalar
 
-from fcsim.contact_detection.node_to_segment import (
+from fcsim.contact_detection.projection import (
     closest_on_boundary,
     project_on_quadrilaterals,
     project_on_segments,

@@ -176,7 +176,7 @@ def test_work_grows_with_contacts() -> None:
     for courses, full_blocks in ((3, 3), (10, 12)):
         model = wall("faces", courses, full_blocks)
         detector = Detector(model.pairs, len(model.positions))
-        assert len(detector.search(model.positions).candidate) < 4 * len(detector(model.positions))
+        assert len(detector.search(model.positions)) < 4 * len(detector(model.positions))
 
 
 def test_detection_and_contact_matrix_are_fast() -> None:
