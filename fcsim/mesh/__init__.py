@@ -5,6 +5,7 @@ from fcsim.mesh.io import read_mesh, read_parts, write_mesh
 from fcsim.mesh.masonry import RunningBond, running_bond
 from fcsim.mesh.part import Body, Material, Part, RigidBody
 from fcsim.mesh.quality import check_quality
+from fcsim.mesh.rigid import blocks_that_are, mass_properties, rigid_body
 
 __all__ = [
     "Body",
@@ -12,12 +13,15 @@ __all__ = [
     "Part",
     "RigidBody",
     "RunningBond",
+    "blocks_that_are",
     "brick",
     "check_quality",
+    "mass_properties",
     "part_from_gmsh",
     "read_mesh",
     "read_parts",
     "rectangle",
+    "rigid_body",
     "rigid_box",
     "rigid_rectangle",
     "running_bond",
