@@ -91,12 +91,12 @@ def history(steps: int, **parameters: Any) -> list[Record]:
     return [record(step) for step in run]
 
 
-def check_every_step(records: list[Record], steps: int, penetration: float = 1e-9) -> None:
-    """What holds at every step of every run, whatever the parameters; penetration [m]."""
+def check_every_step(records: list[Record], steps: int) -> None:
+    """What holds at every step of every run, whatever the parameters."""
     assert len(records) == steps
     for record in records:
         assert record.error <= 1e-8
-        assert record.penetration <= penetration
+        assert record.penetration <= 1e-9
         assert record.balance <= 1e-6 * max(abs(record.bottom[2]), 1.0)
         assert record.energy >= 0
         assert record.dissipation >= -1e-9
@@ -174,8 +174,8 @@ def test_against_another_program() -> None:
 
 def test_wall_of_rigid_blocks() -> None:
     """Statics at every step; nothing deforms, so that soon after the shear begins the wall slides at the friction bound of the upper
-    bed and stays there. Two facets a block face are enough: four corners carry."""
-    records = history(60, blocks_are="rigid", divisions=(2, 1, 1), candidates="nodes")
+    bed and stays there. Two facets a block face are enough: four Gauss points of each carry."""
+    records = history(60, blocks_are="rigid", divisions=(2, 1, 1), candidates="gauss")
     check_every_step(records, 60)
     check_vertical_balance(records)
     assert all(record.attempts == 1 for record in records)
@@ -190,12 +190,12 @@ def test_wall_of_mixed_blocks() -> None:
     run = simulation(steps=1, blocks_are="mixed")
     assert (len(run.model.deformable), len(run.model.rigid)) == (6, 6 + 2)
     assert len(run.detector(run.model.reference)) == 688
-    records = history(30, blocks_are="mixed", divisions=(2, 1, 1), candidates="nodes")
-    # a node above the joint of two blocks touches the nearer one: the other may rise above it within a step, by microns as they all move
-    check_every_step(records, 30, penetration=1e-6)
+    records = history(42, blocks_are="mixed", divisions=(2, 1, 1), candidates="gauss")
+    check_every_step(records, 42)
     check_vertical_balance(records)
     assert all(record.attempts == 1 for record in records)
-    assert max(abs(record.bottom[0]) for record in records) <= 0.53 * (30_000 + WALL_WEIGHT / 3) * (1 + 1e-6)
+    for record in records[19:]:  # no bed can carry more than 0.53 of what stands on it; the wall settles, so that this is not the weight
+        assert abs(record.bottom[0]) <= 0.53 * record.bottom[2]
 
 
 @pytest.mark.slow

@@ -63,7 +63,7 @@ def test_skew_prism() -> None:
 
 
 def test_regular_polygon() -> None:
-    """A disk meshed with triangles is a regular polygon of n sides: area n/2 R^2 sin d, polar moment (2 + cos d) / 6 m R^2, d = 2 pi / n."""
+    """A meshed disk is a regular polygon of n sides: area n/2 R^2 sin d, polar moment (2 + cos d) / 6 m R^2, d = 2 pi / n."""
     radius = 0.4
     with gmsh_model("disk") as gmsh:
         gmsh.model.occ.addDisk(1.0, 2.0, 0, radius, radius)
