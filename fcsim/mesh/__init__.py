@@ -2,7 +2,7 @@
 
 from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
-from fcsim.mesh.masonry import RunningBond, running_bond
+from fcsim.mesh.masonry import RunningBond, SemicircularArch, running_bond, semicircular_arch
 from fcsim.mesh.part import Body, Material, Part, RigidBody
 from fcsim.mesh.quality import check_quality
 from fcsim.mesh.rigid import blocks_that_are, mass_properties, rigid_body
@@ -13,6 +13,7 @@ __all__ = [
     "Part",
     "RigidBody",
     "RunningBond",
+    "SemicircularArch",
     "blocks_that_are",
     "brick",
     "check_quality",
@@ -25,5 +26,6 @@ __all__ = [
     "rigid_box",
     "rigid_rectangle",
     "running_bond",
+    "semicircular_arch",
     "write_mesh",
 ]
