@@ -117,13 +117,7 @@ class SystemFactor:
                 contacts, h = _contact_columns(H, first, group.size, group.surface, d)
                 if len(contacts):
                     yield contacts, h @ (h @ group.compliance).T
-        k = self._rigid_inverse.shape[-1]
-        own = np.arange(k)
-        for number, inverse in enumerate(self._rigid_inverse):
-            contacts, h = _contact_columns(H, self.model.n_elastic + k * number, k, own, d)
-            if len(contacts) and np.any(inverse):
-                dense = h.toarray()
-                yield contacts, dense @ inverse @ dense.T
+        yield from _rigid_tiles(H, self.model.n_elastic, self._rigid_inverse, d)
 
 
 class _ElasticMatrix:
@@ -185,6 +179,23 @@ class _GroupFactor:
         units[place, np.arange(len(place))] = 1
         self.compliance = np.ascontiguousarray(self.factor.solve(units)[place]) if len(place) else np.empty((0, 0))
         self.compliance = 0.5 * (self.compliance + self.compliance.T)
+
+
+def _rigid_tiles(H: Any, first: int, inverse: FloatArray, d: int) -> Iterator[tuple[IntArray, FloatArray]]:
+    """The tiles of rigid bodies, whose dofs begin at `first`: h M^-1 h^T with the inverses (nr, k, k) of their mass matrices."""
+    k, nc = inverse.shape[-1], H.shape[1] // d
+    begin = H.indptr[first]
+    column, data = H.indices[begin:], H.data[begin:]
+    row = np.repeat(np.arange(len(inverse) * k), np.diff(H.indptr[first:]))
+    touching, place = np.unique(row // k * nc + column // d, return_inverse=True)
+    h = np.zeros((len(touching), d, k))
+    h[place, column % d, row % k] = data
+    body, contact = np.divmod(touching, nc or 1)
+    end = np.searchsorted(body, np.arange(len(inverse)), side="right")
+    for number in np.flatnonzero((np.diff(end, prepend=0) > 0) & inverse.any(axis=(1, 2))):
+        own = slice(end[number - 1] if number else 0, end[number])
+        block = h[own].reshape(-1, k)
+        yield contact[own], block @ inverse[number] @ block.T
 
 
 def _contact_columns(H: Any, first: int, size: int, surface: IntArray, d: int) -> tuple[IntArray, Any]:
