@@ -299,8 +299,8 @@ def _number(value: Any) -> str:
 
 
 def _kinetic(step: Step, case: Case) -> float:
-    v = step.state.v
-    return 0.5 * float(v @ case.simulation.model.apply_mass(v))
+    model, v = case.simulation.model, step.state.v
+    return 0.5 * float(v @ model.apply_mass(v, model.rigid_mass(step.state.x)))
 
 
 def _elastic(step: Step, case: Case) -> float:

@@ -22,22 +22,25 @@ from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rigid_box
 from fcsim.mesh.masonry import RunningBond, running_bond
 from fcsim.mesh.part import Material
+from fcsim.mesh.rigid import BlockKind, blocks_that_are
 from fcsim.timestep.scheme import Gap
 from fcsim.timestep.simulation import Simulation, SolverSettings, Step
 from fcsim.timestep.theta import Theta
 
 GRAVITY = 9.81  # [m/s^2]
 FRICTION = {"scripts": (0.53, 0.83), "paper": (0.83, 0.53)}  # between blocks, at the platens
+SOLVER = {"deformable": "NSN-AC", "rigid": "PPA-NSN-AC", "mixed": "PPA-NSN-AC"}  # joints of rigid blocks are hyperstatic: W is singular
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """Every number of the case; SI units. `--set name=value` changes one."""
+    """Every number of the case; SI units. `--set name=value` changes one. solver: empty = the one of `SOLVER` for the kind of blocks."""
 
     courses: int = 3
     blocks: float = 3.5
     block_size: tuple[float, float, float] = (0.2, 0.1, 0.1)
     divisions: tuple[int, int, int] = (8, 4, 4)
+    blocks_are: BlockKind = "deformable"
     E: float = 2.2e9
     nu: float = 0.2
     density: float = 2000.0
@@ -57,7 +60,7 @@ class Parameters:
     theta: float = 0.5
     steps: int = 500
     driven: Literal["eliminated", "identity"] = "identity"
-    solver: str = "NSN-AC"
+    solver: str = ""
     tol: float = 1e-8
 
 
@@ -71,7 +74,7 @@ def build(p: Parameters) -> Case:
         Detector(wall_contacts(wall, model, p, mu_blocks, mu_platens), model.n_nodes),
         Theta(p.h, p.theta, Gap()),
         p.steps,
-        SolverSettings(name=p.solver, tol=p.tol),
+        SolverSettings(name=p.solver or SOLVER[p.blocks_are], tol=p.tol),
     )
     top, bottom = model.number["top platen"], model.number["bottom platen"]
     course_weight = p.density * float(np.prod(wall.size)) / p.courses * GRAVITY
@@ -93,7 +96,7 @@ def build(p: Parameters) -> Case:
         ),
         plots={"imposed": "top_x", "reaction": ("bottom_Rx", "top_Rx"), "bound": (bound, f"friction bound at the {where}")},
         fclib_set="FCSIM_LowWall_FEM",
-        description=f"{len(wall.bodies)} elastic blocks and two rigid platens, {model.n_dofs} degrees of freedom",
+        description=f"{len(wall.bodies)} blocks ({p.blocks_are}) and two rigid platens, {model.n_dofs} degrees of freedom",
     )
 
 
@@ -115,7 +118,7 @@ def wall_model(wall: RunningBond, p: Parameters) -> Model:
         return float(np.interp(t, [p.shear_start, p.shear_full], [0.0, p.shear_velocity]))
 
     return build_model(
-        [*wall.bodies, bottom, top],
+        [*blocks_that_are(p.blocks_are, wall.bodies), bottom, top],
         supports=[
             Support("bottom platen", ("x", "y", "z", "rx", "ry", "rz")),
             Support("top platen", ("x",), velocity=shear),
@@ -153,9 +156,10 @@ def platen_displacement(model: Model, step: Step, body: int) -> float:
 
 
 def momentum_rate(model: Model, step: Step) -> np.ndarray:
-    """(p+ - p-) / h of all blocks together (3,) [N]: what their reactions differ from statics by."""
-    change = model.apply_mass(step.state.v - step.previous.v)[: model.n_elastic]
-    return change.reshape(-1, 3).sum(axis=0) / (step.state.t - step.previous.t)
+    """(p+ - p-) / h of all blocks together (3,) [N]: what their reactions differ from statics by. The platens are the last two bodies."""
+    change = model.apply_mass(step.state.v - step.previous.v)
+    deformable, rigid = change[: model.n_elastic].reshape(-1, 3), model.rigid_part(change)[:-2, :3]
+    return (deformable.sum(axis=0) + rigid.sum(axis=0)) / (step.state.t - step.previous.t)
 
 
 def vertical_rate(model: Model, step: Step, platen: int) -> float:

@@ -6,7 +6,9 @@ one. The compliance of a block on its contact dofs is formed once; each step the
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 
 from fcsim.assembly.groups import Group
 from fcsim.assembly.model import Model
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.rigid import inverse_on
 from fcsim.errors import InputError
 from fcsim.linear import Factor, SingularMatrix, factorise
 from fcsim.reduction import assemble_delassus, refuse_singular
@@ -39,30 +41,46 @@ class SystemFactor:
         touched = np.zeros(model.n_nodes, dtype=bool)
         touched[contact_nodes] = True
         self._groups = [_GroupFactor(model, group, mass, stiffness, touched) for group in model.groups]
-        k = len(DIRECTIONS[model.dimension])
-        driven = np.zeros(model.n_dofs, dtype=bool)
-        driven[model.driven_dofs] = True
-        free = ~driven[model.n_elastic :].reshape(-1, k)
-        if not mass and free.any():
-            body = model.rigid[int(np.argmax(free.any(axis=1)))]
+        if not mass and model.rigid_free.any():
+            body = model.rigid[int(np.argmax(model.rigid_free.any(axis=1)))]
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
-        self._rigid_inverse = _free_inverse(mass * model.rigid_mass, free)
+        self._elastic = _ElasticMatrix(model, mass, stiffness)
+        self._set_rigid_mass(model.rigid_mass())
+
+    def _set_rigid_mass(self, rigid_mass: FloatArray) -> None:
+        self.rigid_mass = rigid_mass
+        self._rigid_inverse = inverse_on(self.model.rigid_free, self.mass * rigid_mass)
+        self._matrix: Any = None
+
+    def with_rigid_mass(self, rigid_mass: FloatArray) -> SystemFactor:
+        """The factor with the rigid bodies' mass matrices (nr, k, k) of another configuration; all else is shared. See `rigid_mass`
+        of `Model`: the array that the factor has gives the factor itself."""
+        if rigid_mass is self.rigid_mass:
+            return self
+        other = copy.copy(self)
+        other._set_rigid_mass(rigid_mass)
+        return other
 
     def matrix(self) -> Any:
-        """A as one csr_array on the problems' unknowns: (n_free, n_free), or (n_dofs, n_dofs) with identity rows."""
-        model = self.model
-        A = model.matrix(self.mass, self.stiffness)
+        """A as one csr_array on the problems' unknowns: (n_free, n_free), or (n_dofs, n_dofs) with identity rows. Made once."""
+        if self._matrix is None:
+            self._matrix = _joined(self._elastic.block, self._rigid_block())
+        return self._matrix
+
+    def _rigid_block(self) -> Any:
+        model, k = self.model, self.rigid_mass.shape[-1]
+        free = model.rigid_free
+        blocks = np.where(free[:, :, None] & free[:, None, :], self.mass * self.rigid_mass, 0.0)
+        blocks[:, range(k), range(k)] += ~free
+        rigid = sp.csr_array(sp.bsr_array((blocks, np.arange(len(blocks)), np.arange(len(blocks) + 1)), shape=(free.size, free.size)))
         if model.driven == "eliminated":
-            return sp.csr_array(A[model.free_dofs][:, model.free_dofs])
-        free = np.zeros(model.n_dofs)
-        free[model.free_dofs] = 1
-        A = sp.csr_array(sp.diags_array(free) @ A @ sp.diags_array(free) + sp.diags_array(1 - free))
-        A.eliminate_zeros()
-        return A
+            rigid = sp.csr_array(rigid[free.ravel()][:, free.ravel()])
+        rigid.eliminate_zeros()
+        return rigid
 
     def apply(self, v: FloatArray) -> FloatArray:
         """Return A v (n_dofs,) over all dofs, driven ones as they are."""
-        y = self.mass * self.model.apply_mass(v)
+        y = self.mass * self.model.apply_mass(v, self.rigid_mass)
         if self.stiffness:
             y += self.stiffness * self.model.apply_stiffness(v)
         return y
@@ -81,11 +99,8 @@ class SystemFactor:
         for group in self._groups:
             dofs = group.dofs[:, group.free]
             x[dofs] = group.factor.solve(np.ascontiguousarray(rhs[dofs].T)).T
-        n, k = self.model.n_elastic, len(DIRECTIONS[self.model.dimension])
-        driven = x[n:].copy()
-        x[n:] = np.einsum("aij,aj->ai", self._rigid_inverse, rhs[n:].reshape(-1, k)).ravel()
-        held = self.model.driven_dofs[self.model.driven_dofs >= n]
-        x[held] = driven[held - n]
+        rigid, free = self.model.rigid_part(x), self.model.rigid_free
+        rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
 
     def delassus(self, H: Any, dimension: int) -> Any:
@@ -105,13 +120,39 @@ class SystemFactor:
                 contacts, h = _contact_columns(H, first, group.size, group.surface, d)
                 if len(contacts):
                     yield contacts, h @ (h @ group.compliance).T
-        k = len(DIRECTIONS[self.model.dimension])
-        own = np.arange(k)
-        for number, inverse in enumerate(self._rigid_inverse):
-            contacts, h = _contact_columns(H, self.model.n_elastic + k * number, k, own, d)
-            if len(contacts) and np.any(inverse):
-                dense = h.toarray()
-                yield contacts, dense @ inverse @ dense.T
+        yield from _rigid_tiles(H, self.model.n_elastic, self._rigid_inverse, d)
+
+
+class _ElasticMatrix:
+    """The deformable bodies' block of A on the problems' unknowns, made where it is asked for."""
+
+    def __init__(self, model: Model, mass: float, stiffness: float) -> None:
+        self._model, self._mass, self._stiffness = model, mass, stiffness
+
+    @cached_property
+    def block(self) -> Any:
+        model, n = self._model, self._model.n_elastic
+        A = model.matrix(self._mass, self._stiffness)[:n, :n]
+        free = np.ones(n)
+        free[model.driven_dofs[model.driven_dofs < n]] = 0
+        if model.driven == "eliminated":
+            return sp.csr_array(A[free > 0][:, free > 0])
+        A = sp.csr_array(sp.diags_array(free) @ A @ sp.diags_array(free) + sp.diags_array(1 - free))
+        A.eliminate_zeros()
+        return A
+
+
+def _joined(first: Any, second: Any) -> Any:
+    """diag(first, second) of two csr_arrays as one."""
+    n = first.shape[0]
+    return sp.csr_array(
+        (
+            np.concatenate([first.data, second.data]),
+            np.concatenate([first.indices, second.indices + n]),
+            np.concatenate([first.indptr, first.indptr[-1] + second.indptr[1:]]),
+        ),
+        shape=(n + second.shape[0], n + second.shape[0]),
+    )
 
 
 class _GroupFactor:
@@ -152,6 +193,23 @@ def _inverse_on(factor: Factor, size: int, place: IntArray) -> FloatArray:
     return 0.5 * (inverse + inverse.T)
 
 
+def _rigid_tiles(H: Any, first: int, inverse: FloatArray, d: int) -> Iterator[tuple[IntArray, FloatArray]]:
+    """The tiles of rigid bodies, whose dofs begin at `first`: h M^-1 h^T with the inverses (nr, k, k) of their mass matrices."""
+    k, nc = inverse.shape[-1], H.shape[1] // d
+    begin = H.indptr[first]
+    column, data = H.indices[begin:], H.data[begin:]
+    row = np.repeat(np.arange(len(inverse) * k), np.diff(H.indptr[first:]))
+    touching, place = np.unique(row // k * nc + column // d, return_inverse=True)
+    h = np.zeros((len(touching), d, k))
+    h[place, column % d, row % k] = data
+    body, contact = np.divmod(touching, nc or 1)
+    end = np.searchsorted(body, np.arange(len(inverse)), side="right")
+    for number in np.flatnonzero((np.diff(end, prepend=0) > 0) & inverse.any(axis=(1, 2))):
+        own = slice(end[number - 1] if number else 0, end[number])
+        block = h[own].reshape(-1, k)
+        yield contact[own], block @ inverse[number] @ block.T
+
+
 def _contact_columns(H: Any, first: int, size: int, surface: IntArray, d: int) -> tuple[IntArray, Any]:
     """Return the contacts that touch the dofs first ... first + size - 1 of H, and H^T there: rows d a + i, columns the surface dofs."""
     begin, end = H.indptr[first], H.indptr[first + size]
@@ -161,12 +219,3 @@ def _contact_columns(H: Any, first: int, size: int, surface: IntArray, d: int) -
     contacts, place = np.unique(contact, return_inverse=True)
     h = sp.csr_array((data, (place * d + column % d, np.searchsorted(surface, row))), shape=(len(contacts) * d, len(surface)))
     return contacts, h
-
-
-def _free_inverse(matrices: FloatArray, free: NDArray[np.bool_]) -> FloatArray:
-    """Invert each (k, k) matrix on its free dofs; zero elsewhere."""
-    inverse = np.zeros_like(matrices)
-    for result, matrix, own in zip(inverse, matrices, free, strict=True):
-        if own.any():
-            result[np.ix_(own, own)] = np.linalg.inv(matrix[np.ix_(own, own)])
-    return inverse

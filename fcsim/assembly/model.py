@@ -15,16 +15,17 @@ from typing import Any, Literal
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from fcsim.assembly.groups import Group, operator_groups
 from fcsim.assembly.loads import Load, load_vector
+from fcsim.assembly.rigid import RigidBodies, inverse_on
 from fcsim.assembly.supports import DIRECTIONS, Support, refuse_contradictions, support_dofs, support_velocity
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,28 +130,38 @@ class Model:
         return operator_groups(self)
 
     @cached_property
-    def rigid_mass(self) -> FloatArray:
-        """Mass matrices (nr, k, k) of the rigid bodies, k = 6 or 3, inertia in world axes of the reference configuration.
+    def rigid_bodies(self) -> RigidBodies:
+        """The rigid bodies' arrays and finite rotations."""
+        return RigidBodies(self.rigid, self.dimension)
 
-        It does not turn with the body, and gyroscopic terms are left out: exact for small rotations and for spheres only.
+    def rigid_part(self, x: NDArray) -> NDArray:
+        """The rigid bodies' share (nr, k) of a vector on all dofs, k = 6 or 3: a view."""
+        return x[self.n_elastic :].reshape(-1, len(DIRECTIONS[self.dimension]))
+
+    @cached_property
+    def rigid_free(self) -> BoolArray:
+        """(nr, k): the dofs of rigid bodies that no support drives."""
+        free = np.ones(self.n_dofs, dtype=bool)
+        free[self.driven_dofs] = False
+        return self.rigid_part(free)
+
+    def rigid_mass(self, x: FloatArray | None = None) -> FloatArray:
+        """Mass matrices (nr, k, k) of the rigid bodies, diag(m I, R J R^T), in the configuration x (default: the reference).
+
+        One and the same read-only array for all x where it does not depend on x: in 2D, and where all inertias are isotropic.
         """
-        d = self.dimension
-        k = len(DIRECTIONS[d])
-        mass = np.zeros((len(self.rigid), k, k))
-        for matrix, body in zip(mass, self.rigid, strict=True):
-            matrix[:d, :d] = body.mass * np.eye(d)
-            matrix[d:, d:] = body.inertia
-        return mass
+        rigid = self.rigid_bodies
+        return rigid.reference_mass if x is None else rigid.mass(self.rigid_part(x))
 
     def apply_stiffness(self, x: FloatArray) -> FloatArray:
         """Return K x (n_dofs,) [N]."""
         return self._apply("K", x)
 
-    def apply_mass(self, v: FloatArray) -> FloatArray:
-        """Return M v (n_dofs,) [N s]."""
+    def apply_mass(self, v: FloatArray, rigid_mass: FloatArray | None = None) -> FloatArray:
+        """Return M v (n_dofs,) [N s]; rigid_mass (nr, k, k): that of the configuration, see `rigid_mass` (default: the reference)."""
         y = self._apply("M", v)
-        k = len(DIRECTIONS[self.dimension])
-        y[self.n_elastic :] = np.einsum("aij,aj->ai", self.rigid_mass, v[self.n_elastic :].reshape(-1, k)).ravel()
+        rigid_mass = self.rigid_mass() if rigid_mass is None else rigid_mass
+        y[self.n_elastic :] = np.einsum("aij,aj->ai", rigid_mass, self.rigid_part(v)).ravel()
         return y
 
     def _apply(self, operator: Literal["K", "M"], x: FloatArray) -> FloatArray:
@@ -164,20 +175,20 @@ class Model:
         return y
 
     def matrix(self, mass: float, stiffness: float) -> Any:
-        """Return mass M + stiffness K as one csr_array (n_dofs, n_dofs)."""
+        """Return mass M + stiffness K as one csr_array (n_dofs, n_dofs), M in the reference configuration."""
         count = len(self.deformable)
         blocks: list[Any] = [None] * (count + len(self.rigid))
         for group in self.groups:
             block = mass * group.M + stiffness * group.K
             for first in group.first:
                 blocks[int(np.searchsorted(self.dof_offset, first))] = block
-        for k, rigid in enumerate(self.rigid_mass):
+        for k, rigid in enumerate(self.rigid_mass()):
             blocks[count + k] = sp.csr_array(mass * rigid)
         return sp.block_diag(blocks, format="csr")
 
     @property
     def mass(self) -> Any:
-        """M (n_dofs, n_dofs) [kg]."""
+        """M (n_dofs, n_dofs) [kg] in the reference configuration."""
         return self.matrix(1.0, 0.0)
 
     @property
@@ -204,7 +215,7 @@ class Model:
             if g.shape != (d,) or not np.all(np.isfinite(g)):
                 raise InputError(f"gravity at t = {t} s: expected an acceleration of {d} finite numbers [m/s^2], got {self.gravity(t)!r}")
             acceleration[: self.n_elastic].reshape(-1, d)[:] = g
-            acceleration[self.n_elastic :].reshape(-1, len(DIRECTIONS[d]))[:, :d] = g
+            self.rigid_part(acceleration)[:, :d] = g
             force += self.apply_mass(acceleration)
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
             force += load.factor(t) * vector
@@ -212,13 +223,7 @@ class Model:
 
     def rigid_rotation(self, x: FloatArray) -> FloatArray:
         """Rotation matrices (nr, d, d) of the rigid bodies in the configuration x."""
-        d = self.dimension
-        k = len(DIRECTIONS[d])
-        angle = x[self.n_elastic :].reshape(-1, k)[:, d:]
-        if d == 3:
-            return Rotation.from_rotvec(angle).as_matrix().reshape(-1, 3, 3) if len(angle) else np.empty((0, 3, 3))
-        c, s = np.cos(angle[:, 0]), np.sin(angle[:, 0])
-        return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
+        return self.rigid_bodies.rotation(self.rigid_part(x))
 
     def positions(self, x: FloatArray) -> FloatArray:
         """Nodes (n_nodes, d) [m] in the configuration x (n_dofs,)."""
@@ -230,11 +235,7 @@ class Model:
         displacement = np.empty((self.n_nodes, d))
         count = self.n_elastic // d
         displacement[:count] = x[: self.n_elastic].reshape(-1, d)
-        if self.rigid:
-            body = self._rigid_of_node
-            arm = self.reference[count:] - self._centres[body]
-            translation = x[self.n_elastic :].reshape(len(self.rigid), -1)[:, :d]
-            displacement[count:] = translation[body] + np.einsum("aij,aj->ai", self.rigid_rotation(x)[body], arm) - arm
+        displacement[count:] = self.rigid_bodies.displacement(self.rigid_part(x))
         return displacement
 
     def node_velocity(self, v: FloatArray, x: FloatArray | None = None) -> FloatArray:
@@ -244,42 +245,28 @@ class Model:
     def advance(self, x: FloatArray, dx: FloatArray) -> FloatArray:
         """Return the configuration x moved by the increment dx; rotations are composed, exp(dx) exp(x), not added."""
         moved = x + dx
-        if self.dimension == 3 and self.rigid:
-            k = len(DIRECTIONS[3])
-            old = Rotation.from_rotvec(x[self.n_elastic :].reshape(-1, k)[:, 3:])
-            new = Rotation.from_rotvec(dx[self.n_elastic :].reshape(-1, k)[:, 3:])
-            moved[self.n_elastic :].reshape(-1, k)[:, 3:] = (new * old).as_rotvec()
+        self.rigid_part(moved)[:] = self.rigid_bodies.advance(self.rigid_part(x), self.rigid_part(dx))
         return moved
 
-    @cached_property
-    def _rigid_of_node(self) -> IntArray:
-        sizes = [len(body.points) for body in self.rigid]
-        return np.repeat(np.arange(len(sizes)), sizes)
+    def keep_momentum(self, v: FloatArray, rigid_mass: FloatArray, x: FloatArray) -> FloatArray:
+        """Return v (n_dofs,) with the angular velocities that have the same angular momentum in the configuration x as in another one.
 
-    @cached_property
-    def _centres(self) -> FloatArray:
-        return np.array([body.centre for body in self.rigid]).reshape(-1, self.dimension)
+        rigid_mass (nr, k, k): that of the other configuration. Driven rotations stay as they are.
+        """
+        now = self.rigid_mass(x)
+        if now is rigid_mass:
+            return v
+        d, free = self.dimension, self.rigid_free[:, self.dimension :]
+        omega = self.rigid_part(v)[:, d:]
+        change = np.einsum("aij,aj->ai", (rigid_mass - now)[:, d:, d:], omega)
+        kept = v.copy()
+        self.rigid_part(kept)[:, d:] += np.einsum("aij,aj->ai", inverse_on(free, now[:, d:, d:]), change)
+        return kept
 
     def node_operator(self, x: FloatArray) -> Any:
         """Return B (d n_nodes, n_dofs): node velocities = B v; identity on deformable bodies, v + omega x (p - c) on rigid ones."""
         identity = sp.eye_array(self.n_elastic, format="csr")
-        return sp.block_diag([identity, self.rigid_node_operator(x)], format="csr") if self.rigid else identity
-
-    def rigid_node_operator(self, x: FloatArray) -> Any:
-        """The rigid bodies' block of B (d n_rigid_nodes, n_rigid_dofs) in the configuration x."""
-        d, k, nr = self.dimension, len(DIRECTIONS[self.dimension]), len(self.rigid)
-        body = self._rigid_of_node
-        arm = self.reference[self.n_elastic // d :] - self._centres[body]
-        arm = np.einsum("aij,aj->ai", self.rigid_rotation(x)[body], arm)
-        block = np.zeros((len(body), d, k))
-        block[:, range(d), range(d)] = 1
-        if d == 3:  # omega x a
-            block[:, 0, 4], block[:, 0, 5] = arm[:, 2], -arm[:, 1]
-            block[:, 1, 5], block[:, 1, 3] = arm[:, 0], -arm[:, 2]
-            block[:, 2, 3], block[:, 2, 4] = arm[:, 1], -arm[:, 0]
-        else:
-            block[:, 0, 2], block[:, 1, 2] = -arm[:, 1], arm[:, 0]
-        return sp.bsr_array((block, body, np.arange(len(body) + 1)), shape=(d * len(body), k * nr), blocksize=(d, k)).tocsr()
+        return sp.block_diag([identity, self.rigid_bodies.node_operator(self.rigid_part(x))], format="csr") if self.rigid else identity
 
     def contact_matrix(self, nodal: Any, x: FloatArray) -> Any:
         """Return H (n_dofs, m) from the nodal contact matrix (d n_nodes, m) in the configuration x: B^T times it."""
@@ -290,7 +277,7 @@ class Model:
         cut = nodal.indptr[split]
         m = nodal.shape[1]
         rigid_rows = sp.csr_array((nodal.data[cut:], nodal.indices[cut:], nodal.indptr[split:] - cut), shape=(nodal.shape[0] - split, m))
-        lower = sp.csr_array(self.rigid_node_operator(x).T @ rigid_rows)
+        lower = sp.csr_array(self.rigid_bodies.node_operator(self.rigid_part(x)).T @ rigid_rows)
         return sp.csr_array(
             (
                 np.concatenate([nodal.data[:cut], lower.data]),

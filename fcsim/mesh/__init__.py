@@ -3,9 +3,10 @@
 from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
-from fcsim.mesh.masonry import RunningBond, running_bond
+from fcsim.mesh.masonry import RunningBond, SemicircularArch, running_bond, semicircular_arch
 from fcsim.mesh.part import Body, Material, Part, RigidBody
 from fcsim.mesh.quality import check_quality
+from fcsim.mesh.rigid import blocks_that_are, mass_properties, rigid_body
 
 __all__ = [
     "Body",
@@ -13,18 +14,23 @@ __all__ = [
     "Part",
     "RigidBody",
     "RunningBond",
+    "SemicircularArch",
+    "blocks_that_are",
     "brick",
     "check_quality",
     "graded_brick",
     "graded_rectangle",
     "half_ball",
     "half_disk",
+    "mass_properties",
     "part_from_gmsh",
     "read_mesh",
     "read_parts",
     "rectangle",
+    "rigid_body",
     "rigid_box",
     "rigid_rectangle",
     "running_bond",
+    "semicircular_arch",
     "write_mesh",
 ]

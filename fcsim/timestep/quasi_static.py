@@ -83,9 +83,12 @@ class QuasiStatic:
         w[:, 0] = contacts.gap
         return w.ravel()
 
+    def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
+        return model.rigid_mass(state.x)
+
     def driven(self, model: Model, state: State) -> FloatArray:
         """Displacement increments of the driven dofs: the velocity at the middle of the step times h (exact for linear ramps)."""
         return self.h * model.driven_velocity(state.t + 0.5 * self.h)
 
-    def advance(self, model: Model, state: State, v: FloatArray) -> State:
+    def advance(self, model: Model, state: State, v: FloatArray, rigid_mass: FloatArray) -> State:
         return State(state.t + self.h, model.advance(state.x, v), v / self.h)

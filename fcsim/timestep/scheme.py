@@ -53,8 +53,12 @@ class Scheme(Protocol):
         """Return the unknowns' values at the driven dofs."""
         ...
 
-    def advance(self, model: Model, state: State, v: FloatArray) -> State:
-        """Return the state at the end of the step from the solution v (n_dofs,)."""
+    def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
+        """Return the rigid bodies' mass matrices (nr, k, k) in the step's M; load: the step's right-hand side."""
+        ...
+
+    def advance(self, model: Model, state: State, v: FloatArray, rigid_mass: FloatArray) -> State:
+        """Return the state at the end of the step from the solution v (n_dofs,) with the step's `rigid_mass`."""
         ...
 
 

@@ -155,9 +155,10 @@ class Step:
 class Simulation:
     """A model, where it may touch itself, and how it moves in time; iterate over it for its steps.
 
-    The factor of the system matrix and the compliances are computed on the first step and kept: they do not change. What changes
-    little from step to step, the factors of the solver's own linear systems, serves up to `keep` steps as an approximation; it is
-    forgotten after the steps whose numbers are multiples of `keep`, the anchors, from which a resumed run rebuilds it.
+    The factors of deformable bodies and their compliances are computed on the first step and kept: only the small blocks of rotating
+    rigid bodies change. What changes little from step to step, the factors of the solver's own linear systems, serves up to `keep` steps
+    as an approximation; it is forgotten after the steps whose numbers are multiples of `keep`, the anchors, from which a resumed run
+    rebuilds it.
     """
 
     model: Model
@@ -186,11 +187,12 @@ class Simulation:
 
     @cached_property
     def factor(self) -> SystemFactor:
+        """Of the system matrix in the reference configuration."""
         return SystemFactor(self.model, *self.scheme.factors(self.model), self.contact_nodes)
 
-    @cached_property
+    @property
     def matrix(self) -> Any:
-        """The problems' M: constant, one object for all steps."""
+        """The problems' M in the reference configuration; one object for all steps unless rigid bodies' inertia turns."""
         return self.factor.matrix()
 
     @cached_property
@@ -225,8 +227,10 @@ class Simulation:
         H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
         clock.lap("detection")
         load = scheme.right_hand_side(model, state)
-        problem = self._problem(state, contacts, H, load)
-        reduction = Reduction(problem, self.factor, kept)
+        rigid_mass = scheme.rigid_mass(model, state, load)
+        factor = self.factor.with_rigid_mass(rigid_mass)
+        problem = self._problem(state, contacts, H, load, factor)
+        reduction = Reduction(problem, factor, kept)
         if len(contacts):
             _ = reduction.local
         clock.lap("assembly")
@@ -236,8 +240,8 @@ class Simulation:
         v = np.empty(model.n_dofs)
         v[model.free_dofs] = result.v if model.driven == "eliminated" else result.v[model.free_dofs]  # type: ignore[index]
         v[model.driven_dofs] = scheme.driven(model, state)
-        support = self.factor.apply(v) - load - H @ result.r
-        end = scheme.advance(model, state, v)
+        support = factor.apply(v) - load - H @ result.r
+        end = scheme.advance(model, state, v, rigid_mass)
         clock.lap("assembly")
         return Step(
             number=number,
@@ -257,7 +261,7 @@ class Simulation:
             seconds=clock.seconds,
         )
 
-    def _problem(self, state: State, contacts: Contacts, H: Any, load: FloatArray) -> GlobalProblem:
+    def _problem(self, state: State, contacts: Contacts, H: Any, load: FloatArray, factor: SystemFactor) -> GlobalProblem:
         """The step's problem on the model's unknowns; what driven dofs do enters f and w."""
         model = self.model
         driven = self.scheme.driven(model, state)
@@ -268,7 +272,7 @@ class Simulation:
             moved = np.zeros(model.n_dofs)
             moved[model.driven_dofs] = driven
             w = w + H.T @ moved
-            f = load - self.factor.apply(moved)
+            f = load - factor.apply(moved)
         if model.driven == "eliminated":
             f, free_H = f[free], sp.csr_array(H[free])
         else:
@@ -277,7 +281,7 @@ class Simulation:
             mask = np.zeros(model.n_dofs)
             mask[free] = 1
             free_H = sp.csr_array(sp.diags_array(mask) @ H)
-        return GlobalProblem(self.matrix, free_H, f, w, contacts.mu, dimension=model.dimension)
+        return GlobalProblem(factor.matrix(), free_H, f, w, contacts.mu, dimension=model.dimension)
 
     def _solve(self, number: int, reduction: Reduction, warm: FloatArray) -> tuple[Result, tuple[Attempt, ...]]:
         settings = self.solver

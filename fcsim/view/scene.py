@@ -21,6 +21,7 @@ from fcsim.view.run_folder import Instant, RunFolder
 # Automatic exaggeration: the largest displacement is shown as at most this share of the size of the whole, with a round factor.
 # The factors below differ by at most 1.5, so it is at least two thirds of it.
 SHOWN_DISPLACEMENT = 0.08
+NEGLIGIBLE = 1e-10  # share of the size below which a displacement is round-off, shown as it is
 ROUND_FACTORS = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0])
 
 # magma, perceptually uniform, from pale to dark without its blackest fifth: an unloaded block looks like stone, a mesh line shows on it
@@ -114,7 +115,7 @@ def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | 
 
 
 def _automatic(size: float, moved: float) -> float:
-    if moved <= 0 or SHOWN_DISPLACEMENT * size <= moved:
+    if moved <= NEGLIGIBLE * size or SHOWN_DISPLACEMENT * size <= moved:
         return 1.0
     wanted = SHOWN_DISPLACEMENT * size / moved
     power = 10.0 ** np.floor(np.log10(wanted))

@@ -75,7 +75,7 @@ class SeriesWriter:
     directory  made if absent; holds blocks.pvd, contacts.pvd, rigid.pvd and blocks_00010.vtu, contacts_00010.vtp, rigid_00010.vtp.
                Where the collections exist (a continued run), their entries are kept up to the time of the first step written.
     model      dimension; bodies (Body | RigidBody); node_offset (nbodies + 1,); reference (nodes, d) [m];
-               node_displacement(x), node_velocity(v) -> (nodes, d) [m], [m/s]
+               node_displacement(x), node_velocity(v, x) -> (nodes, d) [m], [m/s]
 
     blocks     points in the reference configuration; point data displacement [m], velocity [m/s]; cell data von_mises [Pa]
                (at the cell's centre), body
@@ -109,7 +109,8 @@ class SeriesWriter:
         step.contact_status (nc,); step.result.u (d nc,) [m/s]. Entries of the same or a later time are replaced.
         """
         t = float(step.state.t)
-        displacement, velocity = self._model.node_displacement(step.state.x), self._model.node_velocity(step.state.v)
+        displacement = self._model.node_displacement(step.state.x)
+        velocity = self._model.node_velocity(step.state.v, step.state.x)
         datasets = {"contacts": (_contact_points(self._vtk, step, displacement), "vtp")}
         if self._blocks:
             datasets["blocks"] = (self._blocks.dataset(displacement, velocity), "vtu")

@@ -172,6 +172,32 @@ def test_against_another_program() -> None:
     assert abs(records[19].bottom[0]) == pytest.approx(5.59, abs=0.05)
 
 
+def test_wall_of_rigid_blocks() -> None:
+    """Statics at every step; nothing deforms, so that soon after the shear begins the wall slides at the friction bound of the upper
+    bed and stays there. Two facets a block face are enough: four Gauss points of each carry."""
+    records = history(60, blocks_are="rigid", divisions=(2, 1, 1), candidates="gauss")
+    check_every_step(records, 60)
+    check_vertical_balance(records)
+    assert all(record.attempts == 1 for record in records)
+    bound = 0.53 * (30_000 + WALL_WEIGHT / 3)
+    horizontals = [abs(record.bottom[0]) for record in records]
+    assert max(horizontals) <= bound * (1 + 1e-6)
+    assert horizontals[-1] == pytest.approx(bound, rel=1e-6)
+
+
+def test_wall_of_mixed_blocks() -> None:
+    """Every second block is rigid."""
+    run = simulation(steps=1, blocks_are="mixed")
+    assert (len(run.model.deformable), len(run.model.rigid)) == (6, 6 + 2)
+    assert len(run.detector(run.model.reference)) == 688
+    records = history(42, blocks_are="mixed", divisions=(2, 1, 1), candidates="gauss")
+    check_every_step(records, 42)
+    check_vertical_balance(records)
+    assert all(record.attempts == 1 for record in records)
+    for record in records[19:]:  # no bed can carry more than 0.53 of what stands on it; the wall settles, so that this is not the weight
+        assert abs(record.bottom[0]) <= 0.53 * record.bottom[2]
+
+
 @pytest.mark.slow
 def test_whole_run() -> None:
     records = history(500)

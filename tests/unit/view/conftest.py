@@ -63,7 +63,8 @@ class FakeModel:
     def node_displacement(self, x: np.ndarray) -> np.ndarray:
         return x.reshape(self.reference.shape)
 
-    node_velocity = node_displacement
+    def node_velocity(self, v: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return v.reshape(self.reference.shape)
 
 
 def wall(d: int = 3, divisions: int = 8) -> FakeModel:

@@ -95,6 +95,7 @@ def test_automatic_exaggeration_shows_5_to_8_percent(run_directory):
     assert 0.05 <= seen.exaggeration * moved / 0.76 <= 0.08  # 0.76 m: the platens' length
     assert scene.survey(run, run.instants, 7.5).exaggeration == 7.5
     assert scene._automatic(1.0, 0.3) == 1.0 and scene._automatic(1.0, 0.0) == 1.0
+    assert scene._automatic(1.0, 1e-14) == 1.0  # round-off of a state at rest
     for moved in 10 ** np.random.default_rng(0).uniform(-9, np.log10(0.05), 200):
         assert 0.05 <= scene._automatic(1.0, moved) * moved <= 0.08 * (1 + 1e-9)
     with pytest.raises(InputError, match="exaggeration"):

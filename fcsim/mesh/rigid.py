@@ -1,0 +1,110 @@
+"""Rigid bodies from meshes: mass, centre of mass and inertia integrated over the cells, surfaces kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import Literal, NamedTuple, get_args
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from fcsim.errors import InputError
+from fcsim.mesh.part import Body, FloatArray, Part, RigidBody
+
+BlockKind = Literal["deformable", "rigid", "mixed"]
+
+# Where the nodes of the reference cells [-1, 1]^d stand, in VTK's order.
+_CORNERS = {
+    "quadrilateral": np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float),
+    "hexahedron": np.array(
+        [(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)], dtype=float
+    ),
+}
+
+
+class MassProperties(NamedTuple):
+    """mass [kg]; centre (d,) [m]; inertia about it (3, 3), in 2D (1, 1) [kg m^2], in the part's axes."""
+
+    mass: float
+    centre: FloatArray
+    inertia: FloatArray
+
+
+_KNOWN: WeakKeyDictionary[Part, MassProperties] = WeakKeyDictionary()
+
+
+def mass_properties(part: Part) -> MassProperties:
+    """Return mass, centre of mass and inertia of a part's mesh with its material's density, exact for its (bilinear) cells.
+
+    m = int rho, c = int rho x / m, S = int rho (x - c)(x - c)^T, inertia tr(S) I - S, in 2D tr(S); 2D integrals times the thickness.
+    Computed once for each part. InputError for a part without density.
+    """
+    if part not in _KNOWN:
+        _KNOWN[part] = _integrated(part)
+    return _KNOWN[part]
+
+
+def rigid_body(body: Body) -> RigidBody:
+    """Return a placed part as a rigid body: its name, its mass, centre and inertia (see `mass_properties`), its surfaces.
+
+    Of the nodes it keeps those of the surfaces. InputError for a part without density or without surfaces.
+    """
+    part = body.part
+    if not part.surfaces:
+        raise InputError(f"rigid body of {body.name!r}: expected a part with surfaces, got {part.name!r} that has none")
+    mass, centre, inertia = mass_properties(part)
+    R = body.rotation
+    used, numbers = np.unique(np.concatenate([facets.ravel() for facets in part.surfaces.values()]), return_inverse=True)
+    ends = np.cumsum([facets.size for facets in part.surfaces.values()])[:-1]
+    pieces = np.split(numbers.ravel(), ends)
+    surfaces = {name: piece.reshape(facets.shape) for (name, facets), piece in zip(part.surfaces.items(), pieces, strict=True)}
+    turned = R @ inertia @ R.T if part.dimension == 3 else inertia
+    return RigidBody(body.name, mass, 0.5 * (turned + turned.T), R @ centre + body.translation, body.points[used], surfaces)
+
+
+def blocks_that_are(kind: BlockKind, bodies: Sequence[Body]) -> list[Body | RigidBody]:
+    """Return the bodies as they are ("deformable"), all as rigid bodies ("rigid"), or every second one, from the second on ("mixed")."""
+    if kind not in get_args(BlockKind):
+        raise InputError(f"kind of blocks: expected one of {', '.join(get_args(BlockKind))}, got {kind!r}")
+    if kind == "deformable":
+        return list(bodies)
+    return [rigid_body(body) if kind == "rigid" or place % 2 else body for place, body in enumerate(bodies)]
+
+
+def _integrated(part: Part) -> MassProperties:
+    d, density = part.dimension, part.material.density
+    if not density > 0:
+        raise InputError(f"mass of part {part.name!r}: expected a material with a density > 0 kg/m^3, got {density}")
+    shape, gradient, weight = _quadrature(part.cell_type)
+    origin = part.points.mean(axis=0)  # near the centre, so that the moments lose no digits
+    corners = (part.points - origin)[part.cells]
+    x = np.einsum("qk,ckd->cqd", shape, corners)
+    volume = weight * np.linalg.det(np.einsum("qkr,ckd->cqdr", gradient, corners)) * part.thickness ** (3 - d)
+    mass = density * float(volume.sum())
+    centre = density / mass * np.einsum("cq,cqd->d", volume, x)
+    arm = x - centre
+    S = density * np.einsum("cq,cqi,cqj->ij", volume, arm, arm)
+    trace = np.trace(S)
+    return MassProperties(mass, origin + centre, trace * np.eye(3) - S if d == 3 else np.array([[trace]]))
+
+
+def _quadrature(cell_type: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Shape functions (nq, k), their gradients (nq, k, d) and weights (nq,) on the reference cell: exact for x x^T times the Jacobian.
+
+    Simplices: the symmetric rules of degree 2; others: 3 Gauss points a direction, of degree 5 (the product has 4 in each direction).
+    """
+    if cell_type in ("triangle", "tetrahedron"):
+        d = {"triangle": 2, "tetrahedron": 3}[cell_type]
+        near = {2: 2 / 3, 3: (5 + 3 * np.sqrt(5)) / 20}[d]
+        far = (1 - near) / d
+        shape = np.full((d + 1, d + 1), far) + (near - far) * np.eye(d + 1)
+        gradient = np.vstack([-np.ones(d), np.eye(d)])
+        return shape, np.tile(gradient, (d + 1, 1, 1)), np.full(d + 1, 1 / (2 * (d + 1) if d == 2 else 6 * (d + 1)))
+    corners = _CORNERS[cell_type]
+    d = corners.shape[1]
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    point = np.array(list(product(nodes, repeat=d)))
+    factor = 0.5 * (1 + point[:, None, :] * corners)  # (nq, k, d)
+    gradient = np.stack([0.5 * corners[:, r] * np.delete(factor, r, axis=2).prod(axis=2) for r in range(d)], axis=2)
+    return factor.prod(axis=2), gradient, np.array(list(product(weights, repeat=d))).prod(axis=1)
