@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
+from fcsim.solvers import Result
+from fcsim.timestep.energy import Energy
 from fcsim.timestep.state import State
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +29,10 @@ class Scheme(Protocol):
     @property
     def force_per_reaction(self) -> float:
         """Force [N] of a unit reaction: 1/h for impulses, 1 for forces."""
+        ...
+
+    def cut(self, parts: int) -> Scheme:
+        """Return the scheme of a `parts`-th of the step."""
         ...
 
     def factors(self, model: Model) -> tuple[float, float]:
@@ -57,6 +63,10 @@ class Scheme(Protocol):
         """Return the state at the end of the step from the solution v (n_dofs,)."""
         ...
 
+    def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
+        """Return the balance of energy of the step; support (n_dofs,) as in `Step.support_impulse`."""
+        ...
+
 
 @dataclass(frozen=True)
 class Gap:
@@ -72,6 +82,22 @@ class Velocity:
     def __post_init__(self) -> None:
         if not 0 <= self.restitution <= 1:
             raise InputError(f"restitution: expected a number between 0 and 1, got {self.restitution}")
+
+
+def law_contacts(law: Gap | Velocity, contacts: Contacts) -> Contacts:
+    """The contacts that a law takes: all, or those with g <= 0."""
+    return contacts if isinstance(law, Gap) else contacts.take(contacts.gap <= 0)
+
+
+def law_velocity(law: Gap | Velocity, h: float, state: State, contacts: Contacts, H: Any) -> FloatArray:
+    """w (m,) [m/s] of a law: w_N = g/h, or e u_N^-."""
+    w = np.zeros((len(contacts), contacts.dimension))
+    if isinstance(law, Gap):
+        w[:, 0] = contacts.gap / h
+    elif law.restitution:
+        # an approaching contact only: a separating one must not be held back
+        w[:, 0] = law.restitution * np.minimum((H.T @ state.v).reshape(w.shape)[:, 0], 0)
+    return w.ravel()
 
 
 def positive(name: str, value: float, largest: float = np.inf) -> None:
