@@ -39,6 +39,12 @@ class QuasiStatic:
     def force_per_reaction(self) -> float:
         return 1.0
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        if not self.eta:
+            return ("statics without regularisation (eta = 0)",)
+        return (f"statics regularised by the mass: eta = {self.eta:g}, K + {self.eta / self.h**2:.6g} M",)
+
     def cut(self, parts: int) -> QuasiStatic:
         """A shorter load step with the same regularisation eta/h^2."""
         return replace(self, h=self.h / parts, eta=self.eta / parts**2)

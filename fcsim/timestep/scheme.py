@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Scheme(Protocol):
-    """One step is M v = H r + f with M = mass_factor M + stiffness_factor K; see theta.py and quasi_static.py."""
+    """One step is M v = H r + f with M = mass_factor M + stiffness_factor K; see the schemes' own files."""
 
     @property
     def h(self) -> float:
@@ -29,6 +29,11 @@ class Scheme(Protocol):
     @property
     def force_per_reaction(self) -> float:
         """Force [N] of a unit reaction: 1/h for impulses, 1 for forces."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the summary of a run says of the scheme."""
         ...
 
     def cut(self, parts: int) -> Scheme:

@@ -40,6 +40,10 @@ class Theta:
     def force_per_reaction(self) -> float:
         return 1 / self.h
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return ()
+
     def cut(self, parts: int) -> Theta:
         return replace(self, h=self.h / parts)
 
