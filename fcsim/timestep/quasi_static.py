@@ -99,8 +99,11 @@ class QuasiStatic:
         """Displacement increments of the driven dofs: the velocity at the middle of the step times h (exact for linear ramps)."""
         return self.h * model.driven_velocity(state.t + 0.5 * self.h)
 
-    def advance(self, model: Model, state: State, v: FloatArray) -> State:
+    def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray) -> State:
         return State(state.t + self.h, model.advance(state.x, v), v / self.h)
+
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
+        return residual
 
     def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
         """The step's equation times dx, exact for every load step:

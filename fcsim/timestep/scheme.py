@@ -64,8 +64,12 @@ class Scheme(Protocol):
         """Return the unknowns' values at the driven dofs."""
         ...
 
-    def advance(self, model: Model, state: State, v: FloatArray) -> State:
-        """Return the state at the end of the step from the solution v (n_dofs,)."""
+    def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray) -> State:
+        """Return the state at the end of the step from the solution v (n_dofs,) and the contacts' impulses H r (n_dofs,)."""
+        ...
+
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
+        """Return the supports' impulses (n_dofs,) from the residual A v - f - H r and H r."""
         ...
 
     def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:

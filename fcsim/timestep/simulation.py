@@ -95,7 +95,7 @@ class Step:
     reduction         its local form, and v from r
     start, earlier    (m,) where the solver began, and the reactions of earlier steps, newest first, see `warm_start`
     anchor            where the factors began that served this step, see `Simulation`
-    support_impulse   (n_dofs,) A v - f - H r: at driven dofs the reaction of the supports [N s; quasi-statics: N], zero elsewhere
+    support_impulse   (n_dofs,) from A v - f - H r: at driven dofs the reaction of the supports [N s; quasi-statics: N], zero elsewhere
     attempts          what the solver chain tried, the last one converged; of all sub-steps
     seconds           by phase: detection, assembly, solve; of all sub-steps
     substeps          into how many parts the step was cut; 1 where it was not
@@ -323,8 +323,9 @@ class Simulation:
         v = np.empty(model.n_dofs)
         v[model.free_dofs] = result.v if model.driven == "eliminated" else result.v[model.free_dofs]  # type: ignore[index]
         v[model.driven_dofs] = driven
-        support = factor.apply(v) - load - H @ result.r
-        after = scheme.advance(model, state, v)
+        impulse = H @ result.r
+        support = scheme.support_impulse(model, factor.apply(v) - load - impulse, impulse)
+        after = scheme.advance(model, state, v, impulse)
         clock.lap("assembly")
         return Step(
             number=start.number,

@@ -71,9 +71,12 @@ class Theta:
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)
 
-    def advance(self, model: Model, state: State, v: FloatArray) -> State:
+    def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray) -> State:
         h, theta = self.h, self.theta
         return State(state.t + h, model.advance(state.x, h * (theta * v + (1 - theta) * state.v)), v)
+
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
+        return residual
 
     def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
         """The step's equation times v_theta = theta v+ + (1-theta) v, exact with dx = h v_theta for every h and theta:
