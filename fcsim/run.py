@@ -217,6 +217,16 @@ def _describe(case: Case, script: CaseScript, parameters: Any, assignments: Mapp
     if "bound" in case.plots:
         value, label = case.plots["bound"]
         plots["bound"] = {"value": value, "label": label}
+    if "histories" in case.plots:
+        time_axis = {"column": "t", "label": "time", "unit": "s"}
+        plots["histories"] = [
+            {
+                "name": history.name,
+                "against": time_axis if history.against == "t" else sensors[history.against],
+                "curves": [sensors[column] for column in history.columns],
+            }
+            for history in case.plots["histories"]
+        ]
     simulation = case.simulation
     return {
         "case": script.name,
