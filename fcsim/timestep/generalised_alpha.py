@@ -102,7 +102,7 @@ class GeneralisedAlpha:
         return mass + h * (alpha_f - 0.5) / self.alpha_m * inertia - kappa * elastic + kappa * force
 
     def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        return law_velocity(self.law, self.h, state, contacts, H)
+        return law_velocity(self.law, self.h, 0.5, state, contacts, H)
 
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)

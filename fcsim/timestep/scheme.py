@@ -84,7 +84,12 @@ class Gap:
 
 @dataclass(frozen=True)
 class Velocity:
-    """Moreau's impact law on contacts with g <= 0: 0 <= u_N + e u_N^- ⊥ r_N >= 0, restitution 0 <= e <= 1."""
+    """Moreau's impact law on contacts with g <= 0: 0 <= u_N + e u_N^- ⊥ r_N >= 0, restitution 0 <= e <= 1, where they approach, u_N^- <= 0.
+
+    A contact that separates, u_N^- > 0, and that the step would close again: 0 <= theta u_N + (1-theta) u_N^- ⊥ r_N >= 0. Its gap does not
+    shrink over the step and its reaction does no work; with u_N >= 0 instead, the reaction would add energy. The normal reactions'
+    work is then never positive for theta <= 1/(1+e), and zero for e = 1 at theta = 1/2 (generalised alpha: as theta = 1/2).
+    """
 
     restitution: float = 0.0
 
@@ -98,14 +103,14 @@ def law_contacts(law: Gap | Velocity, contacts: Contacts) -> Contacts:
     return contacts if isinstance(law, Gap) else contacts.take(contacts.gap <= 0)
 
 
-def law_velocity(law: Gap | Velocity, h: float, state: State, contacts: Contacts, H: Any) -> FloatArray:
-    """w (m,) [m/s] of a law: w_N = g/h, or e u_N^-."""
+def law_velocity(law: Gap | Velocity, h: float, theta: float, state: State, contacts: Contacts, H: Any) -> FloatArray:
+    """w (m,) [m/s] of a law: w_N = g/h, or e u_N^-, of separating contacts (1-theta)/theta u_N^-."""
     w = np.zeros((len(contacts), contacts.dimension))
     if isinstance(law, Gap):
         w[:, 0] = contacts.gap / h
-    elif law.restitution:
-        # an approaching contact only: a separating one must not be held back
-        w[:, 0] = law.restitution * np.minimum((H.T @ state.v).reshape(w.shape)[:, 0], 0)
+    else:
+        u = (H.T @ state.v).reshape(w.shape)[:, 0]
+        w[:, 0] = np.where(u > 0, (1 - theta) / theta, law.restitution) * u
     return w.ravel()
 
 

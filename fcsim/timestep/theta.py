@@ -66,7 +66,7 @@ class Theta:
         return inertia - elastic + h * force
 
     def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        return law_velocity(self.law, self.h, state, contacts, H)
+        return law_velocity(self.law, self.h, self.theta, state, contacts, H)
 
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)
@@ -85,8 +85,7 @@ class Theta:
 
         with d the change over the step, F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last term is the scheme's
         dissipation: none at theta = 1/2, never negative above (V. Acary, "Energy conservation and dissipation properties of
-        time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016). With restitution e an impact takes energy
-        where theta <= 1/(1+e).
+        time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016). For the work of impacts see `Velocity`.
         """
         h, theta = self.h, self.theta
         v, dv = theta * after.v + (1 - theta) * before.v, after.v - before.v
