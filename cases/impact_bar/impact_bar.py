@@ -41,10 +41,10 @@ class Parameters:
     density: float = 8000.0
     speed: float = 100.0
     gap: float = 2e-3
-    scheme: Literal["theta", "generalised-alpha"] = "generalised-alpha"
+    scheme: Literal["theta", "generalised-alpha"] = "theta"
     theta: float = 0.5
     rho: float = 0.5
-    law: Literal["gap", "velocity"] = "velocity"
+    law: Literal["gap", "velocity"] = "gap"
     restitution: float = 0.0
     lumped: bool = True
     courant: float = 0.5
