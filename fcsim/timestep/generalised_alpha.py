@@ -96,10 +96,15 @@ class GeneralisedAlpha:
         x, v = state.x, state.v
         rate, inertia = self._memory(model, state)
         explicit = x + h * (1 - self.gamma) * rate + kappa * ((1 - alpha_f) * v - (1 - self.alpha_m) * rate)  # X
-        force = alpha_f * model.load(state.t + h) + (1 - alpha_f) * model.load(state.t)
         elastic = model.apply_stiffness(alpha_f * explicit + (1 - alpha_f) * (x + model.beta * v))
         mass = model.apply_mass((1 - kappa * (1 - alpha_f) * model.alpha) * v)
-        return mass + h * (alpha_f - 0.5) / self.alpha_m * inertia - kappa * elastic + kappa * force
+        return mass + h * (alpha_f - 0.5) / self.alpha_m * inertia + kappa * (self._force(model, state) - elastic)
+
+    def _force(self, model: Model, state: State) -> FloatArray:
+        """alpha_f F+ + (1 - alpha_f) F (n_dofs,) [N]; followers stand as at t + alpha_f h, to first order."""
+        h, alpha_f = self.h, self.alpha_f
+        x = model.advance(state.x, h * alpha_f * state.v)
+        return alpha_f * model.load(state.t + h, x) + (1 - alpha_f) * model.load(state.t, x)
 
     def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
         return law_velocity(self.law, self.h, 0.5, state, contacts, H)
@@ -138,7 +143,6 @@ class GeneralisedAlpha:
         dx, mean = h * ((1 - gamma) * rate0 + gamma * rate1), 0.5 * (before.v + after.v)
         K0, K1 = model.apply_stiffness(before.x), model.apply_stiffness(after.x)
         M0, M1 = model.apply_mass(before.v), model.apply_mass(after.v)
-        force = alpha_f * model.load(after.t) + (1 - alpha_f) * model.load(before.t)
         damping = model.alpha * (alpha_f * M1 + (1 - alpha_f) * M0)
         if model.beta:
             damping += model.beta * model.apply_stiffness(alpha_f * after.v + (1 - alpha_f) * before.v)
@@ -147,7 +151,7 @@ class GeneralisedAlpha:
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
             elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
-            loads=float(dx @ force),
+            loads=float(dx @ self._force(model, before)),
             supports=float(dx @ (support - struck)) / h + float(mean @ struck),
             damping=float(dx @ damping),
             numerical=(alpha_f - 0.5) * float(dx @ (K1 - K0))
@@ -161,6 +165,8 @@ class GeneralisedAlpha:
         """x' and p = M v' of a state; of one that another scheme or a user made, x' = v and p by the equation of smooth motion."""
         if state.rate is not None and state.inertia is not None:
             return state.rate, state.inertia
-        inertia = model.load(state.t) - model.alpha * model.apply_mass(state.v) - model.apply_stiffness(state.x + model.beta * state.v)
+        inertia = (
+            model.load(state.t, state.x) - model.alpha * model.apply_mass(state.v) - model.apply_stiffness(state.x + model.beta * state.v)
+        )
         inertia[model.driven_dofs] = 0
         return state.v, inertia

@@ -88,7 +88,7 @@ class QuasiStatic:
         return contacts
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
-        return model.load(state.t + self.h) - model.apply_stiffness(state.x)
+        return model.load(state.t + self.h, state.x) - model.apply_stiffness(state.x)
 
     def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
         w = np.zeros((len(contacts), contacts.dimension))
@@ -119,7 +119,7 @@ class QuasiStatic:
         return balance(
             kinetic=(0.0, 0.0),
             elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
-            loads=float(dx @ model.load(after.t)),
+            loads=float(dx @ model.load(before.t + self.h, before.x)),
             supports=float(dx @ support),
             damping=0.0,
             numerical=0.5 * float(dx @ (K1 - K0)) + regularisation,

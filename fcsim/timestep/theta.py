@@ -60,10 +60,15 @@ class Theta:
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, theta, v = self.h, self.theta, state.v
-        force = theta * model.load(state.t + h) + (1 - theta) * model.load(state.t)
         inertia = model.apply_mass((1 - h * (1 - theta) * model.alpha) * v)
         elastic = model.apply_stiffness(h * state.x + (h * (1 - theta) * model.beta + h**2 * theta * (1 - theta)) * v)
-        return inertia - elastic + h * force
+        return inertia - elastic + h * self._force(model, state)
+
+    def _force(self, model: Model, state: State) -> FloatArray:
+        """theta F+ + (1-theta) F (n_dofs,) [N]; followers stand as at t + theta h, to first order."""
+        h, theta = self.h, self.theta
+        x = model.advance(state.x, h * theta * state.v)
+        return theta * model.load(state.t + h, x) + (1 - theta) * model.load(state.t, x)
 
     def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
         return law_velocity(self.law, self.h, self.theta, state, contacts, H)
@@ -91,11 +96,10 @@ class Theta:
         v, dv = theta * after.v + (1 - theta) * before.v, after.v - before.v
         M0, M1 = model.apply_mass(before.v), model.apply_mass(after.v)
         K0, K1 = model.apply_stiffness(before.x), model.apply_stiffness(after.x)
-        force = theta * model.load(after.t) + (1 - theta) * model.load(before.t)
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
             elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
-            loads=h * float(v @ force),
+            loads=h * float(v @ self._force(model, before)),
             supports=float(v @ support),
             damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta * float(v @ (K1 - K0)),
             numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + h * float(v @ (K1 - K0))),
