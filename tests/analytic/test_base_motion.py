@@ -96,6 +96,7 @@ def test_weak_shaking_moves_the_wall_as_a_whole() -> None:
     assert case.simulation.model.n_dofs > 100 and all(step.result.solved for step in steps)
 
 
+@pytest.mark.slow
 def test_strong_shaking_obeys_coulomb_and_the_balances() -> None:
     """Shear on the base never above friction times its normal force, momentum and energy in balance, rest at the end."""
     case, steps, sensors, _ = shaken(350, h=2e-3)
