@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fcsim.mesh.part import Body, Material, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
     from fcsim.solvers import SOLVERS, solve
+    from fcsim.timestep.generalised_alpha import GeneralisedAlpha
     from fcsim.timestep.quasi_static import QuasiStatic
     from fcsim.timestep.scheme import Gap, Velocity
     from fcsim.timestep.simulation import Simulation, SolverSettings
@@ -30,6 +31,7 @@ _HOME = {
     "Body": "mesh.part",
     "Detector": "contact_detection",
     "Gap": "timestep.scheme",
+    "GeneralisedAlpha": "timestep.generalised_alpha",
     "GlobalProblem": "problem",
     "LocalProblem": "problem",
     "Material": "mesh.part",
@@ -55,6 +57,7 @@ __all__ = [
     "Body",
     "Detector",
     "Gap",
+    "GeneralisedAlpha",
     "GlobalProblem",
     "LocalProblem",
     "Material",

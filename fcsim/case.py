@@ -26,11 +26,21 @@ class Sensor:
     measure: Callable[[Step], float]
 
 
+@dataclass(frozen=True)
+class History:
+    """A plot of columns of steps.csv over time or another column, drawn by `fcsim render` as plots/NAME.png; columns of one unit."""
+
+    name: str
+    columns: tuple[str, ...]
+    against: str = "t"
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
     """What a case script's `build(parameters)` returns.
 
-    plots: for `fcsim render`: {"imposed": column, "reaction": (columns), "bound": (value, label)}; each optional
+    plots: for `fcsim render`: {"imposed": column, "reaction": (columns), "bound": (value, label), "histories": (History, ...)}; each
+           optional, its columns among those of the sensors
     fclib_set: name of the FCLIB set that its exported problems form
     """
 
@@ -47,10 +57,19 @@ class Case:
         twice = sorted({column for column in columns if columns.count(column) > 1})
         if twice:
             raise InputError(f"case {self.name!r}, sensors: expected different columns, got {', '.join(twice)} more than once")
+        histories: tuple[History, ...] = self.plots.get("histories", ())
         plotted = [*([self.plots["imposed"]] if "imposed" in self.plots else []), *self.plots.get("reaction", ())]
+        for history in histories:
+            plotted += [*history.columns, *([] if history.against == "t" else [history.against])]
         for column in plotted:
             if column not in columns:
                 raise InputError(f"case {self.name!r}, plots: expected columns among {', '.join(columns)}, got {column!r}")
+        units = {sensor.column: sensor.unit for sensor in self.sensors}
+        for history in histories:
+            if len({units[column] for column in history.columns}) != 1:
+                raise InputError(
+                    f"case {self.name!r}, history {history.name!r}: expected columns of one unit, got {', '.join(history.columns)}"
+                )
 
 
 @dataclass(frozen=True, eq=False)

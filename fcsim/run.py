@@ -2,6 +2,7 @@
 
 DIR/run.json       case, title, parameters, versions, status, and which columns the plots take
 DIR/steps.csv      one row a step: contacts, solver, checks, energies, seconds, the case's sensors
+DIR/steps.h5       the same with units, written when the run ends
 DIR/vtk/           ParaView series of blocks, contacts, rigid bodies
 DIR/fclib/global/  FCLIB files (and local/ where asked for)
 DIR/checkpoint.h5  state and the last reactions: what `--resume` goes on from
@@ -9,7 +10,6 @@ DIR/checkpoint.h5  state and the last reactions: what `--resume` goes on from
 
 from __future__ import annotations
 
-import csv
 import json
 import platform
 import shutil
@@ -20,20 +20,17 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import h5py
-import numpy as np
-
 from fcsim import __version__
 from fcsim.case import Case, CaseScript, parse_parameters
+from fcsim.checkpoint import read_checkpoint, write_checkpoint
 from fcsim.errors import InputError, NotConverged
 from fcsim.export_fclib.steps import write_step
 from fcsim.files import replacing
-from fcsim.timestep.simulation import Moment, Step
-from fcsim.timestep.state import State
-from fcsim.timestep.warm_start import Reactions
+from fcsim.step_table import StepTable, write_hdf5
+from fcsim.timestep.simulation import Step
 from fcsim.view.vtk import SeriesWriter
 
-OWN_ENTRIES = ("run.json", "steps.csv", "vtk", "fclib", "checkpoint.h5", "pictures", "plots", "film.gif", "film.mp4")
+OWN_ENTRIES = ("run.json", "steps.csv", "steps.h5", "vtk", "fclib", "checkpoint.h5", "pictures", "plots", "film.gif", "film.mp4")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +50,8 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class Summary:
-    """How a run ended: status "finished", "not converged" or "interrupted"; seconds by phase; the solver chain's use."""
+    """How a run ended: status "finished", "not converged" or "interrupted"; seconds by phase; steps that needed the fallback chain,
+    steps that were cut; energy_residual the largest of a step [J]; notes: what is to be known of the results."""
 
     status: str
     message: str
@@ -64,6 +62,9 @@ class Summary:
     iterations: int
     largest_error: float
     fallbacks: int
+    cut: int
+    energy_residual: float
+    notes: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -95,7 +96,7 @@ def run_case(
     parameters = parse_parameters(script, assignments)
     case = script.build(parameters)
     description = _describe(case, script, parameters, assignments, options)
-    checkpoint = _read_checkpoint(directory / "checkpoint.h5") if resume else None
+    checkpoint = read_checkpoint(directory / "checkpoint.h5") if resume else None
     start = checkpoint[0].number if checkpoint else 0
     if start > case.simulation.steps:
         raise InputError(f"--resume: expected at least the {start} steps that {directory} holds, got {case.simulation.steps}")
@@ -103,12 +104,12 @@ def run_case(
         _check_folder(directory, overwrite or resume)
         _empty(directory)
     _write_json(directory / "run.json", {**description, "status": "running"})
-    table = _StepTable(directory / "steps.csv", case, start)
+    table = StepTable(directory / "steps.csv", case.sensors, start)
     series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
     about = f"{case.description}; fcsim {__version__}; parameters: {asdict(parameters)}"
     status, message, last = "finished", "", None
     totals: dict[str, float] = {}
-    iterations, largest, fallbacks, computed = 0, 0.0, 0, 0
+    iterations, largest, fallbacks, cut, computed, residual = 0, 0.0, 0, 0, 0, 0.0
     begin = time.perf_counter()
     try:
         for step in case.simulation.run(*checkpoint) if checkpoint else case.simulation:
@@ -122,13 +123,15 @@ def run_case(
             seconds = {**step.seconds, "output": time.perf_counter() - output}
             table.write(step, seconds)
             if final or (options.checkpoint_every and step.number % options.checkpoint_every == 0):
-                _write_checkpoint(directory / "checkpoint.h5", step)
+                write_checkpoint(directory / "checkpoint.h5", step)
             seconds["output"] = time.perf_counter() - output
             for phase, value in seconds.items():
                 totals[phase] = totals.get(phase, 0.0) + value
-            iterations += step.result.iterations
+            iterations += step.iterations
+            cut += step.substeps > 1
+            residual = max(residual, abs(step.energy.residual))
             largest = max(largest, step.result.error)
-            fallbacks += len(step.attempts) > 1
+            fallbacks += len(step.attempts) > step.substeps
             computed += 1
             last = step
             if watch is not None:
@@ -142,11 +145,25 @@ def run_case(
         raise
     finally:
         table.close()
+        write_hdf5(directory / "steps.csv", directory / "steps.h5", case.sensors)
         reached = last.number if last is not None else start
         if last is not None:
-            _write_checkpoint(directory / "checkpoint.h5", last)
+            write_checkpoint(directory / "checkpoint.h5", last)
         _write_json(directory / "run.json", {**description, "status": status, "message": message, "steps_done": reached})
-    return Summary(status, message, reached, computed, totals, time.perf_counter() - begin, iterations, largest, fallbacks)
+    return Summary(
+        status=status,
+        message=message,
+        steps=reached,
+        computed=computed,
+        seconds=totals,
+        wall_time=time.perf_counter() - begin,
+        iterations=iterations,
+        largest_error=largest,
+        fallbacks=fallbacks,
+        cut=cut,
+        energy_residual=residual,
+        notes=case.simulation.scheme.notes,
+    )
 
 
 def _check_folder(directory: Path, overwrite: bool) -> None:
@@ -200,6 +217,16 @@ def _describe(case: Case, script: CaseScript, parameters: Any, assignments: Mapp
     if "bound" in case.plots:
         value, label = case.plots["bound"]
         plots["bound"] = {"value": value, "label": label}
+    if "histories" in case.plots:
+        time_axis = {"column": "t", "label": "time", "unit": "s"}
+        plots["histories"] = [
+            {
+                "name": history.name,
+                "against": time_axis if history.against == "t" else sensors[history.against],
+                "curves": [sensors[column] for column in history.columns],
+            }
+            for history in case.plots["histories"]
+        ]
     simulation = case.simulation
     return {
         "case": script.name,
@@ -207,6 +234,8 @@ def _describe(case: Case, script: CaseScript, parameters: Any, assignments: Mapp
         "description": case.description,
         "parameters": asdict(parameters),
         "assignments": dict(assignments),
+        "scheme": repr(simulation.scheme),
+        "notes": simulation.scheme.notes,
         "h": simulation.scheme.h,
         "steps": simulation.steps,
         "solver": simulation.solver.name,
@@ -231,98 +260,3 @@ def versions() -> dict[str, str]:
 def _write_json(path: Path, content: Mapping[str, Any]) -> None:
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
-def _write_checkpoint(path: Path, step: Step) -> None:
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
-        _write_moment(file, step.moment)
-        _write_moment(file.create_group("anchor"), step.anchor)
-
-
-def _write_moment(group: h5py.Group, moment: Moment) -> None:
-    group.attrs["step"] = moment.number
-    group.attrs["t"] = moment.state.t
-    for name in ("x", "v"):
-        group[name] = getattr(moment.state, name)
-    memory = group.create_group("memory")
-    for age, reactions in enumerate(moment.memory):
-        for name in ("identity", "frame", "r"):
-            memory[f"{age}/{name}"] = getattr(reactions, name)
-
-
-def _read_checkpoint(path: Path) -> tuple[Moment, Moment] | None:
-    """The moment to go on from, and its anchor."""
-    if not path.is_file():
-        return None
-    try:
-        with h5py.File(path) as file:
-            return _read_moment(file), _read_moment(file["anchor"])
-    except (OSError, KeyError) as error:
-        raise InputError(f"{path}: expected a checkpoint of an earlier run: {error}") from None
-
-
-def _read_moment(group: h5py.Group) -> Moment:
-    state = State(float(group.attrs["t"]), group["x"][()], group["v"][()])
-    stored = [group[f"memory/{age}"] for age in range(len(group["memory"]))]
-    memory = tuple(Reactions(*(entry[name][()] for name in ("identity", "frame", "r"))) for entry in stored)
-    return Moment(int(group.attrs["step"]), state, memory)
-
-
-class _StepTable:
-    """steps.csv, one row a step, flushed at once; a resumed run drops the rows after its checkpoint."""
-
-    def __init__(self, path: Path, case: Case, start: int) -> None:
-        self._case = case
-        kept: list[list[str]] = []
-        if start and path.is_file():
-            with path.open(newline="", encoding="utf-8") as file:
-                kept = [row for row in csv.reader(file) if row and row[0].isdigit() and int(row[0]) <= start]
-        sensors = [sensor.column for sensor in case.sensors]
-        header = [*_COLUMNS, "seconds_detection", "seconds_assembly", "seconds_solve", "seconds_output", *sensors]
-        with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([header, *(row for row in kept if len(row) == len(header))])
-        self._file = path.open("a", newline="", encoding="utf-8")
-        self._writer = csv.writer(self._file)
-
-    def write(self, step: Step, seconds: Mapping[str, float]) -> None:
-        values = [_number(column(step, self._case)) for column in _COLUMNS.values()]
-        phases = [f"{seconds.get(phase, 0.0):.5f}" for phase in ("detection", "assembly", "solve", "output")]
-        self._writer.writerow([*values, *phases, *(_number(sensor.measure(step)) for sensor in self._case.sensors)])
-        self._file.flush()
-
-    def close(self) -> None:
-        self._file.close()
-
-
-def _number(value: Any) -> str:
-    return f"{value:.12g}" if isinstance(value, float | np.floating) else str(value)
-
-
-def _kinetic(step: Step, case: Case) -> float:
-    model, v = case.simulation.model, step.state.v
-    return 0.5 * float(v @ model.apply_mass(v, model.rigid_mass(step.state.x)))
-
-
-def _elastic(step: Step, case: Case) -> float:
-    x = step.state.x
-    return 0.5 * float(x @ case.simulation.model.apply_stiffness(x))
-
-
-_COLUMNS: dict[str, Callable[[Step, Case], Any]] = {
-    "step": lambda step, case: step.number,
-    "t": lambda step, case: step.state.t,
-    "nc": lambda step, case: len(step.contacts),
-    "active": lambda step, case: int(np.count_nonzero(step.contact_status)),
-    "sliding": lambda step, case: int(np.count_nonzero(step.contact_status == 2)),
-    "sticking": lambda step, case: int(np.count_nonzero(step.contact_status == 1)),
-    "status": lambda step, case: step.result.status.name,
-    "solver": lambda step, case: step.result.method,
-    "attempts": lambda step, case: len(step.attempts),
-    "iterations": lambda step, case: step.result.iterations,
-    "error": lambda step, case: step.result.error,
-    "penetration": lambda step, case: step.penetration,
-    "momentum_residual": lambda step, case: step.result.checks.momentum,
-    "kinetic_energy": _kinetic,
-    "elastic_energy": _elastic,
-    "friction_dissipation": lambda step, case: step.friction_dissipation,
-}

@@ -52,7 +52,9 @@ class Progress:
         if self._task is None:
             self._task = self._progress.add_task(text, total=total)
         self._progress.update(self._task, completed=step.number, description=text)
-        if len(step.attempts) > 1:
+        if step.substeps > 1:
+            self._progress.console.print(f"step {step.number}: cut into {step.substeps} parts")
+        elif len(step.attempts) > 1:
             tried = "; ".join(f"{a.solver} from {a.start}: {a.status}" for a in step.attempts)
             self._progress.console.print(f"step {step.number}: fallback chain used ({tried})")
         every = max(1, total // 10)
@@ -74,9 +76,11 @@ def print_summary(summary: Summary, directory: Path) -> None:
     console.print(table)
     console.print(
         f"iterations {summary.iterations}, largest error {summary.largest_error:.1e}, steps that needed the fallback chain "
-        f"{summary.fallbacks}",
+        f"{summary.fallbacks}, steps that were cut {summary.cut}, largest residual of the energy balance {summary.energy_residual:.1e} J",
         highlight=False,
     )
+    for note in summary.notes:
+        console.print(note, highlight=False)
     if summary.message:
         console.print(summary.message, highlight=False)
     console.print(f"results: {directory} (run.json, steps.csv, vtk/*.pvd for ParaView, fclib/)", highlight=False)

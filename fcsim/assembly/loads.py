@@ -48,23 +48,50 @@ class BodyForce:
     factor: TimeFunction = field(default=lambda t: 1.0)
 
 
-Load = Traction | Force | BodyForce
+@dataclass(frozen=True)
+class FollowerForce:
+    """A force [N] at a rigid body's centre of mass and a moment [N m], as of `Force`, that turn with the body, times factor(t)."""
+
+    body: str
+    force: tuple[float, ...]
+    moment: tuple[float, ...] | None = None
+    factor: TimeFunction = field(default=lambda t: 1.0)
+
+
+@dataclass(frozen=True)
+class FollowerPressure:
+    """A pressure [Pa] against the surface of a rigid body, which it follows as the body turns, times factor(t); 2D: on 1 m of thickness."""
+
+    body: str
+    surface: str
+    pressure: float
+    factor: TimeFunction = field(default=lambda t: 1.0)
+
+
+Follower = FollowerForce | FollowerPressure
+Load = Traction | Force | BodyForce | Follower
 
 
 def load_vector(model: Model, load: Load) -> FloatArray:
+    """Nodal forces (n_dofs,) [N] of a load at factor 1, in the reference configuration."""
     number = model.body_number(load.body)
     body, d = model.bodies[number], model.dimension
     vector = np.zeros(model.n_dofs)
     own = slice(model.dof_offset[number], model.dof_offset[number + 1])
-    if isinstance(load, Force):
+    if isinstance(load, Force | Follower):
         if not isinstance(body, RigidBody):
-            raise InputError(f"Force on body {load.body!r}: expected a rigid body; use Traction or BodyForce on a deformable one")
+            raise InputError(
+                f"{type(load).__name__} on body {load.body!r}: expected a rigid body; use Traction or BodyForce on a deformable one"
+            )
+        if isinstance(load, FollowerPressure):
+            vector[own] = _pressure_resultant(model, body, load)
+            return vector
         moment = (0.0,) * (len(DIRECTIONS[d]) - d) if load.moment is None else load.moment
         values = np.concatenate([load.force, moment])
         if values.shape != (len(DIRECTIONS[d]),) or not np.all(np.isfinite(values)):
             raise InputError(
-                f"Force on body {load.body!r}: expected {d} force and {len(DIRECTIONS[d]) - d} moment components, finite numbers, got "
-                f"{load.force} and {load.moment}"
+                f"{type(load).__name__} on body {load.body!r}: expected {d} force and {len(DIRECTIONS[d]) - d} moment components, finite "
+                f"numbers, got {load.force} and {load.moment}"
             )
         vector[own] = values
         return vector
@@ -80,3 +107,30 @@ def load_vector(model: Model, load: Load) -> FloatArray:
         nodal = elasticity.body_force(body.part, in_part_axes)
     vector[own] = (nodal.reshape(-1, d) @ body.rotation.T).ravel()
     return vector
+
+
+def _pressure_resultant(model: Model, body: RigidBody, load: FollowerPressure) -> FloatArray:
+    """Force and moment about the centre of mass of a unit factor: -p times the integrals of n and (x - c) x n, exact on flat facets."""
+    if not np.isfinite(load.pressure):
+        raise InputError(f"FollowerPressure on body {load.body!r}: expected a finite pressure in Pa, got {load.pressure}")
+    model.facets(load.body, load.surface)  # refuses an unknown name
+    corners = body.points[body.surfaces[load.surface]] - body.centre
+    if body.dimension == 2:
+        along = corners[:, 1] - corners[:, 0]
+        normal, middle = np.stack([along[:, 1], -along[:, 0]], axis=1), corners.mean(axis=1)
+        turning = middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]
+        return -load.pressure * np.array([*normal.sum(axis=0), turning.sum()])
+    triangles = corners[:, :3] if corners.shape[1] == 3 else np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+    normal = 0.5 * np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    moment = np.cross(triangles.mean(axis=1), normal).sum(axis=0)
+    return -load.pressure * np.concatenate([normal.sum(axis=0), moment])
+
+
+def turned(model: Model, load: Follower, vector: FloatArray, x: FloatArray) -> FloatArray:
+    """The force and moment of `vector` (n_dofs,) turned with the body of a follower in the configuration x (n_dofs,)."""
+    d, number = model.dimension, model.body_number(load.body)
+    rotation = model.rigid_rotation(x)[number - len(model.deformable)]
+    own = slice(model.dof_offset[number], model.dof_offset[number + 1])
+    values, result = vector[own], np.zeros_like(vector)
+    result[own] = np.concatenate([rotation @ values[:d], rotation @ values[d:] if d == 3 else values[d:]])
+    return result

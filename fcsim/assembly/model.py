@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from fcsim.assembly.groups import Group, operator_groups
-from fcsim.assembly.loads import Load, load_vector
+from fcsim.assembly.loads import Follower, Load, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on
 from fcsim.assembly.supports import DIRECTIONS, Support, refuse_contradictions, support_dofs, support_velocity
 from fcsim.errors import InputError
@@ -205,8 +205,8 @@ class Model:
     def _load_vectors(self) -> tuple[FloatArray, ...]:
         return tuple(load_vector(self, load) for load in self.loads)
 
-    def load(self, t: float) -> FloatArray:
-        """External forces (n_dofs,) [N] at time t: gravity and the loads."""
+    def load(self, t: float, x: FloatArray | None = None) -> FloatArray:
+        """External forces (n_dofs,) [N] at time t: gravity and the loads; followers as they stand at x (default: the reference)."""
         force = np.zeros(self.n_dofs)
         if self.gravity is not None:
             acceleration = np.zeros(self.n_dofs)
@@ -218,7 +218,7 @@ class Model:
             self.rigid_part(acceleration)[:, :d] = g
             force += self.apply_mass(acceleration)
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
-            force += load.factor(t) * vector
+            force += load.factor(t) * (turned(self, load, vector, x) if isinstance(load, Follower) and x is not None else vector)
         return force
 
     def rigid_rotation(self, x: FloatArray) -> FloatArray:

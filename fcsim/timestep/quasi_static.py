@@ -6,7 +6,7 @@ that exclude rigid motion; eta > 0 regularises floating bodies with their own ma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
+from fcsim.solvers import Result
+from fcsim.timestep.energy import Energy, balance, contact_work
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 
@@ -36,6 +38,16 @@ class QuasiStatic:
     @property
     def force_per_reaction(self) -> float:
         return 1.0
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        if not self.eta:
+            return ("statics without regularisation (eta = 0)",)
+        return (f"statics regularised by the mass: eta = {self.eta:g}, K + {self.eta / self.h**2:.6g} M",)
+
+    def cut(self, parts: int) -> QuasiStatic:
+        """A shorter load step with the same regularisation eta/h^2."""
+        return replace(self, h=self.h / parts, eta=self.eta / parts**2)
 
     def factors(self, model: Model) -> tuple[float, float]:
         if self.eta == 0:
@@ -76,7 +88,7 @@ class QuasiStatic:
         return contacts
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
-        return model.load(state.t + self.h) - model.apply_stiffness(state.x)
+        return model.load(state.t + self.h, state.x) - model.apply_stiffness(state.x)
 
     def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
         w = np.zeros((len(contacts), contacts.dimension))
@@ -90,5 +102,29 @@ class QuasiStatic:
         """Displacement increments of the driven dofs: the velocity at the middle of the step times h (exact for linear ramps)."""
         return self.h * model.driven_velocity(state.t + 0.5 * self.h)
 
-    def advance(self, model: Model, state: State, v: FloatArray, rigid_mass: FloatArray) -> State:
+    def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         return State(state.t + self.h, model.advance(state.x, v), v / self.h)
+
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
+        return residual
+
+    def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
+        """The step's equation times dx, exact for every load step:
+
+        d(x.K x / 2) = dx.F+ + dx.s + dx.H r - dx.K dx / 2 - eta/h^2 dx.M dx
+
+        with s the supports' forces. The last two terms are the scheme's dissipation: that of the implicit Euler rule, which vanishes
+        with the size of the load steps, and that of the regularisation.
+        """
+        dx = self.h * after.v
+        K0, K1 = model.apply_stiffness(before.x), model.apply_stiffness(after.x)
+        regularisation = self.eta / self.h**2 * float(dx @ model.apply_mass(dx)) if self.eta else 0.0
+        return balance(
+            kinetic=(0.0, 0.0),
+            elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
+            loads=float(dx @ model.load(before.t + self.h, before.x)),
+            supports=float(dx @ support),
+            damping=0.0,
+            numerical=0.5 * float(dx @ (K1 - K0)) + regularisation,
+            contact=contact_work(H, result.r, result.u, dx, model.dimension),
+        )

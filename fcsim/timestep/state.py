@@ -14,11 +14,16 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """t [s]; x (n_dofs,) displacement [m, rad]; v (n_dofs,) velocity [m/s, rad/s]; driven dofs included."""
+    """t [s]; x (n_dofs,) displacement [m, rad]; v (n_dofs,) velocity [m/s, rad/s]; driven dofs included.
+
+    rate, inertia (n_dofs,): what the generalised-alpha scheme keeps beside, the rate of x [m/s, rad/s] and M v' of smooth motion [N, N m]
+    """
 
     t: float
     x: FloatArray
     v: FloatArray
+    rate: FloatArray | None = None
+    inertia: FloatArray | None = None
 
 
 def at_rest(model: Model, t: float = 0.0) -> State:

@@ -15,7 +15,7 @@ Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.timestep.scheme import Gap, Velocity, positive
+from fcsim.solvers import Result
+from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
+from fcsim.timestep.scheme import Gap, Velocity, law_contacts, law_velocity, positive
 from fcsim.timestep.state import State
 
 FloatArray = NDArray[np.float64]
@@ -45,6 +47,13 @@ class Theta:
     def force_per_reaction(self) -> float:
         return 1 / self.h
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return ()
+
+    def cut(self, parts: int) -> Theta:
+        return replace(self, h=self.h / parts)
+
     def factors(self, model: Model) -> tuple[float, float]:
         h, theta = self.h, self.theta
         return 1 + h * theta * model.alpha, h * theta * model.beta + (h * theta) ** 2
@@ -54,14 +63,19 @@ class Theta:
         return model.advance(state.x, self.h * (1 - self.theta) * state.v)
 
     def select(self, contacts: Contacts) -> Contacts:
-        return contacts if isinstance(self.law, Gap) else contacts.take(contacts.gap <= 0)
+        return law_contacts(self.law, contacts)
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, theta, v = self.h, self.theta, state.v
-        force = theta * model.load(state.t + h) + (1 - theta) * model.load(state.t)
         inertia = model.apply_mass((1 - h * (1 - theta) * model.alpha) * v, model.rigid_mass(state.x))
         elastic = model.apply_stiffness(h * state.x + (h * (1 - theta) * model.beta + h**2 * theta * (1 - theta)) * v)
-        return inertia - elastic + h * force
+        return inertia - elastic + h * self._force(model, state)
+
+    def _force(self, model: Model, state: State) -> FloatArray:
+        """theta F+ + (1-theta) F (n_dofs,) [N]; followers stand as at t + theta h, to first order."""
+        h, theta = self.h, self.theta
+        x = model.advance(state.x, h * theta * state.v)
+        return theta * model.load(state.t + h, x) + (1 - theta) * model.load(state.t, x)
 
     def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
         """Mass at the end of the step as far as it is known before contacts are, see the top of this file."""
@@ -71,17 +85,38 @@ class Theta:
         return model.rigid_bodies.free_end_mass(middle, momentum, omega, self.h * self.theta, free)
 
     def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        w = np.zeros((len(contacts), contacts.dimension))
-        if isinstance(self.law, Gap):
-            w[:, 0] = contacts.gap / self.h
-        elif self.law.restitution:
-            # an approaching contact only: a separating one must not be held back
-            w[:, 0] = self.law.restitution * np.minimum((H.T @ state.v).reshape(w.shape)[:, 0], 0)
-        return w.ravel()
+        return law_velocity(self.law, self.h, self.theta, state, contacts, H)
 
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)
 
-    def advance(self, model: Model, state: State, v: FloatArray, rigid_mass: FloatArray) -> State:
+    def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         x = model.advance(self.detection_configuration(model, state), self.h * self.theta * v)
         return State(state.t + self.h, x, model.keep_momentum(v, rigid_mass, x))
+
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
+        return residual
+
+    def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
+        """The step's equation times v_theta = theta v+ + (1-theta) v, exact with dx = h v_theta for every h and theta:
+
+        d(v.M v / 2 + x.K x / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dx.K dx) - G
+
+        with d the change over the step, F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's
+        dissipation: none at theta = 1/2, never negative above (V. Acary, "Energy conservation and dissipation properties of
+        time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016), but for G, see `turning`. For the work of
+        impacts see `Velocity`.
+        """
+        h, theta = self.h, self.theta
+        v, dv = theta * after.v + (1 - theta) * before.v, after.v - before.v
+        M0, M1 = momentum(model, before), momentum(model, after)
+        K0, K1 = model.apply_stiffness(before.x), model.apply_stiffness(after.x)
+        return balance(
+            kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
+            elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
+            loads=h * float(v @ self._force(model, before)),
+            supports=float(v @ support),
+            damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta * float(v @ (K1 - K0)),
+            numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + h * float(v @ (K1 - K0))) + turning(model, before.v, M0, after.v, M1),
+            contact=contact_work(H, result.r, result.u, v, model.dimension),
+        )

@@ -1,10 +1,10 @@
-"""Plots of a run's table of steps: reaction, contacts, convergence, time by phase."""
+"""Plots of a run's table of steps: reaction, energies, contacts, convergence, time by phase, and the histories that a case declares."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,8 @@ CONVERGED = ("SOLVED", "CONVERGED")
 
 
 def write_plots(run: RunFolder, directory: Path | None = None, *, format: str = "png") -> list[Path]:
-    """Write reaction, contacts, convergence and phases (.png or .svg) into `directory` (default DIR/plots); return what was written.
+    """Write reaction, energies, contacts, convergence, phases and the case's histories (.png or .svg) into `directory` (default
+    DIR/plots); return what was written.
 
     A plot whose columns are not in steps.csv is left out. Raises InputError for another format, MissingDependency without matplotlib.
     """
@@ -31,6 +32,7 @@ def write_plots(run: RunFolder, directory: Path | None = None, *, format: str = 
     directory = run.directory / "plots" if directory is None else Path(directory)
     makers: dict[str, Callable[[RunFolder], Figure | None]] = {
         "reaction": reaction_plot,
+        "energies": energy_plot,
         "contacts": contact_plot,
         "convergence": convergence_plot,
         "phases": phase_plot,
@@ -41,6 +43,10 @@ def write_plots(run: RunFolder, directory: Path | None = None, *, format: str = 
             drawing = make(run)
             if drawing is not None:
                 written.append(save(drawing, directory / f"{name}.{format}"))
+        for history in run.plots.get("histories") or []:
+            drawing = history_plot(run, history)
+            if drawing is not None:
+                written.append(save(drawing, directory / f"{history['name']}.{format}"))
     return written
 
 
@@ -78,6 +84,63 @@ def reaction_plot(run: RunFolder) -> Figure | None:
     axes.margins(x=0.02, y=0.08)
     axes.set_title(run.title)
     axes.legend(loc="best")
+    return drawing
+
+
+def energy_plot(run: RunFolder) -> Figure | None:
+    """Energies, and what loads, supports and dissipation exchanged up to each time, added up from the first step; None without them."""
+    t = run.numbers("t")
+    curves = [
+        ("kinetic_energy", "kinetic", BLUE, "-", False),
+        ("elastic_energy", "elastic", GREEN, "-", False),
+        ("load_work", "work of loads", BLACK, "--", True),
+        ("support_work", "work of supports", GREY, "--", True),
+        ("damping_dissipation", "dissipated by damping", PURPLE, ":", True),
+        ("numerical_dissipation", "by the time scheme", SKY, ":", True),
+        ("normal_dissipation", "by impacts", ORANGE, ":", True),
+        ("tangential_dissipation", "by friction", RED, ":", True),
+    ]
+    present = [
+        (label, colour, dash, np.cumsum(v) if add else v) for n, label, colour, dash, add in curves if (v := run.numbers(n)) is not None
+    ]
+    if t is None or not any(np.any(values) for *_, values in present):
+        return None
+    largest = max(float(np.nanmax(np.abs(values))) for *_, values in present)
+    scale, unit = prefixed("J", largest)
+    t_scale, t_unit = prefixed("s", t)
+    drawing, axes = _one_panel()
+    for label, colour, dash, values in present:
+        if np.nanmax(np.abs(values)) > 1e-6 * largest:
+            axes.plot(t / t_scale, values / scale, dash, color=colour, label=label, linewidth=1.8)
+    axes.set(xlabel=f"time [{t_unit}]", ylabel=f"energy [{unit}]", title=run.title)
+    axes.margins(x=0.01)
+    drawing.legend(loc="outside lower center", ncols=4)
+    return drawing
+
+
+def history_plot(run: RunFolder, history: Mapping[str, Any]) -> Figure | None:
+    """A case's history: curves of sensors against time or another sensor, as run.json's "plots" names them; None where columns miss."""
+    against, entries = history.get("against") or {}, history.get("curves") or []
+    x = run.numbers(against.get("column", ""))
+    curves = [(entry, values) for entry in entries if (values := run.numbers(entry.get("column", ""))) is not None]
+    if x is None or not curves:
+        return None
+    x_scale, x_unit = prefixed(against.get("unit", "s"), x)
+    scale, unit = prefixed(curves[0][0].get("unit", ""), *(values for _, values in curves))
+    drawing, axes = _one_panel()
+    colours = (BLUE, ORANGE, GREEN, PURPLE, RED, SKY, BLACK, GREY)
+    for k, (entry, values) in enumerate(curves):
+        dash = "-" if k == 0 or len(curves) > 2 else "--"
+        axes.plot(
+            x / x_scale, values / scale, dash, color=colours[k % len(colours)], label=entry.get("label", entry["column"]), linewidth=1.6
+        )
+    axes.set(
+        xlabel=f"{against.get('label', 'time')} [{x_unit}]", ylabel=f"[{unit}]" if len(curves) > 1 else f"{curves[0][0]['label']} [{unit}]"
+    )
+    axes.set_title(run.title)
+    axes.margins(x=0.01)
+    if len(curves) > 1:
+        drawing.legend(loc="outside lower center", ncols=min(len(curves), 3))
     return drawing
 
 

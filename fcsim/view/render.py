@@ -25,7 +25,8 @@ def render(
 ) -> list[Path]:
     """Draw the run in `directory` and return the files written, in this order:
 
-    DIR/plots/reaction.png, contacts.png, convergence.png, phases.png   from steps.csv, those whose columns are there
+    DIR/plots/reaction.png, energies.png, contacts.png, convergence.png, phases.png   from steps.csv, those whose columns are there
+    DIR/plots/NAME.png                                                  the histories that the case declares
     DIR/pictures/stress.png, instants.png, contacts.png                 from vtk/, where the run wrote a series
     DIR/film.gif or film.mp4                                            likewise, unless `film` is None
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fcsim.case import load_case, parse_parameters
+from fcsim.case import History, load_case, parse_parameters
 from fcsim.errors import InputError
 
 
@@ -73,3 +73,14 @@ def test_sensors_and_plots_are_checked(case_folder: Path) -> None:
         dataclasses.replace(case, plots={"imposed": "y"})
     with pytest.raises(InputError, match="got 'z'"):
         dataclasses.replace(case, plots={"imposed": "x", "reaction": ("lift", "z")})
+
+
+def test_histories_are_checked(case_folder: Path) -> None:
+    case = load_case(case_folder).build(load_case(case_folder).parameters())
+    dataclasses.replace(case, plots={"histories": (History("lift", ("lift",)), History("path", ("lift",), against="x"))})
+    with pytest.raises(InputError, match="expected columns among lift, x, got 'speed'"):
+        dataclasses.replace(case, plots={"histories": (History("a", ("lift", "speed")),)})
+    with pytest.raises(InputError, match="expected columns among lift, x, got 'y'"):
+        dataclasses.replace(case, plots={"histories": (History("a", ("lift",), against="y"),)})
+    with pytest.raises(InputError, match="history 'a': expected columns of one unit, got lift, x"):
+        dataclasses.replace(case, plots={"histories": (History("a", ("lift", "x")),)})

@@ -38,7 +38,7 @@ def test_run_with_options(case_folder: Path, tmp_path: Path, capsys: pytest.Capt
     with (out / "steps.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["solver"] for row in rows] == ["NSGS-AC"] * 4
-    assert sorted(entry.name for entry in out.iterdir()) == ["checkpoint.h5", "run.json", "steps.csv"]
+    assert sorted(entry.name for entry in out.iterdir()) == ["checkpoint.h5", "run.json", "steps.csv", "steps.h5"]
     printed = capsys.readouterr().out
     assert "finished: 4 steps" in printed
     for phase in ("detection", "assembly", "solve", "output"):

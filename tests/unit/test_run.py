@@ -56,7 +56,7 @@ def test_files_of_a_run(case_folder: Path, tmp_path: Path, steps_without_seconds
     summary = run_case(load_case(case_folder), {"steps": "10", "E": "2e7"}, out, options, watch=lambda case, step: seen.append(step))
     assert (summary.status, summary.steps, summary.computed, summary.converged) == ("finished", 10, 10, True)
     assert summary.iterations == sum(step.result.iterations for step in seen)
-    assert sorted(entry.name for entry in out.iterdir()) == ["checkpoint.h5", "fclib", "run.json", "steps.csv", "vtk"]
+    assert sorted(entry.name for entry in out.iterdir()) == ["checkpoint.h5", "fclib", "run.json", "steps.csv", "steps.h5", "vtk"]
     about = json.loads((out / "run.json").read_text())
     assert (about["status"], about["steps_done"], about["parameters"]["E"]) == ("finished", 10, 2e7)
     assert about["plots"]["imposed"] == {"column": "x", "label": "displacement", "unit": "m"}
@@ -78,6 +78,26 @@ def test_files_of_a_run(case_folder: Path, tmp_path: Path, steps_without_seconds
         assert_array_equal(content.solution.r, seen[-1].result.r)
         assert_array_equal(content.guesses[0].r, seen[-1].start)
     assert not list(out.rglob("*.partial"))
+
+
+def test_the_table_as_hdf5(case_folder: Path, tmp_path: Path, steps_without_seconds: Rows) -> None:
+    """The same numbers as steps.csv, with units and the sensors' labels; what a case plots over time is in run.json."""
+    script = case_folder / "two_blocks.py"
+    text = script.read_text().replace("import Case, Sensor", "import Case, History, Sensor")
+    script.write_text(text.replace('plots={"imposed"', 'plots={"histories": (History("lift", ("lift",)),), "imposed"'))
+    run_case(load_case(case_folder), {"steps": "5"}, tmp_path / "out", PLAIN)
+    rows = steps_without_seconds(tmp_path / "out")
+    with h5py.File(tmp_path / "out" / "steps.h5") as file:
+        assert set(file) >= set(rows[0])
+        for name in ("t", "lift", "kinetic_energy", "load_work", "energy_residual"):
+            assert_array_equal(file[name][()], [float(row[name]) for row in rows])
+        assert file["status"].asstr()[0] == "SOLVED"
+        assert (file["lift"].attrs["unit"], file["lift"].attrs["label"]) == ("N", "vertical force on the upper block")
+        assert (file["t"].attrs["unit"], file["load_work"].attrs["unit"], file["nc"].attrs["unit"]) == ("s", "J", "")
+    about = json.loads((tmp_path / "out" / "run.json").read_text())
+    curve = {"column": "lift", "label": "vertical force on the upper block", "unit": "N"}
+    assert about["plots"]["histories"] == [{"name": "lift", "against": {"column": "t", "label": "time", "unit": "s"}, "curves": [curve]}]
+    assert about["scheme"].startswith("Theta(h=0.001, theta=0.5, law=Gap())")
 
 
 def test_a_step_without_contacts_is_written(case_folder: Path, tmp_path: Path) -> None:

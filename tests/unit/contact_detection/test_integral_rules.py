@@ -82,7 +82,7 @@ def test_weights_of_constant_multipliers() -> None:
     ours, theirs = np.array([0.0, 0.3, 1.0, 1.6, 2.0]), np.array([0.0, 0.7, 1.1, 2.0])
     contacts, _ = detect(line(ours, up=False), [line(theirs)], "mortar-faces")
     breaks = np.union1d(ours, theirs)
-    for j, (a, b) in enumerate(zip(ours, ours[1:], strict=False)):
+    for j, (a, b) in enumerate(itertools.pairwise(ours)):
         inside = breaks[(breaks > a) & (breaks < b)]
         own = [quad(lambda x, k=k: hat(ours, k, x), a, b, points=inside)[0] for k in range(5)]
         other = [quad(lambda x, k=k: hat(theirs, k, x), a, b, points=inside)[0] for k in range(4)]

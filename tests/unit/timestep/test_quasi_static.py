@@ -87,6 +87,28 @@ def test_influence_of_the_regularisation_vanishes() -> None:
     assert abs(missing[-1]) < 1e-7
 
 
+def test_results_do_not_depend_on_the_regularisation() -> None:
+    """A block that only friction holds, pressed and pushed: reactions are statics, displacements agree over five decades of eta."""
+    push = Traction("bar", "z+", (300.0, 0, -500.0))
+    found = []
+    for eta in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7):
+        model = model_of([], gravity=lambda t: (2.0, 0, -9.81), loads=[push])
+        step = simulate(model, QuasiStatic(0.1, eta), 10)[-1]
+        mass, area = 60.0, 0.2
+        assert_allclose(step.contact_force_on(0), [-mass * 2.0 - area * 300, 0, mass * 9.81 + area * 500], atol=1e-4)
+        assert abs(step.energy.numerical_dissipation) < 1e-6 * step.energy.elastic
+        found.append(step.state.x)
+    for x in found:
+        assert_allclose(x, found[0], atol=3e-4 * np.abs(found[0]).max())
+
+
+def test_the_regularisation_is_reported() -> None:
+    assert QuasiStatic(0.1, 1e-3).notes == ("statics regularised by the mass: eta = 0.001, K + 0.1 M",)
+    assert "without regularisation" in QuasiStatic(0.1).notes[0]
+    part = QuasiStatic(0.1, 1e-3).cut(4)
+    assert part.factors(model_of([])) == pytest.approx(QuasiStatic(0.1, 1e-3).factors(model_of([])))
+
+
 @pytest.mark.parametrize("eta", [1e-12, 1e-9, 1e-6, 1e-3])
 def test_no_penetration_hides_behind_a_long_free_motion(eta: float) -> None:
     """Without contact the body would fall for kilometres in a step; what is accepted is right to a millionth, or the run stops."""

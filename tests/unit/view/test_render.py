@@ -19,7 +19,7 @@ from fcsim.errors import InputError, MissingDependency
 from fcsim.view import SeriesWriter, render, scene
 from fcsim.view.film import film_instants, write_film
 from fcsim.view.pictures import contact_figure, instants_figure, stress_figure
-from fcsim.view.plots import contact_plot, convergence_plot, phase_plot, reaction_plot, write_plots
+from fcsim.view.plots import contact_plot, convergence_plot, energy_plot, history_plot, phase_plot, reaction_plot, write_plots
 from fcsim.view.run_folder import Instant, RunFolder, open_run, replacing
 from fcsim.view.style import BLUE, RED, prefixed
 
@@ -299,3 +299,36 @@ def test_prefixes(unit, value, expected):
 
 def test_description_is_read_from_run_json(run_directory):
     assert open_run(run_directory).description == json.loads((run_directory / "run.json").read_text())
+
+
+def energies_of(run: RunFolder, **columns: list[float]) -> RunFolder:
+    table = {name: np.array(values) for name, values in columns.items()}
+    return RunFolder(run.directory, run.description, {"t": np.array([1e-3, 2e-3, 3e-3]), **table}, ())
+
+
+def test_the_energy_plot_adds_up_what_steps_exchange(run_directory):
+    run = open_run(run_directory)
+    assert energy_plot(run) is None  # a run without such columns
+    columns = {"kinetic_energy": [2.0, 1.0, 0.0], "load_work": [1.0, 1.0, 2.0], "damping_dissipation": [0.0, 0.0, 0.0]}
+    axes = energy_plot(energies_of(run, **columns)).axes[0]
+    curves = {line.get_label(): line.get_ydata() for line in axes.lines}
+    assert set(curves) == {"kinetic", "work of loads"}  # nothing was dissipated
+    np.testing.assert_array_equal(curves["kinetic"], [2, 1, 0])
+    np.testing.assert_array_equal(curves["work of loads"], [1, 2, 4])
+    assert axes.get_xlabel() == "time [ms]" and axes.get_ylabel() == "energy [J]"
+    assert energy_plot(energies_of(run, kinetic_energy=[0.0, 0.0, 0.0])) is None
+
+
+def test_histories_of_a_case(run_directory, tmp_path):
+    run = open_run(run_directory)
+    time, top = {"column": "t", "label": "time", "unit": "s"}, {"column": "top_x", "label": "top", "unit": "m"}
+    forces = [{"column": name, "label": name, "unit": "N"} for name in ("bottom_Rx", "top_Rx")]
+    axes = history_plot(run, {"name": "forces", "against": top, "curves": forces}).axes[0]
+    assert axes.get_xlabel().startswith("top [") and axes.get_ylabel() == "[kN]"
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), run.columns["bottom_Rx"] / 1e3)
+    assert [line.get_label() for line in axes.lines] == ["bottom_Rx", "top_Rx"]
+    assert history_plot(run, {"name": "none", "against": time, "curves": [{"column": "speed"}]}) is None
+    histories = [{"name": "top", "against": time, "curves": [top]}, {"name": "none", "against": time, "curves": []}]
+    described = RunFolder(tmp_path, {**run.description, "plots": {"histories": histories}}, run.columns, ())
+    assert "top.png" in [path.name for path in write_plots(described)]
+    assert "none.png" not in [path.name for path in (tmp_path / "plots").iterdir()]

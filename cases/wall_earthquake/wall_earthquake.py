@@ -1,0 +1,139 @@
+"""A dry masonry wall on a base that follows an acceleration record, after it has come to rest under its weight.
+
+Statics first: the weight in load steps, every block free, held by contact alone. Then the base moves with the velocity that the record
+integrates to. See README.md beside this file.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.supports import Support
+from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
+from fcsim.case import Case, History, Sensor
+from fcsim.cli import main
+from fcsim.contact_detection import ContactSurface, Detector, SurfacePair
+from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.mesh.blocks import rigid_box
+from fcsim.mesh.masonry import RunningBond, running_bond
+from fcsim.mesh.part import Material
+from fcsim.sensors import contact_force, displacement, joint_opening
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.scheme import Gap
+from fcsim.timestep.simulation import Simulation, SolverSettings
+from fcsim.timestep.state import State, at_rest
+from fcsim.timestep.theta import Theta
+
+GRAVITY = 9.81  # [m/s^2]
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Every number of the case; SI units. `--set name=value` changes one."""
+
+    courses: int = 5
+    blocks: float = 2.5
+    block_size: tuple[float, float, float] = (0.2, 0.1, 0.1)
+    divisions: tuple[int, int, int] = (4, 2, 2)
+    E: float = 2.2e9
+    nu: float = 0.2
+    density: float = 2000.0
+    beta: float = 1e-4
+    friction: float = 0.53
+    friction_base: float = 0.83
+    alert: float = 2e-3
+    record: str = "ricker.csv"
+    scale: float = 1.5
+    direction: Literal["x", "y"] = "x"
+    load_steps: int = 5
+    eta: float = 1.0
+    h: float = 1e-3
+    theta: float = 0.5
+    steps: int = 800
+    solver: str = "NSN-AC"
+    tol: float = 1e-8
+
+
+def build(p: Parameters) -> Case:
+    """Return the case with the given parameters: the wall at rest at t = 0, when the record begins."""
+    record = read_acceleration_record(Path(__file__).parent / p.record).scaled(p.scale)
+    wall = running_bond(p.courses, p.blocks, p.block_size, p.divisions, material=Material(p.E, p.nu, p.density))
+    model = wall_on_base(wall, p, record)
+    detector = Detector(joints(wall, model, p), model.n_nodes)
+    settings = SolverSettings(name=p.solver, tol=p.tol)
+    initial = under_its_weight(model, detector, p, settings)
+    weight = p.density * float(np.prod(wall.size)) * GRAVITY
+    left, right = (wall.bodies[k].name for k in wall.head_joints()[0])
+    top_left, top_right = (wall.bodies[k].name for k in wall.head_joints()[-1])
+    corner = (float(wall.size[0]), 0.0, float(wall.size[2]))
+    last, base_point = wall.bodies[-1].name, (0.5 * float(wall.size[0]), 0.5 * float(wall.size[1]), 0.0)
+    return Case(
+        name="wall_earthquake",
+        title=f"Masonry wall shaken along {p.direction}",
+        simulation=Simulation(model, detector, Theta(p.h, p.theta, Gap()), p.steps, settings, initial),
+        sensors=(
+            Sensor("base_a", "acceleration of the base", "m/s^2", lambda step: record(step.state.t)),
+            displacement("base_u", model, "base", p.direction, base_point, "base"),
+            displacement("top_u", model, last, p.direction, corner, "top corner of the wall"),
+            contact_force("base_shear", model, "base", p.direction, label=f"force of the wall on the base, {p.direction}"),
+            contact_force("base_Rz", model, "base", "z", label="force of the wall on the base, z"),
+            joint_opening("bottom_joint", model, (left, "x+"), (right, "x-"), "head joint, bottom course"),
+            joint_opening("top_joint", model, (top_left, "x+"), (top_right, "x-"), "head joint, top course"),
+        ),
+        plots={
+            "histories": (
+                History("record", ("base_a",)),
+                History("displacement", ("base_u", "top_u")),
+                History("openings", ("bottom_joint", "top_joint")),
+                History("base_force", ("base_shear", "base_Rz")),
+            )
+        },
+        fclib_set="FCSIM_WallEarthquake",
+        description=f"{len(wall.bodies)} elastic blocks of {weight:.0f} N on a moving base, {model.n_dofs} degrees of freedom",
+    )
+
+
+def wall_on_base(wall: RunningBond, p: Parameters, record: AccelerationRecord) -> Model:
+    """Blocks that nothing holds but contact, on a rigid base that the record moves."""
+    length, thickness, _ = wall.size
+    base = rigid_box("base", (2 * length, 4 * thickness, p.block_size[2]), (length / 2, thickness / 2, -p.block_size[2] / 2), 100.0)
+    others = tuple(direction for direction in ("x", "y", "z", "rx", "ry", "rz") if direction != p.direction)
+    return build_model(
+        [*wall.bodies, base],
+        supports=[Support("base", others), Support("base", (p.direction,), velocity=record.velocity)],
+        gravity=GravityRamp((0.0, 0.0, -GRAVITY), -1.0, 0.0),
+        beta=p.beta,
+    )
+
+
+def joints(wall: RunningBond, model: Model, p: Parameters) -> list[SurfacePair]:
+    """Bed and head joints with candidates at face centres, the base with the nodes of the first course."""
+    names = np.array([body.name for body in wall.bodies])
+
+    def surface(bodies: Iterable[str], side: str) -> ContactSurface:
+        return contact_surface(model, [(name, side) for name in bodies])
+
+    first = names[wall.bodies_of_course(1)]
+    base = SurfacePair(surface(first, wall.bottom), surface(["base"], "z+"), p.friction_base, p.alert, "nodes", "base")
+    lower, upper = names[wall.course < wall.courses], names[wall.course > 1]
+    beds = SurfacePair(surface(upper, wall.bottom), surface(lower, wall.top), p.friction, p.alert, "faces", "bed joints")
+    heads = SurfacePair(surface(names, "x-"), surface(names, "x+"), p.friction, p.alert, "faces", "head joints")
+    return [base, beds, heads] if p.courses > 1 else [base, heads]
+
+
+def under_its_weight(model: Model, detector: Detector, p: Parameters, settings: SolverSettings) -> State:
+    """The wall at rest at t = 0, its weight applied in load steps from t = -1 s on; the mass regularises what only contact holds."""
+    statics = Simulation(model, detector, QuasiStatic(1 / p.load_steps, p.eta), p.load_steps, settings, at_rest(model, -1.0))
+    *_, last = statics
+    return State(0.0, last.state.x, np.zeros(model.n_dofs))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(["run", __file__, *sys.argv[1:]]))

@@ -1,0 +1,111 @@
+"""The balance of energy of a step: what each scheme's discrete equations say exactly, term by term."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.assembly.model import Model
+from fcsim.timestep.state import State
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Energy:
+    """Energies at the end of a step, and what was exchanged during it; all [J] (2D: J per the model's thickness).
+
+    kinetic, elastic         v.M v / 2 and x.K x / 2 at the end of the step
+    load_work                work of gravity and loads
+    support_work             work of the supports that drive degrees of freedom
+    damping_dissipation      of the Rayleigh damping
+    numerical_dissipation    of the time scheme; zero for the theta scheme at theta = 1/2
+    normal_dissipation       minus the work of the normal reactions: what impacts lose
+    tangential_dissipation   minus the work of the tangential reactions
+    friction_dissipation     -sum r_T . u_T with the velocity u_T at the end of the step, of which Coulomb's law speaks: never negative.
+                             It differs from tangential_dissipation while u_T changes within the step, and is no term of the balance
+    residual                 change of kinetic + elastic - load_work - support_work + the dissipations but the last: round-off
+
+    The docstring of each scheme's `energy` has its identity.
+    """
+
+    kinetic: float
+    elastic: float
+    load_work: float
+    support_work: float
+    damping_dissipation: float
+    numerical_dissipation: float
+    normal_dissipation: float
+    tangential_dissipation: float
+    friction_dissipation: float
+    residual: float
+
+    def then(self, later: Energy) -> Energy:
+        """Return the balance over this time and the one that follows: energies of the later, sums of all else."""
+        sums = {f.name: getattr(self, f.name) + getattr(later, f.name) for f in fields(self) if f.name not in ("kinetic", "elastic")}
+        return replace(later, **sums)
+
+
+def momentum(model: Model, state: State) -> FloatArray:
+    """M v (n_dofs,) [N s, N m s] of a state, the rigid bodies' inertia as it stands there."""
+    return model.apply_mass(state.v, model.rigid_mass(state.x))
+
+
+def turning(model: Model, v0: FloatArray, P0: FloatArray, v1: FloatArray, P1: FloatArray) -> float:
+    """G = (v0 . P1 - v1 . P0) / 2 [J] for velocities v and momenta P = M v (n_dofs,) at the beginning and the end of a step.
+
+    Zero for constant M; what the turning of rigid bodies' inertia takes, (v0 + v1) / 2 . (P1 - P0) less the change of v.P / 2: it swings
+    about zero, since free rotation makes and takes no energy but for the scheme's error.
+    """
+    if not model.rigid_bodies.turning:
+        return 0.0
+    (a, b), (p, q) = ((model.rigid_part(x) for x in pair) for pair in ((v0, v1), (P0, P1)))
+    return 0.5 * float(np.sum(a * q - b * p))
+
+
+def balance(
+    *,
+    kinetic: tuple[float, float],
+    elastic: tuple[float, float],
+    loads: float,
+    supports: float,
+    damping: float,
+    numerical: float,
+    contact: ContactWork,
+) -> Energy:
+    """Close the balance; kinetic and elastic energy at the beginning and the end, works and dissipations as in `Energy`."""
+    change = kinetic[1] - kinetic[0] + elastic[1] - elastic[0]
+    return Energy(
+        kinetic=kinetic[1],
+        elastic=elastic[1],
+        load_work=loads,
+        support_work=supports,
+        damping_dissipation=damping,
+        numerical_dissipation=numerical,
+        normal_dissipation=-contact.normal,
+        tangential_dissipation=-contact.tangential,
+        friction_dissipation=contact.friction_dissipation,
+        residual=change - loads - supports + damping + numerical - contact.normal - contact.tangential,
+    )
+
+
+@dataclass(frozen=True)
+class ContactWork:
+    """Work of the reactions r on the mean velocity: normal and tangential part; and -sum r_T . u_T at the end of the step."""
+
+    normal: float
+    tangential: float
+    friction_dissipation: float
+
+
+def contact_work(H: Any, r: FloatArray, u: FloatArray, v: FloatArray, dimension: int) -> ContactWork:
+    """Work of r (m,) on H^T v (m,), v (n_dofs,) the velocity with which the scheme's energy works; u (m,) that of the contact law."""
+    reaction, mean, end = (a.reshape(-1, dimension) for a in (r, H.T @ v, u))
+    return ContactWork(
+        float(reaction[:, 0] @ mean[:, 0]),
+        float(np.einsum("ai,ai->", reaction[:, 1:], mean[:, 1:])),
+        -float(np.einsum("ai,ai->", reaction[:, 1:], end[:, 1:])),
+    )

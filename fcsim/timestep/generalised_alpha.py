@@ -1,0 +1,187 @@
+"""The nonsmooth generalised-alpha scheme: second order with high frequencies damped as far as wished, impacts by velocity jumps.
+
+Smooth motion, the generalised-alpha scheme of first-order form with the rates x', v' (K. E. Jansen, C. H. Whiting, G. M. Hulbert, Comput.
+Methods Appl. Mech. Eng. 190, 2000; for structures C. Kadapa, W. G. Dettmer, D. Perić, Comput. Struct. 193, 2017). Its parameters follow
+from the spectral radius rho at infinite frequency, as J. Chung and G. M. Hulbert (J. Appl. Mech. 60, 1993) introduced it:
+
+    alpha_m = (3 - rho) / (2 (1 + rho)),  alpha_f = 1 / (1 + rho),  gamma = 1/2 + alpha_m - alpha_f
+    M v'_m + C v_f + K x_f = F_f,  x'_m = v_f,  with ( )_m = alpha_m ( )+ + (1 - alpha_m) ( ), ( )_f likewise
+    x+ = x + h [(1 - gamma) x' + gamma x'+],  v+ = v + h [(1 - gamma) v' + gamma v'+] + jump,  M jump = H r
+
+Contact as in the nonsmooth generalised-alpha schemes of Q.-Z. Chen, V. Acary, G. Virlez, O. Brüls (Int. J. Numer. Methods Eng. 96, 2013)
+and V. Acary (ZAMM 96, 2016): reactions are impulses r, fully implicit, in a velocity jump apart from the smooth acceleration, so that an
+impact leaves no trace in v'. Positions follow from velocities alone (x'_m = v_f), so that a contact that lasts does not drift.
+Eliminated for v+, with kappa = h gamma / alpha_m and c = h gamma alpha_f / alpha_m, x+ = X + c v+:
+
+    (M + kappa alpha_f C + kappa alpha_f c K) v+ = f + H r
+    f = M v + h (alpha_f - 1/2) / alpha_m p - kappa [(1 - alpha_f) C v + K (alpha_f X + (1 - alpha_f) x)] + kappa F_f
+
+p = M v' [N], for rigid rotations the rate (M v)', is kept in the state and not v', so that no mass matrix is inverted and the gyroscopic
+term needs no formula (see theta.py). rho = 1 is Newmark's average acceleration (beta = 1/4,
+gamma = 1/2), with contact the theta scheme of theta = 1/2. Smooth motion converges with order 2, impacts, as impulses, with order 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.errors import InputError
+from fcsim.solvers import Result
+from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
+from fcsim.timestep.scheme import Gap, Velocity, law_contacts, law_velocity, positive
+from fcsim.timestep.state import State
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GeneralisedAlpha:
+    """h [s] the step, 0 <= rho <= 1 the spectral radius at infinite frequency, law: Gap() or Velocity(restitution)."""
+
+    h: float
+    rho: float = 0.8
+    law: Gap | Velocity = field(default_factory=Gap)
+
+    def __post_init__(self) -> None:
+        positive("h", self.h)
+        if not 0 <= self.rho <= 1:
+            raise InputError(f"rho: expected a spectral radius between 0 and 1, got {self.rho}")
+
+    @property
+    def alpha_m(self) -> float:
+        return 0.5 * (3 - self.rho) / (1 + self.rho)
+
+    @property
+    def alpha_f(self) -> float:
+        return 1 / (1 + self.rho)
+
+    @property
+    def gamma(self) -> float:
+        return 0.5 + self.alpha_m - self.alpha_f
+
+    @property
+    def kappa(self) -> float:
+        return self.h * self.gamma / self.alpha_m
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return ()
+
+    @property
+    def force_per_reaction(self) -> float:
+        return 1 / self.h
+
+    def cut(self, parts: int) -> GeneralisedAlpha:
+        return replace(self, h=self.h / parts)
+
+    def factors(self, model: Model) -> tuple[float, float]:
+        implicit = self.kappa * self.alpha_f
+        return 1 + implicit * model.alpha, implicit * (model.beta + self.kappa * self.alpha_f)
+
+    def detection_configuration(self, model: Model, state: State) -> FloatArray:
+        """x_m = x + h (1 - alpha_f) v + h (alpha_f - 1/2) x': the next one is x_m + h v+ exactly, as with the theta scheme."""
+        rate, _ = self._memory(model, state)
+        return model.advance(state.x, self.h * ((1 - self.alpha_f) * state.v + (self.alpha_f - 0.5) * rate))
+
+    def select(self, contacts: Contacts) -> Contacts:
+        return law_contacts(self.law, contacts)
+
+    def right_hand_side(self, model: Model, state: State) -> FloatArray:
+        h, kappa, alpha_f = self.h, self.kappa, self.alpha_f
+        x, v = state.x, state.v
+        _, inertia = self._memory(model, state)
+        explicit = x + self._explicit(model, state)  # X
+        elastic = model.apply_stiffness(alpha_f * explicit + (1 - alpha_f) * (x + model.beta * v))
+        mass = (1 - kappa * (1 - alpha_f) * model.alpha) * momentum(model, state)
+        return mass + h * (alpha_f - 0.5) / self.alpha_m * inertia + kappa * (self._force(model, state) - elastic)
+
+    def _explicit(self, model: Model, state: State) -> FloatArray:
+        """X - x (n_dofs,) [m, rad]."""
+        rate, _ = self._memory(model, state)
+        return self.h * (1 - self.gamma) * rate + self.kappa * ((1 - self.alpha_f) * state.v - (1 - self.alpha_m) * rate)
+
+    def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
+        """As that of `Theta`: M of the left side is that of R+ = exp(c omega+) exp(X - x) R with the omega+ of a free motion."""
+        c, d = self.kappa * self.alpha_f, model.dimension
+        middle = model.rigid_part(model.advance(state.x, self._explicit(model, state)))
+        angular = model.rigid_part(load)[:, d:] / (1 + c * model.alpha)
+        return model.rigid_bodies.free_end_mass(middle, angular, model.rigid_part(state.v)[:, d:], c, model.rigid_free[:, d:])
+
+    def _force(self, model: Model, state: State) -> FloatArray:
+        """alpha_f F+ + (1 - alpha_f) F (n_dofs,) [N]; followers stand as at t + alpha_f h, to first order."""
+        h, alpha_f = self.h, self.alpha_f
+        x = model.advance(state.x, h * alpha_f * state.v)
+        return alpha_f * model.load(state.t + h, x) + (1 - alpha_f) * model.load(state.t, x)
+
+    def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
+        return law_velocity(self.law, self.h, 0.5, state, contacts, H)
+
+    def driven(self, model: Model, state: State) -> FloatArray:
+        return model.driven_velocity(state.t + self.h)
+
+    def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
+        h, gamma, alpha_f, alpha_m = self.h, self.gamma, self.alpha_f, self.alpha_m
+        rate, inertia = self._memory(model, state)
+        next_rate = (alpha_f * v + (1 - alpha_f) * state.v - (1 - alpha_m) * rate) / alpha_m
+        jump = impulse.copy()  # M jump; a driven dof does not jump, its support takes the impulse
+        jump[model.driven_dofs] = 0
+        change = model.apply_mass(v, rigid_mass) - momentum(model, state)
+        next_inertia = (change - jump) / (h * gamma) - (1 - gamma) / gamma * inertia
+        x = model.advance(model.advance(state.x, self._explicit(model, state)), self.kappa * alpha_f * v)
+        return State(state.t + h, x, model.keep_momentum(v, rigid_mass, x), next_rate, next_inertia)
+
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
+        """h R + what contacts give to driven dofs, from the residual kappa R + the same: in the step's equation R counts kappa."""
+        struck = np.zeros(model.n_dofs)
+        struck[model.driven_dofs] = -impulse[model.driven_dofs]
+        return struck + self.h / self.kappa * (residual - struck)
+
+    def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
+        """The equation of smooth motion times dx, and M dv = h p_gamma + H r times the mean velocity V = (v + v+) / 2; exact:
+
+        d(v.M v / 2 + x.K x / 2) = dx.F_f + dx.R + V.(H r - what the supports take of it) - dx.C v_f - D
+        D = (alpha_f - 1/2) dx.K dx + dx.p_m - h V.p_gamma + G, with G of `turning`
+
+        with d the change over the step, R the supports' forces, p = M v'. D is zero for rho = 1. In single steps it may be negative, since
+        the scheme's own energy, which never grows without loads, differs from this one by terms of order h^2.
+        """
+        h, alpha_f, alpha_m, gamma = self.h, self.alpha_f, self.alpha_m, self.gamma
+        rate0, p0 = self._memory(model, before)
+        rate1, p1 = self._memory(model, after)
+        dx, mean = h * ((1 - gamma) * rate0 + gamma * rate1), 0.5 * (before.v + after.v)
+        K0, K1 = model.apply_stiffness(before.x), model.apply_stiffness(after.x)
+        M0, M1 = momentum(model, before), momentum(model, after)
+        damping = model.alpha * (alpha_f * M1 + (1 - alpha_f) * M0)
+        if model.beta:
+            damping += model.beta * model.apply_stiffness(alpha_f * after.v + (1 - alpha_f) * before.v)
+        struck = np.zeros(model.n_dofs)
+        struck[model.driven_dofs] = -(H @ result.r)[model.driven_dofs]
+        return balance(
+            kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
+            elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
+            loads=float(dx @ self._force(model, before)),
+            supports=float(dx @ (support - struck)) / h + float(mean @ struck),
+            damping=float(dx @ damping),
+            numerical=(alpha_f - 0.5) * float(dx @ (K1 - K0))
+            + float(dx @ (alpha_m * p1 + (1 - alpha_m) * p0))
+            - h * float(mean @ (gamma * p1 + (1 - gamma) * p0))
+            + turning(model, before.v, M0, after.v, M1),
+            contact=contact_work(H, result.r, result.u, mean, model.dimension),
+        )
+
+    @staticmethod
+    def _memory(model: Model, state: State) -> tuple[FloatArray, FloatArray]:
+        """x' and p = M v' of a state; of one that another scheme or a user made, x' = v and p by the equation of smooth motion."""
+        if state.rate is not None and state.inertia is not None:
+            return state.rate, state.inertia
+        inertia = (
+            model.load(state.t, state.x) - model.alpha * momentum(model, state) - model.apply_stiffness(state.x + model.beta * state.v)
+        )
+        inertia[model.driven_dofs] = 0
+        return state.v, inertia

@@ -1,0 +1,80 @@
+"""Loads that follow a rigid body: resultants from formulas, the motion of a spinning body in closed form."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from fcsim.assembly.loads import FollowerForce, FollowerPressure, Force
+from fcsim.assembly.model import build_model
+from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.errors import InputError
+from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
+from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.timestep.generalised_alpha import GeneralisedAlpha
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.state import at_rest
+from fcsim.timestep.theta import Theta
+
+
+def test_pressure_on_the_faces_of_a_box() -> None:
+    """p A inwards; through the middle of the face: about a centre of mass that is not below it, a moment."""
+    box = rigid_box("box", (2.0, 3.0, 5.0), (0, 0, 0), 7.0, (2, 3, 4))
+    for surface, force in {"x+": (-15, 0, 0), "x-": (15, 0, 0), "y+": (0, -10, 0), "z-": (0, 0, 6)}.items():
+        vector = build_model([box], loads=[FollowerPressure("box", surface, 4.0)]).load(0.0)
+        assert_allclose(vector, [*np.multiply(force, 4.0), 0, 0, 0], atol=1e-12)
+    shifted = RigidBody("box", 7.0, box.inertia, np.array([0.5, 0, 0]), box.points, box.surfaces)
+    vector = build_model([shifted], loads=[FollowerPressure("box", "z+", 1.0)]).load(0.0)
+    assert_allclose(vector, [0, 0, -6, 0, -0.5 * 6, 0], atol=1e-12)  # (-0.5, 0, 2.5) x (0, 0, -6)
+    everywhere = [FollowerPressure("box", side, 1.0) for side in box.surfaces]
+    assert_allclose(build_model([shifted], loads=everywhere).load(0.0), 0, atol=1e-12)
+    flat = rigid_rectangle("box", (2.0, 3.0), (0.5, 0), 7.0)
+    moved = RigidBody("box", 7.0, flat.inertia, np.array([0.0, 0]), flat.points, flat.surfaces)
+    assert_allclose(build_model([moved], loads=[FollowerPressure("box", "y-", 2.0)]).load(0.0), [0, 4, 0.5 * 4], atol=1e-12)
+
+
+def test_a_follower_turns_with_its_body() -> None:
+    box = rigid_box("box", (2.0, 3.0, 5.0), (1, 2, 3), 7.0)
+    still = Force("box", (0.0, 1.0, 0.0))
+    model = build_model([box], loads=[FollowerForce("box", (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), lambda t: t), still])
+    R = Rotation.from_rotvec([0.3, -0.8, 0.5])
+    x = np.concatenate([[9.0, 8.0, 7.0], R.as_rotvec()])
+    assert_allclose(model.load(2.0, x), [*(2 * R.apply([1, 2, 3]) + [0, 1, 0]), *(2 * R.apply([4, 5, 6]))])
+    assert_allclose(model.load(2.0), [2, 5, 6, 8, 10, 12])
+
+
+@pytest.mark.parametrize("scheme", [Theta, lambda h: GeneralisedAlpha(h, 0.5)])
+def test_thrust_on_a_spinning_body(scheme: Any) -> None:
+    """A force f fixed to a plane body that spins with omega: v = f / (m omega) (sin, 1 - cos)(omega t); order 2."""
+    mass, f, omega, end = 2.0, 3.0, 5.0, 1.0
+    bodies = [rigid_rectangle("a", (1, 1), (0, 0), mass), rigid_rectangle("far", (1, 1), (1e3, 0), 1.0)]
+    model = build_model(bodies, loads=[FollowerForce("a", (f, 0.0))])
+    pair = SurfacePair(contact_surface(model, [("a", "x+")]), contact_surface(model, [("far", "x-")]), 0.0, 1e-3)
+    initial = at_rest(model)
+    initial.v[2] = omega
+    exact = f / (mass * omega) * np.array([np.sin(omega * end), 1 - np.cos(omega * end)])
+    errors = []
+    for steps in (20, 40):
+        last = list(Simulation(model, Detector([pair], model.n_nodes), scheme(end / steps), steps, initial=initial))[-1]
+        assert abs(last.energy.residual) < 1e-12
+        errors.append(np.linalg.norm(last.state.v[:2] - exact))
+    assert_allclose(np.log2(errors[0] / errors[1]), 2, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
+        (FollowerForce("soft", (1.0, 0, 0)), "FollowerForce on body 'soft': expected a rigid body"),
+        (FollowerPressure("soft", "x+", 1.0), "FollowerPressure on body 'soft': expected a rigid body"),
+        (FollowerPressure("box", "top", 1.0), "body 'box': expected a surface among"),
+        (FollowerPressure("box", "x+", float("nan")), "expected a finite pressure"),
+        (FollowerForce("box", (1.0, 0)), "expected 3 force and 3 moment components"),
+    ],
+)
+def test_refusals(load: Any, message: str) -> None:
+    soft = Body("soft", brick("soft", (1, 1, 1), (1, 1, 1), Material(1e6, 0.3, 1e3)))
+    with pytest.raises(InputError, match=message):
+        build_model([soft, rigid_box("box", (1, 1, 1), (5, 0, 0), 1.0)], loads=[load])
