@@ -19,6 +19,7 @@ from fcsim.case import Case, Sensor
 from fcsim.cli import main
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.errors import InputError
 from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
 from fcsim.mesh.part import Body, Material
 from fcsim.timestep.quasi_static import QuasiStatic
@@ -109,6 +110,10 @@ def approach(p: Parameters) -> float:
 
 def build(p: Parameters) -> Case:
     """Return the case with the given parameters."""
+    if not p.mu > 0:
+        raise InputError(f"case cattaneo_mindlin, mu: expected a friction coefficient > 0, got {p.mu}")
+    if not p.core >= 1.1:  # the contact must stay inside
+        raise InputError(f"case cattaneo_mindlin, core: expected at least 1.1 contact radii, got {p.core}")
     model = cut_bodies(p)
     pair = SurfacePair(
         contact_surface(model, [("round", "contact")]),
@@ -116,7 +121,7 @@ def build(p: Parameters) -> Case:
         p.mu,
         alert=2 * (p.core * p.contact_radius) ** 2 / p.radius,
     )
-    scheme = QuasiStatic(2 / p.steps)  # pressed from t = 0 to 1, pushed sideways from 1 to 2
+    scheme = QuasiStatic(2 / max(p.steps, 1))  # pressed from t = 0 to 1, pushed sideways from 1 to 2
     settings = SolverSettings(name=p.solver, tol=p.tol, floor=1e-2 * approach(p))
     simulation = Simulation(model, Detector([pair], model.n_nodes), scheme, p.steps, settings)
     slip, loaded = formulas(p), Loaded(model, p)

@@ -20,6 +20,7 @@ from fcsim.case import Case, Sensor
 from fcsim.cli import main
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.errors import InputError
 from fcsim.mesh.blocks import rigid_box, rigid_rectangle
 from fcsim.mesh.graded import half_ball, half_disk
 from fcsim.mesh.part import Body, Material, Part, RigidBody
@@ -99,6 +100,10 @@ def formulas(p: Parameters) -> Hertz:
 
 def build(p: Parameters) -> Case:
     """Return the case with the given parameters."""
+    if not 0 < p.approach < p.radius / 4:
+        raise InputError(f"case hertz, approach: expected a length between 0 and a quarter of the radius {p.radius} m, got {p.approach}")
+    if not p.core >= 1.1:  # the contact must stay inside; finite bodies make it a few per cent larger than the formula says
+        raise InputError(f"case hertz, core: expected at least 1.1 contact radii, got {p.core}")
     hertz = formulas(p)
     core = p.core * hertz.radius(hertz.force(p.approach))
     bodies, supports = two_spheres(p, core) if p.contact == "two-spheres" else round_on_plane(p, core, hertz.d)
@@ -106,7 +111,7 @@ def build(p: Parameters) -> Case:
     face = "contact" if p.contact == "two-spheres" else ("y+" if hertz.d == 2 else "z+")
     master = contact_surface(model, [("lower", face)])
     pair = SurfacePair(contact_surface(model, [("upper", "contact")]), master, mu=0.0, alert=2 * core**2 / hertz.R)
-    h = 1 / p.steps  # the approach is complete at t = 1
+    h = 1 / max(p.steps, 1)  # the approach is complete at t = 1
     simulation = Simulation(
         model,
         Detector([pair], model.n_nodes),

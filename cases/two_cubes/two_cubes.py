@@ -50,7 +50,7 @@ def build(p: Parameters) -> Case:
         contact_surface(model, [("upper", "z-")]), contact_surface(model, [("lower", "z+")]), p.mu, 0.1 * p.side / p.elements, p.candidates
     )
     settings = SolverSettings(name=p.solver, tol=p.tol, floor=1e-3 * p.compression)
-    simulation = Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(1 / p.steps), p.steps, settings)
+    simulation = Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(1 / max(p.steps, 1)), p.steps, settings)
     upper, area = model.number["upper"], nodal_area(model, "upper", "z-")
 
     def pressure(step: Step) -> np.ndarray:
