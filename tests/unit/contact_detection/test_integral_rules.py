@@ -1,5 +1,6 @@
 """The mortar and the segment Gauss point rule: weights, gaps and balance against integrals computed otherwise."""
 
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -82,7 +83,7 @@ def test_weights_of_constant_multipliers() -> None:
     ours, theirs = np.array([0.0, 0.3, 1.0, 1.6, 2.0]), np.array([0.0, 0.7, 1.1, 2.0])
     contacts, _ = detect(line(ours, up=False), [line(theirs)], "mortar-faces")
     breaks = np.union1d(ours, theirs)
-    for j, (a, b) in enumerate(itertools.pairwise(ours)):
+    for j, (a, b) in enumerate(pairwise(ours)):
         inside = breaks[(breaks > a) & (breaks < b)]
         own = [quad(lambda x, k=k: hat(ours, k, x), a, b, points=inside)[0] for k in range(5)]
         other = [quad(lambda x, k=k: hat(theirs, k, x), a, b, points=inside)[0] for k in range(4)]
