@@ -88,14 +88,19 @@ class Mortar(SegmentToSegment):
 
         normal = np.stack([_sum_by(row, share * -n[:, None], len(key)) for n in now.slave.normal[slave].T], axis=1)[kept]
         normal /= np.sqrt(np.einsum("nd,nd->n", normal, normal))[:, None]
-        scale = 1.0 / size[kept]
-        on_slave = _rows(row, own, self.slaves.closed[slave], scale, kept, len(now.x))
-        on_master = _rows(row, others, self.masters.closed[master], scale, kept, len(now.x))
-        point = on_master @ now.x
-        gap = np.einsum("nd,nd->n", on_slave @ now.x - point, normal)
+        weights = _rows(
+            np.where(kept, np.cumsum(kept) - 1, -1)[row],
+            np.concatenate([own, -others], axis=2),
+            np.concatenate([self.slaves.closed[slave], self.masters.closed[master]], axis=1),
+            (int(kept.sum()), len(now.x)),
+        )
+        weights.data *= np.repeat(1.0 / size[kept], np.diff(weights.indptr))
+        on_master = csr_array((np.minimum(weights.data, 0.0), weights.indices, weights.indptr), shape=weights.shape)
+        point = -(on_master @ now.x)
+        gap = np.einsum("nd,nd->n", weights @ now.x, normal)
         near = gap <= self.alert[self.pair_of_multiplier[multiplier[kept]]]
         multiplier, body = multiplier[kept][near], body[kept][near]
-        nodes, weights = _padded(on_slave[near] - on_master[near])
+        nodes, padded = _padded(weights if near.all() else weights[near])
         pair = self.pair_of_multiplier[multiplier]
         contacts = Contacts(
             point=point[near],
@@ -103,7 +108,7 @@ class Mortar(SegmentToSegment):
             gap=gap[near],
             mu=self.mu[pair],
             nodes=nodes,
-            weights=weights,
+            weights=padded,
             bodies=np.stack([self.body_of_multiplier[multiplier], body], axis=1),
             identity=(multiplier - self.first[pair]) * self.n_bodies + body,
         )
@@ -131,14 +136,14 @@ def _sum_by(row: IntArray, values: FloatArray, count: int) -> FloatArray:
     return np.bincount(row.ravel(), values.ravel(), minlength=count).astype(np.float64, copy=False)  # integers where there is no value
 
 
-def _rows(row: IntArray, sums: FloatArray, nodes: IntArray, scale: FloatArray, kept: NDArray[np.bool_], n_nodes: int) -> csr_array:
-    """Matrix (kept rows, n_nodes), times `scale`, from sums (np, j, k) that belong to row (np, j) and node (np, k)."""
-    place = np.where(kept, np.cumsum(kept) - 1, -1)[row]
-    i = np.broadcast_to(place[:, :, None], sums.shape)
+def _rows(row: IntArray, sums: FloatArray, nodes: IntArray, shape: tuple[int, int]) -> csr_array:
+    """Sparse matrix of the sums (np, j, k) that belong to row (np, j), left out where it is -1, and node (np, k)."""
+    i = np.broadcast_to(row[:, :, None], sums.shape)
     k = np.broadcast_to(nodes[:, None], sums.shape)
     real = (i >= 0) & (sums != 0.0)
-    i = i[real]
-    return csr_array((sums[real] * scale[i], (i, k[real])), shape=(len(scale), n_nodes))
+    matrix = csr_array((sums[real], (i[real], k[real])), shape=shape)
+    matrix.sum_duplicates()
+    return matrix
 
 
 def _padded(matrix: csr_array) -> tuple[IntArray, FloatArray]:
