@@ -10,7 +10,7 @@ so that gap_j = N_j . int chi_j (x_s - x_m) / a_j is the weighted gap and r_j / 
 Hyperstaticity: "mortar" has no more contacts than slave nodes, and W full rank, as long as a node is in one pair and over one body; a node
 at the edge of two joints, or above the joint of two masters, has a contact in each, too many for its dofs if all its neighbours do alike
 (a wall of bricks). "mortar-faces" has no more contacts than slave facets: the rule for such joints, as "faces" is among those of
-node-to-segment. Constant multipliers can leave a checkerboard of pressures undetermined on large regular joints.
+node-to-segment; of triangles there are twice as many as nodes, and W is singular on meshes that match.
 
 Balance: the weights sum to zero, so H r has no resultant. Its moment is sum_j d_j x r_j with d_j the mean of x_s - x_m: zero on flat closed
 surfaces; on curved ones facets of size h are chords at a distance O(h^2) from each other with n off N_j by O(h), so d_j is off N_j by
