@@ -1,4 +1,4 @@
-"""Press and shear on the four meshes of the benchmark and two rules of contact, beside four programs' figures.
+"""Press and shear on the four meshes of the benchmark and three rules of contact, beside four programs' figures.
 
     python cases/press_and_shear/compare_meshes.py [--out DIR]
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fcsim.case import load_case
-from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, STYLE, figure, matplotlib, save
+from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, SKY, STYLE, figure, matplotlib, save
 
 # nodes: divisions of the bottom and of the top block
 MESHES = {
@@ -29,7 +29,7 @@ MATCHING = {k: ((6 * k, 6 * k, 2 * k), (4 * k, 4 * k, 2 * k)) for k in (1, 2, 3,
 INTEGRAL = {123: 6.36e5, 596: 6.18e5, 2262: 6.14e5}
 NODE_TO_SEGMENT = {123: 6.85e5, 596: 6.48e5, 2262: 6.30e5, 5672: 6.24e5}
 RATIO = {123: 0.492, 596: 0.490, 2262: 0.489}  # |R_x / R_z| after the shear
-RULES = {"nodes": "node-to-segment", "mortar": "mortar"}
+RULES = {"nodes": "node-to-segment", "mortar": "mortar", "mortar-faces": "mortar-faces"}
 
 
 def forces(divisions: tuple[tuple[int, ...], tuple[int, ...]], rule: str, steps: int = 10) -> np.ndarray:
@@ -48,9 +48,11 @@ def measure() -> dict[str, dict[int, np.ndarray]]:
 def table(found: dict[str, dict[int, np.ndarray]]) -> str:
     """The README's two tables."""
     lines = ["| normal force after the press [kN] | " + " | ".join(f"{n} nodes" for n in MESHES) + " |", "|---" * (1 + len(MESHES)) + "|"]
-    for rule, theirs in (("nodes", NODE_TO_SEGMENT), ("mortar", INTEGRAL)):
-        other = "node-to-segment programs" if rule == "nodes" else "integral programs"
-        lines.append(f"| {other} | " + " | ".join(f"{theirs[n] / 1e3:.0f}" if n in theirs else "-" for n in MESHES) + " |")
+    for rule in RULES:
+        theirs = NODE_TO_SEGMENT if rule == "nodes" else INTEGRAL
+        if rule != "mortar-faces":
+            other = "node-to-segment programs" if rule == "nodes" else "integral programs"
+            lines.append(f"| {other} | " + " | ".join(f"{theirs[n] / 1e3:.0f}" if n in theirs else "-" for n in MESHES) + " |")
         values = {n: -f[1, 2] for n, f in found[rule].items()}
         cells = [f"{v / 1e3:.1f}" + (f" ({100 * (v / theirs[n] - 1):+.1f} %)" if n in theirs else "") for n, v in values.items()]
         lines.append(f"| **fcsim, {RULES[rule]}** | " + " | ".join(cells) + " |")
@@ -68,11 +70,12 @@ def draw(found: dict[str, dict[int, np.ndarray]], matching: dict[float, float], 
         drawing = figure(10.0, 4.2, layout="constrained")
         left, right = drawing.subplots(1, 2)
         size = {n: 1.0 / divisions[1][0] for n, divisions in MESHES.items()}
-        for rule, colour, theirs, mark in (("nodes", ORANGE, NODE_TO_SEGMENT, "s"), ("mortar", BLUE, INTEGRAL, "o")):
+        for rule, colour, mark in (("nodes", ORANGE, "s"), ("mortar", BLUE, "o"), ("mortar-faces", SKY, "v")):
             ours = [-f[1, 2] / 1e3 for f in found[rule].values()]
             left.plot([size[n] for n in MESHES], ours, "-" + mark, color=colour, label=f"fcsim, {RULES[rule]}")
-            label = "programs, " + ("node-to-segment" if rule == "nodes" else "integral")
-            left.plot([size[n] for n in theirs], [f / 1e3 for f in theirs.values()], "x", color=colour, markersize=10, label=label)
+        for theirs, colour, name in ((NODE_TO_SEGMENT, RED, "node-to-segment"), (INTEGRAL, BLACK, "integral")):
+            x, y = [size[n] for n in theirs], [f / 1e3 for f in theirs.values()]
+            left.plot(x, y, "x", color=colour, markersize=10, label=f"programs, {name}")
         left.plot(list(matching), [f / 1e3 for f in matching.values()], "--^", color=GREEN, label="fcsim, mortar, matching meshes")
         left.set(xlabel="element size of the top block [m]", ylabel="[kN]", title="Normal force after the press", xlim=(0, None))
         left.legend(fontsize=9)

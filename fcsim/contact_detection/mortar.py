@@ -10,7 +10,7 @@ so that gap_j = N_j . int chi_j (x_s - x_m) / a_j is the weighted gap and r_j / 
 Hyperstaticity: "mortar" has no more contacts than slave nodes, and W full rank, as long as a node is in one pair and over one body; a node
 at the edge of two joints, or above the joint of two masters, has a contact in each, too many for its dofs if all its neighbours do alike
 (a wall of bricks). "mortar-faces" has no more contacts than slave facets: the rule for such joints, as "faces" is among those of
-node-to-segment. Constant multipliers can leave a checkerboard of pressures undetermined on large regular joints.
+node-to-segment; of triangles there are twice as many as nodes, and W is singular on meshes that match.
 
 Balance: the weights sum to zero, so H r has no resultant. Its moment is sum_j d_j x r_j with d_j the mean of x_s - x_m: zero on flat closed
 surfaces; on curved ones facets of size h are chords at a distance O(h^2) from each other with n off N_j by O(h), so d_j is off N_j by
@@ -88,14 +88,19 @@ class Mortar(SegmentToSegment):
 
         normal = np.stack([_sum_by(row, share * -n[:, None], len(key)) for n in now.slave.normal[slave].T], axis=1)[kept]
         normal /= np.sqrt(np.einsum("nd,nd->n", normal, normal))[:, None]
-        scale = 1.0 / size[kept]
-        on_slave = _rows(row, own, self.slaves.closed[slave], scale, kept, len(now.x))
-        on_master = _rows(row, others, self.masters.closed[master], scale, kept, len(now.x))
-        point = on_master @ now.x
-        gap = np.einsum("nd,nd->n", on_slave @ now.x - point, normal)
+        weights = _rows(
+            np.where(kept, np.cumsum(kept) - 1, -1)[row],
+            np.concatenate([own, -others], axis=2),
+            np.concatenate([self.slaves.closed[slave], self.masters.closed[master]], axis=1),
+            (int(kept.sum()), len(now.x)),
+        )
+        weights.data *= np.repeat(1.0 / size[kept], np.diff(weights.indptr))
+        on_master = csr_array((np.minimum(weights.data, 0.0), weights.indices, weights.indptr), shape=weights.shape)
+        point = -(on_master @ now.x)
+        gap = np.einsum("nd,nd->n", weights @ now.x, normal)
         near = gap <= self.alert[self.pair_of_multiplier[multiplier[kept]]]
         multiplier, body = multiplier[kept][near], body[kept][near]
-        nodes, weights = _padded(on_slave[near] - on_master[near])
+        nodes, padded = _padded(weights if near.all() else weights[near])
         pair = self.pair_of_multiplier[multiplier]
         contacts = Contacts(
             point=point[near],
@@ -103,7 +108,7 @@ class Mortar(SegmentToSegment):
             gap=gap[near],
             mu=self.mu[pair],
             nodes=nodes,
-            weights=weights,
+            weights=padded,
             bodies=np.stack([self.body_of_multiplier[multiplier], body], axis=1),
             identity=(multiplier - self.first[pair]) * self.n_bodies + body,
         )
@@ -131,14 +136,14 @@ def _sum_by(row: IntArray, values: FloatArray, count: int) -> FloatArray:
     return np.bincount(row.ravel(), values.ravel(), minlength=count).astype(np.float64, copy=False)  # integers where there is no value
 
 
-def _rows(row: IntArray, sums: FloatArray, nodes: IntArray, scale: FloatArray, kept: NDArray[np.bool_], n_nodes: int) -> csr_array:
-    """Matrix (kept rows, n_nodes), times `scale`, from sums (np, j, k) that belong to row (np, j) and node (np, k)."""
-    place = np.where(kept, np.cumsum(kept) - 1, -1)[row]
-    i = np.broadcast_to(place[:, :, None], sums.shape)
+def _rows(row: IntArray, sums: FloatArray, nodes: IntArray, shape: tuple[int, int]) -> csr_array:
+    """Sparse matrix of the sums (np, j, k) that belong to row (np, j), left out where it is -1, and node (np, k)."""
+    i = np.broadcast_to(row[:, :, None], sums.shape)
     k = np.broadcast_to(nodes[:, None], sums.shape)
     real = (i >= 0) & (sums != 0.0)
-    i = i[real]
-    return csr_array((sums[real] * scale[i], (i, k[real])), shape=(len(scale), n_nodes))
+    matrix = csr_array((sums[real], (i[real], k[real])), shape=shape)
+    matrix.sum_duplicates()
+    return matrix
 
 
 def _padded(matrix: csr_array) -> tuple[IntArray, FloatArray]:
