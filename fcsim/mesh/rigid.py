@@ -64,7 +64,11 @@ def rigid_body(body: Body) -> RigidBody:
 
 
 def blocks_that_are(kind: BlockKind, bodies: Sequence[Body]) -> list[Body | RigidBody]:
-    """Return the bodies as they are ("deformable"), all as rigid bodies ("rigid"), or every second one, from the second on ("mixed")."""
+    """Return the bodies as they are ("deformable"), all as rigid bodies ("rigid"), or every second one, from the second on ("mixed").
+
+    Joints of rigid blocks have more contact points than motions, so that W is singular and reactions are not unique: the solver
+    PPA-NSN-AC bears that best, ADMM and auto bear it, Newton's method alone does not.
+    """
     if kind not in get_args(BlockKind):
         raise InputError(f"kind of blocks: expected one of {', '.join(get_args(BlockKind))}, got {kind!r}")
     if kind == "deformable":

@@ -188,7 +188,8 @@ class Scene:
         """Return (height, width, 3): blocks coloured by von Mises stress with the mesh's edges, or plain; platens in grey."""
         self._plotter.clear_actors()
         if instant.rigid is not None:
-            self._add(read(instant.rigid), color="#8c8c8c" if self.survey.planar else "#c9c9c9" if coloured else "#dedede")
+            rigid = read(instant.rigid)
+            self._add(rigid, color="#8c8c8c" if rigid.n_lines else "#c9c9c9" if coloured else "#dedede")
         if instant.blocks is not None:
             blocks = read(instant.blocks)
             colours: dict[str, Any] = {"color": "#f4f1ea"}

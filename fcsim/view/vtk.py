@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -183,28 +184,42 @@ class _Blocks:
 
 
 class _RigidSurfaces:
-    """The polygons (3D) or segments (2D) of the rigid bodies' surfaces; a facet that stands in two named surfaces is taken once."""
+    """The polygons of the rigid bodies' surfaces; a facet that stands in two named surfaces is taken once. A 2D body whose segments are
+    one closed line is the polygon within, another one its segments."""
 
     def __init__(self, vtk: _VTK, model: Any, numbers: list[int]) -> None:
         self._vtk = vtk
         self._nodes, begin = _body_nodes(model, numbers)
-        facets: list[NDArray] = []
-        owner: list[int] = []
+        lines: list[tuple[int, list[int]]] = []
+        polygons: list[tuple[int, list[int]]] = []
         for number, first in zip(numbers, begin, strict=False):
             different = {tuple(sorted(facet)): facet for surface in model.bodies[number].surfaces.values() for facet in surface.tolist()}
-            facets += [np.array(facet) + first for facet in different.values()]
-            owner += [number] * len(different)
+            outline = _closed_line(different.values()) if model.dimension == 2 else None
+            cells, into = ([outline], polygons) if outline else (different.values(), polygons if model.dimension == 3 else lines)
+            into += [(number, [node + first for node in cell]) for cell in cells]
         self._surface = vtk.data.vtkPolyData()
         self._surface.SetPoints(vtk.points(np.asarray(model.reference)[self._nodes]))
-        if facets:
-            cells = vtk.cells(np.concatenate([[0], np.cumsum([len(facet) for facet in facets])]), np.concatenate(facets))
-            (self._surface.SetPolys if model.dimension == 3 else self._surface.SetLines)(cells)
-        self._surface.GetCellData().AddArray(vtk.array("body", np.array(owner, dtype=np.int32)))
+        for given, take in ((lines, self._surface.SetLines), (polygons, self._surface.SetPolys)):
+            if given:
+                sizes = [len(cell) for _, cell in given]
+                take(vtk.cells(np.concatenate([[0], np.cumsum(sizes)]), np.concatenate([cell for _, cell in given])))
+        # VTK numbers the lines before the polygons
+        self._surface.GetCellData().AddArray(vtk.array("body", np.array([number for number, _ in lines + polygons], dtype=np.int32)))
 
     def dataset(self, displacement: NDArray, velocity: NDArray) -> Any:
         self._surface.GetPointData().AddArray(self._vtk.array("displacement", _in_space(displacement[self._nodes])))
         self._surface.GetPointData().AddArray(self._vtk.array("velocity", _in_space(velocity[self._nodes])))
         return self._surface
+
+
+def _closed_line(segments: Iterable[Sequence[int]]) -> list[int] | None:
+    """The nodes around the segments (start, end) where these are one closed line, else None."""
+    pairs = list(segments)
+    following: dict[int, int] = {start: end for start, end in pairs}
+    line = [next(iter(following), -1)]
+    while (node := following.pop(line[-1], -1)) not in (-1, line[0]):
+        line.append(node)
+    return line if node == line[0] and len(line) == len(pairs) > 0 else None
 
 
 def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:

@@ -152,11 +152,11 @@ def test_energy_of_a_driven_top_balances(scheme: Theta | GeneralisedAlpha) -> No
 
 
 def test_energy_of_an_asymmetric_top_only_oscillates() -> None:
-    """The scheme is symmetric in time at theta = 1/2: over a dozen turns the energy stays within C h^2 and does not drift."""
+    """The scheme is symmetric in time at theta = 1/2: over eight turns the energy stays within C h^2 and does not drift."""
     largest = []
     for h in (0.1, 0.05):
         model = top()
-        energy = motion(model, states_without_contacts(model, Theta(h), int(60 / h), PLACED @ [0.6, 0.3, 1.0])).energy
+        energy = motion(model, states_without_contacts(model, Theta(h), int(40 / h), PLACED @ [0.6, 0.3, 1.0])).energy
         relative = energy / energy[0] - 1
         largest.append(np.abs(relative).max())
         half = len(relative) // 2
@@ -275,7 +275,7 @@ def test_ball_rolls_down_a_slope() -> None:
     A polygon of n corners loses the share 5/7 d^2, d = 2 pi / n, of its kinetic energy at each corner that comes down (a rimless
     wheel, inelastic), that is every R d: v' = a - 5/14 (d / R) v^2, so that after the distance s the speed a t is smaller by the share
     5/21 d s / R, to first order; a step finds a new corner h / 2 late, which is of first order too: both halve with d and h."""
-    slope, time = 0.15, 0.5
+    slope, time = 0.4, 0.3
     short = []
     for meridians, h in ((48, 1.25e-3), (96, 6.25e-4)):
         end = rolled(meridians, slope, 0.5, time, h)
@@ -298,8 +298,8 @@ def test_ball_slips_where_friction_is_too_small() -> None:
     """
     slope, time = 0.9, 0.3
     mu = 0.5 * 2 / 7 * np.tan(slope)
-    end = rolled(60, slope, mu, time, 5e-4)
+    end = rolled(60, slope, mu, time, 1e-3)
     spin = 2.5 * mu * G * np.cos(slope) / RADIUS * time
     share = 5 / 6 * 2 * np.pi / 60 * spin * time / 2
     assert end.v[0] == pytest.approx(G * (np.sin(slope) - mu * np.cos(slope)) * time, rel=5e-3)
-    assert end.v[4] == pytest.approx(spin * (1 - share), rel=0.02)
+    assert end.v[4] == pytest.approx(spin * (1 - share), rel=0.03)

@@ -132,7 +132,7 @@ def test_stiff_block_topples_on_a_slope(factor: float) -> None:
 
 
 @pytest.mark.parametrize("kind", ["rigid", "deformable"])
-@pytest.mark.parametrize(("mu", "factor"), [(0.3, 0.95), (0.3, 1.05), (0.39, 0.98)])
+@pytest.mark.parametrize(("mu", "factor"), [(0.3, 1.05), (0.39, 0.98)])
 def test_block_slides_before_it_topples(kind: str, mu: float, factor: float) -> None:
     """mu < b / h = 0.4: it stands or slides with g (sin - mu cos), and does not turn."""
     slope = np.arctan(factor * mu)
@@ -169,7 +169,7 @@ LENGTH, BRICKS = 0.2, 4
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("factor", [0.99, 1.01])
 def test_overhanging_stack_of_rigid_bricks(d: int, factor: float) -> None:
-    check_overhang("rigid", d, factor, 200)
+    check_overhang("rigid", d, factor, 150)
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1])

@@ -16,6 +16,7 @@ from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box
 from fcsim.mesh.part import Body, Material
+from fcsim.mesh.rigid import BlockKind, blocks_that_are
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Gap
 from fcsim.timestep.simulation import Simulation, SolverSettings, Step
@@ -79,15 +80,13 @@ def test_two_bars_pressed_end_to_end(rotation: np.ndarray) -> None:
     assert_allclose(last.contact_force_on(1), -push * 0.01, rtol=1e-5, atol=1e-3)
 
 
-@pytest.mark.parametrize("deformable", [True, False])
-def test_stack_of_blocks_carries_its_weight(deformable: bool) -> None:
+@pytest.mark.parametrize("kind", ["deformable", "rigid", "mixed"])
+def test_stack_of_blocks_carries_its_weight(kind: BlockKind) -> None:
     """Every joint carries what stands on it; the plane carries all. Quasi-statics, regularised by the blocks' own mass."""
     count, weight = 4, 0.1**3 * 2000 * 9.81
     part = brick("block", (0.1, 0.1, 0.1), (2, 2, 1), Material(1e7, 0.2, 2000.0))
     names = [f"block {k}" for k in range(count)]
-    blocks: list[Any] = [Body(name, part, translation=np.array([0, 0, 0.1 * k])) for k, name in enumerate(names)]
-    if not deformable:
-        blocks = [rigid_box(name, (0.1, 0.1, 0.1), (0.05, 0.05, 0.05 + 0.1 * k), 2.0) for k, name in enumerate(names)]
+    blocks = blocks_that_are(kind, [Body(name, part, translation=np.array([0, 0, 0.1 * k])) for k, name in enumerate(names)])
     plane = rigid_box("plane", (1, 1, 1), (0, 0, -0.5), 1.0)
     model = build_model([*blocks, plane], supports=[Support("plane", AXES)], gravity=lambda t: (0, 0, -9.81))
     pairs = [SurfacePair(contact_surface(model, [(names[0], "z-")]), contact_surface(model, [("plane", "z+")]), 0.5, 1e-3)]

@@ -10,7 +10,7 @@ import pyvista
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.part import Body, Material, Part
-from fcsim.view.vtk import SeriesWriter
+from fcsim.view.vtk import SeriesWriter, _closed_line
 
 SOFT = Material(E=5.0, nu=0.25, density=1.0)
 
@@ -79,12 +79,30 @@ def test_contacts_hold_reaction_gap_and_status(written):
 def test_rigid_surfaces(written):
     model, step, directory = written
     rigid, d = pyvista.read(directory / "rigid_00010.vtp"), model.dimension
-    assert rigid.n_cells == (2 * 6 if d == 3 else 2 * 4)  # the contact surface repeats a facet of the box: taken once
+    assert rigid.n_cells == (2 * 6 if d == 3 else 2)  # the contact surface repeats a facet of the box: taken once; 2D: the outline
+    assert rigid.n_lines == 0
     np.testing.assert_array_equal(rigid.points[:, :d], model.reference[model.node_offset[12] :])
     np.testing.assert_array_equal(rigid["displacement"][:, :d], step.state.x.reshape(-1, d)[model.node_offset[12] :])
     assert set(rigid["body"]) == {12, 13}
     if d == 3:
         assert rigid.volume == pytest.approx(2 * 0.76 * 0.14 * 0.04)
+    else:
+        assert rigid.area == pytest.approx(2 * 0.76 * 0.04)
+
+
+@pytest.mark.parametrize(
+    ("segments", "line"),
+    [
+        ([(0, 1), (3, 0), (1, 2), (2, 3)], [0, 1, 2, 3]),
+        ([(0, 1), (1, 2), (2, 3)], None),  # open
+        ([(0, 1), (1, 0), (2, 3), (3, 2)], None),  # a ring: two lines
+        ([(0, 1), (2, 1), (2, 0)], None),  # not all one way
+        ([(1, 2), (2, 3), (3, 2)], None),  # a loop at the end of a line
+        ([], None),
+    ],
+)
+def test_closed_lines(segments, line):
+    assert _closed_line(segments) == line
 
 
 @pytest.mark.parametrize("d", [2, 3])
