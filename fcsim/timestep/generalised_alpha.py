@@ -80,6 +80,9 @@ class GeneralisedAlpha:
     def cut(self, parts: int) -> GeneralisedAlpha:
         return replace(self, h=self.h / parts)
 
+    def refuse(self, model: Model) -> None:
+        return
+
     def factors(self, model: Model) -> tuple[float, float]:
         implicit = self.kappa * self.alpha_f
         return 1 + implicit * model.alpha, implicit * (model.beta + self.kappa * self.alpha_f)

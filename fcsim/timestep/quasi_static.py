@@ -50,13 +50,12 @@ class QuasiStatic:
         return replace(self, h=self.h / parts, eta=self.eta / parts**2)
 
     def factors(self, model: Model) -> tuple[float, float]:
-        if self.eta == 0:
-            self._refuse_floating(model)
         return self.eta / self.h**2, 1.0
 
-    @staticmethod
-    def _refuse_floating(model: Model) -> None:
-        """A body with a rigid motion left has a singular stiffness."""
+    def refuse(self, model: Model) -> None:
+        """With eta = 0, a body with a rigid motion left: its stiffness is singular."""
+        if self.eta:
+            return
         d = model.dimension
         driven = np.zeros(model.n_dofs, dtype=bool)
         driven[model.driven_dofs] = True

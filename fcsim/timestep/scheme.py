@@ -40,6 +40,10 @@ class Scheme(Protocol):
         """Return the scheme of a `parts`-th of the step."""
         ...
 
+    def refuse(self, model: Model) -> None:
+        """Raise InputError for a model that the scheme cannot move."""
+        ...
+
     def factors(self, model: Model) -> tuple[float, float]:
         """Return (mass_factor, stiffness_factor)."""
         ...
@@ -84,7 +88,10 @@ class Scheme(Protocol):
 
 @dataclass(frozen=True)
 class Gap:
-    """0 <= g + h u_N ⊥ r_N >= 0 on all contacts within the alert distance (LMGC90's GAP_SGR_CLB, inelastic)."""
+    """0 <= g + h u_N ⊥ r_N >= 0 on all contacts within the alert distance (LMGC90's GAP_SGR_CLB, inelastic).
+
+    A penetration, g < 0, is gone after one step; the reaction that pushes it out works like a spring and adds energy.
+    """
 
 
 @dataclass(frozen=True)

@@ -215,7 +215,7 @@ class Simulation:
             raise InputError(f"steps: expected a whole number >= 0, got {self.steps}")
         if not 0 <= self.cuttings <= 20:
             raise InputError(f"cuttings: expected a whole number from 0 to 20, got {self.cuttings}")
-        self.scheme.factors(self.model)  # statics refuse bodies without supports here, before anything runs
+        self.scheme.refuse(self.model)  # before anything runs
 
     def __iter__(self) -> Iterator[Step]:
         return self.run()

@@ -54,6 +54,9 @@ class Theta:
     def cut(self, parts: int) -> Theta:
         return replace(self, h=self.h / parts)
 
+    def refuse(self, model: Model) -> None:
+        return
+
     def factors(self, model: Model) -> tuple[float, float]:
         h, theta = self.h, self.theta
         return 1 + h * theta * model.alpha, h * theta * model.beta + (h * theta) ** 2
