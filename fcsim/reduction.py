@@ -41,15 +41,21 @@ class MassFactor(Protocol):
     def delassus(self, H: Any, dimension: int) -> Any: ...
 
 
-def assemble_delassus(tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int) -> Any:
-    """Sum the bodies' tiles (contacts (k,), W_body (k d, k d)) into W (m, m): dense up to `DENSE_W_UP_TO`, else block-sparse."""
+def assemble_delassus(
+    tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int, sparse_from: int = DENSE_W_UP_TO, filled: float = 0.0
+) -> Any:
+    """Sum the bodies' tiles (contacts (k,), W_body (k d, k d)) into W (m, m): dense up to `DENSE_W_UP_TO`, else block-sparse.
+
+    W is block-sparse from `sparse_from` unknowns on already where less than the share `filled` of its blocks is there.
+    """
     d = dimension
-    if nc * d <= DENSE_W_UP_TO:
+    parts = list(tiles)
+    entries = sum(len(contacts) ** 2 for contacts, _ in parts)
+    if nc * d <= DENSE_W_UP_TO and not (nc * d > sparse_from and entries < filled * nc**2):
         W = np.zeros((nc * d, nc * d))
-        for contacts, tile in tiles:
+        for contacts, tile in parts:
             add_tile(W, contacts, tile, d)
         return W
-    parts = list(tiles)
     if not parts:
         return sp.bsr_array((nc * d, nc * d), blocksize=(d, d))
     members = np.concatenate([contacts for contacts, _ in parts])

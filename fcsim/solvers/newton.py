@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.errors import InputError
@@ -64,6 +65,8 @@ class NewtonOptions(Options):
 
 CONDENSED_UP_TO = 12_000
 """Contact unknowns up to which the dense factor of a sparse W is affordable (1.1 GB)."""
+DENSE_UP_TO = 3000
+"""Contact unknowns up to which a sparse W is made dense for an LU (72 MB)."""
 FILLED = 0.05
 """Density of a sparse W from which its factor counts as dense."""
 
@@ -120,8 +123,9 @@ def _system(problem: LocalProblem, linear: str) -> NewtonSystem:
     """The linear algebra of this problem: the previous problem's where it was kept and can serve, else new."""
     kept = problem.kept
     system: NewtonSystem | None = None if kept is None else kept.get(linear)
-    if system is None or not system.follow(problem.W):
-        system = SYSTEMS[linear](problem.W, problem.dimension)
+    W = problem.W.toarray() if linear == "dense" and sp.issparse(problem.W) else problem.W
+    if system is None or not system.follow(W):
+        system = SYSTEMS[linear](W, problem.dimension)
     if kept is not None:
         kept[linear] = system
     return system
@@ -212,12 +216,13 @@ def _merit(
 
 
 def _linear(problem: LocalProblem, options: NewtonOptions) -> str:
-    """The linear algebra behind "auto": condensed elimination for AC and JM on a dense W, and on a sparse one whose factor would be
-    dense; else dense or sparse LU as W is stored.
+    """The linear algebra behind "auto": condensed elimination for AC and JM, dense LU for the others, on a dense W and on a sparse one
+    whose factor would be dense and is affordable; else sparse LU.
     """
     if options.linear not in ("auto", "kkt"):
         return options.linear
     W, condensing = problem.W, options.formulation in ("AC", "JM")
-    if isinstance(W, np.ndarray):
-        return "condensed" if condensing else "dense"
-    return "condensed" if condensing and problem.m <= CONDENSED_UP_TO and W.nnz >= FILLED * problem.m**2 else "sparse"
+    affordable = problem.m <= (CONDENSED_UP_TO if condensing else DENSE_UP_TO)
+    if not isinstance(W, np.ndarray) and not (affordable and W.nnz >= FILLED * problem.m**2):
+        return "sparse"
+    return "condensed" if condensing else "dense"
