@@ -18,7 +18,7 @@ O(h^3) and so is the lever of a closed contact's force (0 for "mortar-faces" on 
 
 Edges: only what the master covers counts, so the forces are continuous where the slave is drawn over the master's edge, but for the share
 of a multiplier that loses its last cover: it acts at the edge until then. A node whose facets overlap two sides of one body has one
-contact with the mean of both normals; give the sides of a sharp concave edge as surfaces of two pairs.
+contact with the mean of both normals; see `split_at_sharp_edges`.
 
 Patch test: a uniform pressure p gives the nodal forces p int phi_k and - p int psi_l to round-off on triangles and parallelograms, and
 to the order of the Gauss rule (degree 4) on other quadrilaterals, whose shape functions are rational in the plane.
