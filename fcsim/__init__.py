@@ -15,7 +15,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from fcsim.assembly.model import build_model
     from fcsim.assembly.supports import Support
-    from fcsim.contact_detection import Detector, SurfacePair
+    from fcsim.contact_detection import Detector, SurfacePair, two_pass
     from fcsim.contact_detection.model_surfaces import contact_surface
     from fcsim.export_fclib import read_fclib, write_fclib
     from fcsim.mesh.part import Body, Material, Part, RigidBody
@@ -49,6 +49,7 @@ _HOME = {
     "contact_surface": "contact_detection.model_surfaces",
     "read_fclib": "export_fclib",
     "solve": "solvers",
+    "two_pass": "contact_detection",
     "write_fclib": "export_fclib",
 }
 
@@ -74,6 +75,7 @@ __all__ = [
     "contact_surface",
     "read_fclib",
     "solve",
+    "two_pass",
     "write_fclib",
 ]
 

@@ -31,6 +31,17 @@ def _in_plane(corners: FloatArray, count: int, frame: FloatArray, centre: FloatA
 
 
 @njit(cache=True)
+def _apart(a: FloatArray, n: int, b: FloatArray, m: int, by: float) -> bool:
+    """Whether the first n numbers of a and m of b are in ranges more than `by` apart. Loops: they compile ten times faster than min()."""
+    a_low, a_high, b_low, b_high = a[0], a[0], b[0], b[0]
+    for k in range(1, n):
+        a_low, a_high = min(a_low, a[k]), max(a_high, a[k])
+    for k in range(1, m):
+        b_low, b_high = min(b_low, b[k]), max(b_high, b[k])
+    return a_low - b_high > by or b_low - a_high > by
+
+
+@njit(cache=True)
 def _clip(subject: FloatArray, n: int, window: FloatArray, sides: int, other: FloatArray) -> int:
     """Sutherland-Hodgman: cut the polygon `subject` (n corners, changed in place) by the convex, counter-clockwise `window`."""
     for side in range(sides):
@@ -106,13 +117,9 @@ def overlap_polygons(
         sides, n = slave_sides[s], master_sides[m]
         _in_plane(slave_corners[s], sides, frame[s], centre[s], window, low)
         _in_plane(master_corners[m], n, frame[s], centre[s], plane, high)
-        if high[:n].min() - low[:sides].max() > reach[row] or high[:n].max() - low[:sides].min() < -reach[row]:
+        if _apart(low, sides, high, n, reach[row]):
             continue
-        apart = False
-        for i in range(2):
-            if plane[:n, i].min() >= window[:sides, i].max() or plane[:n, i].max() <= window[:sides, i].min():
-                apart = True
-        if apart:
+        if _apart(plane[:, 0], n, window[:, 0], sides, 0.0) or _apart(plane[:, 1], n, window[:, 1], sides, 0.0):
             continue
         for k in range(n):  # the master looks the other way: its corners are clockwise here
             subject[k, 0], subject[k, 1] = plane[n - 1 - k, 0], plane[n - 1 - k, 1]
@@ -124,7 +131,8 @@ def overlap_polygons(
             double += ax * by - ay * bx
         if double > 2.0 * _SLIVER * size[s] ** 2 and n <= MAX_CORNERS:
             corners[row], area[row] = n, 0.5 * double
-            polygon[row, :n] = subject[:n]
+            for k in range(n):
+                polygon[row, k, 0], polygon[row, k, 1] = subject[k, 0], subject[k, 1]
     return polygon, corners, area
 
 

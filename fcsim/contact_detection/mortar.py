@@ -14,11 +14,11 @@ node-to-segment; of triangles there are twice as many as nodes, and W is singula
 
 Balance: the weights sum to zero, so H r has no resultant. Its moment is sum_j d_j x r_j with d_j the mean of x_s - x_m: zero on flat closed
 surfaces; on curved ones facets of size h are chords at a distance O(h^2) from each other with n off N_j by O(h), so d_j is off N_j by
-O(h^3) and so is the lever of a closed contact's force.
+O(h^3) and so is the lever of a closed contact's force (0 for "mortar-faces" on plane facets, whose N_j is - n).
 
 Edges: only what the master covers counts, so the forces are continuous where the slave is drawn over the master's edge, but for the share
 of a multiplier that loses its last cover: it acts at the edge until then. A node whose facets overlap two sides of one body has one
-contact with the mean of both normals; give the sides of a sharp concave edge as surfaces of two pairs.
+contact with the mean of both normals; see `split_at_sharp_edges`.
 
 Patch test: a uniform pressure p gives the nodal forces p int phi_k and - p int psi_l to round-off on triangles and parallelograms, and
 to the order of the Gauss rule (degree 4) on other quadrilaterals, whose shape functions are rational in the plane.

@@ -6,8 +6,8 @@ shape functions psi_l and the distance g that solve
     sum_l psi_l (x_l + g n_l) = p,    N = sum_l psi_l n_l / |.|,    gap = (p - sum_l psi_l x_l) . N
 
 Normal and gap are continuous where a candidate passes from facet to facet, and on a mesh of size h of a smooth surface N is off its normal
-by O(h^2), where facet normals jump by O(h). Positions stay those of the facets. All edges of a surface are smoothed, sharp ones too: give
-the sides of a sharp edge as surfaces of two pairs.
+by O(h^2), where facet normals jump by O(h). Positions stay those of the facets. All edges of a surface are smoothed, sharp ones too:
+see `split_at_sharp_edges`.
 
 Source: V. Padmanabhan and T. A. Laursen, A framework for development of surface smoothing procedures in large deformation frictional
 contact analysis, Finite Elements in Analysis and Design 37, 2001 (averaged normal fields among other smoothings).

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from fcsim.assembly.loads import Force
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector, SurfacePair, two_pass
+from fcsim.contact_detection import Detector, SurfacePair, split_at_sharp_edges, two_pass
 from fcsim.contact_detection.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.part import Body, Material, RigidBody
@@ -174,22 +174,40 @@ def test_block_in_a_corner(rule: Any, d: int) -> None:
         assert corner.sum() == 2 * (1 if d == 2 else 4)
 
 
-def test_a_corner_of_one_body() -> None:
-    """Floor and wall of one body as masters of two pairs: node-to-segment has one contact a candidate and pair, so the corner has both."""
-    points = np.array([[2.0, 0], [0, 0], [0, 2]])
-    corner = RigidBody("corner", 1.0, np.eye(1), np.zeros(2), points, {"floor": np.array([[0, 1]]), "wall": np.array([[1, 2]])})
-    block = rigid_rectangle("block", (0.4, 0.2), (0.2, 0.1), 10.0)
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("rule", ["nodes", "mortar", "mortar-faces"])
+def test_a_corner_of_one_body(rule: Any, d: int) -> None:
+    """Floor and wall are one body's surface, the block's skin is the slave; both split at sharp edges: the corner has both contacts."""
+    ends = np.array([[2.0, 0], [0, 0], [0, 2]])
+    if d == 2:
+        points, facets = ends, np.array([[0, 1], [1, 2]])
+    else:  # the same from y = -1 to 1
+        points = np.array([[x, y, z] for x, z in ends for y in (-1.0, 1.0)])
+        facets = np.array([[0, 1, 3, 2], [2, 3, 5, 4]])
+    corner = RigidBody("corner", 1.0, np.eye(1 if d == 2 else 3), np.zeros(d), points, {"inside": facets})
+    size, centre = ((0.4, 0.2), (0.2, 0.1)) if d == 2 else ((0.4, 0.3, 0.2), (0.2, 0.0, 0.1))
+    block = (rigid_rectangle if d == 2 else rigid_box)("block", size, centre, 10.0, (4, 2) if d == 2 else (4, 3, 2))
+    gravity, push = np.zeros(d), np.zeros(d)
+    gravity[-1], push[0] = -9.81, -25.0
     model = build_model(
-        [block, corner], supports=[Support("corner", HELD[2])], gravity=lambda t: (0, -9.81), loads=[Force("block", (-25.0, 0))]
+        [block, corner],
+        supports=[Support("corner", HELD[d])],
+        gravity=lambda t: gravity,
+        loads=[Force("block", tuple(push))],
     )
-    pairs = [
-        SurfacePair(contact_surface(model, [("block", side)]), contact_surface(model, [("corner", face)]), 0.0, 0.01)
-        for side, face in (("y-", "floor"), ("x-", "wall"))
-    ]
-    step = run(model, pairs, 5, Theta(1e-3, law=Gap()), tol=1e-10)[-1]
-    assert_allclose(step.state.v, 0, atol=1e-8)
-    assert_allclose(step.contact_force_on(1), [-25, -WEIGHT], atol=1e-6)
-    assert_allclose(step.contacts.point, [[0, 0], [0.4, 0], [0, 0], [0, 0.2]], atol=1e-6)
+    skin = contact_surface(model, [("block", side) for side in block.surfaces])
+    inside = contact_surface(model, [("corner", "inside")])
+    slaves, masters = (split_at_sharp_edges(surface, model.reference) for surface in (skin, inside))
+    assert len(slaves) == d and len(masters) == 2
+    pairs = [SurfacePair(slave, master, 0.0, 0.01, rule) for slave in slaves for master in masters]
+    step = run(model, pairs, 5, Theta(1e-3, law=Gap()), name="auto", tol=1e-10)[-1]
+    assert_allclose(step.state.v, 0, atol=1e-7)
+    assert_allclose(step.contact_force_on(1), push + 10 * gravity, atol=1e-5)
+    normal = np.abs(step.contacts.frame[:, 0])
+    assert_allclose(np.sort(normal, axis=1)[:, -1], 1.0)  # floor or wall, nothing between
+    if rule == "nodes":
+        on_edge = np.abs(step.contacts.point[:, [0, -1]]).max(axis=1) < 1e-6
+        assert on_edge.sum() == 2 * (1 if d == 2 else 4)
 
 
 def test_one_surface_for_all_bodies() -> None:

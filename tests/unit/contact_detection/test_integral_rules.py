@@ -196,6 +196,42 @@ def test_moment_of_the_mortar_rule_between_curved_surfaces() -> None:
     assert (slopes > 2.7).all()
 
 
+def cap(n: int, turned: float, out: bool, triangles: bool) -> tuple[np.ndarray, np.ndarray]:
+    """A piece of the unit sphere around the z axis in n x n facets (or twice as many triangles), turned about it."""
+    s = np.tan(np.linspace(-0.5, 0.5, n + 1))
+    x, y = np.meshgrid(s, s, indexing="ij")
+    points = np.stack([np.cos(turned) * x - np.sin(turned) * y, np.sin(turned) * x + np.cos(turned) * y, np.ones_like(x)], axis=-1).reshape(
+        -1, 3
+    )
+    facets = plate(s, s, up=out, triangles=triangles)[1]
+    return points / np.linalg.norm(points, axis=1)[:, None], facets
+
+
+@pytest.mark.parametrize("rule", ["mortar", "mortar-faces"])
+@pytest.mark.parametrize("triangles", [False, True])
+def test_mortar_rules_between_spheres(rule: Rule, triangles: bool) -> None:
+    """Two cuts of the unit sphere, the inner one turned by 0.3 rad: the gaps are of order 2 or better, normals of order 1 or
+    better, and there is no resultant; moments are of order 3, and none where a contact has the normal of one facet."""
+    sizes, gaps, levers, tilts = [], [], [], []
+    for n in (6, 12, 24):
+        slave, master = cap(n, 0.0, out=False, triangles=triangles), cap(n + 1, 0.3, out=True, triangles=triangles)
+        contacts, x = detect(slave, [master], rule)
+        way = contacts.point / np.linalg.norm(contacts.point, axis=1)[:, None]
+        inner = np.hypot(*way[:, :2].T) < 0.3
+        H = contact_matrix(contacts, len(x))
+        force = H[:, ::3].toarray().reshape(len(x), 3, -1)
+        np.testing.assert_allclose(force.sum(axis=0), 0, atol=1e-13)
+        moment = np.linalg.norm(np.cross(x[:, None], np.moveaxis(force, 2, 1)).sum(axis=0), axis=1)
+        sizes.append(1.0 / n)
+        gaps.append(np.abs(contacts.gap[inner]).max())
+        levers.append(moment[inner].max())
+        tilts.append(np.linalg.norm(contacts.frame[inner, 0] - way[inner], axis=1).max())
+    order = {name: np.diff(np.log(v)) / np.diff(np.log(sizes)) for name, v in (("gap", gaps), ("lever", levers), ("tilt", tilts))}
+    assert (order["gap"] > 1.6).all(), order
+    assert max(levers) < 1e-15 if rule == "mortar-faces" else order["lever"][-1] > 2.3, order
+    assert (order["tilt"] > 0.7).all(), order
+
+
 @pytest.mark.parametrize("rule", RULES)
 def test_tilted_gap(rule: Rule) -> None:
     """A gap that varies linearly along the slave: weighted with phi_j it is its value at the centroid of phi_j."""
