@@ -61,7 +61,7 @@ def draw(path: Path, exact: ExactSolution, runs: dict[str, tuple[np.ndarray, np.
             axes = drawing.add_subplot(place)
             axes.plot(1e6 * t, exact.force(t) / exact.force_in_contact, "--", color=BLACK, linewidth=1.0)
             axes.plot(1e6 * t, force, color=colour, linewidth=0.6)
-            axes.set(title=name, ylim=(-0.1, 1.7), xlabel="time [µs]", ylabel="force / (ρ c v₀ A)")
+            axes.set(title=name, ylim=(-0.1, max(1.7, 1.05 * force.max())), xlabel="time [µs]", ylabel="force / (ρ c v₀ A)")
         axes = drawing.add_subplot(grid[2, :])
         for (name, (t, _, energy)), colour in zip(runs.items(), colours, strict=True):
             axes.plot(1e6 * t, energy, color=colour, label=name)

@@ -52,7 +52,7 @@ def test_sliding_block(mu: float) -> None:
     supports = [Support("base", ("y", "z", "rx", "ry", "rz")), Support("base", ("x",), velocity=record.velocity)]
     model = build_model([block, base], supports=supports, gravity=lambda t: (0, 0, -G))
     pair = SurfacePair(contact_surface(model, [("block", "z-")]), contact_surface(model, [("base", "z+")]), mu, 1e-2)
-    steps = list(Simulation(model, Detector([pair], model.n_nodes), Theta(h), round(end / h), SolverSettings(floor=1e-5)))
+    steps = list(Simulation(model, Detector([pair], model.n_nodes), Theta(h), round(end / h), SolverSettings(name="auto", floor=1e-5)))
     slip = np.array([step.state.x[0] - step.state.x[6] for step in steps])
     exact = sliding_block(record, mu, end)[np.minimum(np.arange(1, len(slip) + 1) * 20_000 // len(slip), 19_999)]
     speed = max(abs(record.velocity(t)) for t in record.times)
