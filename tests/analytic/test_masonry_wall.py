@@ -127,7 +127,7 @@ def test_size_and_contacts_of_the_wall() -> None:
     assert len(step.contacts) == 688
     numbers, counts = np.unique(step.contacts.mu, return_counts=True)
     assert dict(zip(numbers.tolist(), counts.tolist(), strict=True)) == {0.53: 224 + 144, 0.83: 320}
-    np.linalg.cholesky(step.reduction.local.W)  # full rank, 2064: not hyperstatic
+    np.linalg.cholesky(step.reduction.local.W.toarray())  # full rank, 2064: not hyperstatic
 
 
 @pytest.mark.parametrize(("candidates", "count"), [("faces", 688), ("nodes", 865), ("gauss", 1792)])
