@@ -43,6 +43,8 @@ RANK_DEFICIENT = 3e3
 """Growth of the error in a Newton iteration that only rank-deficient W shows (measured: below 200 for full rank, above 1e4 else)."""
 FAR = 1e-3
 """Error above which ADMM is tried."""
+SLOWING = 2.0
+"""Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
 RUNAWAY = 100.0
 """Growth of the error over the best one at which the proximal stage goes back to its best iterate."""
 SMALL = 150
@@ -130,7 +132,7 @@ class _Run:
         # seconds on a common processor; only their ratio matters
         self.sweep_cost = 1e-9 * entries + 1.5e-7 * problem.nc
         self.newton_cost = 1e-3 + 1.5e-7 * entries if self.sparse else 2e-4 + 3e-11 * m**3 + 4e-9 * m**2
-        self.splitting_cost = 0.5 * self.newton_cost + 2 * self.options.splitting * self.sweep_cost
+        self.splitting_cost = 3e-3 + 0.5 * self.newton_cost + 2 * self.options.splitting * self.sweep_cost
         diagonal = W.diagonal()
         self.scale = float(np.mean(np.abs(diagonal))) or 1.0
 
@@ -153,7 +155,7 @@ class _Run:
             swept = monitor.iterations - begun
             gain = np.log(before / monitor.best) / max(swept, 1) if monitor.best < before else 0.0
             remaining = np.log(monitor.best / monitor.tol) / gain if gain > 0 else np.inf
-            if untried and monitor.best > FAR and remaining * self.sweep_cost > self.splitting_cost:
+            if untried and monitor.best > FAR and SLOWING * remaining * self.sweep_cost > self.splitting_cost:
                 untried, iterate = False, self.splitting()
                 if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
                     return iterate
