@@ -5,11 +5,10 @@ segment in 2D; in 3D 3 in each triangle of the overlap, the centre alone where a
 a uniform pressure on triangles and parallelograms, so that the contact patch test is passed on any two meshes.
 
 Hyperstaticity: the points are many more than the nodes can tell apart. W is singular, the reactions at the points are not unique, though
-what they do to the nodes is; a solver that needs W regular is out. The rank of H is at most d times the number of slave and master nodes
-in contact, less the rigid motions that both sides share.
+what they do to the nodes is; methods that need W regular fail. Its rank is at most d (slave + master nodes in contact - fields that both
+sides have, such as 1, x, y), see docs/contact_rules.md.
 
-Balance: action and reaction act along n at a distance g: no resultant, and a moment g x r of the open contacts' none and the closed
-contacts' 0, exactly.
+Balance: action and reaction are on one line along n, g apart: no resultant, and the moment g N x r, which is zero for closed contacts.
 
 Source: K. A. Fischer and P. Wriggers 2005; G. Zavarise and P. Wriggers, A segment-to-segment contact strategy, Math. Comput. Modelling
 28, 1998.

@@ -5,10 +5,11 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix
 from fcsim.contact_detection._overlap_kernels import overlap_polygons
@@ -118,12 +119,10 @@ def test_overlap_against_half_spaces(seed: int, sides: tuple[int, int]) -> None:
         ring = points[hull.vertices] if k == 0 else points[hull.vertices[::-1]]
         corners[k, :n] = ring @ rotation[1:] + (0.1 * k + 0.05 * generator.uniform(-1, 1, n)[:, None] * k) * rotation[0]
         corners[k, n:] = corners[k, 0]
-    try:
-        inside = np.concatenate([hull.equations for hull in plane])
-        centre = _inner_point(inside)
-        area = ConvexHull(HalfspaceIntersection(inside, centre).intersections).volume if centre is not None else 0.0
-    except QhullError:
-        area = 0.0
+    inside = np.concatenate([hull.equations for hull in plane])
+    centre, radius = inner_circle(inside)
+    assume(abs(radius) > 1e-4)  # Qhull needs a point well inside
+    area = ConvexHull(HalfspaceIntersection(inside, centre).intersections).volume if radius > 0 else 0.0
     one, centre0 = np.zeros(1, int), np.zeros((1, 3))
     n_s, n_m = (np.array([n]) for n in sides)
     polygon, count, found = overlap_polygons(
@@ -137,13 +136,11 @@ def test_overlap_against_half_spaces(seed: int, sides: tuple[int, int]) -> None:
         np.testing.assert_allclose(ConvexHull(corner).volume, area, atol=1e-9)
 
 
-def _inner_point(half_planes: np.ndarray) -> np.ndarray | None:
-    """The point of largest distance from all half planes' boundaries; None where there is none inside."""
-    from scipy.optimize import linprog
-
+def inner_circle(half_planes: np.ndarray) -> tuple[np.ndarray, float]:
+    """Centre and radius of the largest circle in an intersection of half planes; a negative radius where it is empty."""
     A = np.column_stack([half_planes[:, :2], np.ones(len(half_planes))])
-    best = linprog([0, 0, -1], A_ub=A, b_ub=-half_planes[:, 2], bounds=[(-2, 2), (-2, 2), (None, None)])
-    return best.x[:2] if best.x[2] > 1e-6 else None
+    best = linprog([0, 0, -1], A_ub=A, b_ub=-half_planes[:, 2], bounds=[(None, None)] * 3)
+    return best.x[:2], float(best.x[2])
 
 
 @pytest.mark.parametrize(("rule", "degree"), [(CENTRE, 1), (THREE_POINTS, 2), (SIX_POINTS, 4)])

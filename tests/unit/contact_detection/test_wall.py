@@ -189,3 +189,18 @@ def test_detection_and_contact_matrix_are_fast() -> None:
         contact_matrix(detector(model.positions), len(model.positions))
         times.append(perf_counter() - start)
     assert min(times) < 10e-3
+
+
+def test_the_mortar_rule_of_facets_has_the_contacts_of_facet_centres() -> None:
+    """Every slave facet stands on one block: the bodies, gaps and normals of "faces", also where slivers overlap the next block."""
+    generator = np.random.default_rng(9)
+    rules: tuple[CandidateRule, CandidateRule] = ("faces", "mortar-faces")
+    for move in (0.0, 1e-6):
+        x = wall("faces").positions + move * generator.uniform(-1, 1, wall("faces").positions.shape)
+        centres, mortar = (Detector(wall(rule).pairs, len(x))(x) for rule in rules)
+        assert len(mortar) == COUNTS["faces"]
+        np.testing.assert_array_equal(mortar.bodies, centres.bodies)
+        np.testing.assert_allclose(mortar.gap, centres.gap, atol=max(2 * move, 1e-15))
+        np.testing.assert_allclose(mortar.frame[:, 0], centres.frame[:, 0], atol=max(4 * move / ELEMENT, 1e-14))
+        H = contact_matrix(mortar, len(x))
+        assert np.abs(H.T @ np.tile([0.3, -1.2, 0.7], len(x))).max() < 1e-14
