@@ -78,9 +78,12 @@ MASS = 2000.0 * 0.3 * 0.1 * 0.3
 
 
 def test_the_wall_begins_at_rest() -> None:
-    """Statics first: without shaking nothing moves, the base carries the weight from the first step on."""
+    """Statics first: without shaking nothing moves, the base carries the weight from the first step on.
+
+    The regularisation of the statics takes 1e-5 of the weight at its end, about which the wall then swings.
+    """
     _, steps, sensors, _ = shaken(20, scale=0.0)
-    assert_allclose(sensors["base_Rz"], -MASS * G, rtol=1e-5)
+    assert_allclose(sensors["base_Rz"], -MASS * G, rtol=1e-4)
     assert max(np.abs(step.state.v).max() for step in steps) < 1e-5
 
 
