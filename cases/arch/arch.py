@@ -19,8 +19,8 @@ from fcsim.case import Case, Sensor
 from fcsim.cli import main
 from fcsim.contact_detection import ContactSurface, Detector, SurfacePair
 from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.mesh.arch import SemicircularArch, semicircular_arch
 from fcsim.mesh.blocks import rigid_box
-from fcsim.mesh.masonry import SemicircularArch, semicircular_arch
 from fcsim.mesh.part import Material
 from fcsim.mesh.rigid import BlockKind, blocks_that_are
 from fcsim.timestep.scheme import Gap

@@ -1,9 +1,10 @@
 """Meshes: materials, parts and bodies, bricks and walls by gmsh, mesh files in and out."""
 
+from fcsim.mesh.arch import SemicircularArch, semicircular_arch
 from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
-from fcsim.mesh.masonry import RunningBond, SemicircularArch, running_bond, semicircular_arch
+from fcsim.mesh.masonry import RunningBond, running_bond
 from fcsim.mesh.part import Body, Material, Part, RigidBody
 from fcsim.mesh.quality import check_quality
 from fcsim.mesh.rigid import blocks_that_are, mass_properties, rigid_body
