@@ -264,9 +264,10 @@ class Simulation:
         kept: dict[int, dict[str, Any]] | None = {} if self.keep else None
         while moment.number < self.steps:
             step = self.step(moment, kept, anchor)
+            moment = step.moment
             if step.number > after.number:
                 yield step
-            moment = step.moment
+            del step  # its W is not kept while the next one is made
             if self.keep and moment.number % self.keep == 0:
                 kept, anchor = {}, moment
 

@@ -35,13 +35,37 @@ def test_solves_like_dense_algebra(method: type, columns: int | None) -> None:
 
 
 @needs_petsc
-def test_sparse_cholesky() -> None:
+@pytest.mark.parametrize("blocks", [1, 2, 4])
+def test_sparse_cholesky(blocks: int) -> None:
     A = random_matrix(40, 2, symmetric=True)
     rhs = np.random.default_rng(3).standard_normal((40, 2))
-    assert_allclose(Mumps(A, positive_definite=True).solve(rhs), np.linalg.solve(A.toarray(), rhs), rtol=1e-11, atol=1e-13)
+    given = sp.bsr_array(A, blocksize=(blocks, blocks)) if blocks > 1 else A
+    factor = Mumps(given, positive_definite=True)
+    assert_allclose(factor.solve(rhs), np.linalg.solve(A.toarray(), rhs), rtol=1e-11, atol=1e-13)
+    factor.refactor(2 * given)
+    assert_allclose(factor.solve(rhs), np.linalg.solve(2 * A.toarray(), rhs), rtol=1e-11, atol=1e-13)
     shifted = sp.csr_array(A - 1.01 * np.linalg.eigvalsh(A.toarray())[0] * sp.eye_array(40))
     with pytest.raises(SingularMatrix, match="not positive definite: 1 negative pivots"):
         Mumps(shifted, positive_definite=True)
+
+
+@needs_petsc
+def test_compressed_factors_are_as_accurate_as_said() -> None:
+    n = 26  # smaller ones have no front large enough to be compressed
+    line = sp.diags_array([-np.ones(n - 1), np.full(n, 2.1), -np.ones(n - 1)], offsets=[-1, 0, 1])
+    A = sp.csr_array(sp.kronsum(sp.kronsum(line, line), line))
+    x = np.random.default_rng(8).standard_normal(n**3)
+    factors = {accuracy: Mumps(A, positive_definite=True, compression=accuracy) for accuracy in (0.0, 1e-9, 1e-3)}
+    error = {accuracy: np.abs(factor.solve(A @ x) - x).max() for accuracy, factor in factors.items()}
+    assert error[0.0] < 1e-12 < error[1e-9] < 1e-7 < error[1e-3] < 0.1
+
+
+def test_symmetry() -> None:
+    A = random_matrix(40, 2, symmetric=True)
+    assert linear.is_symmetric(A) and linear.is_symmetric(sp.bsr_array(A, blocksize=(2, 2))) and linear.is_symmetric(A.toarray())
+    B = A.tolil()
+    B[3, 5] += 1e-6
+    assert not linear.is_symmetric(B.tocsr())
 
 
 @pytest.mark.parametrize("method", [DenseLU, *SPARSE])
