@@ -146,7 +146,7 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
     for axes, label in ((seconds, "seconds a step"), (memory, "MiB")):
         axes.set(xlabel="contacts", ylabel=label)
         axes.grid(True, which="both", alpha=0.25)
-        axes.legend(fontsize=8)
+        axes.legend(fontsize=8, loc="upper left")
     figure.savefig(path, dpi=110)
 
 
