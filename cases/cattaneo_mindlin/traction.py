@@ -5,7 +5,6 @@ python cases/cattaneo_mindlin/traction.py --divisions 8,16,32 --out results/catt
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fcsim.case import CaseScript, load_case, parse_parameters
-from fcsim.errors import FcsimError, InputError
+from fcsim.case import CaseScript, parse_parameters
+from fcsim.refinement import refinement_command
 from fcsim.view.style import BLACK, BLUE, GREY, ORANGE, RED, STYLE, figure, matplotlib, prefixed, save
 
 FloatArray = NDArray[np.float64]
@@ -111,26 +110,14 @@ def draw(one: Refinement, title: str, path: Path) -> Path:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Converge the partial slip and draw its tractions.")
-    parser.add_argument("--divisions", default="8,16,32", help="elements along the half-width of the core, a run each (default 8,16,32)")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="a parameter of the case")
-    parser.add_argument("--out", type=Path, default=Path("results/cattaneo_mindlin"), help="folder of the picture")
-    options = parser.parse_args()
-    try:
-        if not all("=" in text for text in options.assignments):
-            raise InputError("--set: expected NAME=VALUE")
-        if not all(number.isdigit() for number in options.divisions.split(",")):
-            raise InputError(f"--divisions: expected whole numbers separated by commas, got {options.divisions!r}")
-        script = load_case(Path(__file__).parent)
-        assignments = dict(text.split("=", 1) for text in options.assignments)
-        found = [refine(script, assignments, int(n)) for n in options.divisions.split(",")]
-        title = script.build(parse_parameters(script, {**assignments, "divisions": "1"})).title
-        print(table(found))
-        print(draw(found[-1], title, options.out / "plots" / "traction.png"))
-    except FcsimError as error:
-        print(f"traction.py: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return refinement_command(
+        Path(__file__),
+        "Converge the partial slip and draw its tractions.",
+        "8,16,32",
+        refine,
+        table,
+        lambda found, title, folder: draw(found[-1], title, folder / "traction.png"),
+    )
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ python cases/hertz/pressure.py --divisions 4,8,16,32 --set contact=cylinder --se
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fcsim.case import CaseScript, load_case, parse_parameters
-from fcsim.errors import FcsimError, InputError
+from fcsim.case import CaseScript, parse_parameters
+from fcsim.refinement import refinement_command
 from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, STYLE, figure, matplotlib, prefixed, save
 
 FloatArray = NDArray[np.float64]
@@ -117,26 +116,14 @@ def draw(found: list[Refinement], title: str, path: Path) -> Path:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Converge Hertz's contact and draw its pressure.")
-    parser.add_argument("--divisions", default="4,6,8", help="elements along the half-width of the core, one run each (default 4,6,8)")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="a parameter of the case")
-    parser.add_argument("--out", type=Path, default=Path("results/hertz"), help="folder of the picture (default results/hertz)")
-    options = parser.parse_args()
-    try:
-        if not all("=" in text for text in options.assignments):
-            raise InputError("--set: expected NAME=VALUE")
-        if not all(number.isdigit() for number in options.divisions.split(",")):
-            raise InputError(f"--divisions: expected whole numbers separated by commas, got {options.divisions!r}")
-        script = load_case(Path(__file__).parent)
-        assignments = dict(text.split("=", 1) for text in options.assignments)
-        found = [refine(script, assignments, int(n)) for n in options.divisions.split(",")]
-        title = script.build(parse_parameters(script, {**assignments, "divisions": "1"})).title
-        print(table(found))
-        print(draw(found, title, options.out / "plots" / "pressure.png"))
-    except FcsimError as error:
-        print(f"pressure.py: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return refinement_command(
+        Path(__file__),
+        "Converge Hertz's contact and draw its pressure.",
+        "4,6,8",
+        refine,
+        table,
+        lambda found, title, folder: draw(found, title, folder / "pressure.png"),
+    )
 
 
 if __name__ == "__main__":
