@@ -215,7 +215,7 @@ def phase_plot(run: RunFolder) -> Figure | None:
     if usual > 0 and total.max() > usual:
         axes.set_ylim(0, usual / scale)
         out = np.flatnonzero(total > usual)
-        longest = f"at most {total.max() / scale:.3g} {unit} (step {number[total.argmax()]:.0f})"
+        longest = f"at most {total.max() / scale:.0f} {unit} (step {number[total.argmax()]:.0f})"
         note = f"beyond the axis: {len(out)} step{'s' * (len(out) > 1)}, {longest}"
         axes.text(0.99, 0.97, note, transform=axes.transAxes, ha="right", va="top", color=GREY, fontsize=10)
     axes.set(xlabel="step", ylabel=f"time per step [{unit}]", title=f"{run.title}: {total.sum():.3g} s in {len(number)} steps")
