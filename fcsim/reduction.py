@@ -42,7 +42,7 @@ class MassFactor(Protocol):
 
 
 def assemble_delassus(
-    tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int, sparse_from: int = DENSE_W_UP_TO, filled: float = 0.0
+    tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int, sparse_from: int = 1000, filled: float = 0.4
 ) -> Any:
     """Sum the bodies' tiles (contacts (k,), W_body (k d, k d)) into W (m, m): dense up to `DENSE_W_UP_TO`, else block-sparse.
 

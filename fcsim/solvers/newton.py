@@ -21,7 +21,13 @@ from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
 from fcsim.solvers.formulations import FORMULATIONS, Formulation
 from fcsim.solvers.line_search import LINE_SEARCHES, REFERENCES, Merit
-from fcsim.solvers.newton_system import SYSTEMS, NewtonSystem
+from fcsim.solvers.condensed_system import CondensedSystem
+from fcsim.solvers.multifrontal import joint_rows
+from fcsim.solvers.multifrontal_system import MultifrontalSystem
+from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem
+
+SYSTEMS: dict[str, type[NewtonSystem]] = {"dense": DenseSystem, "condensed": CondensedSystem, "sparse": SparseSystem, "multifrontal": MultifrontalSystem}
+
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho
 
 FloatArray = NDArray[np.float64]
@@ -216,12 +222,15 @@ def _merit(
 
 
 def _linear(problem: LocalProblem, options: NewtonOptions) -> str:
-    """The linear algebra behind "auto": condensed elimination for AC and JM, dense LU for the others, on a dense W and on a sparse one
-    whose factor would be dense and is affordable; else sparse LU.
+    """The linear algebra behind "auto": multifrontal elimination where contacts come in joints and that saves most of the work; else
+    condensed elimination for AC and JM, dense LU for the others, on a dense W and on a sparse one whose factor would be dense and is
+    affordable; else sparse LU.
     """
     if options.linear not in ("auto", "kkt"):
         return options.linear
     W, condensing = problem.W, options.formulation in ("AC", "JM")
+    if not (condensing and problem.kept is not None) and not isinstance(W, np.ndarray) and joint_rows(W, problem.dimension) is not None:
+        return "multifrontal"
     affordable = problem.m <= (CONDENSED_UP_TO if condensing else DENSE_UP_TO)
     if not isinstance(W, np.ndarray) and not (affordable and W.nnz >= FILLED * problem.m**2):
         return "sparse"

@@ -1,6 +1,7 @@
-"""Newton's linear system (A W + B) dr = rhs, with A and B block diagonal (nc, d, d), by dense, condensed or sparse elimination.
+"""Newton's linear system (A W + B) dr = rhs, with A and B block diagonal (nc, d, d), and its solution by dense or sparse LU.
 
 A contact that opens has A = 0 and B = 1: its dr is known and its rows and columns leave the system before any factorisation.
+What uses the structure of the contacts or an earlier factor is in `condensed_system` and `multifrontal_system`.
 """
 
 from __future__ import annotations
@@ -8,27 +9,15 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
-import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim import runtime
-from fcsim.linear import MUMPS_FROM, DenseLU, Factor, Mumps, SingularMatrix, SuperLU, is_symmetric
+from fcsim.linear import MUMPS_FROM, DenseLU, Factor, Mumps, SingularMatrix, SuperLU
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-
-
-CORRECTIONS = 4
-"""Defect corrections with an earlier W's factor before factoring anew."""
-FORCING = 1e-2
-"""Defect, relative to the right-hand side, at which a corrected Newton step is accepted."""
-SLOW = 0.1
-"""Reduction of the defect that a correction must reach at least."""
-
-ROWS_AT_ONCE = 512
-"""Rows of a sparse W that are made dense at a time."""
 
 
 class NewtonSystem(Protocol):
@@ -45,21 +34,11 @@ class NewtonSystem(Protocol):
         ...
 
 
-def _dofs(contacts: IntArray, d: int) -> IntArray:
+def dofs_of(contacts: IntArray, d: int) -> IntArray:
     return (contacts[:, None] * d + np.arange(d)).ravel()
 
 
-def _dense_part(W: Any, rows: IntArray, columns: IntArray) -> FloatArray:
-    """W[rows, columns] as a dense array in C order, from dense or sparse rows."""
-    if isinstance(W, np.ndarray):
-        return W[np.ix_(rows, columns)]
-    part = np.empty((len(rows), len(columns)))
-    for begin in range(0, len(rows), ROWS_AT_ONCE):
-        part[begin : begin + ROWS_AT_ONCE] = W[rows[begin : begin + ROWS_AT_ONCE]].toarray()[:, columns]
-    return part
-
-
-def _without_open(W: Any, A: FloatArray, rhs: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+def without_open(W: Any, A: FloatArray, rhs: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the active contacts, their right-hand side and dr with the open contacts' part filled in."""
     d = A.shape[1]
     open_contact = ~np.any(A, axis=(1, 2))
@@ -79,10 +58,10 @@ class DenseSystem:
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         d = self._d
-        active, rhs, dr = _without_open(self._W, A, rhs)
+        active, rhs, dr = without_open(self._W, A, rhs)
         k = len(active)
         if k:
-            dofs = _dofs(active, d)
+            dofs = dofs_of(active, d)
             J = (A[active] @ self._W[np.ix_(dofs, dofs)].reshape(k, d, k * d)).reshape(k * d, k * d)
             own = np.arange(k)
             J.reshape(k, d, k, d)[own, :, own, :] += B[active]
@@ -93,257 +72,6 @@ class DenseSystem:
         return False
 
 
-class CondensedSystem:
-    """Elimination of what does not change between iterations: sticking contacts, then the normal rows of closed ones.
-
-    S are the contacts held when W_SS = L L^T was factored, the border are all others met so far. A free contact a of the border has
-    the unknown x_a = dr_a, a released one (it was held, but sticks no longer) the unknown x_a = (W dr)_a. With the columns
-    P = L^-1 [W_SC, -E_R] of free (C) and released (R) contacts, z = L^-1 t and t the held contacts' W dr (0 at released ones),
-
-        (W dr)_C = P_C^T z + (W_CC - P_C^T P_C) x_C - P_C^T P_R x_R,        dr_R = -P_R^T z + P_R^T P_C x_C + P_R^T P_R x_R.
-
-    So a change of sets costs columns, not a factorisation; W_SS is factored anew only when the border has grown too large for that.
-    The matrix of this response is kept; while the free contacts stay the same, `_NormalElimination` keeps them shorter by a third.
-    The result is the exact Newton step. W must be symmetric; where W_SS is not positive definite the LU of the whole takes
-    over. W may be sparse as long as its Cholesky factor is dense anyway.
-
-    After `follow` the factor and the columns belong to an earlier W: their step is the first of a defect correction, and is accepted
-    when the defect of the true system is small; where the correction does not get there all is factored anew.
-    """
-
-    def __init__(self, W: Any, dimension: int) -> None:
-        self._d = dimension
-        self._set(W)
-        self._symmetric: bool | None = None  # not looked at yet
-        self._held: IntArray | None = None
-        self._followed = False
-
-    def _set(self, W: Any) -> None:
-        """Take W, dense or as sparse rows, with what solves where the condensation cannot."""
-        self._W = W if isinstance(W, np.ndarray) else sp.csr_array(W)
-        self._whole: NewtonSystem = (DenseSystem if isinstance(W, np.ndarray) else SparseSystem)(self._W, self._d)
-
-    def follow(self, W: Any) -> bool:
-        if self._held is None or W.shape != self._W.shape:
-            return False
-        self._set(W)
-        self._followed, self._symmetric = True, None
-        return True
-
-    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        stick = ~np.any(B, axis=(1, 2))
-        if not stick.any():
-            return self._whole.solve(A, B, rhs)
-        try:
-            if self._held is not None and self._followed:
-                corrected = self._corrected(A, B, rhs, stick)
-                if corrected is not None:
-                    return corrected
-                self._held = None
-            if self._symmetric is None:
-                self._symmetric = is_symmetric(self._W)
-            if not self._symmetric:
-                return self._whole.solve(A, B, rhs)
-            if self._held is None or self._outgrown(stick):
-                self._hold(np.flatnonzero(stick))
-            dr = self._condensed(A, B, rhs)
-            return dr, self._W @ dr
-        except SingularMatrix:
-            self._held = None
-            return self._whole.solve(A, B, rhs)
-
-    def _corrected(self, A: FloatArray, B: FloatArray, rhs: FloatArray, stick: BoolArray) -> tuple[FloatArray, FloatArray] | None:
-        """Defect correction with an earlier W's factor, dr <- dr + J^-1 (rhs - (A W + B) dr); None where it converges too slowly."""
-        size = float(np.linalg.norm(rhs))
-        dr, Wdr, defect, norm = np.zeros(rhs.size), np.zeros(rhs.size), rhs, size
-        for _ in range(CORRECTIONS):
-            if self._outgrown(stick):
-                return None
-            try:
-                step = self._condensed(A, B, defect)
-            except SingularMatrix:
-                return None
-            dr = dr + step
-            Wdr = Wdr + self._W @ step
-            defect = rhs - np.einsum("aij,aj->ai", A, Wdr.reshape(rhs.shape)) - np.einsum("aij,aj->ai", B, dr.reshape(rhs.shape))
-            before, norm = norm, float(np.linalg.norm(defect))
-            if norm <= FORCING * size:
-                return dr, Wdr
-            if not norm <= SLOW * before:
-                return None
-        return None
-
-    def _outgrown(self, stick: BoolArray) -> bool:
-        """Whether many border contacts stick, or were released: factoring anew then costs less than carrying them."""
-        held = self._is_held
-        released = np.count_nonzero(self._released | (held & ~stick))
-        carried = int(np.count_nonzero(stick & ~held) + released)
-        return bool(carried > 80 + 0.2 * np.count_nonzero(held))
-
-    def _hold(self, held: IntArray) -> None:
-        """Factor W on the held contacts and start with an empty border."""
-        self._L = self._P = self._response = np.empty((0, 0))  # the old ones make room for the new
-        self._held = None
-        self._normals: _NormalElimination | None = None
-        d, nc = self._d, self._W.shape[0] // self._d
-        dofs = _dofs(held, d)
-        factor, info = sla.lapack.dpotrf(_dense_part(self._W, dofs, dofs).T, lower=True, overwrite_a=True, clean=False)
-        if info != 0:
-            raise SingularMatrix(f"W of {len(held)} sticking contacts is not positive definite")
-        self._L, self._held, self._held_dofs = factor, held, dofs
-        self._followed = False
-        self._is_held = np.zeros(nc, dtype=bool)
-        self._is_held[held] = True
-        self._place = np.full(nc, -1)  # of a held contact in W_SS
-        self._place[held] = np.arange(len(held))
-        self._released = np.zeros(nc, dtype=bool)
-        self._border = np.empty(0, dtype=np.int64)
-        self._column = np.full(nc, -1)  # of a border contact in P
-        self._P = np.empty((len(dofs), 0), order="F")
-        self._response = np.empty((0, 0))  # of ((W dr)_C, dr_R) to x
-
-    def _extend(self, contacts: IntArray) -> None:
-        """Give the contacts columns in the border."""
-        d = self._d
-        new = contacts[self._column[contacts] < 0]
-        if not len(new):
-            return
-        released = self._is_held[new]
-        self._released[new[released]] = True
-        dofs = _dofs(new, d)
-        columns = _dense_part(self._W, dofs, self._held_dofs).T  # W_SC, as W is symmetric, in LAPACK's order
-        if released.any():
-            own = _dofs(np.flatnonzero(released), d)
-            columns[:, own] = 0
-            columns[_dofs(self._place[new[released]], d), own] = -1
-        P = sla.blas.dtrsm(1.0, self._L, columns, lower=True, overwrite_b=True)
-        k = len(self._border) * d
-        response = np.empty((k + len(dofs), k + len(dofs)))
-        response[:k, :k] = self._response
-        if k:
-            response[k:, :k] = P.T @ self._P
-            response[:k, k:] = response[k:, :k].T
-        response[k:, k:] = P.T @ P
-        border = np.concatenate([self._border, new])
-        free = np.flatnonzero(~self._released[border])
-        rows, fresh, held = _dofs(free, d), k + _dofs(np.flatnonzero(~released), d), _dofs(np.flatnonzero(self._released[border]), d)
-        # signs of the class's formulas, on the new rows and columns only
-        response[np.ix_(fresh, rows)] = (
-            _dense_part(self._W, _dofs(new[~released], d), _dofs(border[free], d)) - response[np.ix_(fresh, rows)]
-        )
-        if k:
-            old = rows[rows < k]
-            response[np.ix_(old, fresh)] = response[np.ix_(fresh, old)].T
-        if len(held):
-            response[np.ix_(fresh, held)] *= -1
-            response[np.ix_(rows[rows < k], held[held >= k])] *= -1
-        self._response = response
-        self._P = P if not k else np.concatenate([self._P, P], axis=1)
-        self._column[new] = len(self._border) + np.arange(len(new))
-        self._border = border
-        self._normals = None
-
-    def _condensed(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> FloatArray:
-        d, held = self._d, self._held
-        assert held is not None
-        open_contact = ~np.any(A, axis=(1, 2))
-        open_free = open_contact & ~self._is_held  # an open contact that was held stays in the system as a released one
-        dr = np.where(open_free[:, None], rhs, 0.0)
-        coupling = (self._W @ dr.ravel()).reshape(-1, d) if np.any(dr) else np.zeros_like(rhs)
-        sticking = ~np.any(B, axis=(1, 2))
-        self._extend(np.flatnonzero(np.where(self._is_held, ~sticking, ~open_free)))
-        kept = ~self._released[held]
-        t = np.zeros((len(held), d))
-        t[kept] = np.linalg.solve(A[held[kept]], rhs[held[kept]][:, :, None])[:, :, 0]
-        t -= coupling[held]
-        z, _ = sla.lapack.dtrtrs(self._L, t.reshape(-1), lower=True)
-        border = self._border[~open_free[self._border]]
-        released = self._released[border]
-        # Alart-Curnier's and Jean-Moreau's normal rows of a closed contact are (A_NN, 0, 0) and (0, 0, 0)
-        whole = released | (A[border, 0, 0] == 0) | A[border, 0, 1:].any(axis=1) | B[border, 0].any(axis=1)
-        closed, whole, released = border[~whole], border[whole], released[whole]
-        if len(border):
-            Pz = self._P.T @ z
-            known = coupling[closed] + Pz[_dofs(self._column[closed], d)].reshape(-1, d)
-            known_whole = Pz[_dofs(self._column[whole], d)].reshape(-1, d)
-            known_whole = np.where(released[:, None], -known_whole, coupling[whole] + known_whole)
-            # a released contact's unknown is W dr and its response dr: A and B change places
-            outer = np.where(released[:, None, None], B[whole], A[whole])
-            inner = np.where(released[:, None, None], A[whole], B[whole])
-            normals = self._normals
-            if normals is None or not (np.array_equal(normals.closed, closed) and np.array_equal(normals.whole, whole)):
-                normals = self._normals = _NormalElimination(self._response, closed, whole, self._column, d)
-            right = rhs[whole] - np.einsum("aij,aj->ai", outer, known_whole)
-            x_closed, x_whole = normals.solve(A[closed], B[closed], rhs[closed], known, outer, inner, right)
-            expanded = np.zeros(self._P.shape[1])
-            expanded[_dofs(self._column[closed], d)] = x_closed.ravel()
-            expanded[_dofs(self._column[whole], d)] = x_whole.ravel()
-            z = z - self._P @ expanded
-            dr[closed] = x_closed
-            dr[whole[~released]] = x_whole[~released]
-        x, _ = sla.lapack.dtrtrs(self._L, z, lower=True, trans=1)
-        dr[held] = x.reshape(-1, d)
-        return dr.ravel()
-
-
-class _NormalElimination:
-    """The border's system with the normal components of its closed contacts eliminated, for one choice of these.
-
-    Their normal rows A_NN (W dr)_N = rhs_N do not depend on the iterate, so x_N = y - Z x_V, where V are their tangential components
-    and all components of the other ("whole") contacts. Left is a system on V with the response S = G_VV - G_VN Z.
-    """
-
-    def __init__(self, response: FloatArray, closed: IntArray, whole: IntArray, column: IntArray, d: int) -> None:
-        self.closed, self.whole, self._d = closed, whole, d
-        first = d * column[closed]
-        V = np.concatenate([(first[:, None] + np.arange(1, d)).ravel(), _dofs(column[whole], d)])
-        factor, info = sla.lapack.dpotrf(response[np.ix_(first, first)].T, lower=True, overwrite_a=True, clean=False)
-        if info != 0:
-            raise SingularMatrix(f"the normal compliance of {len(closed)} contacts is not positive definite")
-        self._L = factor
-        self._Z = self._normal_solve(response[np.ix_(first, V)])
-        self._G_VN = response[np.ix_(V, first)]
-        self._S = response[np.ix_(V, V)]
-        self._S -= self._G_VN @ self._Z
-
-    def _normal_solve(self, rhs: FloatArray) -> FloatArray:
-        return sla.lapack.dpotrs(self._L, rhs, lower=True)[0] if len(self.closed) else np.zeros_like(rhs)
-
-    def solve(
-        self,
-        A: FloatArray,
-        B: FloatArray,
-        rhs: FloatArray,
-        known: FloatArray,
-        outer: FloatArray,
-        inner: FloatArray,
-        right: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return x of the closed and of the whole contacts.
-
-        Closed: A (W dr) + B x = rhs, where W dr is `known` for x = 0. Whole: outer (response to x) + inner x = right less the known.
-        """
-        d, k, w, n = self._d, len(self.closed), len(self.whole), len(self._S)
-        split = k * (d - 1)
-        Wdr_N = rhs[:, 0] / A[:, 0, 0]
-        y = self._normal_solve(Wdr_N - known[:, 0])
-        shift = self._G_VN @ y
-        known_T = known[:, 1:] + shift[:split].reshape(k, d - 1)
-        J = np.empty((n, n))
-        rows_T = J[:split].reshape(k, d - 1, n)
-        np.matmul(A[:, 1:, 1:], self._S[:split].reshape(k, d - 1, n), out=rows_T)
-        rows_T -= B[:, 1:, :1] * self._Z[:, None, :]
-        own = np.arange(k)
-        J[:split, :split].reshape(k, d - 1, k, d - 1)[own, :, own, :] += B[:, 1:, 1:]
-        np.matmul(outer, self._S[split:].reshape(w, d, n), out=J[split:].reshape(w, d, n))
-        own = np.arange(w)
-        J[split:, split:].reshape(w, d, w, d)[own, :, own, :] += inner
-        right_T = rhs[:, 1:] - A[:, 1:, 0] * Wdr_N[:, None] - B[:, 1:, 0] * y[:, None] - np.einsum("aij,aj->ai", A[:, 1:, 1:], known_T)
-        right = right - np.einsum("aij,aj->ai", outer, shift[split:].reshape(w, d))
-        x = DenseLU(J.T, overwrite=True).solve_transposed(np.concatenate([right_T.ravel(), right.ravel()]))
-        return np.concatenate([(y - self._Z @ x)[:, None], x[:split].reshape(k, d - 1)], axis=1), x[split:].reshape(w, d)
-
-
 class SparseSystem:
     """Sparse LU of A W + B on the active contacts, for block-sparse W: SuperLU, or MUMPS for many entries where petsc4py is there."""
 
@@ -352,10 +80,10 @@ class SparseSystem:
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         d = self._d
-        active, rhs, dr = _without_open(self._W, A, rhs)
+        active, rhs, dr = without_open(self._W, A, rhs)
         k = len(active)
         if k:
-            dofs = _dofs(active, d)
+            dofs = dofs_of(active, d)
             W = self._W[dofs][:, dofs]
             block_diagonal = sp.bsr_array((A[active], np.arange(k), np.arange(k + 1)), shape=(k * d, k * d), blocksize=(d, d))
             shift = sp.bsr_array((B[active], np.arange(k), np.arange(k + 1)), shape=(k * d, k * d), blocksize=(d, d))
@@ -366,6 +94,3 @@ class SparseSystem:
 
     def follow(self, W: Any) -> bool:
         return False
-
-
-SYSTEMS: dict[str, type[NewtonSystem]] = {"dense": DenseSystem, "condensed": CondensedSystem, "sparse": SparseSystem}

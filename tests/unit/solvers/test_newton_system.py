@@ -12,7 +12,9 @@ from fcsim import linear
 from fcsim.linear import SingularMatrix
 from fcsim.problem import GlobalProblem
 from fcsim.solvers.newton_global import _SaddleMatrix
-from fcsim.solvers.newton_system import FORCING, SYSTEMS, CondensedSystem, DenseSystem, NewtonSystem, SparseSystem
+from fcsim.solvers.condensed_system import FORCING, CondensedSystem
+from fcsim.solvers.newton import SYSTEMS
+from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem
 
 OPEN, STICK, SLIP = 0, 1, 2
 
