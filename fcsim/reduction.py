@@ -27,6 +27,8 @@ IntArray = NDArray[np.int64]
 
 DENSE_W_UP_TO = 3000
 """Up to this many contact unknowns W is stored dense (72 MB), above as block-sparse rows."""
+SPARSE_FROM, FILLED = 1000, 0.4
+"""Contact unknowns from which, and share of its blocks below which, W is stored by block rows: less to write, and to read in products."""
 
 
 EQUAL = 1e-13
@@ -41,17 +43,15 @@ class MassFactor(Protocol):
     def delassus(self, H: Any, dimension: int) -> Any: ...
 
 
-def assemble_delassus(
-    tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int, sparse_from: int = 1000, filled: float = 0.4
-) -> Any:
+def assemble_delassus(tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int) -> Any:
     """Sum the bodies' tiles (contacts (k,), W_body (k d, k d)) into W (m, m): dense up to `DENSE_W_UP_TO`, else block-sparse.
 
-    W is block-sparse from `sparse_from` unknowns on already where less than the share `filled` of its blocks is there.
+    W is block-sparse from `SPARSE_FROM` unknowns on already where less than the share `FILLED` of its blocks is there.
     """
     d = dimension
     parts = list(tiles)
     entries = sum(len(contacts) ** 2 for contacts, _ in parts)
-    if nc * d <= DENSE_W_UP_TO and not (nc * d > sparse_from and entries < filled * nc**2):
+    if nc * d <= DENSE_W_UP_TO and not (nc * d > SPARSE_FROM and entries < FILLED * nc**2):
         W = np.zeros((nc * d, nc * d))
         for contacts, tile in parts:
             add_tile(W, contacts, tile, d)

@@ -25,9 +25,6 @@ from fcsim.reduction import assemble_delassus, refuse_singular
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-SPARSE_FROM, FILLED = 1000, 0.4
-"""Contact unknowns from which, and share of its blocks below which, W is stored by block rows: less to write, and to read in products."""
-
 SOLVED_AT_ONCE = 8_000_000
 """Numbers of right-hand sides that are solved for together (64 MB, of which a factor's solution takes a few copies)."""
 
@@ -114,7 +111,7 @@ class SystemFactor:
             counts = np.zeros(model.n_dofs, dtype=H.indptr.dtype)
             counts[model.free_dofs] = np.diff(H.indptr)
             H = sp.csr_array((H.data, H.indices, np.concatenate([[0], np.cumsum(counts)])), shape=(model.n_dofs, H.shape[1]))
-        return assemble_delassus(self._tiles(H, dimension), H.shape[1] // dimension, dimension, SPARSE_FROM, FILLED)
+        return assemble_delassus(self._tiles(H, dimension), H.shape[1] // dimension, dimension)
 
     def _tiles(self, H: Any, d: int) -> Iterator[tuple[IntArray, FloatArray]]:
         """Each body's contacts and its share of W on them."""

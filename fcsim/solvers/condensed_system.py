@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fcsim.linear import DenseLU, SingularMatrix, is_symmetric
 from fcsim.solvers._front_kernels import gather_blocks
+from fcsim.solvers.krylov import gmres
 from fcsim.solvers.multifrontal import BlockRows, MultifrontalCholesky, joint_rows
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem, dofs_of
 
@@ -18,12 +19,15 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-CORRECTIONS = 4
-"""Defect corrections with an earlier W's factor before factoring anew."""
 FORCING = 1e-2
-"""Defect, relative to the right-hand side, at which a corrected Newton step is accepted."""
-SLOW = 0.1
-"""Reduction of the defect that a correction must reach at least."""
+"""Defect, relative to the right-hand side, at which a Newton step by an earlier W's factor is accepted."""
+INNER = 3e-2
+"""The same for the border's system where such a step is only a preconditioner's."""
+CORRECTIONS = 8
+"""Iterations of GMRES with an earlier W's factor before factoring anew."""
+REUSED = 6
+"""Iterations of GMRES that an earlier factor of the border's system may take."""
+
 
 def _dense_part(W: Any, d: int, rows: IntArray, columns: IntArray) -> FloatArray:
     """The blocks of W, dense or by block rows, of contacts `rows` and `columns` as a dense array in C order."""
@@ -122,25 +126,23 @@ class CondensedSystem:
             return self._solve_whole(A, B, rhs)
 
     def _corrected(self, A: FloatArray, B: FloatArray, rhs: FloatArray, stick: BoolArray) -> tuple[FloatArray, FloatArray] | None:
-        """Defect correction with an earlier W's factor, dr <- dr + J^-1 (rhs - (A W + B) dr); None where it converges too slowly."""
-        size = float(np.linalg.norm(rhs))
-        dr, Wdr, defect, norm = np.zeros(rhs.size), np.zeros(rhs.size), rhs, size
-        for _ in range(CORRECTIONS):
-            if self._outgrown(stick):
-                return None
-            try:
-                step = self._condensed(A, B, defect)
-            except SingularMatrix:
-                return None
-            dr = dr + step
-            Wdr = Wdr + self._W @ step
-            defect = rhs - np.einsum("aij,aj->ai", A, Wdr.reshape(rhs.shape)) - np.einsum("aij,aj->ai", B, dr.reshape(rhs.shape))
-            before, norm = norm, float(np.linalg.norm(defect))
-            if norm <= FORCING * size:
-                return dr, Wdr
-            if not norm <= SLOW * before:
-                return None
-        return None
+        """GMRES with an earlier W's factor and border as preconditioner; None where it does not pay."""
+        if self._outgrown(stick):
+            return None
+        W, shape = self._W, rhs.shape
+
+        def product(x: FloatArray) -> FloatArray:
+            Wx = (W @ x).reshape(shape)
+            return (np.einsum("aij,aj->ai", A, Wx) + np.einsum("aij,aj->ai", B, x.reshape(shape))).ravel()
+
+        def precondition(x: FloatArray) -> FloatArray:
+            return self._condensed(A, B, x.reshape(shape), INNER)
+
+        try:
+            dr = gmres(product, precondition, rhs.ravel(), FORCING * float(np.linalg.norm(rhs)), CORRECTIONS)
+        except SingularMatrix:
+            return None
+        return None if dr is None else (dr, W @ dr)
 
     def _outgrown(self, stick: BoolArray) -> bool:
         """Whether many border contacts stick, or were released: factoring anew then costs less than carrying them."""
@@ -151,13 +153,12 @@ class CondensedSystem:
 
     def _hold(self, held: BoolArray) -> None:
         """Factor W on the held contacts (nc,) and start with an empty border."""
-        self._P = self._response = np.empty((0, 0))  # the old ones make room for the new
+        self._PT = self._response = np.empty((0, 0))  # the old ones make room for the new
         self._held, self._factor = None, None
         self._normals: _NormalElimination | None = None
         d = self._d
         self._factor = _DenseCholesky(self._W, d, held) if self._rows is None else MultifrontalCholesky(self._rows, held)
         self._held = self._factor.contacts
-        self._held_dofs = dofs_of(self._held, d)
         self._followed = False
         self._is_held = held
         self._place = np.full(len(held), -1)  # of a held contact in W_SS
@@ -165,8 +166,9 @@ class CondensedSystem:
         self._released = np.zeros(len(held), dtype=bool)
         self._border = np.empty(0, dtype=np.int64)
         self._column = np.full(len(held), -1)  # of a border contact in P
-        self._P = np.empty((len(self._held_dofs), 0))
-        self._response = np.empty((0, 0))  # of ((W dr)_C, dr_R) to x
+        # P^T and the response of ((W dr)_C, dr_R) to x, with room for columns to come
+        self._PT = np.empty((0, d * len(self._held)))
+        self._response = np.empty((0, 0))
 
     def _extend(self, contacts: IntArray) -> None:
         """Give the contacts columns in the border."""
@@ -184,33 +186,42 @@ class CondensedSystem:
             columns[:, own] = 0
             columns[dofs_of(self._place[new[released]], d), own] = -1
         P = self._factor.forward(columns)
-        k = len(self._border) * d
-        response = np.empty((k + len(dofs), k + len(dofs)))
-        response[:k, :k] = self._response
+        k, end = len(self._border) * d, (len(self._border) + len(new)) * d
+        self._reserve(end)
+        self._PT[k:end] = P.T
+        response = self._response[:end, :end]
         if k:
-            response[k:, :k] = P.T @ self._P
-            response[:k, k:] = response[k:, :k].T
-        response[k:, k:] = P.T @ P
+            response[:k, k:] = self._PT[:k] @ P
+            response[k:, :k] = response[:k, k:].T
+        response[k:, k:] = P.T @ P  # by the symmetric product
         border = np.concatenate([self._border, new])
         free = np.flatnonzero(~self._released[border])
         rows, fresh, held = dofs_of(free, d), k + dofs_of(np.flatnonzero(~released), d), dofs_of(np.flatnonzero(self._released[border]), d)
         # signs of the class's formulas, on the new rows and columns only
-        response[np.ix_(fresh, rows)] = (
-            _dense_part(self._W, d, new[~released], border[free]) - response[np.ix_(fresh, rows)]
-        )
+        response[np.ix_(fresh, rows)] = _dense_part(self._W, d, new[~released], border[free]) - response[np.ix_(fresh, rows)]
         if k:
             old = rows[rows < k]
             response[np.ix_(old, fresh)] = response[np.ix_(fresh, old)].T
         if len(held):
             response[np.ix_(fresh, held)] *= -1
             response[np.ix_(rows[rows < k], held[held >= k])] *= -1
-        self._response = response
-        self._P = P if not k else np.concatenate([self._P, P], axis=1)
         self._column[new] = len(self._border) + np.arange(len(new))
         self._border = border
         self._normals = None
 
-    def _condensed(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> FloatArray:
+    def _reserve(self, columns: int) -> None:
+        """Make room for so many columns of the border and half as many again."""
+        have = len(self._PT)
+        if columns <= have:
+            return
+        used, room = len(self._border) * self._d, columns + columns // 2
+        PT, response = np.empty((room, self._PT.shape[1])), np.empty((room, room))
+        PT[:used] = self._PT[:used]
+        response[:used, :used] = self._response[:used, :used]
+        self._PT, self._response = PT, response
+
+    def _condensed(self, A: FloatArray, B: FloatArray, rhs: FloatArray, tolerance: float = 0.0) -> FloatArray:
+        """The step by the factor and border that are there; tolerance: relative defect of the border's system, 0: round-off."""
         d, held = self._d, self._held
         assert held is not None and self._factor is not None
         open_contact = ~np.any(A, axis=(1, 2))
@@ -230,7 +241,8 @@ class CondensedSystem:
         whole = released | (A[border, 0, 0] == 0) | A[border, 0, 1:].any(axis=1) | B[border, 0].any(axis=1)
         closed, whole, released = border[~whole], border[whole], released[whole]
         if len(border):
-            Pz = self._P.T @ z
+            PT = self._PT[: d * len(self._border)]
+            Pz = PT @ z
             known = coupling[closed] + Pz[dofs_of(self._column[closed], d)].reshape(-1, d)
             known_whole = Pz[dofs_of(self._column[whole], d)].reshape(-1, d)
             known_whole = np.where(released[:, None], -known_whole, coupling[whole] + known_whole)
@@ -239,13 +251,15 @@ class CondensedSystem:
             inner = np.where(released[:, None, None], A[whole], B[whole])
             normals = self._normals
             if normals is None or not (np.array_equal(normals.closed, closed) and np.array_equal(normals.whole, whole)):
-                normals = self._normals = _NormalElimination(self._response, closed, whole, self._column, d)
+                normals = self._normals = _NormalElimination(self._response, closed, whole, released, self._column, d)
             right = rhs[whole] - np.einsum("aij,aj->ai", outer, known_whole)
-            x_closed, x_whole = normals.solve(A[closed], B[closed], rhs[closed], known, outer, inner, right)
-            expanded = np.zeros(self._P.shape[1])
+            x_closed, x_whole = normals.solve(
+                A[closed], B[closed], rhs[closed], known, outer, inner, right, tolerance * float(np.linalg.norm(rhs))
+            )
+            expanded = np.zeros(len(PT))
             expanded[dofs_of(self._column[closed], d)] = x_closed.ravel()
             expanded[dofs_of(self._column[whole], d)] = x_whole.ravel()
-            z = z - self._P @ expanded
+            z = z - PT.T @ expanded
             dr[closed] = x_closed
             dr[whole[~released]] = x_whole[~released]
         dr[held] = self._factor.backward(z).reshape(-1, d)
@@ -259,7 +273,7 @@ class _NormalElimination:
     and all components of the other ("whole") contacts. Left is a system on V with the response S = G_VV - G_VN Z.
     """
 
-    def __init__(self, response: FloatArray, closed: IntArray, whole: IntArray, column: IntArray, d: int) -> None:
+    def __init__(self, response: FloatArray, closed: IntArray, whole: IntArray, released: BoolArray, column: IntArray, d: int) -> None:
         self.closed, self.whole, self._d = closed, whole, d
         first = d * column[closed]
         V = np.concatenate([(first[:, None] + np.arange(1, d)).ravel(), dofs_of(column[whole], d)])
@@ -267,10 +281,16 @@ class _NormalElimination:
         if info != 0:
             raise SingularMatrix(f"the normal compliance of {len(closed)} contacts is not positive definite")
         self._L = factor
-        self._Z = self._normal_solve(response[np.ix_(first, V)])
         self._G_VN = response[np.ix_(V, first)]
         self._S = response[np.ix_(V, V)]
-        self._S -= self._G_VN @ self._Z
+        # G_NV is G_VN^T up to the sign of the released contacts' columns: the symmetric product takes half the work
+        Y = sla.blas.dtrsm(1.0, factor, response[np.ix_(first, V)].T, side=1, lower=True, trans_a=True, overwrite_b=True)
+        correction = Y @ Y.T
+        sign = np.repeat(np.where(released, -1.0, 1.0), d)
+        self._S[: len(V) - len(sign)] -= correction[: len(V) - len(sign)]
+        self._S[len(V) - len(sign) :] -= sign[:, None] * correction[len(V) - len(sign) :]
+        self._Z = sla.blas.dtrsm(1.0, factor, Y, side=1, lower=True, overwrite_b=True).T
+        self._factor: DenseLU | None = None
 
     def _normal_solve(self, rhs: FloatArray) -> FloatArray:
         return sla.lapack.dpotrs(self._L, rhs, lower=True)[0] if len(self.closed) else np.zeros_like(rhs)
@@ -284,6 +304,7 @@ class _NormalElimination:
         outer: FloatArray,
         inner: FloatArray,
         right: FloatArray,
+        target: float,
     ) -> tuple[FloatArray, FloatArray]:
         """Return x of the closed and of the whole contacts.
 
@@ -295,6 +316,37 @@ class _NormalElimination:
         y = self._normal_solve(Wdr_N - known[:, 0])
         shift = self._G_VN @ y
         known_T = known[:, 1:] + shift[:split].reshape(k, d - 1)
+        right_T = rhs[:, 1:] - A[:, 1:, 0] * Wdr_N[:, None] - B[:, 1:, 0] * y[:, None] - np.einsum("aij,aj->ai", A[:, 1:, 1:], known_T)
+        right = right - np.einsum("aij,aj->ai", outer, shift[split:].reshape(w, d))
+        given = np.concatenate([right_T.ravel(), right.ravel()])
+        x = self._approximate(A, B, outer, inner, given, target) if target else None
+        if x is None:
+            x = DenseLU(self._matrix(A, B, outer, inner).T, overwrite=True).solve_transposed(given)
+        return np.concatenate([(y - self._Z @ x)[:, None], x[:split].reshape(k, d - 1)], axis=1), x[split:].reshape(w, d)
+
+    def _approximate(
+        self, A: FloatArray, B: FloatArray, outer: FloatArray, inner: FloatArray, given: FloatArray, target: float
+    ) -> FloatArray | None:
+        """Solve on V by GMRES with the LU in single precision of an earlier iteration with the same sets, or else a new one."""
+
+        def product(x: FloatArray) -> FloatArray:
+            return self._product(A, B, outer, inner, x)
+
+        def precondition(x: FloatArray) -> FloatArray:
+            assert self._factor is not None
+            return self._factor.solve_transposed(x.astype(np.float32)).astype(np.float64)
+
+        x = None if self._factor is None else gmres(product, precondition, given, target, REUSED)
+        if x is None:
+            self._factor = None  # the old one makes room for the new
+            self._factor = DenseLU(self._matrix(A, B, outer, inner).astype(np.float32).T, overwrite=True)
+            x = gmres(product, precondition, given, target, REUSED)
+        return x
+
+    def _matrix(self, A: FloatArray, B: FloatArray, outer: FloatArray, inner: FloatArray) -> FloatArray:
+        """The matrix of the system on V."""
+        d, k, w, n = self._d, len(self.closed), len(self.whole), len(self._S)
+        split = k * (d - 1)
         J = np.empty((n, n))
         rows_T = J[:split].reshape(k, d - 1, n)
         np.matmul(A[:, 1:, 1:], self._S[:split].reshape(k, d - 1, n), out=rows_T)
@@ -304,7 +356,14 @@ class _NormalElimination:
         np.matmul(outer, self._S[split:].reshape(w, d, n), out=J[split:].reshape(w, d, n))
         own = np.arange(w)
         J[split:, split:].reshape(w, d, w, d)[own, :, own, :] += inner
-        right_T = rhs[:, 1:] - A[:, 1:, 0] * Wdr_N[:, None] - B[:, 1:, 0] * y[:, None] - np.einsum("aij,aj->ai", A[:, 1:, 1:], known_T)
-        right = right - np.einsum("aij,aj->ai", outer, shift[split:].reshape(w, d))
-        x = DenseLU(J.T, overwrite=True).solve_transposed(np.concatenate([right_T.ravel(), right.ravel()]))
-        return np.concatenate([(y - self._Z @ x)[:, None], x[:split].reshape(k, d - 1)], axis=1), x[split:].reshape(w, d)
+        return J
+
+    def _product(self, A: FloatArray, B: FloatArray, outer: FloatArray, inner: FloatArray, x: FloatArray) -> FloatArray:
+        """The product of that matrix with x without forming it."""
+        d, k = self._d, len(self.closed)
+        split = k * (d - 1)
+        Sx, x_T, x_whole = self._S @ x, x[:split].reshape(k, d - 1), x[split:].reshape(-1, d)
+        closed = np.einsum("aij,aj->ai", A[:, 1:, 1:], Sx[:split].reshape(k, d - 1)) + np.einsum("aij,aj->ai", B[:, 1:, 1:], x_T)
+        closed -= B[:, 1:, 0] * (self._Z @ x)[:, None]
+        whole = np.einsum("aij,aj->ai", outer, Sx[split:].reshape(-1, d)) + np.einsum("aij,aj->ai", inner, x_whole)
+        return np.concatenate([closed.ravel(), whole.ravel()])

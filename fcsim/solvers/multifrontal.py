@@ -180,15 +180,6 @@ class BlockRows:
             raise SingularMatrix("the pattern of W is not symmetric")
         return transposed
 
-    def diagonal_blocks(self) -> FloatArray:
-        """W_aa (nc, d, d)."""
-        nc, d = len(self.indptr) - 1, self.blocks.shape[1]
-        row = np.repeat(np.arange(nc), np.diff(self.indptr))
-        own = np.flatnonzero(row == self.indices)
-        diagonal = np.zeros((nc, d, d))
-        diagonal[self.indices[own]] = self.blocks[own]
-        return diagonal
-
 
 def joint_rows(W: Any, d: int, previous: BlockRows | None = None) -> BlockRows | None:
     """Sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
@@ -218,8 +209,7 @@ class _Assembly:
             own, border = front.own[self._part[front.own]], front.border[self._part[front.border]]
             n, beyond = len(own), self._number[border]
             children = [
-                (np.where(below < begin + n, below - begin, n + np.searchsorted(beyond, below)), S)
-                for below, S in self._waiting.pop(f, ())
+                (np.where(below < begin + n, below - begin, n + np.searchsorted(beyond, below)), S) for below, S in self._waiting.pop(f, ())
             ]
             self._parent, self._beyond = front.parent, beyond
             yield begin, own, border, beyond, children

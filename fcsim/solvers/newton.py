@@ -19,18 +19,22 @@ from fcsim.errors import InputError
 from fcsim.linear import SingularMatrix
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
+from fcsim.solvers.condensed_system import CondensedSystem
 from fcsim.solvers.formulations import FORMULATIONS, Formulation
 from fcsim.solvers.line_search import LINE_SEARCHES, REFERENCES, Merit
-from fcsim.solvers.condensed_system import CondensedSystem
 from fcsim.solvers.multifrontal import joint_rows
 from fcsim.solvers.multifrontal_system import MultifrontalSystem
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem
-
-SYSTEMS: dict[str, type[NewtonSystem]] = {"dense": DenseSystem, "condensed": CondensedSystem, "sparse": SparseSystem, "multifrontal": MultifrontalSystem}
-
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho
 
 FloatArray = NDArray[np.float64]
+
+SYSTEMS: dict[str, type[NewtonSystem]] = {
+    "dense": DenseSystem,
+    "condensed": CondensedSystem,
+    "multifrontal": MultifrontalSystem,
+    "sparse": SparseSystem,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,9 +226,11 @@ def _merit(
 
 
 def _linear(problem: LocalProblem, options: NewtonOptions) -> str:
-    """The linear algebra behind "auto": multifrontal elimination where contacts come in joints and that saves most of the work; else
-    condensed elimination for AC and JM, dense LU for the others, on a dense W and on a sparse one whose factor would be dense and is
-    affordable; else sparse LU.
+    """The linear algebra behind "auto".
+
+    Multifrontal LU where contacts come in joints and that saves most of the work, unless a simulation keeps what condensed elimination
+    leaves for the next steps (which uses the joints too); else condensed elimination for AC and JM, dense LU for the others, on a
+    dense W and on a sparse one whose factor would be dense and is affordable; else sparse LU.
     """
     if options.linear not in ("auto", "kkt"):
         return options.linear

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim import runtime
-from fcsim.linear import MUMPS_FROM, DenseLU, Factor, Mumps, SingularMatrix, SuperLU
+from fcsim.linear import MUMPS_FROM, DenseLU, Factor, Mumps, SuperLU
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 from fcsim import linear
 from fcsim.linear import SingularMatrix
 from fcsim.problem import GlobalProblem
-from fcsim.solvers.newton_global import _SaddleMatrix
 from fcsim.solvers.condensed_system import FORCING, CondensedSystem
 from fcsim.solvers.newton import SYSTEMS
+from fcsim.solvers.newton_global import _SaddleMatrix
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem
 
 OPEN, STICK, SLIP = 0, 1, 2
@@ -59,7 +59,8 @@ def test_one_step(name: str, d: int, zones: str) -> None:
     rhs = rng.standard_normal((12, d))
     before = W.copy(), A.copy(), B.copy(), rhs.copy()
     system = SYSTEMS[name](sp.bsr_array(W, blocksize=(d, d)) if name == "sparse" else W, d)
-    assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-9, atol=1e-11)
+    tolerance = 1e-3 if name == "multifrontal" else 1e-9  # an inexact step, see test_multifrontal
+    assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=tolerance, atol=1e-2 * tolerance)
     for mine, given in zip((W, A, B, rhs), before, strict=True):
         assert_allclose(mine, given, atol=0)
 
