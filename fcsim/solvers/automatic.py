@@ -31,8 +31,10 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers.admm import AdmmOptions, admm
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
+from fcsim.solvers.block_rows import ContactRows, compressed_blocks
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.newton import NewtonOptions, newton
+from fcsim.solvers.one_contact import ONE_CONTACT
 from fcsim.solvers.proximal import regularised
 
 FloatArray = NDArray[np.float64]
@@ -107,10 +109,13 @@ def _fitting_storage(problem: LocalProblem) -> LocalProblem:
     """Return the problem with W stored dense or in sorted block rows as its size and density ask for, converted once for all stages."""
     W, d = problem.W, problem.dimension
     sparse = problem.m > SMALL and _entries(W) < SPARSE_BELOW * problem.m**2
-    if sparse:
+    if sparse and sp.issparse(W) and W.format == "bsr":
         # a copy even of block rows: a factorisation would sort the caller's in place, and later products would differ in the last bits
         W = sp.bsr_array(W, blocksize=(d, d), copy=True)
         W.sort_indices()
+    elif sparse:
+        indptr, column, blocks = compressed_blocks(W, d)
+        W = sp.bsr_array((blocks, column.astype(np.int32), indptr.astype(np.int32)), shape=W.shape)
     elif sp.issparse(W):
         W = W.toarray()
     return problem if W is problem.W else LocalProblem(W, problem.q, problem.mu, dimension=d)
@@ -135,12 +140,16 @@ class _Run:
         self.splitting_cost = 3e-3 + 0.5 * self.newton_cost + 2 * self.options.splitting * self.sweep_cost
         diagonal = W.diagonal()
         self.scale = float(np.mean(np.abs(diagonal))) or 1.0
+        self._rows: ContactRows | None = None
 
     def _limit(self, count: int) -> int:
         return min(self.monitor.iterations + count, self.options.max_iterations)
 
     def _sweeps(self, r: FloatArray, count: int) -> Iterate:
-        return nsgs(self.problem, r, self.monitor, GaussSeidelOptions(max_iterations=self._limit(count)))
+        options = GaussSeidelOptions(max_iterations=self._limit(count))
+        if self._rows is None:
+            self._rows = ContactRows.of(self.problem, ONE_CONTACT[options.one_contact].rho)
+        return nsgs(self.problem, r, self.monitor, options, rows=self._rows)
 
     def race(self, r: FloatArray) -> Iterate:
         """Gauss-Seidel in chunks that double, while it is predicted to arrive before Newton."""
