@@ -29,13 +29,14 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
-from fcsim.solvers.admm import AdmmOptions, admm
+from fcsim.solvers.admm import AdmmOptions, split
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.block_rows import ContactRows, compressed_blocks
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.newton import NewtonOptions, newton
 from fcsim.solvers.one_contact import ONE_CONTACT
 from fcsim.solvers.proximal import regularised
+from fcsim.solvers.variational import Inequality, ProblemWatch
 
 FloatArray = NDArray[np.float64]
 
@@ -47,6 +48,8 @@ FAR = 1e-3
 """Error above which ADMM is tried."""
 SLOWING = 2.0
 """Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
+WATCHED = 5
+"""ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 RUNAWAY = 100.0
 """Growth of the error over the best one at which the proximal stage goes back to its best iterate."""
 SMALL = 150
@@ -177,10 +180,11 @@ class _Run:
     def splitting(self) -> Iterate:
         """ADMM from zero, which suits it better than sweeps' iterate, as long as each share of iterations brings the error down tenfold."""
         monitor, r = self.monitor, np.zeros(self.problem.m)
+        vi = Inequality.coulomb(self.problem)
         while True:
             before = monitor.best
             options = AdmmOptions(initial_rho="norm", rho=1e-3, max_iterations=self._limit(self.options.splitting))
-            iterate = admm(self.problem, r, monitor, options)
+            iterate = split(vi, r, ProblemWatch(vi.velocity, monitor, options.max_iterations, period=WATCHED), options)
             if iterate.status is not Status.MAX_ITERATIONS or monitor.best > 0.1 * before:
                 return iterate
             r = iterate.r

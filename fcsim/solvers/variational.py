@@ -19,11 +19,10 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.cone import de_saxce
 from fcsim.linear import MUMPS_FROM, Factor, Mumps, SingularMatrix, SuperLU, factorise, is_symmetric
 from fcsim.problem import LocalProblem, diagonal_blocks
 from fcsim.runtime import has_petsc
-from fcsim.solvers._set_kernels import add_de_saxce, step_cone, step_cylinder, step_disk
+from fcsim.solvers._set_kernels import add_de_saxce, de_saxce_term, step_cone, step_cylinder, step_disk
 from fcsim.solvers.base import Monitor, Status
 
 FloatArray = NDArray[np.float64]
@@ -93,7 +92,7 @@ class ShiftedInverse:
 
 def coulomb_term(u: FloatArray, mu: FloatArray, dimension: int) -> FloatArray:
     """De Saxcé's g(u) = (mu ||u_T||, 0, 0) for flat u (m,)."""
-    return de_saxce(u.reshape(-1, dimension), mu).ravel()
+    return de_saxce_term(u, mu, dimension)
 
 
 def power_norm(product: Callable[[FloatArray], FloatArray], size: int) -> float:
@@ -133,9 +132,12 @@ class Operator:
 
     @cached_property
     def norm(self) -> float:
-        """||W||_2 by power iterations on W^T W, from below within a few percent."""
-        WT = self.W if self.symmetric else self.W.T
-        return float(np.sqrt(power_norm(lambda x: WT @ (self.W @ x), self.size))) or 1.0
+        """||W||_2 by power iterations on W, or on W^T W where that differs, from below within a few percent."""
+        W = self.W
+        if self.symmetric:
+            return power_norm(lambda x: W @ x, self.size) or 1.0
+        WT = W.T
+        return float(np.sqrt(power_norm(lambda x: WT @ (W @ x), self.size))) or 1.0
 
     @cached_property
     def least_singular_value(self) -> float:
