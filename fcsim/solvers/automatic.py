@@ -20,6 +20,7 @@ Optim. 14, 1976. The schedule of alpha and the race are our own.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,6 +49,8 @@ FAR = 1e-3
 """Error above which ADMM is tried."""
 SLOWING = 2.0
 """Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
+NEWTON_ITERATIONS = 12
+"""What Newton, plain and proximal, needs from where sweeps lead, about (measured)."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 RUNAWAY = 100.0
@@ -138,9 +141,14 @@ class _Run:
         self.sparse = sp.issparse(W)
         entries = _entries(W)
         # seconds on a common processor; only their ratio matters
+        share = options.splitting
         self.sweep_cost = 1e-9 * entries + 1.5e-7 * problem.nc
-        self.newton_cost = 1e-3 + 1.5e-7 * entries if self.sparse else 2e-4 + 3e-11 * m**3 + 4e-9 * m**2
-        self.splitting_cost = 3e-3 + 0.5 * self.newton_cost + 2 * self.options.splitting * self.sweep_cost
+        if self.sparse:
+            self.newton_cost = 1e-3 + 1.5e-7 * entries
+            self.splitting_cost = 1e-3 + 0.5 * self.newton_cost + share * (1e-4 + 1.5e-9 * entries)
+        else:
+            self.newton_cost = 2e-4 + 3e-11 * m**3 + 4e-9 * m**2
+            self.splitting_cost = 3e-4 + 0.5 * self.newton_cost + share * (4e-5 + 1e-9 * m**2)
         diagonal = W.diagonal()
         self.scale = float(np.mean(np.abs(diagonal))) or 1.0
         self._rows: ContactRows | None = None
@@ -172,22 +180,17 @@ class _Run:
                 if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
                     return iterate
                 r = _best(monitor)[0]
-            if remaining * self.sweep_cost > 30 * self.newton_cost:
+            if remaining * self.sweep_cost > NEWTON_ITERATIONS * self.newton_cost:
                 return iterate
             chunk *= 2
         return iterate
 
     def splitting(self) -> Iterate:
         """ADMM from zero, which suits it better than sweeps' iterate, as long as each share of iterations brings the error down tenfold."""
-        monitor, r = self.monitor, np.zeros(self.problem.m)
+        monitor = self.monitor
         vi = Inequality.coulomb(self.problem)
-        while True:
-            before = monitor.best
-            options = AdmmOptions(initial_rho="norm", rho=1e-3, max_iterations=self._limit(self.options.splitting))
-            iterate = split(vi, r, ProblemWatch(vi.velocity, monitor, options.max_iterations, period=WATCHED), options)
-            if iterate.status is not Status.MAX_ITERATIONS or monitor.best > 0.1 * before:
-                return iterate
-            r = iterate.r
+        watch = _SplittingWatch(vi.velocity, monitor, self.options.max_iterations, self.options.splitting)
+        return split(vi, np.zeros(self.problem.m), watch, AdmmOptions(initial_rho="norm", rho=1e-3))
 
     def plain_newton(self, r: FloatArray) -> Iterate:
         """NSN-AC as long as every `patience` iterations bring a better iterate."""
@@ -253,6 +256,30 @@ class _Run:
             if monitor.best > 0.9 * before:
                 return Iterate(iterate.r, Status.STAGNATED)
             r, chunk = iterate.r, 2 * chunk
+
+
+class _SplittingWatch(ProblemWatch):
+    """Ends ADMM where `share` iterations did not bring the best error down tenfold, or half of them, and of all so far, no better one."""
+
+    def __init__(self, velocity: Callable[[FloatArray], FloatArray], monitor: Monitor, max_iterations: int, share: int) -> None:
+        super().__init__(velocity, monitor, max_iterations, period=WATCHED)
+        self._share, self._begun, self._next_share = share, monitor.iterations, monitor.iterations + share
+        self._before, self._least, self._better = monitor.best, monitor.best, monitor.iterations
+
+    def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
+        status = super().visit(r, u, due)
+        if status is not None:
+            return status
+        now, best = self._monitor.iterations, self._monitor.best
+        if best < self._least:
+            self._least, self._better = best, now
+        if now - self._better > 0.5 * max(self._share, now - self._begun):
+            return Status.MAX_ITERATIONS
+        if now >= self._next_share:
+            if best > 0.1 * self._before:
+                return Status.MAX_ITERATIONS
+            self._before, self._next_share = best, now + self._share
+        return None
 
 
 def _best(monitor: Monitor) -> tuple[FloatArray, float]:
