@@ -259,7 +259,7 @@ class _Run:
 
 
 class _SplittingWatch(ProblemWatch):
-    """Ends ADMM where `share` iterations did not bring the best error down tenfold, or half of them, and of all so far, no better one."""
+    """Ends ADMM where `share` iterations did not bring the best error down tenfold, or half of them (a third of all so far) no better one."""
 
     def __init__(self, velocity: Callable[[FloatArray], FloatArray], monitor: Monitor, max_iterations: int, share: int) -> None:
         super().__init__(velocity, monitor, max_iterations, period=WATCHED)
@@ -273,7 +273,7 @@ class _SplittingWatch(ProblemWatch):
         now, best = self._monitor.iterations, self._monitor.best
         if best < self._least:
             self._least, self._better = best, now
-        if now - self._better > 0.5 * max(self._share, now - self._begun):
+        if now - self._better > max(0.5 * self._share, (now - self._begun) / 3):
             return Status.MAX_ITERATIONS
         if now >= self._next_share:
             if best > 0.1 * self._before:
