@@ -47,10 +47,10 @@ RANK_DEFICIENT = 3e3
 """Growth of the error in a Newton iteration that only rank-deficient W shows (measured: below 200 for full rank, above 1e4 else)."""
 FAR = 1e-3
 """Error above which ADMM is tried."""
-SLOWING = 2.0
+SLOWING = 3.5
 """Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
-NEWTON_ITERATIONS = 12
-"""What Newton, plain and proximal, needs from where sweeps lead, about (measured)."""
+NEWTON_ITERATIONS = 7
+"""What Newton, plain and proximal, needs from where sweeps lead, about (measured, in iterations at the modelled cost)."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 RUNAWAY = 100.0
@@ -142,13 +142,13 @@ class _Run:
         entries = _entries(W)
         # seconds on a common processor; only their ratio matters
         share = options.splitting
-        self.sweep_cost = 1e-9 * entries + 1.5e-7 * problem.nc
+        self.sweep_cost = 6e-10 * entries + 9e-8 * problem.nc
         if self.sparse:
             self.newton_cost = 1e-3 + 1.5e-7 * entries
-            self.splitting_cost = 1e-3 + 0.5 * self.newton_cost + share * (1e-4 + 1.5e-9 * entries)
+            self.splitting_cost = 1e-3 + 0.4 * self.newton_cost + share * (5e-5 + 1e-9 * entries)
         else:
-            self.newton_cost = 2e-4 + 3e-11 * m**3 + 4e-9 * m**2
-            self.splitting_cost = 3e-4 + 0.5 * self.newton_cost + share * (4e-5 + 1e-9 * m**2)
+            self.newton_cost = 5e-4 + 3e-11 * m**3 + 4e-9 * m**2
+            self.splitting_cost = 3e-4 + 2e-11 * m**3 + share * (4e-5 + 1e-9 * m**2)
         diagonal = W.diagonal()
         self.scale = float(np.mean(np.abs(diagonal))) or 1.0
         self._rows: ContactRows | None = None
@@ -259,7 +259,7 @@ class _Run:
 
 
 class _SplittingWatch(ProblemWatch):
-    """Ends ADMM where `share` iterations did not bring the best error down tenfold, or half of them (a third of all so far) no better one."""
+    """Ends ADMM where `share` iterations did not bring the best error down tenfold, or half of them (and a third of all) no better one."""
 
     def __init__(self, velocity: Callable[[FloatArray], FloatArray], monitor: Monitor, max_iterations: int, share: int) -> None:
         super().__init__(velocity, monitor, max_iterations, period=WATCHED)

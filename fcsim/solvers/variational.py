@@ -19,11 +19,13 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fcsim.block_cholesky import Analysis, BlockCholesky
 from fcsim.linear import MUMPS_FROM, Factor, Mumps, SingularMatrix, SuperLU, factorise, is_symmetric
 from fcsim.problem import LocalProblem, diagonal_blocks
 from fcsim.runtime import has_petsc
 from fcsim.solvers._set_kernels import add_de_saxce, de_saxce_term, step_cone, step_cylinder, step_disk
 from fcsim.solvers.base import Monitor, Status
+from fcsim.solvers.block_rows import compressed_blocks
 
 FloatArray = NDArray[np.float64]
 
@@ -178,16 +180,7 @@ class Operator:
 
     def _factorise(self, rho: float, symmetric: bool) -> Factor:
         if sp.issparse(self.W):
-            # MUMPS pays off for many entries only, and its factors differ in the last bits from run to run
-            if self.W.nnz <= MUMPS_FROM:
-                return SuperLU(_shifted(self.W, rho), symmetric_pattern=True)
-            if symmetric and has_petsc():
-                compression = COMPRESSION if self.size > COMPRESSED_FROM else 0.0
-                try:
-                    return Mumps(_shifted(self.W, rho), positive_definite=True, compression=compression)
-                except SingularMatrix:  # W slightly indefinite
-                    pass
-            return factorise(sp.csr_array(_shifted(self.W, rho)))
+            return self._factorise_sparse(rho, symmetric)
         shifted = self.W + rho * np.eye(self.size)
         if symmetric:
             try:
@@ -195,6 +188,31 @@ class Operator:
             except SingularMatrix:  # W slightly indefinite
                 pass
         return factorise(shifted)
+
+    def _factorise_sparse(self, rho: float, symmetric: bool) -> Factor:
+        # MUMPS pays off for many entries only, and its factors differ in the last bits from run to run
+        many = self.W.nnz > MUMPS_FROM and has_petsc()
+        if symmetric:
+            try:
+                if many:
+                    compression = COMPRESSION if self.size > COMPRESSED_FROM else 0.0
+                    return Mumps(_shifted(self.W, rho), positive_definite=True, compression=compression)
+                blocks = self.derived("blocks", _blocks)
+                return BlockCholesky(self.derived("analysis", lambda _: Analysis(blocks)), blocks.data, rho)
+            except SingularMatrix:  # W slightly indefinite
+                pass
+        return factorise(sp.csr_array(_shifted(self.W, rho))) if many else SuperLU(_shifted(self.W, rho), symmetric_pattern=True)
+
+
+def _blocks(operator: Operator) -> Any:
+    """W by block rows with every diagonal block, W itself where it is so stored."""
+    W, d = operator.W, operator.dimension
+    if W.format == "bsr" and W.blocksize == (d, d):
+        row = np.repeat(np.arange(len(W.indptr) - 1), np.diff(W.indptr))
+        if np.count_nonzero(row == W.indices) == len(W.indptr) - 1:
+            return W
+    indptr, column, blocks = compressed_blocks(sp.csc_array(W), d)
+    return sp.bsr_array((blocks, column, indptr), shape=W.shape)
 
 
 @dataclass(frozen=True, eq=False)
