@@ -9,6 +9,7 @@ Find r in C with F(r) . (s - r) >= 0 for all s in C. Three readings (Acary, Bré
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -102,13 +103,14 @@ def power_norm(product: Callable[[FloatArray], FloatArray], size: int) -> float:
     if not size:
         return 0.0
     x = np.random.default_rng(0).standard_normal(size)
-    norm = 0.0
+    length, norm = math.sqrt(x @ x), 0.0
     for _ in range(30):
-        x = product(x / (np.linalg.norm(x) or 1.0))
-        last, norm = norm, float(np.linalg.norm(x))
-        if abs(norm - last) <= 1e-3 * norm:
+        x = product(x / (length or 1.0))
+        length = math.sqrt(x @ x)
+        if abs(length - norm) <= 1e-3 * length:
             break
-    return norm
+        norm = length
+    return length
 
 
 def _shifted(W: Any, rho: float) -> Any:
