@@ -46,11 +46,11 @@ SPARSE_BELOW = 0.15
 RANK_DEFICIENT = 3e3
 """Growth of the error in a Newton iteration that only rank-deficient W shows (measured: below 200 for full rank, above 1e4 else)."""
 FAR = 1e-3
-"""Error above which ADMM is tried."""
+"""Error above which ADMM is tried, and Newton takes long."""
 SLOWING = 3.5
 """Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
-NEWTON_ITERATIONS = 7
-"""What Newton, plain and proximal, needs from where sweeps lead, about (measured, in iterations at the modelled cost)."""
+NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
+"""What Newton, plain and proximal, needs from errors above and below `FAR`, about (measured, in iterations at the modelled cost)."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 RUNAWAY = 100.0
@@ -180,7 +180,7 @@ class _Run:
                 if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
                     return iterate
                 r = _best(monitor)[0]
-            if remaining * self.sweep_cost > NEWTON_ITERATIONS * self.newton_cost:
+            if remaining * self.sweep_cost > (NEWTON_FROM_FAR if monitor.best > FAR else NEWTON_FROM_NEAR) * self.newton_cost:
                 return iterate
             chunk *= 2
         return iterate
