@@ -5,6 +5,7 @@ Small matrices are factored dense (LAPACK), larger ones by MUMPS where petsc4py 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -212,8 +213,14 @@ def factorise(A: Any, *, positive_definite: bool = False) -> Factor:
     return Mumps(A, positive_definite=positive_definite) if runtime.has_petsc() else SuperLU(A)
 
 
+@lru_cache(maxsize=4)
+def _probes(size: int) -> FloatArray:
+    """Two random vectors (2, size)."""
+    return np.random.default_rng(0).standard_normal((2, size))
+
+
 def is_symmetric(W: Any) -> bool:
     """Whether y.W x = x.W y for random x and y, to round-off: an asymmetry would have to be orthogonal to both to hide."""
-    x, y = np.random.default_rng(0).standard_normal((2, W.shape[0]))
+    x, y = _probes(W.shape[0])
     Wx, Wy = W @ x, W @ y  # no product with W^T, for which block rows would be transposed
     return abs(float(y @ Wx - x @ Wy)) <= 1e-10 * float(max(np.linalg.norm(Wx), np.linalg.norm(Wy)))

@@ -7,6 +7,7 @@ In dynamics v, u are velocities [m/s] and r impulses [N s]; in quasi-statics v, 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,7 +16,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.cone import de_saxce, tangential_norm
+from fcsim._contact_kernels import squared_natural_residual, violations
+from fcsim.cone import tangential_norm
 from fcsim.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -153,7 +155,9 @@ def diagonal_blocks(W: Any, d: int) -> FloatArray:
     blocks = np.zeros((nc, d, d))
     if W.format == "bsr" and W.blocksize == (d, d):
         row = np.repeat(index, np.diff(W.indptr))
-        own = row == W.indices
+        own = np.flatnonzero(row == W.indices)
+        if np.array_equal(row[own], index):  # each stored once
+            return W.data[own]
         np.add.at(blocks, row[own], W.data[own])
         return blocks
     coo = sp.coo_array(W)
@@ -169,18 +173,7 @@ def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension
     With z = r - (u + g(u)) it is u + g(u) + (z - P_K(z)): so written, a small u is not lost beside a large r, whose difference with
     itself would be zero wherever r grows without bound.
     """
-    r2, u2 = r.reshape(-1, dimension), u.reshape(-1, dimension)
-    modified = u2 + de_saxce(u2, mu)
-    z = r2 - modified
-    norm = tangential_norm(z)
-    # z - P_K(z) is c (-mu, t), with t the direction of z_T, c = 0 inside K; in the polar cone it is z, and the residual r
-    c = np.maximum(norm - mu * z[:, 0], 0) / (1 + mu**2)
-    residual = modified
-    residual[:, 0] -= mu * c
-    residual[:, 1:] += (c / np.where(norm > 0, norm, 1))[:, None] * z[:, 1:]
-    polar = mu * norm <= -z[:, 0]
-    residual[polar] = r2[polar]
-    return float(np.linalg.norm(residual))
+    return math.sqrt(squared_natural_residual(r, u, mu, dimension))
 
 
 def error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, floor: float = 0.0) -> float:
@@ -222,16 +215,15 @@ def check(
     """Compute the unit-true checks of flat r and u (m,); q (m,), the velocity without reactions, keeps u = 0 up to round-off small."""
     if len(mu) == 0:
         return Checks(0.0, 0.0, 0.0, 0.0, momentum)
-    r2, u2 = r.reshape(-1, dimension), u.reshape(-1, dimension)
-    modified = u2 + de_saxce(u2, mu)
-    velocities = [u] if q is None else [u, q]
-    r_max, u_max = float(np.abs(r).max()) or 1.0, max(float(np.abs(x).max()) for x in velocities) or 1.0
-    product = (float(np.linalg.norm(r)) * max(float(np.linalg.norm(x)) for x in velocities)) or 1.0
+    cone, dual_cone, penetration, product, r_max, u_max = violations(r, u, mu, dimension)
+    u_size = float(np.linalg.norm(u))
+    if q is not None:
+        u_max, u_size = max(u_max, float(np.abs(q).max())), max(u_size, float(np.linalg.norm(q)))
     return Checks(
-        cone=float(np.maximum(tangential_norm(r2) - mu * r2[:, 0], 0).max()) / r_max,
-        dual_cone=float(np.maximum(mu * tangential_norm(u2) - modified[:, 0], 0).max()) / u_max,
-        complementarity=abs(float(np.einsum("ai,ai->", r2, modified))) / product,
-        penetration=float(np.maximum(-u2[:, 0], 0).max()),
+        cone=cone / (r_max or 1.0),
+        dual_cone=dual_cone / (u_max or 1.0),
+        complementarity=abs(product) / ((float(np.linalg.norm(r)) * u_size) or 1.0),
+        penetration=penetration,
         momentum=momentum,
     )
 

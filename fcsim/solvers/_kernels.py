@@ -36,10 +36,12 @@ def block_rows_of_dense(W, d):
     for a in range(nc):
         nonzero[a, a] = True
         for i in range(d * a, d * a + d):
+            row = W[i]
             for b in range(nc):
+                block = False
                 for j in range(d * b, d * b + d):
-                    if W[i, j] != 0.0:
-                        nonzero[a, b] = True
+                    block |= row[j] != 0.0
+                nonzero[a, b] |= block
         indptr[a + 1] = indptr[a] + np.count_nonzero(nonzero[a])
     column = np.empty(indptr[nc], dtype=np.int64)
     blocks = np.empty((indptr[nc], d, d))
@@ -48,8 +50,45 @@ def block_rows_of_dense(W, d):
         for b in range(nc):
             if nonzero[a, b]:
                 column[k] = b
-                blocks[k] = W[d * a : d * a + d, d * b : d * b + d]
+                for i in range(d):
+                    for j in range(d):
+                        blocks[k, i, j] = W[d * a + i, d * b + j]
                 k += 1
+    return indptr, column, blocks
+
+
+@njit(cache=True)
+def block_rows_of_columns(starts, rows, values, d):
+    """Return W by block rows, as `block_rows_of_dense`, from its compressed columns (repeated entries are added); columns come sorted."""
+    nc = (len(starts) - 1) // d
+    contact = np.repeat(np.arange(nc), d)  # of a row: a table is quicker than a division
+    indptr = np.zeros(nc + 1, dtype=np.int64)
+    seen = np.full(nc, -1)
+    for b in range(nc):
+        indptr[b + 1] += 1
+        seen[b] = b
+        for k in range(starts[d * b], starts[d * b + d]):
+            a = contact[rows[k]]
+            if seen[a] != b:
+                seen[a] = b
+                indptr[a + 1] += 1
+    indptr = np.cumsum(indptr)
+    column = np.empty(indptr[nc], dtype=np.int64)
+    blocks = np.zeros((indptr[nc], d, d))
+    following = indptr[:-1].copy()  # the place of a row's next block
+    seen[:] = -1
+    for b in range(nc):
+        seen[b] = b
+        column[following[b]] = b
+        following[b] += 1
+        for j in range(d):
+            for k in range(starts[d * b + j], starts[d * b + j + 1]):
+                a = contact[rows[k]]
+                if seen[a] != b:
+                    seen[a] = b
+                    column[following[a]] = b
+                    following[a] += 1
+                blocks[following[a] - 1, rows[k] - d * a, j] += values[k]
     return indptr, column, blocks
 
 

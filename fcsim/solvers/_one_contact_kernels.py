@@ -191,7 +191,7 @@ def _newton(jean_moreau, damped, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, to
         radius = mu * max(r0, 0.0) if jean_moreau else mu * y0
         y1 = r1 - rho_T * u1
         y2 = r2 - rho_T * u2
-        norm = np.sqrt(y1 * y1 + y2 * y2)
+        norm2 = y1 * y1 + y2 * y2
         # rows of J = A W + B, row by row
         if y0 > 0.0:
             F0 = rho_N * u0
@@ -199,11 +199,12 @@ def _newton(jean_moreau, damped, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, to
         else:
             F0 = r0
             J00, J01, J02 = 1.0, 0.0, 0.0
-        if norm <= radius and radius > 0.0:
+        if norm2 <= radius * radius and radius > 0.0:
             F1, F2 = rho_T * u1, rho_T * u2
             J10, J11, J12 = rho_T * W[1, 0], rho_T * W[1, 1], rho_T * W[1, 2]
             J20, J21, J22 = rho_T * W[2, 0], rho_T * W[2, 1], rho_T * W[2, 2]
         else:
+            norm = np.sqrt(norm2)
             inverse = 1.0 / norm if norm > 0.0 else 0.0
             n1, n2, ratio = y1 * inverse, y2 * inverse, radius * inverse
             F1, F2 = r1 - radius * n1, r2 - radius * n2
@@ -225,9 +226,10 @@ def _newton(jean_moreau, damped, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, to
         det = J00 * c0 + J01 * c1 + J02 * c2
         if det == 0.0 or not np.isfinite(det):
             return r0, r1, r2, False
-        d0 = -(F0 * c0 + F1 * (J02 * J21 - J01 * J22) + F2 * (J01 * J12 - J02 * J11)) / det
-        d1 = -(F0 * c1 + F1 * (J00 * J22 - J02 * J20) + F2 * (J02 * J10 - J00 * J12)) / det
-        d2 = -(F0 * c2 + F1 * (J01 * J20 - J00 * J21) + F2 * (J00 * J11 - J01 * J10)) / det
+        scale = -1.0 / det
+        d0 = scale * (F0 * c0 + F1 * (J02 * J21 - J01 * J22) + F2 * (J01 * J12 - J02 * J11))
+        d1 = scale * (F0 * c1 + F1 * (J00 * J22 - J02 * J20) + F2 * (J02 * J10 - J00 * J12))
+        d2 = scale * (F0 * c2 + F1 * (J01 * J20 - J00 * J21) + F2 * (J00 * J11 - J01 * J10))
         if damped:
             t = _step_length(jean_moreau, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, d0, d1, d2, 0.5 * size)
             d0, d1, d2 = t * d0, t * d1, t * d2

@@ -25,6 +25,31 @@ def add_de_saxce(u: FloatArray, mu: FloatArray, out: FloatArray) -> None:
 
 
 @njit(cache=True)
+def de_saxce_term(u: FloatArray, mu: FloatArray, dimension: int) -> FloatArray:
+    """g(u) (m,) of flat u (m,)."""
+    g = np.zeros(len(u))
+    for a in range(len(mu)):
+        norm2 = 0.0
+        for i in range(dimension * a + 1, dimension * a + dimension):
+            norm2 += u[i] * u[i]
+        g[dimension * a] = mu[a] * np.sqrt(norm2)
+    return g
+
+
+@njit(cache=True)
+def splitting_residuals(
+    x: FloatArray, z: FloatArray, zeta: FloatArray, z_hat: FloatArray, zeta_hat: FloatArray
+) -> tuple[float, float, float]:
+    """||x - z||^2, ||z - z_hat||^2, ||zeta - zeta_hat||^2 of ADMM's iterates."""
+    primal = dual = multiplier = 0.0
+    for i in range(len(x)):
+        primal += (x[i] - z[i]) ** 2
+        dual += (z[i] - z_hat[i]) ** 2
+        multiplier += (zeta[i] - zeta_hat[i]) ** 2
+    return primal, dual, multiplier
+
+
+@njit(cache=True)
 def step_cone(r: FloatArray, F: FloatArray, mu: FloatArray, rho: float, out: FloatArray) -> float:
     """Step on the cones ||r_T|| <= mu r_N."""
     change = 0.0

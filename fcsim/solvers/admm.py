@@ -15,6 +15,7 @@ IEEE Trans. Automat. Control 60, 2015 (rho from the eigenvalues); Kanno 2021 and
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,6 +27,7 @@ from fcsim.errors import InputError
 from fcsim.linear import SingularMatrix, factorise
 from fcsim.problem import LocalProblem
 from fcsim.reduction import Reduction
+from fcsim.solvers._set_kernels import splitting_residuals
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
 from fcsim.solvers.variational import Cone, Inequality, LightCriterion, Operator, ProblemWatch, Watch, coulomb_term, power_norm
 
@@ -273,7 +275,8 @@ def iterate(
         watch.tick()
         since += 1
         rho = splitting.rho
-        primal, dual = float(np.linalg.norm(x - z)), rho * float(np.linalg.norm(z - z_hat))
+        sums = splitting_residuals(x, z, zeta, z_hat, zeta_hat)
+        primal, dual = math.sqrt(sums[0]), rho * math.sqrt(sums[1])
         status = watch.visit(splitting.answer(z, zeta), None, light.due(splitting.gain * primal + dual))
         if primal == 0 and dual == 0 and status is None:
             status = Status.STAGNATED
@@ -291,10 +294,10 @@ def iterate(
         elif options.acceleration == "none":
             z_hat, zeta_hat = z, zeta
         else:
-            last, energy = energy, rho * float(np.sum((zeta - zeta_hat) ** 2)) + dual**2 / rho
+            last, energy = energy, rho * sums[2] + dual**2 / rho
             if options.acceleration == "accelerated" or energy < options.restart_eta * last:
                 beta = momentum - 1
-                momentum = 0.5 * (1 + np.sqrt(1 + 4 * momentum**2))
+                momentum = 0.5 * (1 + math.sqrt(1 + 4 * momentum**2))
                 beta /= momentum
                 z_hat, zeta_hat = z + beta * (z - z_last), zeta + beta * (zeta - zeta_last)
             else:

@@ -20,6 +20,7 @@ Optim. 14, 1976. The schedule of alpha and the race are our own.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,11 +30,14 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
-from fcsim.solvers.admm import AdmmOptions, admm
+from fcsim.solvers.admm import AdmmOptions, split
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
+from fcsim.solvers.block_rows import ContactRows, compressed_blocks
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.newton import NewtonOptions, newton
+from fcsim.solvers.one_contact import ONE_CONTACT
 from fcsim.solvers.proximal import regularised
+from fcsim.solvers.variational import Inequality, ProblemWatch
 
 FloatArray = NDArray[np.float64]
 
@@ -42,9 +46,13 @@ SPARSE_BELOW = 0.15
 RANK_DEFICIENT = 3e3
 """Growth of the error in a Newton iteration that only rank-deficient W shows (measured: below 200 for full rank, above 1e4 else)."""
 FAR = 1e-3
-"""Error above which ADMM is tried."""
-SLOWING = 2.0
+"""Error above which ADMM is tried, and Newton takes long."""
+SLOWING = 3.5
 """Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
+NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
+"""What Newton, plain and proximal, needs from errors above and below `FAR`, about (measured, in iterations at the modelled cost)."""
+WATCHED = 5
+"""ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 RUNAWAY = 100.0
 """Growth of the error over the best one at which the proximal stage goes back to its best iterate."""
 SMALL = 150
@@ -107,10 +115,13 @@ def _fitting_storage(problem: LocalProblem) -> LocalProblem:
     """Return the problem with W stored dense or in sorted block rows as its size and density ask for, converted once for all stages."""
     W, d = problem.W, problem.dimension
     sparse = problem.m > SMALL and _entries(W) < SPARSE_BELOW * problem.m**2
-    if sparse:
+    if sparse and sp.issparse(W) and W.format == "bsr":
         # a copy even of block rows: a factorisation would sort the caller's in place, and later products would differ in the last bits
         W = sp.bsr_array(W, blocksize=(d, d), copy=True)
         W.sort_indices()
+    elif sparse:
+        indptr, column, blocks = compressed_blocks(W, d)
+        W = sp.bsr_array((blocks, column.astype(np.int32), indptr.astype(np.int32)), shape=W.shape)
     elif sp.issparse(W):
         W = W.toarray()
     return problem if W is problem.W else LocalProblem(W, problem.q, problem.mu, dimension=d)
@@ -130,17 +141,26 @@ class _Run:
         self.sparse = sp.issparse(W)
         entries = _entries(W)
         # seconds on a common processor; only their ratio matters
-        self.sweep_cost = 1e-9 * entries + 1.5e-7 * problem.nc
-        self.newton_cost = 1e-3 + 1.5e-7 * entries if self.sparse else 2e-4 + 3e-11 * m**3 + 4e-9 * m**2
-        self.splitting_cost = 3e-3 + 0.5 * self.newton_cost + 2 * self.options.splitting * self.sweep_cost
+        share = options.splitting
+        self.sweep_cost = 6e-10 * entries + 9e-8 * problem.nc
+        if self.sparse:
+            self.newton_cost = 1e-3 + 1.5e-7 * entries
+            self.splitting_cost = 1e-3 + 0.4 * self.newton_cost + share * (5e-5 + 1e-9 * entries)
+        else:
+            self.newton_cost = 5e-4 + 3e-11 * m**3 + 4e-9 * m**2
+            self.splitting_cost = 3e-4 + 2e-11 * m**3 + share * (4e-5 + 1e-9 * m**2)
         diagonal = W.diagonal()
         self.scale = float(np.mean(np.abs(diagonal))) or 1.0
+        self._rows: ContactRows | None = None
 
     def _limit(self, count: int) -> int:
         return min(self.monitor.iterations + count, self.options.max_iterations)
 
     def _sweeps(self, r: FloatArray, count: int) -> Iterate:
-        return nsgs(self.problem, r, self.monitor, GaussSeidelOptions(max_iterations=self._limit(count)))
+        options = GaussSeidelOptions(max_iterations=self._limit(count))
+        if self._rows is None:
+            self._rows = ContactRows.of(self.problem, ONE_CONTACT[options.one_contact].rho)
+        return nsgs(self.problem, r, self.monitor, options, rows=self._rows)
 
     def race(self, r: FloatArray) -> Iterate:
         """Gauss-Seidel in chunks that double, while it is predicted to arrive before Newton."""
@@ -160,21 +180,17 @@ class _Run:
                 if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
                     return iterate
                 r = _best(monitor)[0]
-            if remaining * self.sweep_cost > 30 * self.newton_cost:
+            if remaining * self.sweep_cost > (NEWTON_FROM_FAR if monitor.best > FAR else NEWTON_FROM_NEAR) * self.newton_cost:
                 return iterate
             chunk *= 2
         return iterate
 
     def splitting(self) -> Iterate:
         """ADMM from zero, which suits it better than sweeps' iterate, as long as each share of iterations brings the error down tenfold."""
-        monitor, r = self.monitor, np.zeros(self.problem.m)
-        while True:
-            before = monitor.best
-            options = AdmmOptions(initial_rho="norm", rho=1e-3, max_iterations=self._limit(self.options.splitting))
-            iterate = admm(self.problem, r, monitor, options)
-            if iterate.status is not Status.MAX_ITERATIONS or monitor.best > 0.1 * before:
-                return iterate
-            r = iterate.r
+        monitor = self.monitor
+        vi = Inequality.coulomb(self.problem)
+        watch = _SplittingWatch(vi.velocity, monitor, self.options.max_iterations, self.options.splitting)
+        return split(vi, np.zeros(self.problem.m), watch, AdmmOptions(initial_rho="norm", rho=1e-3))
 
     def plain_newton(self, r: FloatArray) -> Iterate:
         """NSN-AC as long as every `patience` iterations bring a better iterate."""
@@ -240,6 +256,30 @@ class _Run:
             if monitor.best > 0.9 * before:
                 return Iterate(iterate.r, Status.STAGNATED)
             r, chunk = iterate.r, 2 * chunk
+
+
+class _SplittingWatch(ProblemWatch):
+    """Ends ADMM where `share` iterations did not bring the best error down tenfold, or half of them (and a third of all) no better one."""
+
+    def __init__(self, velocity: Callable[[FloatArray], FloatArray], monitor: Monitor, max_iterations: int, share: int) -> None:
+        super().__init__(velocity, monitor, max_iterations, period=WATCHED)
+        self._share, self._begun, self._next_share = share, monitor.iterations, monitor.iterations + share
+        self._before, self._least, self._better = monitor.best, monitor.best, monitor.iterations
+
+    def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
+        status = super().visit(r, u, due)
+        if status is not None:
+            return status
+        now, best = self._monitor.iterations, self._monitor.best
+        if best < self._least:
+            self._least, self._better = best, now
+        if now - self._better > max(0.5 * self._share, (now - self._begun) / 3):
+            return Status.MAX_ITERATIONS
+        if now >= self._next_share:
+            if best > 0.1 * self._before:
+                return Status.MAX_ITERATIONS
+            self._before, self._next_share = best, now + self._share
+        return None
 
 
 def _best(monitor: Monitor) -> tuple[FloatArray, float]:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from fcsim.solvers._set_kernels import sweep_cone, sweep_cylinder
 from fcsim.solvers.admm import AdmmOptions, split
 from fcsim.solvers.base import Iterate, Status
+from fcsim.solvers.block_rows import block_rows
 from fcsim.solvers.conic import clarabel_program
-from fcsim.solvers.gauss_seidel import block_rows
 from fcsim.solvers.interior_point import primal_dual
 from fcsim.solvers.projection import ProjectionOptions, project
 from fcsim.solvers.variational import Cone, Disk, Inequality, LightCriterion, Operator, Watch

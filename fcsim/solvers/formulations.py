@@ -15,65 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.cone import de_saxce, project_cone, project_cone_derivative
+from fcsim.solvers._formulation_kernels import disk_equations
 
 FloatArray = NDArray[np.float64]
 Linearisation = tuple[FloatArray, FloatArray, FloatArray]
 Formulation = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], Linearisation]
 
 
-def _disk_rows(
-    F: FloatArray,
-    A: FloatArray,
-    B: FloatArray,
-    u: FloatArray,
-    r: FloatArray,
-    rho_T: FloatArray,
-    radius: FloatArray,
-    radius_du: FloatArray,
-    radius_dr: FloatArray,
-) -> None:
-    """Fill the tangential rows F_T = r_T - P_D(radius)(r_T - rho_T u_T); radius_du, radius_dr are its derivatives by u_N and r_N."""
-    d = u.shape[1]
-    y = r[:, 1:] - rho_T * u[:, 1:]
-    norm = np.sqrt(np.einsum("ai,ai->a", y, y))
-    stick = (norm <= radius) & (radius > 0)  # a disk of radius 0 (open, mu = 0) holds nothing: F_T = r_T
-    n = y / np.where(norm > 0, norm, 1)[:, None]
-    F[:, 1:] = r[:, 1:] - np.where(stick[:, None], y, radius[:, None] * n)
-    # P_D'(y) = radius / ||y|| (1 - n n^T) outside the disk, 1 inside
-    ratio = np.where(stick, 1.0, radius / np.where(norm > 0, norm, 1))
-    P = ratio[:, None, None] * (np.eye(d - 1) - np.where(stick, 0.0, 1.0)[:, None, None] * n[:, :, None] * n[:, None, :])
-    A[:, 1:, 1:] = P * rho_T[:, None, :]
-    B[:, 1:, 1:] = np.eye(d - 1) - P
-    slip = ~stick
-    A[slip, 1:, 0] = -radius_du[slip, None] * n[slip]
-    B[slip, 1:, 0] = -radius_dr[slip, None] * n[slip]
-
-
-def _normal_rows(u: FloatArray, r: FloatArray, rho: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Allocate F, A, B and fill the normal rows F_N = r_N - [r_N - rho_N u_N]_+; also return r_N - rho_N u_N."""
-    nc, d = u.shape
-    F, A, B = np.zeros((nc, d)), np.zeros((nc, d, d)), np.zeros((nc, d, d))
-    y = r[:, 0] - rho[:, 0] * u[:, 0]
-    closed = y > 0
-    F[:, 0] = r[:, 0] - np.where(closed, y, 0)
-    A[:, 0, 0] = np.where(closed, rho[:, 0], 0)
-    B[:, 0, 0] = np.where(closed, 0, 1)
-    return F, A, B, y
-
-
 def alart_curnier(u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray) -> Linearisation:
     """AC (eq. 8): the disk has radius mu [r_N - rho_N u_N]_+."""
-    F, A, B, y = _normal_rows(u, r, rho)
-    closed = y > 0
-    _disk_rows(F, A, B, u, r, rho[:, 1:], mu * np.maximum(y, 0), -mu * rho[:, 0] * closed, mu * closed)
-    return F, A, B
+    return disk_equations(u, r, mu, rho, False)
 
 
 def jean_moreau(u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray) -> Linearisation:
     """JM (eq. 9): the disk has radius mu [r_N]_+."""
-    F, A, B, _ = _normal_rows(u, r, rho)
-    _disk_rows(F, A, B, u, r, rho[:, 1:], mu * np.maximum(r[:, 0], 0), np.zeros(len(mu)), mu * (r[:, 0] > 0))
-    return F, A, B
+    return disk_equations(u, r, mu, rho, True)
 
 
 def natural_map(u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray) -> Linearisation:

@@ -8,18 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
-from fcsim.solvers._kernels import block_rows_of_dense, product
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
+from fcsim.solvers.block_rows import ContactRows, embed_vector
 from fcsim.solvers.one_contact import ONE_CONTACT, OneContact
-from fcsim.solvers.scaling import RHO_RULES
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -102,43 +99,6 @@ class GaussSeidelOptions(SweepOptions):
             raise InputError(f"option freezing: expected an integer >= 0, got {self.freezing}")
 
 
-def block_rows(W: Any, dimension: int) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return W by block rows: indptr (nc + 1,), block columns, blocks (nnz, 3, 3); blocks of zeros are left out of a dense W.
-
-    A 2D problem is embedded: its second tangent gets a unit compliance and no velocity, so its reaction stays zero.
-    """
-    d = dimension
-    if isinstance(W, np.ndarray):
-        indptr, column, blocks = block_rows_of_dense(np.ascontiguousarray(W), d)
-    else:
-        bsr = sp.bsr_array(W, blocksize=(d, d))
-        indptr, column, blocks = bsr.indptr.astype(np.int64), bsr.indices.astype(np.int64), bsr.data
-    if d == 2:
-        row = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
-        embedded = np.zeros((len(blocks), 3, 3))
-        embedded[:, :2, :2] = blocks
-        embedded[row == column, 2, 2] = 1
-        blocks = embedded
-    return indptr, column, np.ascontiguousarray(blocks)
-
-
-def embed_vector(x: FloatArray, dimension: int) -> FloatArray:
-    """Return flat x (m,) as (nc, 3), a zero second tangent added in 2D."""
-    rows = np.zeros((len(x) // dimension, 3))
-    rows[:, :dimension] = x.reshape(-1, dimension)
-    return rows
-
-
-def embed_blocks(W: FloatArray) -> FloatArray:
-    """Return one-contact matrices (nc, d, d) as (nc, 3, 3), a unit second tangent added in 2D."""
-    d = W.shape[1]
-    blocks = np.zeros((len(W), 3, 3))
-    blocks[:, :d, :d] = W
-    if d == 2:
-        blocks[:, 2, 2] = 1
-    return blocks
-
-
 def contact_order(nc: int, options: SweepOptions) -> Callable[[], IntArray]:
     """Return what gives the order of the contacts for the next sweep."""
     numbered = np.arange(nc)
@@ -166,23 +126,30 @@ At most `count` sweeps are done, where changes decide ("light" evaluation) none 
 Point = Callable[[], tuple[FloatArray, FloatArray]]
 
 
-def nsgs(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: GaussSeidelOptions, solver: OneContact | None = None) -> Iterate:
-    """Nonsmooth Gauss-Seidel with any one-contact solver (default: the one that the options name), from the starting point r (m,)."""
+def nsgs(
+    problem: LocalProblem,
+    r: FloatArray,
+    monitor: Monitor,
+    options: GaussSeidelOptions,
+    solver: OneContact | None = None,
+    rows: ContactRows | None = None,
+) -> Iterate:
+    """Nonsmooth Gauss-Seidel with any one-contact solver (default: the one that the options name), from the starting point r (m,).
+
+    rows: the problem's, where they are known already.
+    """
     d, nc = problem.dimension, problem.nc
-    indptr, indices, blocks = block_rows(problem.W, d)
-    q, reaction = embed_vector(problem.q, d), embed_vector(r, d)
     solver = solver or ONE_CONTACT[options.one_contact]
-    own = problem.diagonal_blocks
-    shift = options.regularisation * np.linalg.norm(own, ord=2, axis=(1, 2)) if options.regularisation else np.zeros(nc)
-    own = own + shift[:, None, None] * np.eye(d)
-    rho = np.ascontiguousarray(RHO_RULES[solver.rho](own)[:, :2])
-    diagonal, order, frozen = embed_blocks(own), contact_order(nc, options), np.zeros(nc, dtype=np.int64)
+    if rows is None:
+        rows = ContactRows.of(problem, solver.rho, options.regularisation)
+    reaction = embed_vector(r, d)
+    order, frozen = contact_order(nc, options), np.zeros(nc, dtype=np.int64)
     settled, alike = 0.0, options.shuffle != "each sweep" and not options.freezing
 
     def sweep(tolerance: float, tau: float, count: int) -> tuple[float, int]:
         nonlocal settled
         change, size, _, done = solver.sweep(
-            *(indptr, indices, blocks, diagonal, shift, q, problem.mu, rho, order(), reaction, frozen),
+            *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order(), reaction, frozen),
             *(tolerance, options.local_iterations, options.relaxation, options.filter_local, options.freezing, settled),
             *(count if alike else 1, tau if options.error_evaluation == "light" else 0.0),
         )
@@ -195,7 +162,7 @@ def nsgs(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: GaussS
         return light, done
 
     def point() -> tuple[FloatArray, FloatArray]:
-        return reaction[:, :d].flatten(), product(indptr, indices, blocks, q, reaction)[:, :d].flatten()
+        return reaction[:, :d].flatten(), rows.velocity(reaction)[:, :d].flatten()
 
     return iterate(sweep, point, nc, monitor, options)
 

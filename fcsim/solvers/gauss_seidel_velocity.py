@@ -19,7 +19,8 @@ from fcsim.problem import LocalProblem
 from fcsim.reduction import BlockFactor
 from fcsim.solvers._kernels import product
 from fcsim.solvers.base import Iterate, Monitor, Status
-from fcsim.solvers.gauss_seidel import SweepOptions, block_rows, contact_order, embed_blocks, embed_vector, iterate
+from fcsim.solvers.block_rows import block_rows, embed_blocks, embed_vector
+from fcsim.solvers.gauss_seidel import SweepOptions, contact_order, iterate
 from fcsim.solvers.one_contact import ONE_CONTACT
 from fcsim.solvers.scaling import RHO_RULES
 

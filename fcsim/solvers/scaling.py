@@ -18,7 +18,10 @@ def spectral_norm(W: FloatArray) -> FloatArray:
 
 def split_spectral_norm(W: FloatArray) -> FloatArray:
     """rho_N = 1 / W_NN, rho_T = 1 / lambda_max(W_TT) (nc, d)."""
-    return _split(W, _inverse(np.linalg.eigvalsh(W[:, 1:, 1:])[:, -1]))
+    if W.shape[1] == 2:
+        return _split(W, _inverse(W[:, 1, 1]))
+    mean, half = 0.5 * (W[:, 1, 1] + W[:, 2, 2]), 0.5 * (W[:, 1, 1] - W[:, 2, 2])
+    return _split(W, _inverse(mean + np.hypot(half, W[:, 2, 1])))  # the larger root of the 2 x 2 block, from its lower triangle
 
 
 def split_spectral_norm_condition(W: FloatArray) -> FloatArray:
@@ -36,6 +39,8 @@ def constant(W: FloatArray) -> FloatArray:
 def _inverse(values: FloatArray) -> FloatArray:
     """1 / values, where a contact without compliance of its own (both bodies held) takes the mean of the others."""
     positive = values > 0
+    if positive.all():
+        return 1 / values
     mean = values[positive].mean() if positive.any() else 1.0
     return 1 / np.where(positive, values, mean)
 

@@ -182,3 +182,17 @@ def test_residual_against_the_projection(d: int) -> None:
         own = slice(one, one + 1)
         expected = r[own] - project_cone(r[own] - u[own] - de_saxce(u[own], mu[own]), mu[own])
         assert_allclose(natural_map_residual(r[one], u[one], mu[own], d), np.linalg.norm(expected), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_checks_are_their_definitions(d: int) -> None:
+    rng = np.random.default_rng(d)
+    r, u, q, mu = rng.standard_normal((40, d)), rng.standard_normal((40, d)), 3 * rng.standard_normal((40, d)), rng.uniform(0, 1, 40)
+    sliding = np.linalg.norm(u[:, 1:], axis=1)
+    modified = u.copy()
+    modified[:, 0] += mu * sliding
+    checks = check(r.ravel(), u.ravel(), mu, d, q=q.ravel())
+    assert_allclose(checks.cone, np.max(np.linalg.norm(r[:, 1:], axis=1) - mu * r[:, 0]) / np.abs(r).max())
+    assert_allclose(checks.dual_cone, np.max(mu * sliding - modified[:, 0]) / max(np.abs(u).max(), np.abs(q).max()))
+    assert_allclose(checks.complementarity, abs(np.sum(r * modified)) / np.linalg.norm(r) / np.linalg.norm(q))
+    assert_allclose(checks.penetration, -u[:, 0].min())

@@ -148,6 +148,27 @@ def test_shared_operator_keeps_its_factors(coulomb_problems: Problems) -> None:
     assert vi.operator.factor(0.5, True) is first or len(vi.operator._factors) <= 4
 
 
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("kind", ["csr", "csc", "bsr", "bsr without a diagonal block"])
+@pytest.mark.parametrize("definite", [True, False])
+def test_factor_of_a_sparse_operator(definite: bool, kind: str, d: int) -> None:
+    """(W + rho I)^-1 whatever the storage, also where W + rho I is indefinite and Cholesky's factorisation must give way."""
+    nc, rng = 12, np.random.default_rng(3)
+    coupled = np.triu(rng.random((nc, nc)) < 0.2) | np.eye(nc, dtype=bool)
+    coupled[4] = coupled[:, 4] = False  # a contact without compliance of its own
+    W = rng.standard_normal((nc * d, nc * d)) * np.kron(coupled | coupled.T, np.ones((d, d)))
+    W = W + W.T
+    rho = 1.5 * float(-np.linalg.eigvalsh(W)[0]) if definite else 0.3
+    given = {"csr": sp.csr_array, "csc": sp.csc_array}.get(kind, lambda W: sp.bsr_array(W, blocksize=(d, d)))(W)
+    if kind == "bsr":
+        given = given + sp.bsr_array(np.zeros_like(W) + np.kron(np.eye(nc), np.ones((d, d))), blocksize=(d, d))
+        given.data[np.repeat(np.arange(nc), np.diff(given.indptr)) == given.indices] -= 1
+    factor = Operator(given, d).factor(rho, True)
+    assert ("Cholesky" in factor.name) is definite
+    b = rng.standard_normal(nc * d)
+    assert_allclose(factor.solve(b), np.linalg.solve(W + rho * np.eye(nc * d), b), rtol=1e-9)
+
+
 def test_sparse_matrix_stays_sparse(coulomb_problems: Problems, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fcsim.linear.DENSE_UP_TO", 0)
     for cls in (sp.csr_array, sp.bsr_array):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from fcsim.cone import project_disk
 from fcsim.solvers.formulations import FORMULATIONS
 
 NAMES = sorted(FORMULATIONS)
@@ -72,6 +73,17 @@ def test_derivatives_without_tangential_trial(name: str, d: int) -> None:
         step = h * np.eye(d)[j]
         assert_allclose(A[:, :, j], (F(u + step, r, mu, rho)[0] - F(u - step, r, mu, rho)[0]) / (2 * h), atol=1e-7)
         assert_allclose(B[:, :, j], (F(u, r + step, mu, rho)[0] - F(u, r - step, mu, rho)[0]) / (2 * h), atol=1e-7)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("name", ["AC", "JM"])
+def test_values_are_the_definition(name: str, d: int) -> None:
+    u, r, mu, rho = random_states(d, d)
+    mu[:100], u[100:200], r[200:300] = 0, 0, 0
+    y = r - rho * u
+    radius = mu * np.maximum(y[:, 0] if name == "AC" else r[:, 0], 0)
+    expected = r - np.column_stack([np.maximum(y[:, 0], 0), project_disk(y[:, 1:], radius)])
+    assert_allclose(FORMULATIONS[name](u, r, mu, rho)[0], expected, atol=1e-15)
 
 
 def exact_pairs(d: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers import SOLVERS, Status, solve
 from fcsim.solvers._kernels import product
+from fcsim.solvers.block_rows import block_rows
 from fcsim.solvers.formulations import alart_curnier
-from fcsim.solvers.gauss_seidel import GaussSeidelOptions, block_rows, contact_order, local_tolerance
+from fcsim.solvers.gauss_seidel import GaussSeidelOptions, contact_order, local_tolerance
 from fcsim.solvers.one_contact import ONE_CONTACT
 
 NSGS = [name for name, method in SOLVERS.items() if isinstance(method.options, GaussSeidelOptions) and 3 in method.dimensions]
@@ -166,17 +168,19 @@ def test_frozen_contacts_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("storage", ["dense", "csr", "bsr"])
+@pytest.mark.parametrize("storage", ["dense", "csr", "csc", "coo", "bsr", "scalar bsr"])
 def test_block_rows(storage: str, d: int) -> None:
     rng = np.random.default_rng(3)
     nc = 5
     pattern = (rng.random((nc, nc)) < 0.4) | np.eye(nc, dtype=bool)
     W = rng.standard_normal((nc * d, nc * d)) * np.kron(pattern, np.ones((d, d)))
     W[:d, :d] = 0  # a contact without compliance of its own keeps its block
-    given = {"dense": W, "csr": sp.csr_array(W), "bsr": sp.bsr_array(W, blocksize=(d, d))}[storage]
+    sparse = {"csr": sp.csr_array, "csc": sp.csc_array, "coo": sp.coo_array, "scalar bsr": lambda W: sp.bsr_array(W, blocksize=(1, 1))}
+    given = W if storage == "dense" else sparse.get(storage, lambda W: sp.bsr_array(W, blocksize=(d, d)))(W)
     indptr, indices, blocks = block_rows(given, d)
-    if storage == "dense":
+    if storage not in ("bsr", "scalar bsr"):
         assert len(blocks) == pattern.sum()
+        assert all(np.all(np.diff(indices[b:e]) > 0) for b, e in pairwise(indptr))  # sorted
     back = sp.bsr_array((blocks, indices, indptr), shape=(3 * nc, 3 * nc)).toarray().reshape(nc, 3, nc, 3)
     assert_allclose(back[:, :d, :, :d].reshape(nc * d, nc * d), W, atol=0)
     x, y = rng.standard_normal((2, nc, 3))

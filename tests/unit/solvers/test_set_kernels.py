@@ -9,7 +9,9 @@ from numpy.testing import assert_allclose
 from fcsim.cone import de_saxce, project_cone, project_disk
 from fcsim.solvers._set_kernels import (
     add_de_saxce,
+    de_saxce_term,
     minimise_on_disk,
+    splitting_residuals,
     step_cone,
     step_cylinder,
     step_disk,
@@ -50,6 +52,13 @@ def test_de_saxce_term(d: int) -> None:
     out = np.empty_like(u)
     add_de_saxce(u, mu, out)
     assert_allclose(out, u + de_saxce(u, mu), atol=1e-15)
+    assert_allclose(de_saxce_term(u.ravel(), mu, d), de_saxce(u, mu).ravel(), atol=1e-15)
+
+
+def test_splitting_residuals() -> None:
+    x, z, zeta, z_hat, zeta_hat = np.random.default_rng(2).standard_normal((5, 30))
+    expected = [float(y @ y) for y in (x - z, z - z_hat, zeta - zeta_hat)]
+    assert_allclose(splitting_residuals(x, z, zeta, z_hat, zeta_hat), expected)
 
 
 @pytest.mark.parametrize("kind", ["definite", "nearly singular", "singular", "zero"])

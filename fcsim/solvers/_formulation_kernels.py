@@ -1,0 +1,53 @@
+"""The equations of Alart-Curnier and of Jean-Moreau with their derivatives, a loop over contacts compiled by numba."""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def disk_equations(u, r, mu, rho, jean_moreau):
+    """F (nc, d), A = dF/du and B = dF/dr (nc, d, d) of `formulations.alart_curnier`, or of `formulations.jean_moreau`.
+
+    Normal: F_N = r_N - [y_N]_+; tangential: F_T = r_T - P_D(y_T), with y = r - rho u and the disk D of radius mu [y_N]_+ or mu [r_N]_+.
+    """
+    nc, d = u.shape
+    F, A, B = np.empty((nc, d)), np.zeros((nc, d, d)), np.zeros((nc, d, d))
+    y, n = np.empty(d), np.empty(d)
+    for a in range(nc):
+        norm2 = 0.0
+        for i in range(d):
+            y[i] = r[a, i] - rho[a, i] * u[a, i]
+            if i > 0:
+                norm2 += y[i] * y[i]
+        norm = np.sqrt(norm2)
+        if y[0] > 0.0:
+            F[a, 0] = r[a, 0] - y[0]
+            A[a, 0, 0] = rho[a, 0]
+        else:
+            F[a, 0] = r[a, 0]
+            B[a, 0, 0] = 1.0
+        pressure = r[a, 0] if jean_moreau else y[0]
+        radius = mu[a] * max(pressure, 0.0)
+        if norm <= radius and radius > 0.0:  # a disk of radius 0 (open, mu = 0) holds nothing: F_T = r_T
+            for i in range(1, d):
+                F[a, i] = r[a, i] - y[i]
+                A[a, i, i] = rho[a, i]
+            continue
+        scale = 1.0 / norm if norm > 0.0 else 1.0
+        ratio = radius * scale
+        widening = mu[a] if pressure > 0.0 else 0.0  # of the disk by y_N or r_N
+        for i in range(1, d):
+            n[i] = y[i] * scale
+        for i in range(1, d):
+            F[a, i] = r[a, i] - radius * n[i]
+            if not jean_moreau:
+                A[a, i, 0] = widening * rho[a, 0] * n[i]
+            B[a, i, 0] = -widening * n[i]
+            for j in range(1, d):
+                P = ratio * ((1.0 if i == j else 0.0) - n[i] * n[j])  # P_D'(y) = radius / ||y|| (1 - n n^T) outside the disk
+                A[a, i, j] = P * rho[a, j]
+                B[a, i, j] = (1.0 if i == j else 0.0) - P
+    return F, A, B
