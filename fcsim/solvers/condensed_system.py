@@ -179,7 +179,7 @@ class CondensedSystem:
         assert self._factor is not None
         released = self._is_held[new]
         self._released[new[released]] = True
-        dofs = dofs_of(new, d)
+        assert self._held is not None
         columns = np.ascontiguousarray(_dense_part(self._W, d, new, self._held).T)  # W_SC, as W is symmetric
         if released.any():
             own = dofs_of(np.flatnonzero(released), d)
@@ -306,11 +306,11 @@ class _NormalElimination:
         right: FloatArray,
         target: float,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return x of the closed and of the whole contacts.
+        """Return x of the closed and of the whole contacts; target: norm of the defect that is accepted, 0: round-off.
 
         Closed: A (W dr) + B x = rhs, where W dr is `known` for x = 0. Whole: outer (response to x) + inner x = right less the known.
         """
-        d, k, w, n = self._d, len(self.closed), len(self.whole), len(self._S)
+        d, k, w = self._d, len(self.closed), len(self.whole)
         split = k * (d - 1)
         Wdr_N = rhs[:, 0] / A[:, 0, 0]
         y = self._normal_solve(Wdr_N - known[:, 0])

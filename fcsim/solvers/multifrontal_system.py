@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -60,14 +61,7 @@ class MultifrontalSystem:
         while True:
             try:
                 factor = Multifrontal(self._rows, A, B, taking_part, self._precision)
-                own = rank[factor.contacts]
-
-                def precondition(x: FloatArray) -> FloatArray:
-                    step = np.empty_like(rhs)
-                    step[own] = factor.solve(x.reshape(rhs.shape)[own])
-                    return step.ravel()
-
-                x = gmres(product, precondition, rhs.ravel(), ACCURACY * size, ITERATIONS)
+                x = gmres(product, _preconditioner(factor, rank), rhs.ravel(), ACCURACY * size, ITERATIONS)
             except SingularMatrix:
                 x = None
             if x is not None:
@@ -75,3 +69,16 @@ class MultifrontalSystem:
             if self._precision is np.float64:
                 return None
             self._precision = np.float64
+
+
+def _preconditioner(factor: Multifrontal, rank: NDArray[np.int64]) -> Callable[[FloatArray], FloatArray]:
+    """The factor's solve for the unknowns of the active contacts, which `rank` (nc,) numbers."""
+    own = rank[factor.contacts]
+
+    def precondition(x: FloatArray) -> FloatArray:
+        blocks = x.reshape(len(own), -1)
+        step = np.empty_like(blocks)
+        step[own] = factor.solve(blocks[own])
+        return step.ravel()
+
+    return precondition
