@@ -21,7 +21,7 @@ Optim. 14, 1976. The schedule of alpha and the race are our own.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ from fcsim.solvers.admm import AdmmOptions, split
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.block_rows import ContactRows, compressed_blocks
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
+from fcsim.solvers.multifrontal import BlockRows, joint_rows
 from fcsim.solvers.newton import NewtonOptions, newton
 from fcsim.solvers.one_contact import ONE_CONTACT
 from fcsim.solvers.proximal import regularised
@@ -53,6 +54,8 @@ NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
 """What Newton, plain and proximal, needs from errors above and below `FAR`, about (measured, in iterations at the modelled cost)."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
+PLAIN_NEWTON = NewtonOptions(formulation="AC", rho="adaptive", rho_factor=5.0, divergence=RANK_DEFICIENT)
+"""As NSN-AC in the table of solvers."""
 RUNAWAY = 100.0
 """Growth of the error over the best one at which the proximal stage goes back to its best iterate."""
 SMALL = 150
@@ -87,8 +90,9 @@ class AutomaticOptions(Options):
 
 def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AutomaticOptions) -> Iterate:
     """Solve the problem by the stages above; the status is that of the last one, the iterate the best of all."""
-    problem = _fitting_storage(problem)
-    run = _Run(problem, monitor, options)
+    joints = None if isinstance(problem.W, np.ndarray) else joint_rows(problem.W, problem.dimension)
+    problem = _fitting_storage(problem) if joints is None else problem
+    run = _Run(problem, monitor, options, joints)
     warm = bool(np.any(r))
     last = Iterate(r, Status.MAX_ITERATIONS)
     stages = (
@@ -135,7 +139,7 @@ def _entries(W: Any) -> int:
 class _Run:
     """One run of the method: the problem, its costs and the stages."""
 
-    def __init__(self, problem: LocalProblem, monitor: Monitor, options: AutomaticOptions) -> None:
+    def __init__(self, problem: LocalProblem, monitor: Monitor, options: AutomaticOptions, joints: BlockRows | None = None) -> None:
         self.problem, self.monitor, self.options = problem, monitor, options
         W, m = problem.W, problem.m
         self.sparse = sp.issparse(W)
@@ -143,7 +147,10 @@ class _Run:
         # seconds on a common processor; only their ratio matters
         share = options.splitting
         self.sweep_cost = 6e-10 * entries + 9e-8 * problem.nc
-        if self.sparse:
+        if joints is not None:  # multifrontal elimination leaves nothing to gain for ADMM
+            self.newton_cost = 3e-3 + 1e-8 * entries + 1.3e-11 * joints.tree.flops(problem.dimension)
+            self.splitting_cost = np.inf
+        elif self.sparse:
             self.newton_cost = 1e-3 + 1.5e-7 * entries
             self.splitting_cost = 1e-3 + 0.4 * self.newton_cost + share * (5e-5 + 1e-9 * entries)
         else:
@@ -198,7 +205,7 @@ class _Run:
         iterate = Iterate(r, Status.STAGNATED)
         while self.options.patience:
             before = monitor.best
-            options = NewtonOptions(formulation="AC", max_iterations=self._limit(self.options.patience), divergence=RANK_DEFICIENT)
+            options = replace(PLAIN_NEWTON, max_iterations=self._limit(self.options.patience))
             iterate = newton(self.problem, r, monitor, options)
             if iterate.status is not Status.MAX_ITERATIONS or monitor.best >= 0.7 * before:
                 return iterate
