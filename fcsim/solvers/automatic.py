@@ -33,7 +33,7 @@ from fcsim.solvers.admm import AdmmOptions, admm
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.newton import NewtonOptions, newton
-from fcsim.solvers.proximal import regularised
+from fcsim.solvers.regularised import RegularisedNewton
 
 FloatArray = NDArray[np.float64]
 
@@ -47,8 +47,22 @@ SLOWING = 2.0
 """Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
 RUNAWAY = 100.0
 """Growth of the error over the best one at which the proximal stage goes back to its best iterate."""
+INEXACT = 0.5
+"""Reduction of the residual at which an inner solve that did not arrive still gives a proximal step, if the error falls too."""
 SMALL = 150
 """Up to this many unknowns dense linear algebra is cheapest whatever the density."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How a run of the proximal stage goes: accuracy of the inner problems relative to the error, factor of alpha where one fails."""
+
+    accuracy: float
+    rise: float
+
+
+SCHEDULES = (Schedule(0.3, 5.0), Schedule(0.1, 3.0), Schedule(0.03, 10.0))
+"""Of the attempts of the proximal stage, one after the other."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,16 +71,15 @@ class AutomaticOptions(Options):
 
     probe: Gauss-Seidel sweeps of the first stage; splitting: ADMM iterations that must bring the error down tenfold (0: no ADMM);
     patience: Newton iterations without a better iterate before the next stage; alpha: first regularisation of the proximal stage,
-    relative to the mean of W's diagonal; outer: its outer iterations without
-    a better iterate before the next stage.
+    relative to each contact's own compliance; outer: its outer iterations without a better iterate before the next attempt or stage.
     """
 
     max_iterations: int = 100_000
     probe: int = 20
     splitting: int = 30
     patience: int = 12
-    alpha: float = 1e-4
-    outer: int = 300
+    alpha: float = 1e-2
+    outer: int = 150
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -190,42 +203,62 @@ class _Run:
         return iterate
 
     def proximal(self, r: FloatArray) -> Iterate:
-        """Proximal point with Newton inside; alpha adapts to how hard the inner problems are."""
-        problem, monitor = self.problem, self.monitor
-        d, W = problem.dimension, problem.W
-        alpha, formulation, floor = self.options.alpha * self.scale, "AC", 0.0
-        norm = float(np.linalg.norm(problem.q))
-        error, waited = monitor.best, 0
+        """Proximal point with Newton inside; where it stagnates, again from ADMM's iterate, and by another schedule."""
+        iterate = Iterate(r, Status.STAGNATED)
+        for attempt, schedule in enumerate(SCHEDULES):
+            if attempt == 1:
+                iterate = self._relaxed_splitting()
+            if iterate.status is Status.STAGNATED or iterate.status is Status.MAX_ITERATIONS:
+                iterate = self._proximal_point(r if attempt != 1 else iterate.r, schedule)
+            if iterate.status is not Status.STAGNATED:
+                return iterate
+        return iterate
+
+    def _relaxed_splitting(self) -> Iterate:
+        """ADMM without acceleration, contacts scaled alike: the start that suits piles of very different masses."""
+        monitor, options = self.monitor, AdmmOptions(
+            initial_rho="norm", rho=1e-2, rho_update="residual balancing", acceleration="none", relaxation=1.6, rescaling="contacts",
+            max_iterations=self._limit(10 * self.options.splitting),
+        )
+        return admm(self.problem, np.zeros(self.problem.m), monitor, options)
+
+    def _proximal_point(self, r: FloatArray, schedule: Schedule) -> Iterate:
+        """One run from r; alpha adapts to how hard the inner problems are."""
+        problem, monitor, W = self.problem, self.monitor, self.problem.W
+        inner = RegularisedNewton(problem)
+        alpha, formulation, floor = self.options.alpha, "AC", 0.0
+        error = least = monitor.record(r, W @ r + problem.q)
+        best, waited = r, 0
         while waited < self.options.outer:
             if monitor.out_of_time():
                 return Iterate(r, Status.TIME_LIMIT)
             if monitor.iterations >= self.options.max_iterations:
                 return Iterate(r, Status.MAX_ITERATIONS)
-            inner = LocalProblem(regularised(W, alpha, d), problem.q - alpha * r, problem.mu, dimension=d)
-            tol = 0.1 * max(monitor.tol, min(error, 1.0))
-            watch = Monitor(inner.q, inner.mu, d, tol, floor=norm, time_limit=monitor.time_limit, start=monitor.start)
-            iterate = newton(inner, r, watch, NewtonOptions(formulation=formulation, max_iterations=15))
+            target = schedule.accuracy * max(monitor.tol, min(error, 1.0))
+            found, watch = inner.solve(r, alpha, target, formulation, monitor)
             monitor.iterations += max(watch.iterations, 1)
             waited += 1
-            if iterate.status is Status.SOLVED:
-                least = monitor.best
-                r = iterate.r
-                error = monitor.record(r, W @ r + problem.q)
-                if error <= monitor.tol:
-                    return Iterate(r, Status.SOLVED)
+            solved = found.status is Status.SOLVED
+            new = found.r if solved or watch.best_r is None else watch.best_r
+            new_error = monitor.record(new, W @ new + problem.q) if solved or watch.best <= INEXACT * error else np.inf
+            if new_error <= monitor.tol:
+                return Iterate(new, Status.SOLVED)
+            if solved or new_error < 0.9 * error:
+                r, error = new, new_error
                 if error < least:
-                    waited = 0
+                    best, least, waited = r, error, 0
                 if error <= RUNAWAY * least:
-                    alpha = max(floor, alpha * (0.3 if watch.iterations <= 4 else 0.6 if watch.iterations <= 8 else 1.0))
+                    if solved:
+                        alpha = max(floor, alpha * (0.3 if watch.iterations <= 4 else 0.6 if watch.iterations <= 8 else 1.0))
                     floor *= 0.7
                     continue
-                r, error = _best(monitor)
-                alpha *= 3
+                r, error = best, least
+                alpha *= schedule.rise
             # what failed is left behind: well above it for a while, with the other formulation
-            alpha *= 3
+            alpha *= schedule.rise
             floor = alpha
             formulation = "NM" if formulation == "AC" else "AC"
-            if alpha > 1e8 * self.scale:
+            if alpha > 1e8:
                 break
         return Iterate(r, Status.STAGNATED)
 
