@@ -7,15 +7,17 @@
    factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly.
 3. Newton, plain (NSN-AC): exact for full-rank W, given up when a dozen iterations bring no better iterate, or when the first one
    throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and more; of 1e2 for full rank).
-4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha I, q - alpha r_k, whose solution is r_k+1.
-   alpha I makes rank-deficient W regular and pulls Newton into its basin; alpha falls while the inner solves are easy and grows when
-   they fail, where the natural map takes turns with Alart-Curnier. Its fixed points solve the problem itself, whatever alpha.
-   Where noise makes W unsymmetric and indefinite, self-stress may grow without end at alpha below the noise: the best iterate is
-   taken up again at a larger alpha.
+4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha D, q - alpha D r_k, whose solution is r_k+1; D are
+   the contacts' own compliances, so that contacts of light and of heavy bodies make equal steps. alpha D makes rank-deficient W regular
+   and pulls Newton into its basin; alpha falls while the inner solves are easy and grows when they fail, where the natural map takes
+   turns with Alart-Curnier. Its fixed points solve the problem itself, whatever alpha. An inner solve that does not arrive still
+   gives a step if it brings the error down. Where noise makes W unsymmetric and indefinite, self-stress may grow without end at alpha
+   below the noise: the best iterate is taken up again at a larger alpha. A run that stagnates is followed by one from ADMM's iterate
+   and by one with another schedule.
 5. Gauss-Seidel from the best iterate, as long as it finds better ones.
 
 Sources: the proximal point for frictional contact, Acary, Brémond, Huber 2018, section on PPA-NSN; R. T. Rockafellar, SIAM J. Control
-Optim. 14, 1976. The schedule of alpha and the race are our own.
+Optim. 14, 1976. The schedules of alpha and the race are our own.
 """
 
 from __future__ import annotations
@@ -61,8 +63,7 @@ class Schedule:
     rise: float
 
 
-SCHEDULES = (Schedule(0.3, 5.0), Schedule(0.1, 3.0), Schedule(0.03, 10.0))
-"""Of the attempts of the proximal stage, one after the other."""
+PATIENT, BOLD = Schedule(accuracy=0.1, rise=3.0), Schedule(accuracy=0.3, rise=5.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +80,7 @@ class AutomaticOptions(Options):
     splitting: int = 30
     patience: int = 12
     alpha: float = 1e-2
-    outer: int = 150
+    outer: int = 300
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -203,24 +204,27 @@ class _Run:
         return iterate
 
     def proximal(self, r: FloatArray) -> Iterate:
-        """Proximal point with Newton inside; where it stagnates, again from ADMM's iterate, and by another schedule."""
-        iterate = Iterate(r, Status.STAGNATED)
-        for attempt, schedule in enumerate(SCHEDULES):
-            if attempt == 1:
-                iterate = self._relaxed_splitting()
-            if iterate.status is Status.STAGNATED or iterate.status is Status.MAX_ITERATIONS:
-                iterate = self._proximal_point(r if attempt != 1 else iterate.r, schedule)
-            if iterate.status is not Status.STAGNATED:
-                return iterate
-        return iterate
+        """Proximal point with Newton inside; where it stagnates, again from ADMM's iterate, and from r with another schedule."""
+        iterate = self._proximal_point(r, PATIENT)
+        if iterate.status is Status.STAGNATED:
+            start = self._relaxed_splitting()
+            if start.status in (Status.SOLVED, Status.TIME_LIMIT):
+                return start
+            iterate = self._proximal_point(start.r, PATIENT)
+        return self._proximal_point(r, BOLD) if iterate.status is Status.STAGNATED else iterate
 
     def _relaxed_splitting(self) -> Iterate:
         """ADMM without acceleration, contacts scaled alike: the start that suits piles of very different masses."""
-        monitor, options = self.monitor, AdmmOptions(
-            initial_rho="norm", rho=1e-2, rho_update="residual balancing", acceleration="none", relaxation=1.6, rescaling="contacts",
+        options = AdmmOptions(
+            initial_rho="norm",
+            rho=1e-2,
+            rho_update="residual balancing",
+            acceleration="none",
+            relaxation=1.6,
+            rescaling="contacts",
             max_iterations=self._limit(10 * self.options.splitting),
         )
-        return admm(self.problem, np.zeros(self.problem.m), monitor, options)
+        return admm(self.problem, np.zeros(self.problem.m), self.monitor, options)
 
     def _proximal_point(self, r: FloatArray, schedule: Schedule) -> Iterate:
         """One run from r; alpha adapts to how hard the inner problems are."""

@@ -166,16 +166,16 @@ class RegularisedNewton:
         self._system = ShiftedSystem(problem.W, d) if sparse else None
 
     def solve(self, r: FloatArray, alpha: float, tol: float, formulation: str, outer: Monitor) -> tuple[Iterate, Monitor]:
-        """Return Newton's iterate from the centre r and the monitor of its run, whose errors are relative to ||q|| of the problem itself."""
+        """Return Newton's iterate from the centre r and its monitor, whose errors are relative to ||q|| of the problem itself."""
         problem, shift, d = self._problem, alpha * self._D, self._problem.dimension
         q = problem.q - np.repeat(shift, d) * r
         watch = Monitor(q, problem.mu, d, tol, floor=self._norm, time_limit=outer.time_limit, start=outer.start)
         options = NewtonOptions(formulation=formulation, rho_factor=RHO_FACTOR, max_iterations=INNER_ITERATIONS)
         if self._system is None:
-            W = problem.W + sp.diags_array(np.repeat(shift, d)) if sp.issparse(problem.W) else problem.W.copy()
-            if sp.issparse(W):
-                W = sp.bsr_array(W, blocksize=(d, d))
+            if sp.issparse(problem.W):
+                W: Any = sp.bsr_array(problem.W + sp.diags_array(np.repeat(shift, d)), blocksize=(d, d))
             else:
+                W = problem.W.copy()
                 W.flat[:: len(W) + 1] += np.repeat(shift, d)
             return newton(LocalProblem(W, q, problem.mu, dimension=d), r, watch, options), watch
         self._system.regularise(shift)
