@@ -7,15 +7,17 @@
    factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly.
 3. Newton, plain (NSN-AC): exact for full-rank W, given up when a dozen iterations bring no better iterate, or when the first one
    throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and more; of 1e2 for full rank).
-4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha I, q - alpha r_k, whose solution is r_k+1.
-   alpha I makes rank-deficient W regular and pulls Newton into its basin; alpha falls while the inner solves are easy and grows when
-   they fail, where the natural map takes turns with Alart-Curnier. Its fixed points solve the problem itself, whatever alpha.
-   Where noise makes W unsymmetric and indefinite, self-stress may grow without end at alpha below the noise: the best iterate is
-   taken up again at a larger alpha.
+4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha D, q - alpha D r_k, whose solution is r_k+1; D are
+   the contacts' own compliances, so that contacts of light and of heavy bodies make equal steps. alpha D makes rank-deficient W regular
+   and pulls Newton into its basin; alpha falls while the inner solves are easy and grows when they fail, where the natural map takes
+   turns with Alart-Curnier. Its fixed points solve the problem itself, whatever alpha. An inner solve that does not arrive still
+   gives a step if it brings the error down. Where noise makes W unsymmetric and indefinite, self-stress may grow without end at alpha
+   below the noise: the best iterate is taken up again at a larger alpha. A run that stagnates is followed by one from ADMM's iterate
+   and by one with another schedule.
 5. Gauss-Seidel from the best iterate, as long as it finds better ones.
 
 Sources: the proximal point for frictional contact, Acary, Brémond, Huber 2018, section on PPA-NSN; R. T. Rockafellar, SIAM J. Control
-Optim. 14, 1976. The schedule of alpha and the race are our own.
+Optim. 14, 1976. The schedules of alpha and the race are our own.
 """
 
 from __future__ import annotations
@@ -30,14 +32,14 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
-from fcsim.solvers.admm import AdmmOptions, split
+from fcsim.solvers.admm import AdmmOptions, admm, split
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.block_rows import ContactRows, compressed_blocks
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.multifrontal import BlockRows, joint_rows
 from fcsim.solvers.newton import NewtonOptions, newton
 from fcsim.solvers.one_contact import ONE_CONTACT
-from fcsim.solvers.proximal import regularised
+from fcsim.solvers.regularised import RegularisedNewton
 from fcsim.solvers.variational import Inequality, ProblemWatch
 
 FloatArray = NDArray[np.float64]
@@ -58,8 +60,21 @@ PLAIN_NEWTON = NewtonOptions(formulation="AC", rho="adaptive", rho_factor=5.0, d
 """As NSN-AC in the table of solvers."""
 RUNAWAY = 100.0
 """Growth of the error over the best one at which the proximal stage goes back to its best iterate."""
+INEXACT = 0.5
+"""Reduction of the residual at which an inner solve that did not arrive still gives a proximal step, if the error falls too."""
 SMALL = 150
 """Up to this many unknowns dense linear algebra is cheapest whatever the density."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How a run of the proximal stage goes: accuracy of the inner problems relative to the error, factor of alpha where one fails."""
+
+    accuracy: float
+    rise: float
+
+
+PATIENT, BOLD = Schedule(accuracy=0.1, rise=3.0), Schedule(accuracy=0.3, rise=5.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,15 +83,14 @@ class AutomaticOptions(Options):
 
     probe: Gauss-Seidel sweeps of the first stage; splitting: ADMM iterations that must bring the error down tenfold (0: no ADMM);
     patience: Newton iterations without a better iterate before the next stage; alpha: first regularisation of the proximal stage,
-    relative to the mean of W's diagonal; outer: its outer iterations without
-    a better iterate before the next stage.
+    relative to each contact's own compliance; outer: its outer iterations without a better iterate before the next attempt or stage.
     """
 
     max_iterations: int = 100_000
     probe: int = 20
     splitting: int = 30
     patience: int = 12
-    alpha: float = 1e-4
+    alpha: float = 1e-2
     outer: int = 300
 
     def __post_init__(self) -> None:
@@ -213,42 +227,65 @@ class _Run:
         return iterate
 
     def proximal(self, r: FloatArray) -> Iterate:
-        """Proximal point with Newton inside; alpha adapts to how hard the inner problems are."""
-        problem, monitor = self.problem, self.monitor
-        d, W = problem.dimension, problem.W
-        alpha, formulation, floor = self.options.alpha * self.scale, "AC", 0.0
-        norm = float(np.linalg.norm(problem.q))
-        error, waited = monitor.best, 0
+        """Proximal point with Newton inside; where it stagnates, again from ADMM's iterate, and from r with another schedule."""
+        iterate = self._proximal_point(r, PATIENT)
+        if iterate.status is Status.STAGNATED:
+            start = self._relaxed_splitting()
+            if start.status in (Status.SOLVED, Status.TIME_LIMIT):
+                return start
+            iterate = self._proximal_point(start.r, PATIENT)
+        return self._proximal_point(r, BOLD) if iterate.status is Status.STAGNATED else iterate
+
+    def _relaxed_splitting(self) -> Iterate:
+        """ADMM without acceleration, contacts scaled alike: the start that suits piles of very different masses."""
+        options = AdmmOptions(
+            initial_rho="norm",
+            rho=1e-2,
+            rho_update="residual balancing",
+            acceleration="none",
+            relaxation=1.6,
+            rescaling="contacts",
+            max_iterations=self._limit(10 * self.options.splitting),
+        )
+        return admm(self.problem, np.zeros(self.problem.m), self.monitor, options)
+
+    def _proximal_point(self, r: FloatArray, schedule: Schedule) -> Iterate:
+        """One run from r; alpha adapts to how hard the inner problems are."""
+        problem, monitor, W = self.problem, self.monitor, self.problem.W
+        inner = RegularisedNewton(problem)
+        alpha, formulation, floor = self.options.alpha, "AC", 0.0
+        error = least = monitor.record(r, W @ r + problem.q)
+        best, waited = r, 0
         while waited < self.options.outer:
             if monitor.out_of_time():
                 return Iterate(r, Status.TIME_LIMIT)
             if monitor.iterations >= self.options.max_iterations:
                 return Iterate(r, Status.MAX_ITERATIONS)
-            inner = LocalProblem(regularised(W, alpha, d), problem.q - alpha * r, problem.mu, dimension=d)
-            tol = 0.1 * max(monitor.tol, min(error, 1.0))
-            watch = Monitor(inner.q, inner.mu, d, tol, floor=norm, time_limit=monitor.time_limit, start=monitor.start)
-            iterate = newton(inner, r, watch, NewtonOptions(formulation=formulation, max_iterations=15))
+            target = schedule.accuracy * max(monitor.tol, min(error, 1.0))
+            found, watch = inner.solve(r, alpha, target, formulation, monitor)
             monitor.iterations += max(watch.iterations, 1)
             waited += 1
-            if iterate.status is Status.SOLVED:
-                least = monitor.best
-                r = iterate.r
-                error = monitor.record(r, W @ r + problem.q)
-                if error <= monitor.tol:
-                    return Iterate(r, Status.SOLVED)
+            solved = found.status is Status.SOLVED
+            new = found.r if solved or watch.best_r is None else watch.best_r
+            new_error = monitor.record(new, W @ new + problem.q) if solved or watch.best <= INEXACT * error else np.inf
+            if new_error <= monitor.tol:
+                return Iterate(new, Status.SOLVED)
+            if solved or new_error < 0.9 * error:
+                r, error = new, new_error
                 if error < least:
-                    waited = 0
+                    best, least, waited = r, error, 0
                 if error <= RUNAWAY * least:
-                    alpha = max(floor, alpha * (0.3 if watch.iterations <= 4 else 0.6 if watch.iterations <= 8 else 1.0))
+                    if solved:
+                        alpha = max(floor, alpha * (0.3 if watch.iterations <= 4 else 0.6 if watch.iterations <= 8 else 1.0))
                     floor *= 0.7
                     continue
-                r, error = _best(monitor)
-                alpha *= 3
+                r, error = best, least
+                alpha *= schedule.rise
             # what failed is left behind: well above it for a while, with the other formulation
-            alpha *= 3
+            alpha *= schedule.rise
             floor = alpha
             formulation = "NM" if formulation == "AC" else "AC"
-            if alpha > 1e8 * self.scale:
+            if alpha > 1e8:
                 break
         return Iterate(r, Status.STAGNATED)
 

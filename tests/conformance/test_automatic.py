@@ -45,10 +45,11 @@ def test_every_real_problem(name: str, verdict: Callable[..., Any]) -> None:
     assert verdict(result.r, u, problem.mu, problem.dimension, q).error <= 1.01e-8
 
 
-def pile(bodies: int, seed: int, asymmetry: float) -> LocalProblem:
+def pile(bodies: int, seed: int, asymmetry: float, gyroscopic: float = 0.0) -> LocalProblem:
     """Rigid bodies in a cube, masses from 1 to 100, each touching its neighbours at two points, the lowest held, all falling.
 
     Twice as many contact unknowns as degrees of freedom and more: W is rank-deficient; `asymmetry` perturbs its entries.
+    `gyroscopic` makes W = H^T A H unsymmetric as real files of rigid bodies are: by a skew part of the bodies' A, which leaves W monotone.
     """
     rng = np.random.default_rng(seed)
     x = rng.random((bodies, 3))
@@ -76,12 +77,29 @@ def pile(bodies: int, seed: int, asymmetry: float) -> LocalProblem:
     v[~held, 2] = -9.81e-2
     W = sp.csr_array(sp.csr_array(H.T * compliance.ravel()) @ sp.csr_array(H))
     W.data *= 1 + asymmetry * rng.standard_normal(W.nnz)
+    if gyroscopic:
+        turn = gyroscopic * compliance[:, 3, None, None] * np.cross(np.eye(3), rng.standard_normal((bodies, 1, 3)))
+        blocks = [sp.coo_array(np.pad(skew, ((3, 0), (3, 0)))) for skew in turn]
+        W = sp.csr_array(W + sp.csr_array(H.T) @ sp.block_diag(blocks, format="csr") @ sp.csr_array(H))
     return LocalProblem(W, H.T @ v.ravel(), np.full(nc, 0.7))
 
 
-@pytest.mark.parametrize(("bodies", "seed", "asymmetry"), [(20, 0, 0.0), (30, 0, 0.0), (30, 5, 1e-6), (40, 6, 1e-5)])
-def test_hyperstatic_piles(bodies: int, seed: int, asymmetry: float, verdict: Callable[..., Any]) -> None:
-    problem = pile(bodies, seed, asymmetry)
+@pytest.mark.parametrize(
+    ("bodies", "seed", "asymmetry", "gyroscopic"),
+    [
+        (20, 0, 0.0, 0.0),
+        (30, 0, 0.0, 0.0),
+        (30, 5, 1e-6, 0.0),
+        (40, 6, 1e-5, 0.0),
+        (40, 1408, 1e-4, 0.0),
+        (70, 1068, 1e-12, 0.0),
+        (60, 2, 0.0, 1e-2),
+    ],
+)
+def test_hyperstatic_piles(bodies: int, seed: int, asymmetry: float, gyroscopic: float, verdict: Callable[..., Any]) -> None:
+    problem = pile(bodies, seed, asymmetry, gyroscopic)
+    asymmetric = float(spla.norm(problem.W - problem.W.T) / spla.norm(problem.W))
+    assert asymmetric > 1e-2 * (asymmetry + gyroscopic) or asymmetry + gyroscopic == 0
     assert np.linalg.matrix_rank(pile(bodies, seed, 0.0).W.toarray()) < 0.8 * problem.m
     result = solve(problem, "auto", tol=1e-8)
     assert result.status is Status.SOLVED
