@@ -3,10 +3,11 @@
     python benchmarks/floor.py                 120 steps of cases/masonry_wall
     python benchmarks/floor.py --set divisions=16,8,8 --steps 6
 
-Counted while the wall runs, in the condensed elimination of Newton's system (fcsim/solvers/newton_system.py): the Cholesky factor of the
-sticking contacts' block, triangular solves and products for the border, the normal components' elimination and the LU of what is left;
-and the bytes of W read by products with it. The floor is those flops at the rates of this machine's LAPACK at like sizes and those bytes
-at its memory's rate, one thread. Above it stand gathering of blocks, small arrays and Python.
+Counted while the wall runs, in the condensed elimination of Newton's system (fcsim/solvers/condensed_system.py): the fronts of the sticking
+contacts' block, triangular solves and products for the border, the normal components' elimination and the LU of what is left; and the
+bytes that products read: of W, of the border's columns, of the system that is left. The floor is those flops at the rates of this
+machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above it stand gathering of blocks, small arrays
+and Python.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from rich.console import Console
 from rich.table import Table
 
 from fcsim.case import load_case, parse_parameters
-from fcsim.solvers import newton_system
+from fcsim.solvers import condensed_system
+from fcsim.solvers.multifrontal import MultifrontalCholesky
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
 SIZE = 700
@@ -38,8 +40,10 @@ KINDS = {
     "triangular solves, border": "triangular solve",
     "products, border": "product",
     "normal elimination": "product",
-    "LU, what is left": "LU",
+    "LU of what is left, double precision": "LU",
+    "LU of what is left, single precision": "LU, single precision",
 }
+READ = ("W", "border's columns", "system that is left")
 
 
 def rate(work: float, run: Callable[[], Any], repeats: int = 15) -> float:
@@ -57,6 +61,7 @@ def rates() -> dict[str, float]:
     n, rng = SIZE, np.random.default_rng(0)
     A = rng.standard_normal((n, n))
     A = np.asfortranarray(A @ A.T + n * np.eye(n))
+    A_single = A.astype(np.float32)
     L, B = np.linalg.cholesky(A), np.asfortranarray(rng.standard_normal((n, n)))
     S = sp.random_array((20_000, 20_000), density=0.02, rng=rng, format="csr")
     x = np.ones(20_000)
@@ -65,60 +70,81 @@ def rates() -> dict[str, float]:
         "triangular solve": rate(n**3, lambda: sla.blas.dtrsm(1.0, L, B, lower=True)),
         "product": rate(2 * n**3, lambda: A @ B),
         "LU": rate(2 * n**3 / 3, lambda: sla.lapack.dgetrf(A)),
+        "LU, single precision": rate(2 * n**3 / 3, lambda: sla.lapack.sgetrf(A_single)),
         "bytes": rate(12 * S.nnz, lambda: S @ x),
     }
 
 
 class Count:
-    """Flops by kind and bytes of W, counted around the elimination's methods."""
+    """Flops and bytes by kind, counted around the elimination's methods."""
 
     def __init__(self) -> None:
         self.flops: defaultdict[str, float] = defaultdict(float)
+        self.bytes: defaultdict[str, float] = defaultdict(float)
         self.calls: Counter[str] = Counter()
-        self.bytes = 0.0
 
     def install(self) -> None:
-        system, normal = newton_system.CondensedSystem, newton_system._NormalElimination
-        hold, extend, condensed, made, solve = system._hold, system._extend, system._condensed, normal.__init__, normal.solve
+        system, normal = condensed_system.CondensedSystem, condensed_system._NormalElimination
+        hold, extend, condensed, made = system._hold, system._extend, system._condensed, normal.__init__
+        product, lu = normal._product, condensed_system.DenseLU
 
         def counted_hold(this: Any, held: np.ndarray) -> None:
             hold(this, held)
-            self._add("Cholesky, sticking block", (this._d * len(held)) ** 3 / 3)
+            self._add("Cholesky, sticking block", sum(n**3 / 3 + n**2 * b + n * b**2 for n, b in _fronts(this)))
 
         def counted_extend(this: Any, contacts: np.ndarray) -> None:
-            before = this._P.shape[1]
+            before = len(this._border) * this._d
             extend(this, contacts)
-            n, k = this._P.shape[0], this._P.shape[1]
+            n, k = this._PT.shape[1], len(this._border) * this._d
             if k > before:
-                self._add("triangular solves, border", n**2 * (k - before))
+                self._add("triangular solves, border", sum(n * n + 2 * n * b for n, b in _fronts(this)) * (k - before))
                 self._add("products, border", n * (k**2 - before**2))  # half of the symmetric product
 
-        def counted_condensed(this: Any, A: np.ndarray, B: np.ndarray, rhs: np.ndarray) -> np.ndarray:
-            self.bytes += 2 * (this._W.nnz * 12 if sp.issparse(this._W) else this._W.nbytes)  # coupling of open contacts, W dr
-            self.calls["Newton systems"] += 1
-            return condensed(this, A, B, rhs)
+        def counted_condensed(this: Any, *given: Any) -> np.ndarray:
+            # the product of the correction, that of the step and of open contacts
+            self._read("W", 2 * (this._W.data if sp.issparse(this._W) else this._W).nbytes)
+            step = condensed(this, *given)
+            self._read("border's columns", 2 * 8 * len(this._border) * this._d * this._PT.shape[1])
+            return step
 
         def counted_made(this: Any, response: np.ndarray, *rest: Any) -> None:
             made(this, response, *rest)
             n, c = len(this._S), len(this.closed)
-            self._add("normal elimination", c**3 / 3 + 2 * c**2 * n + 2 * c * n**2)
+            self._add("normal elimination", c**3 / 3 + 2 * c**2 * n + c * n**2)
 
-        def counted_solve(this: Any, *given: Any) -> Any:
-            self._add("LU, what is left", 2 * len(this._S) ** 3 / 3)
-            return solve(this, *given)
+        def counted_lu(A: np.ndarray, overwrite: bool = False) -> Any:
+            self._add(f"LU of what is left, {'double' if A.dtype == np.float64 else 'single'} precision", 2 * len(A) ** 3 / 3)
+            return lu(A, overwrite)
+
+        def counted_product(this: Any, *given: Any) -> np.ndarray:
+            self._read("system that is left", this._S.nbytes + this._Z.nbytes + 4 * this._S.size)  # and its factor
+            return product(this, *given)
 
         for owner, name, counted in (
             (system, "_hold", counted_hold),
             (system, "_extend", counted_extend),
             (system, "_condensed", counted_condensed),
             (normal, "__init__", counted_made),
-            (normal, "solve", counted_solve),
+            (normal, "_product", counted_product),
+            (condensed_system, "DenseLU", counted_lu),
         ):
             setattr(owner, name, counted)
+
+    def _read(self, what: str, size: float) -> None:
+        self.bytes[what] += size
+        self.calls[what] += 1
 
     def _add(self, kind: str, flops: float) -> None:
         self.flops[kind] += flops
         self.calls[kind] += 1
+
+
+def _fronts(system: Any) -> list[tuple[int, int]]:
+    """Own and border unknowns of the held factor's fronts; a dense factor is one."""
+    factor = system._factor
+    if isinstance(factor, MultifrontalCholesky):
+        return [(len(L), len(border)) for _, border, L, _ in factor._fronts]
+    return [(len(factor.contacts) * system._d, 0)]
 
 
 def main() -> None:
@@ -142,10 +168,11 @@ def main() -> None:
         floor += seconds
         amount = f"{count.flops[kind] / steps / 1e9:.3f} Gflop"
         table.add_row(kind, f"{count.calls[kind] / steps:.2f}", amount, f"{measured[method] / 1e9:.1f} Gflop/s", f"{1e3 * seconds:.1f}")
-    seconds = count.bytes / measured["bytes"] / steps
-    floor += seconds
-    amount, speed = f"{count.bytes / steps / 1e6:.0f} MB", f"{measured['bytes'] / 1e9:.1f} GB/s"
-    table.add_row("W read", f"{count.calls['Newton systems'] / steps:.2f}", amount, speed, f"{1e3 * seconds:.1f}")
+    for what in READ:
+        seconds = count.bytes[what] / measured["bytes"] / steps
+        floor += seconds
+        amount, speed = f"{count.bytes[what] / steps / 1e6:.0f} MB", f"{measured['bytes'] / 1e9:.1f} GB/s"
+        table.add_row(f"{what} read", f"{count.calls[what] / steps:.2f}", amount, speed, f"{1e3 * seconds:.1f}")
     table.add_row("floor of the solve", "", "", "", f"{1e3 * floor:.1f}", style="bold")
     table.add_row("solve, measured", "", "", "", f"{1e3 * sum(solve) / steps:.1f}", style="bold")
     Console(width=120).print(table)
