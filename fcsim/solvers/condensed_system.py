@@ -25,6 +25,8 @@ INNER = 3e-2
 """The same for the border's system where such a step is only a preconditioner's."""
 CORRECTIONS = 8
 """Iterations of GMRES with an earlier W's factor before factoring anew."""
+APPROXIMATE_FROM = 400
+"""Unknowns of the border's system from which that pays; smaller ones are solved to round-off."""
 REUSED = 6
 """Iterations of GMRES that an earlier factor of the border's system may take."""
 
@@ -319,7 +321,7 @@ class _NormalElimination:
         right_T = rhs[:, 1:] - A[:, 1:, 0] * Wdr_N[:, None] - B[:, 1:, 0] * y[:, None] - np.einsum("aij,aj->ai", A[:, 1:, 1:], known_T)
         right = right - np.einsum("aij,aj->ai", outer, shift[split:].reshape(w, d))
         given = np.concatenate([right_T.ravel(), right.ravel()])
-        x = self._approximate(A, B, outer, inner, given, target) if target else None
+        x = self._approximate(A, B, outer, inner, given, target) if target and len(self._S) > APPROXIMATE_FROM else None
         if x is None:
             x = DenseLU(self._matrix(A, B, outer, inner).T, overwrite=True).solve_transposed(given)
         return np.concatenate([(y - self._Z @ x)[:, None], x[:split].reshape(k, d - 1)], axis=1), x[split:].reshape(w, d)

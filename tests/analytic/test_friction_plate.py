@@ -43,7 +43,7 @@ def pushed(n: int, cell: str = "quadrilateral", eta: float = 1e6, ramp: int = 1)
     )
     pair = SurfacePair(contact_surface(model, [("plate", "y-")]), contact_surface(model, [("foundation", "y+")]), 1.0, 1e-3)
     scheme = QuasiStatic(1 / ramp, eta=eta / ramp**2)
-    settings = SolverSettings(name="NSN-AC-HYBRID", tol=1e-8, floor=1e-7)
+    settings = SolverSettings(name="NSN-AC-HYBRID", tol=1e-9, floor=1e-7)
     last = list(Simulation(model, Detector([pair], model.n_nodes), scheme, ramp + 3, settings))[-1]
     low = np.unique(part.surfaces["y-"])
     low = low[np.argsort(part.points[low, 0])]
