@@ -21,11 +21,11 @@ BoolArray = NDArray[np.bool_]
 
 FORCING = 1e-2
 """Defect, relative to the right-hand side, at which a Newton step by an earlier W's factor is accepted."""
-INNER = 3e-2
+INNER = 1e-2
 """The same for the border's system where such a step is only a preconditioner's."""
 CORRECTIONS = 8
 """Iterations of GMRES with an earlier W's factor before factoring anew."""
-APPROXIMATE_FROM = 400
+APPROXIMATE_FROM = 800
 """Unknowns of the border's system from which that pays; smaller ones are solved to round-off."""
 REUSED = 6
 """Iterations of GMRES that an earlier factor of the border's system may take."""
