@@ -132,19 +132,24 @@ class CondensedSystem:
         if self._outgrown(stick):
             return None
         W, shape = self._W, rhs.shape
+        images: list[FloatArray] = []  # W times the steps
 
         def product(x: FloatArray) -> FloatArray:
-            Wx = (W @ x).reshape(shape)
+            images.append(W @ x)
+            Wx = images[-1].reshape(shape)
             return (np.einsum("aij,aj->ai", A, Wx) + np.einsum("aij,aj->ai", B, x.reshape(shape))).ravel()
 
         def precondition(x: FloatArray) -> FloatArray:
             return self._condensed(A, B, x.reshape(shape), INNER)
 
         try:
-            dr = gmres(product, precondition, rhs.ravel(), FORCING * float(np.linalg.norm(rhs)), CORRECTIONS)
+            found = gmres(product, precondition, rhs.ravel(), FORCING * float(np.linalg.norm(rhs)), CORRECTIONS)
         except SingularMatrix:
             return None
-        return None if dr is None else (dr, W @ dr)
+        if found is None:
+            return None
+        dr, y = found
+        return dr, np.tensordot(y, images, 1) if len(y) else np.zeros_like(dr)
 
     def _outgrown(self, stick: BoolArray) -> bool:
         """Whether many border contacts stick, or were released: factoring anew then costs less than carrying them."""
@@ -338,12 +343,12 @@ class _NormalElimination:
             assert self._factor is not None
             return self._factor.solve_transposed(x.astype(np.float32)).astype(np.float64)
 
-        x = None if self._factor is None else gmres(product, precondition, given, target, REUSED)
-        if x is None:
+        found = None if self._factor is None else gmres(product, precondition, given, target, REUSED)
+        if found is None:
             self._factor = None  # the old one makes room for the new
             self._factor = DenseLU(self._matrix(A, B, outer, inner).astype(np.float32).T, overwrite=True)
-            x = gmres(product, precondition, given, target, REUSED)
-        return x
+            found = gmres(product, precondition, given, target, REUSED)
+        return None if found is None else found[0]
 
     def _matrix(self, A: FloatArray, B: FloatArray, outer: FloatArray, inner: FloatArray) -> FloatArray:
         """The matrix of the system on V."""

@@ -22,14 +22,15 @@ def gmres(
     rhs: FloatArray,
     target: float,
     limit: int,
-) -> FloatArray | None:
+) -> tuple[FloatArray, FloatArray] | None:
     """Right-preconditioned GMRES for A x = rhs (n,) from x = 0 (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986).
 
-    Return x with ||rhs - A x|| <= target, in the recurrence's norm, or None where `limit` iterations do not get there.
+    Return x with ||rhs - A x|| <= target, in the recurrence's norm, and its coefficients in the steps that `product` was called with, one
+    after the other; or None where `limit` iterations do not get there.
     """
     beta = float(np.linalg.norm(rhs))
     if beta <= target:
-        return np.zeros_like(rhs)
+        return np.zeros_like(rhs), np.empty(0)
     basis = [rhs / beta]
     steps: list[FloatArray] = []
     H = np.zeros((limit + 1, limit))
@@ -47,7 +48,7 @@ def gmres(
         y = np.linalg.lstsq(H[: j + 2, : j + 1], least, rcond=None)[0]
         left = float(np.linalg.norm(least - H[: j + 2, : j + 1] @ y))
         if left <= target:
-            return np.tensordot(y, steps, 1)
+            return np.tensordot(y, steps, 1), y
         hopeless = j + 1 >= PATIENCE and np.log(left / beta) * HOPE * limit > np.log(target / beta) * (j + 1)
         if hopeless or H[j + 1, j] == 0:
             return None

@@ -61,11 +61,11 @@ class MultifrontalSystem:
         while True:
             try:
                 factor = Multifrontal(self._rows, A, B, taking_part, self._precision)
-                x = gmres(product, _preconditioner(factor, rank), rhs.ravel(), ACCURACY * size, ITERATIONS)
+                found = gmres(product, _preconditioner(factor, rank), rhs.ravel(), ACCURACY * size, ITERATIONS)
             except SingularMatrix:
-                x = None
-            if x is not None:
-                return x.reshape(rhs.shape)
+                found = None
+            if found is not None:
+                return found[0].reshape(rhs.shape)
             if self._precision is np.float64:
                 return None
             self._precision = np.float64
