@@ -19,6 +19,7 @@ from fcsim.bench.command import add_parsers as add_bench_parser
 from fcsim.bench.profile_command import add_parsers as add_profile_parsers
 from fcsim.collection.command import add_parsers as add_collection_parsers
 from fcsim.errors import FcsimError, InputError
+from fcsim.runtime import is_interrupt
 
 EXIT_OK, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -92,7 +93,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:  # a folder that cannot be written, a full disk
         print(f"fcsim: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemError) as error:
+        if not is_interrupt(error):
+            raise
         print("fcsim: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
 

@@ -26,6 +26,7 @@ from fcsim.checkpoint import read_checkpoint, write_checkpoint
 from fcsim.errors import InputError, NotConverged
 from fcsim.export_fclib.steps import write_step
 from fcsim.files import replacing
+from fcsim.runtime import is_interrupt
 from fcsim.step_table import StepTable, write_hdf5
 from fcsim.timestep.simulation import Step
 from fcsim.view.vtk import SeriesWriter
@@ -138,11 +139,11 @@ def run_case(
                 watch(case, step)
     except NotConverged as error:
         status, message = "not converged", str(error)
-    except KeyboardInterrupt:
-        status, message = "interrupted", "interrupted from the keyboard; go on with --resume"
     except BaseException as error:
-        status, message = "failed", f"{type(error).__name__}: {error}"
-        raise
+        if not is_interrupt(error):
+            status, message = "failed", f"{type(error).__name__}: {error}"
+            raise
+        status, message = "interrupted", "interrupted from the keyboard; go on with --resume"
     finally:
         table.close()
         write_hdf5(directory / "steps.csv", directory / "steps.h5", case.sensors)

@@ -99,3 +99,11 @@ def _restore_signal_handlers() -> None:
         for number in signal.valid_signals():
             if callable(handler := signal.getsignal(number)):
                 signal.signal(number, handler)
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Whether an exception is Ctrl-C's: itself, or a SystemError that compiled code made of it when it struck inside."""
+    seen: BaseException | None = error
+    while seen is not None and not isinstance(seen, KeyboardInterrupt):
+        seen = (seen.__cause__ or seen.__context__) if isinstance(seen, SystemError) else None
+    return seen is not None

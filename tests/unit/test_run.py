@@ -161,6 +161,25 @@ def test_interrupted_and_resumed(case_folder: Path, tmp_path: Path, whole: Path,
     assert_same_end(out, whole, steps_without_seconds)
 
 
+def test_interrupt_inside_compiled_code(case_folder: Path, tmp_path: Path) -> None:
+    """A kernel that Ctrl-C strikes raises SystemError from KeyboardInterrupt; a SystemError of its own stays one."""
+
+    def struck(case: Case, step: Step) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise SystemError("CPUDispatcher returned a result with an exception set") from error
+
+    def broken(case: Case, step: Step) -> None:
+        raise SystemError("something else")
+
+    script = load_case(case_folder)
+    assert run_case(script, {}, tmp_path / "struck", PLAIN, watch=struck).status == "interrupted"
+    with pytest.raises(SystemError, match="something else"):
+        run_case(script, {}, tmp_path / "broken", PLAIN, watch=broken)
+    assert json.loads((tmp_path / "broken" / "run.json").read_text())["status"] == "failed"
+
+
 def test_steps_after_the_checkpoint_are_computed_again(case_folder: Path, tmp_path: Path, whole: Path, steps_without_seconds: Rows) -> None:
     """A machine that stopped dead: rows and files beyond the last checkpoint, the last row cut."""
     script, out = load_case(case_folder), tmp_path / "out"
