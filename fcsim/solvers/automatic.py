@@ -6,8 +6,9 @@
    Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will. Where it needs more than ADMM's one
    factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly. Where contacts
    come in joints of deformable bodies, multifrontal elimination makes Newton so cheap that ADMM is left out.
-3. Newton, plain (NSN-AC, from a cold start with a larger first rho): exact for full-rank W, given up when a dozen iterations bring no better iterate, or when the first one
-   throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and more; of 1e2 for full rank).
+3. Newton, plain (NSN-AC, from a cold start with a larger first rho): exact for full-rank W, given up when a dozen iterations bring no
+   better iterate, or when the first one throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and
+   more; of 1e2 for full rank).
 4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha D, q - alpha D r_k, whose solution is r_k+1; D are
    the contacts' own compliances, so that contacts of light and of heavy bodies make equal steps. alpha D makes rank-deficient W regular
    and pulls Newton into its basin; alpha falls while the inner solves are easy and grows when they fail, where the natural map takes
