@@ -3,11 +3,11 @@
     python benchmarks/floor.py                 120 steps of cases/masonry_wall
     python benchmarks/floor.py --set divisions=16,8,8 --steps 6
 
-Counted while the wall runs, in the condensed elimination of Newton's system (fcsim/solvers/condensed_system.py): the fronts of the sticking
-contacts' block, triangular solves and products for the border, the normal components' elimination and the LU of what is left; and the
-bytes that products read: of W, of the border's columns, of the system that is left. The floor is those flops at the rates of this
-machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above it stand gathering of blocks, small arrays
-and Python.
+Counted while the wall runs, in the condensed elimination of Newton's system (condensed_system.py and normal_elimination.py in
+fcsim/solvers): the fronts of the sticking contacts' block, triangular solves and products for the border, the normal components'
+elimination and the LU of what is left; and the bytes that products read: of W, of the border's columns, of the system that is left. The
+floor is those flops at the rates of this machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above it
+stand gathering of blocks, small arrays and Python.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fcsim.case import load_case, parse_parameters
-from fcsim.solvers import condensed_system
+from fcsim.solvers import condensed_system, normal_elimination
 from fcsim.solvers.multifrontal import MultifrontalCholesky
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
@@ -84,9 +84,9 @@ class Count:
         self.calls: Counter[str] = Counter()
 
     def install(self) -> None:
-        system, normal = condensed_system.CondensedSystem, condensed_system._NormalElimination
+        system, normal = condensed_system.CondensedSystem, normal_elimination.NormalElimination
         hold, extend, condensed, made = system._hold, system._extend, system._condensed, normal.__init__
-        product, lu = normal._product, condensed_system.DenseLU
+        product, lu = normal._product, normal_elimination.DenseLU
 
         def counted_hold(this: Any, held: np.ndarray) -> None:
             hold(this, held)
@@ -126,7 +126,7 @@ class Count:
             (system, "_condensed", counted_condensed),
             (normal, "__init__", counted_made),
             (normal, "_product", counted_product),
-            (condensed_system, "DenseLU", counted_lu),
+            (normal_elimination, "DenseLU", counted_lu),
         ):
             setattr(owner, name, counted)
 

@@ -23,15 +23,21 @@ def transposed_entries(indptr, indices, transposed):
 
 
 @njit(cache=True)
+def number(own, border, local):
+    """Number the front's contacts in local (nc,): own ones first, then its border's."""
+    for i in range(len(own)):
+        local[own[i]] = i
+    for j in range(len(border)):
+        local[border[j]] = len(own) + j
+
+
+@njit(cache=True)
 def fill(own, border, local, indptr, indices, transposed, W, A, B, F11, F12, F21):
     """Write the blocks of A W + B with a row or a column in `own` and the other in `own` or `border` to the front's zeroed parts.
 
     local (nc,) is scratch that is -1 everywhere before and after."""
     n, d = len(own), A.shape[1]
-    for i in range(n):
-        local[own[i]] = i
-    for j in range(len(border)):
-        local[border[j]] = n + j
+    number(own, border, local)
     for i in range(n):
         a = own[i]
         for e in range(indptr[a], indptr[a + 1]):
@@ -62,10 +68,8 @@ def fill(own, border, local, indptr, indices, transposed, W, A, B, F11, F12, F21
         for q in range(d):
             for p in range(d):
                 F11[d * i + p, d * i + q] += B[a, p, q]
-    for i in range(n):
-        local[own[i]] = -1
-    for j in range(len(border)):
-        local[border[j]] = -1
+    local[own] = -1
+    local[border] = -1
 
 
 @njit(cache=True)
@@ -98,10 +102,7 @@ def fill_lower(own, border, local, indptr, indices, W, F11, F21):
 
     local (nc,) is scratch that is -1 everywhere before and after."""
     n, d = len(own), W.shape[1]
-    for i in range(n):
-        local[own[i]] = i
-    for j in range(len(border)):
-        local[border[j]] = n + j
+    number(own, border, local)
     for i in range(n):
         for e in range(indptr[own[i]], indptr[own[i] + 1]):
             j = local[indices[e]]
@@ -113,10 +114,8 @@ def fill_lower(own, border, local, indptr, indices, W, F11, F21):
                         F11[d * j + q, d * i + p] = W[e, p, q]
                     else:
                         F21[d * (j - n) + q, d * i + p] = W[e, p, q]
-    for i in range(n):
-        local[own[i]] = -1
-    for j in range(len(border)):
-        local[border[j]] = -1
+    local[own] = -1
+    local[border] = -1
 
 
 @njit(cache=True)

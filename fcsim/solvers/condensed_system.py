@@ -9,11 +9,12 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.linear import DenseLU, SingularMatrix, is_symmetric
+from fcsim.linear import SingularMatrix, is_symmetric
 from fcsim.solvers._front_kernels import gather_blocks
 from fcsim.solvers.krylov import gmres
 from fcsim.solvers.multifrontal import BlockRows, MultifrontalCholesky, joint_rows
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem, dofs_of
+from fcsim.solvers.normal_elimination import NormalElimination
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -25,10 +26,6 @@ INNER = 1e-2
 """The same for the border's system where such a step is only a preconditioner's."""
 CORRECTIONS = 8
 """Iterations of GMRES with an earlier W's factor before factoring anew."""
-APPROXIMATE_FROM = 800
-"""Unknowns of the border's system from which that pays; smaller ones are solved to round-off."""
-REUSED = 6
-"""Iterations of GMRES that an earlier factor of the border's system may take."""
 
 
 def _dense_part(W: Any, d: int, rows: IntArray, columns: IntArray) -> FloatArray:
@@ -70,12 +67,11 @@ class CondensedSystem:
         (W dr)_C = P_C^T z + (W_CC - P_C^T P_C) x_C - P_C^T P_R x_R,        dr_R = -P_R^T z + P_R^T P_C x_C + P_R^T P_R x_R.
 
     So a change of sets costs columns, not a factorisation; W_SS is factored anew only when the border has grown too large for that.
-    The matrix of this response is kept; while the free contacts stay the same, `_NormalElimination` keeps them shorter by a third.
-    The result is the exact Newton step. W must be symmetric; where W_SS is not positive definite the LU of the whole takes
-    over. W may be sparse as long as its Cholesky factor is dense anyway.
-
-    After `follow` the factor and the columns belong to an earlier W: their step is the first of a defect correction, and is accepted
-    when the defect of the true system is small; where the correction does not get there all is factored anew.
+    The matrix of this response is kept; while the free contacts stay the same, `NormalElimination` keeps them shorter by a third.
+    W must be symmetric; where W_SS is not positive definite the LU of the whole takes over. Of a sparse W whose contacts come in joints the
+    factor is multifrontal, else dense. The step is Newton's to round-off until `follow` brings another W: then factor and columns belong
+    to an earlier one and are the preconditioner of GMRES on the true system, down to a defect of FORCING ||rhs||; where that does not
+    pay all is factored anew.
     """
 
     def __init__(self, W: Any, dimension: int) -> None:
@@ -162,7 +158,7 @@ class CondensedSystem:
         """Factor W on the held contacts (nc,) and start with an empty border."""
         self._PT = self._response = np.empty((0, 0))  # the old ones make room for the new
         self._held, self._factor = None, None
-        self._normals: _NormalElimination | None = None
+        self._normals: NormalElimination | None = None
         d = self._d
         self._factor = _DenseCholesky(self._W, d, held) if self._rows is None else MultifrontalCholesky(self._rows, held)
         self._held = self._factor.contacts
@@ -258,7 +254,7 @@ class CondensedSystem:
             inner = np.where(released[:, None, None], A[whole], B[whole])
             normals = self._normals
             if normals is None or not (np.array_equal(normals.closed, closed) and np.array_equal(normals.whole, whole)):
-                normals = self._normals = _NormalElimination(self._response, closed, whole, released, self._column, d)
+                normals = self._normals = NormalElimination(self._response, closed, whole, released, self._column, d)
             right = rhs[whole] - np.einsum("aij,aj->ai", outer, known_whole)
             x_closed, x_whole = normals.solve(
                 A[closed], B[closed], rhs[closed], known, outer, inner, right, tolerance * float(np.linalg.norm(rhs))
@@ -271,106 +267,3 @@ class CondensedSystem:
             dr[whole[~released]] = x_whole[~released]
         dr[held] = self._factor.backward(z).reshape(-1, d)
         return dr.ravel()
-
-
-class _NormalElimination:
-    """The border's system with the normal components of its closed contacts eliminated, for one choice of these.
-
-    Their normal rows A_NN (W dr)_N = rhs_N do not depend on the iterate, so x_N = y - Z x_V, where V are their tangential components
-    and all components of the other ("whole") contacts. Left is a system on V with the response S = G_VV - G_VN Z.
-    """
-
-    def __init__(self, response: FloatArray, closed: IntArray, whole: IntArray, released: BoolArray, column: IntArray, d: int) -> None:
-        self.closed, self.whole, self._d = closed, whole, d
-        first = d * column[closed]
-        V = np.concatenate([(first[:, None] + np.arange(1, d)).ravel(), dofs_of(column[whole], d)])
-        factor, info = sla.lapack.dpotrf(response[np.ix_(first, first)].T, lower=True, overwrite_a=True, clean=False)
-        if info != 0:
-            raise SingularMatrix(f"the normal compliance of {len(closed)} contacts is not positive definite")
-        self._L = factor
-        self._G_VN = response[np.ix_(V, first)]
-        self._S = response[np.ix_(V, V)]
-        # G_NV is G_VN^T up to the sign of the released contacts' columns: the symmetric product takes half the work
-        Y = sla.blas.dtrsm(1.0, factor, response[np.ix_(first, V)].T, side=1, lower=True, trans_a=True, overwrite_b=True)
-        correction = Y @ Y.T
-        sign = np.repeat(np.where(released, -1.0, 1.0), d)
-        self._S[: len(V) - len(sign)] -= correction[: len(V) - len(sign)]
-        self._S[len(V) - len(sign) :] -= sign[:, None] * correction[len(V) - len(sign) :]
-        self._Z = sla.blas.dtrsm(1.0, factor, Y, side=1, lower=True, overwrite_b=True).T
-        self._factor: DenseLU | None = None
-
-    def _normal_solve(self, rhs: FloatArray) -> FloatArray:
-        return sla.lapack.dpotrs(self._L, rhs, lower=True)[0] if len(self.closed) else np.zeros_like(rhs)
-
-    def solve(
-        self,
-        A: FloatArray,
-        B: FloatArray,
-        rhs: FloatArray,
-        known: FloatArray,
-        outer: FloatArray,
-        inner: FloatArray,
-        right: FloatArray,
-        target: float,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return x of the closed and of the whole contacts; target: norm of the defect that is accepted, 0: round-off.
-
-        Closed: A (W dr) + B x = rhs, where W dr is `known` for x = 0. Whole: outer (response to x) + inner x = right less the known.
-        """
-        d, k, w = self._d, len(self.closed), len(self.whole)
-        split = k * (d - 1)
-        Wdr_N = rhs[:, 0] / A[:, 0, 0]
-        y = self._normal_solve(Wdr_N - known[:, 0])
-        shift = self._G_VN @ y
-        known_T = known[:, 1:] + shift[:split].reshape(k, d - 1)
-        right_T = rhs[:, 1:] - A[:, 1:, 0] * Wdr_N[:, None] - B[:, 1:, 0] * y[:, None] - np.einsum("aij,aj->ai", A[:, 1:, 1:], known_T)
-        right = right - np.einsum("aij,aj->ai", outer, shift[split:].reshape(w, d))
-        given = np.concatenate([right_T.ravel(), right.ravel()])
-        x = self._approximate(A, B, outer, inner, given, target) if target and len(self._S) > APPROXIMATE_FROM else None
-        if x is None:
-            x = DenseLU(self._matrix(A, B, outer, inner).T, overwrite=True).solve_transposed(given)
-        return np.concatenate([(y - self._Z @ x)[:, None], x[:split].reshape(k, d - 1)], axis=1), x[split:].reshape(w, d)
-
-    def _approximate(
-        self, A: FloatArray, B: FloatArray, outer: FloatArray, inner: FloatArray, given: FloatArray, target: float
-    ) -> FloatArray | None:
-        """Solve on V by GMRES with the LU in single precision of an earlier iteration with the same sets, or else a new one."""
-
-        def product(x: FloatArray) -> FloatArray:
-            return self._product(A, B, outer, inner, x)
-
-        def precondition(x: FloatArray) -> FloatArray:
-            assert self._factor is not None
-            return self._factor.solve_transposed(x.astype(np.float32)).astype(np.float64)
-
-        found = None if self._factor is None else gmres(product, precondition, given, target, REUSED)
-        if found is None:
-            self._factor = None  # the old one makes room for the new
-            self._factor = DenseLU(self._matrix(A, B, outer, inner).astype(np.float32).T, overwrite=True)
-            found = gmres(product, precondition, given, target, REUSED)
-        return None if found is None else found[0]
-
-    def _matrix(self, A: FloatArray, B: FloatArray, outer: FloatArray, inner: FloatArray) -> FloatArray:
-        """The matrix of the system on V."""
-        d, k, w, n = self._d, len(self.closed), len(self.whole), len(self._S)
-        split = k * (d - 1)
-        J = np.empty((n, n))
-        rows_T = J[:split].reshape(k, d - 1, n)
-        np.matmul(A[:, 1:, 1:], self._S[:split].reshape(k, d - 1, n), out=rows_T)
-        rows_T -= B[:, 1:, :1] * self._Z[:, None, :]
-        own = np.arange(k)
-        J[:split, :split].reshape(k, d - 1, k, d - 1)[own, :, own, :] += B[:, 1:, 1:]
-        np.matmul(outer, self._S[split:].reshape(w, d, n), out=J[split:].reshape(w, d, n))
-        own = np.arange(w)
-        J[split:, split:].reshape(w, d, w, d)[own, :, own, :] += inner
-        return J
-
-    def _product(self, A: FloatArray, B: FloatArray, outer: FloatArray, inner: FloatArray, x: FloatArray) -> FloatArray:
-        """The product of that matrix with x without forming it."""
-        d, k = self._d, len(self.closed)
-        split = k * (d - 1)
-        Sx, x_T, x_whole = self._S @ x, x[:split].reshape(k, d - 1), x[split:].reshape(-1, d)
-        closed = np.einsum("aij,aj->ai", A[:, 1:, 1:], Sx[:split].reshape(k, d - 1)) + np.einsum("aij,aj->ai", B[:, 1:, 1:], x_T)
-        closed -= B[:, 1:, 0] * (self._Z @ x)[:, None]
-        whole = np.einsum("aij,aj->ai", outer, Sx[split:].reshape(-1, d)) + np.einsum("aij,aj->ai", inner, x_whole)
-        return np.concatenate([closed.ravel(), whole.ravel()])

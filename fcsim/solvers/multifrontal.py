@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,7 @@ from numpy.typing import NDArray
 from fcsim.linear import SingularMatrix
 from fcsim.solvers._front_kernels import extend_add, extend_add_lower, fill, fill_lower, transposed_entries
 from fcsim.solvers._kernels import block_rows_of_dense
+from fcsim.solvers.newton_system import dofs_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -168,29 +168,34 @@ class BlockRows:
                 rows = rows.copy() if rows.data is W.data else rows
                 rows.sort_indices()
         self.W = rows
-        self.tree: EliminationTree
         self.indptr, self.indices, self.blocks = rows.indptr, rows.indices, rows.data
-        if previous is not None and np.array_equal(self.indptr, previous.indptr) and np.array_equal(self.indices, previous.indices):
-            self.tree = previous.tree
-        else:
-            self.tree = EliminationTree(self.indptr, self.indices)
-
-    @cached_property
-    def transposed(self) -> IntArray:
-        """The entry of block (b, a) for each entry of a block (a, b)."""
-        transposed = np.empty_like(self.indices)
-        if not transposed_entries(self.indptr, self.indices, transposed):
+        self.transposed: IntArray
+        self.tree: EliminationTree
+        if previous is not None and previous.has_pattern(self.indptr, self.indices):
+            self.transposed, self.tree = previous.transposed, previous.tree
+            return
+        self.transposed = np.empty_like(self.indices)  # the entry of block (b, a) for each entry of a block (a, b)
+        if not transposed_entries(self.indptr, self.indices, self.transposed):
             raise SingularMatrix("the pattern of W is not symmetric")
-        return transposed
+        self.tree = EliminationTree(self.indptr, self.indices)
+
+    def has_pattern(self, indptr: IntArray, indices: IntArray) -> bool:
+        """Whether these are the rows' own."""
+        return np.array_equal(indptr, self.indptr) and np.array_equal(indices, self.indices)
 
 
 def joint_rows(W: Any, d: int, previous: BlockRows | None = None) -> BlockRows | None:
     """Sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
     rows = sp.bsr_array(W, blocksize=(d, d))
+    if previous is not None and previous.has_pattern(rows.indptr, rows.indices):
+        return BlockRows(rows, d, previous)
     nc = rows.shape[0] // d
     if nc * d < FRONTS_FROM or len(rows.indices) < JOINT * nc or joint_count(rows.indptr, rows.indices) * JOINT > nc:
         return None
-    joined = BlockRows(rows, d, previous)
+    try:
+        joined = BlockRows(rows, d)
+    except SingularMatrix:
+        return None
     return joined if joined.tree.flops(d) <= SAVING * (nc * d) ** 3 else None
 
 
@@ -224,10 +229,6 @@ class _Assembly:
             self._waiting.setdefault(self._parent, []).append((self._beyond, complement))
 
 
-def _dofs(contacts: IntArray, d: int) -> IntArray:
-    return (d * contacts[:, None] + np.arange(d)).ravel()
-
-
 class Multifrontal:
     """LU of A W + B on the active contacts (nc,) of `rows`; fronts of the given precision."""
 
@@ -253,7 +254,7 @@ class Multifrontal:
                 if b:
                     F12 = self._getrs(lu, pivots, F12, overwrite_b=True)[0]
                     F22 = gemm(-1.0, F21, F12, 1.0, F22, overwrite_c=True)
-                self._fronts.append((slice(d * begin, d * (begin + n)), _dofs(beyond, d), lu, pivots, F12, F21))
+                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), lu, pivots, F12, F21))
             assembly.pass_on(F22)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -289,7 +290,7 @@ class MultifrontalCholesky:
                 if b:
                     F21 = sla.blas.dtrsm(1.0, L, F21, side=1, lower=True, trans_a=True, overwrite_b=True)
                     F22 = sla.blas.dsyrk(-1.0, F21, 1.0, F22, lower=True, overwrite_c=True)
-                self._fronts.append((slice(d * begin, d * (begin + n)), _dofs(beyond, d), L, F21))
+                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), L, F21))
             assembly.pass_on(F22)
 
     def forward(self, X: FloatArray) -> FloatArray:

@@ -29,8 +29,9 @@ class MultifrontalSystem:
     """
 
     def __init__(self, W: Any, dimension: int) -> None:
+        """W: dense, sparse, or block rows that were analysed already."""
         self._d = dimension
-        self._rows = BlockRows(W, dimension)
+        self._rows = W if isinstance(W, BlockRows) else BlockRows(W, dimension)
         self._W = self._rows.W
         self._precision: Any = np.float32
 

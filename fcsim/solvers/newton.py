@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -104,7 +104,7 @@ class LocalSpace:
 
     def __init__(self, problem: LocalProblem, r: FloatArray, options: NewtonOptions) -> None:
         self._problem, self._r = problem, r
-        self._system = _system(problem, _linear(problem, options))
+        self._system = _system(problem, *_linear(problem, options))
         self._moves = 0
         self._Wr = problem.W @ r
         self.u = self._Wr + problem.q
@@ -129,11 +129,10 @@ class LocalSpace:
         self.u = self._Wr + self._problem.q
 
 
-def _system(problem: LocalProblem, linear: str) -> NewtonSystem:
+def _system(problem: LocalProblem, linear: str, W: Any) -> NewtonSystem:
     """The linear algebra of this problem: the previous problem's where it was kept and can serve, else new."""
     kept = problem.kept
     system: NewtonSystem | None = None if kept is None else kept.get(linear)
-    W = problem.W.toarray() if linear == "dense" and sp.issparse(problem.W) else problem.W
     if system is None or not system.follow(W):
         system = SYSTEMS[linear](W, problem.dimension)
     if kept is not None:
@@ -225,19 +224,22 @@ def _merit(
     return merit
 
 
-def _linear(problem: LocalProblem, options: NewtonOptions) -> str:
-    """The linear algebra behind "auto".
+def _linear(problem: LocalProblem, options: NewtonOptions) -> tuple[str, Any]:
+    """The name of the linear algebra, and W as it wants it; the choice behind "auto":
 
     Multifrontal LU where contacts come in joints and that saves most of the work, unless a simulation keeps what condensed elimination
     leaves for the next steps (which uses the joints too); else condensed elimination for AC and JM, dense LU for the others, on a
     dense W and on a sparse one whose factor would be dense and is affordable; else sparse LU.
     """
-    if options.linear not in ("auto", "kkt"):
-        return options.linear
-    W, condensing = problem.W, options.formulation in ("AC", "JM")
-    if not (condensing and problem.kept is not None) and not isinstance(W, np.ndarray) and joint_rows(W, problem.dimension) is not None:
-        return "multifrontal"
-    affordable = problem.m <= (CONDENSED_UP_TO if condensing else DENSE_UP_TO)
-    if not isinstance(W, np.ndarray) and not (affordable and W.nnz >= FILLED * problem.m**2):
-        return "sparse"
-    return "condensed" if condensing else "dense"
+    W, condensing, linear = problem.W, options.formulation in ("AC", "JM"), options.linear
+    if linear in ("auto", "kkt"):
+        if not isinstance(W, np.ndarray) and not (condensing and problem.kept is not None):
+            rows = joint_rows(W, problem.dimension)
+            if rows is not None:
+                return "multifrontal", rows
+        affordable = problem.m <= (CONDENSED_UP_TO if condensing else DENSE_UP_TO)
+        if not isinstance(W, np.ndarray) and not (affordable and W.nnz >= FILLED * problem.m**2):
+            linear = "sparse"
+        else:
+            linear = "condensed" if condensing else "dense"
+    return linear, W.toarray() if linear == "dense" and sp.issparse(W) else W

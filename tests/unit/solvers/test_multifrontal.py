@@ -113,7 +113,24 @@ def test_indefinite_is_refused() -> None:
 def test_unsymmetric_pattern_is_refused() -> None:
     W = sp.bsr_array(np.kron(np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(3)), blocksize=(3, 3))
     with pytest.raises(SingularMatrix, match="pattern"):
-        _ = BlockRows(W, 3).transposed
+        BlockRows(W, 3)
+
+
+def test_joints_with_an_unsymmetric_pattern_have_no_fronts() -> None:
+    """One joint's rows miss their blocks with another: the general methods take such a W."""
+    W, joint = wall(6, 6, 8, 3, 0)
+    blocks = W.toarray().reshape(len(joint), 3, len(joint), 3)
+    a, b = joint[0], next(joint[k] for k in np.flatnonzero(blocks[0].any(axis=(0, 2))) if joint[k] != joint[0])
+    blocks[np.ix_(joint == a, range(3), joint == b, range(3))] = 0
+    assert joint_rows(sp.bsr_array(blocks.reshape(W.shape), blocksize=(3, 3)), 3) is None
+
+
+def test_an_equal_pattern_keeps_its_tree() -> None:
+    W, _ = wall(6, 6, 8, 3, 0)
+    first = joint_rows(W, 3)
+    again = joint_rows(sp.bsr_array(2 * W), 3, first)
+    assert first is not None and again is not None and again.tree is first.tree
+    assert_allclose(again.blocks, 2 * first.blocks, atol=0)
 
 
 @pytest.mark.parametrize("open_share", [0.0, 0.3, 1.0])
