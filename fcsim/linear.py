@@ -18,6 +18,7 @@ from fcsim import runtime
 from fcsim.errors import FcsimError
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 DENSE_UP_TO = 1000
 """Up to this size a dense factorisation is as fast as a sparse one for the blocks met here and solves many right-hand sides faster."""
@@ -40,14 +41,31 @@ class DenseCholesky:
 
     name = "dense Cholesky (LAPACK)"
 
-    def __init__(self, A: FloatArray) -> None:
-        try:
-            self._factor = sla.cho_factor(A, lower=True, check_finite=False)
-        except sla.LinAlgError as error:
-            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: {error}") from None
+    def __init__(self, A: FloatArray, last: IntArray | None = None) -> None:
+        """last: unknowns that are eliminated last, in any order, so that the inverse on them costs little."""
+        self._order: IntArray | None = None
+        self.last = np.empty(0, dtype=np.int64) if last is None else last
+        if len(self.last):
+            first = np.ones(len(A), dtype=bool)
+            first[self.last] = False
+            self._order = np.concatenate([np.flatnonzero(first), self.last])
+            A = A[np.ix_(self._order, self._order)]
+        self._factor, info = sla.lapack.dpotrf(A.T, lower=True, clean=False)
+        if info != 0:
+            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: leading minor {info}")
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        return sla.cho_solve(self._factor, rhs, check_finite=False)
+        if self._order is None:
+            return sla.lapack.dpotrs(self._factor, rhs, lower=True)[0].reshape(rhs.shape)
+        x = np.empty_like(rhs)
+        x[self._order] = sla.lapack.dpotrs(self._factor, rhs[self._order], lower=True)[0].reshape(rhs.shape)
+        return x
+
+    def inverse_on_last(self) -> FloatArray:
+        """The rows and columns of A^-1 that belong to `last`: (L_ll L_ll^T)^-1 of the factor's last block, whatever comes before it."""
+        k = len(self.last)
+        inverse = sla.lapack.dpotri(self._factor[-k:, -k:], lower=True)[0] if k else np.empty((0, 0))
+        return np.tril(inverse) + np.tril(inverse, -1).T
 
 
 class DenseLU:

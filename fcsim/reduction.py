@@ -24,6 +24,7 @@ from fcsim.problem import GlobalProblem, LocalProblem
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 DENSE_W_UP_TO = 3000
 """Up to this many contact unknowns W is stored dense (72 MB), above as block-sparse rows."""
@@ -87,7 +88,8 @@ class BlockFactor:
     a factor too, and `solve` then corrects x by the residual of A itself.
     """
 
-    def __init__(self, A: Any) -> None:
+    def __init__(self, A: Any, touched: BoolArray | None = None) -> None:
+        """touched (n,): degrees of freedom on which A^-1 will be asked for by `delassus`; it is the cheaper for knowing them."""
         A = sp.csr_array(A)
         A.sort_indices()
         self.n = A.shape[0]
@@ -118,7 +120,12 @@ class BlockFactor:
                     break
             else:
                 alike.append(([own], block))
-        self.blocks = [_Block(np.array(copies), _factor(block)) for alike in kinds.values() for copies, block in alike]
+        nothing = np.zeros(self.n, dtype=bool)
+        self.blocks = []
+        for copies, block in (kind for alike in kinds.values() for kind in alike):
+            own = np.array(copies)
+            last = np.flatnonzero((nothing if touched is None else touched)[own].any(axis=0))
+            self.blocks.append(_Block(own, _factor(block, last)))
         self._refined = None if exact else A
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -154,15 +161,22 @@ class BlockFactor:
             touched = np.unique(np.concatenate([np.flatnonzero(np.diff(h.indptr)) for h in rows]))
             if not len(touched):
                 continue
-            units = np.zeros((size, len(touched)))
-            units[touched, np.arange(len(touched))] = 1
-            compliance = block.factor.solve(units)[touched]
+            compliance = _inverse_on(touched, block.factor, size)
             for h in rows:
                 h = sp.csc_array(h[touched])
                 contacts = np.unique(np.flatnonzero(np.diff(h.indptr)) // d)
                 if len(contacts):
                     h = h[:, (contacts[:, None] * d + np.arange(d)).ravel()]
                     yield contacts, h.T @ (h.T @ compliance.T).T
+
+
+def _inverse_on(dofs: IntArray, factor: Factor, size: int) -> FloatArray:
+    """The rows and columns `dofs` of the inverse of a block of that size."""
+    if isinstance(factor, DenseCholesky) and np.array_equal(factor.last, dofs):
+        return factor.inverse_on_last()
+    units = np.zeros((size, len(dofs)))
+    units[dofs, np.arange(len(dofs))] = 1
+    return factor.solve(units)[dofs]
 
 
 def _component_tiles(H: Any, inverse_diagonal: FloatArray, d: int) -> Iterable[tuple[IntArray, FloatArray]]:
@@ -191,19 +205,19 @@ def _difference(A: Any, B: Any) -> float:
     return float(np.abs((A - B).data).max(initial=0.0) / np.abs(A.data).max())
 
 
-def _factor(block: Any) -> Factor:
-    factor = _fitting_factor(block)
+def _factor(block: Any, last: IntArray) -> Factor:
+    factor = _fitting_factor(block, last)
     refuse_singular(block, factor)
     return factor
 
 
-def _fitting_factor(block: Any) -> Factor:
+def _fitting_factor(block: Any, last: IntArray) -> Factor:
     if block.shape[0] > DENSE_UP_TO:
         return factorise(block)
     dense = block.toarray()
     if np.abs(dense - dense.T).max() <= 1e-12 * np.abs(dense).max():
         try:
-            return DenseCholesky(dense)
+            return DenseCholesky(dense, last)
         except SingularMatrix:  # indefinite, as with equality constraints
             return DenseLU(dense)
     return DenseLU(dense)
@@ -286,7 +300,9 @@ def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reductio
         matrix = sp.csr_array(problem.M)
         if problem.G is not None:
             matrix = sp.csr_array(sp.block_array([[matrix, -sp.csr_array(problem.G)], [-sp.csr_array(problem.G).T, None]]))
-        factor = BlockFactor(matrix)
+        touched = np.zeros(matrix.shape[0], dtype=bool)
+        touched[: problem.n] = np.diff(sp.csr_array(problem.H).indptr) > 0
+        factor = BlockFactor(matrix, touched)
     return Reduction(problem, factor)
 
 

@@ -1,7 +1,10 @@
-"""Compiled pieces of the multifrontal eliminations: filling a front with entries of the matrix and adding a child's complement to it."""
+"""Compiled pieces of the multifrontal eliminations: filling a front with entries of the matrix and adding a child's complement to it,
+
+and the product of the block rows with a vector."""
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 
@@ -32,68 +35,90 @@ def number(own, border, local):
 
 
 @njit(cache=True)
-def fill(own, border, local, indptr, indices, transposed, W, A, B, F11, F12, F21):
-    """Write the blocks of A W + B with a row or a column in `own` and the other in `own` or `border` to the front's zeroed parts.
+def write_row(a, first, last, indices, local, low, high, W, A, d, out, i):
+    """Write the transposes of A[a] W[e] for the entries e of row a with low <= local < high to the columns d i of out.
 
+    In 3D the loops are written out, since the compiler cannot know that `out` is neither A nor W: half the time. A and W are flat."""
+    if d == 3:
+        k, to = 9 * a, 3 * i
+        a0, a1, a2, a3, a4, a5, a6, a7, a8 = A[k], A[k + 1], A[k + 2], A[k + 3], A[k + 4], A[k + 5], A[k + 6], A[k + 7], A[k + 8]
+        for e in range(first, last):
+            j = local[indices[e]]
+            if low <= j < high:
+                w, j = 9 * e, 3 * (j - low)
+                w0, w1, w2, w3, w4, w5, w6, w7, w8 = W[w], W[w + 1], W[w + 2], W[w + 3], W[w + 4], W[w + 5], W[w + 6], W[w + 7], W[w + 8]
+                x0, x1, x2 = a0 * w0 + a1 * w3 + a2 * w6, a0 * w1 + a1 * w4 + a2 * w7, a0 * w2 + a1 * w5 + a2 * w8
+                y0, y1, y2 = a3 * w0 + a4 * w3 + a5 * w6, a3 * w1 + a4 * w4 + a5 * w7, a3 * w2 + a4 * w5 + a5 * w8
+                z0, z1, z2 = a6 * w0 + a7 * w3 + a8 * w6, a6 * w1 + a7 * w4 + a8 * w7, a6 * w2 + a7 * w5 + a8 * w8
+                out[j, to], out[j + 1, to], out[j + 2, to] = x0, x1, x2
+                out[j, to + 1], out[j + 1, to + 1], out[j + 2, to + 1] = y0, y1, y2
+                out[j, to + 2], out[j + 1, to + 2], out[j + 2, to + 2] = z0, z1, z2
+        return
+    for e in range(first, last):
+        j = local[indices[e]]
+        if low <= j < high:
+            for p in range(d):
+                for q in range(d):
+                    s = 0.0
+                    for c in range(d):
+                        s += A[d * d * a + d * p + c] * W[d * d * e + d * c + q]
+                    out[d * (j - low) + q, d * i + p] = s
+
+
+@njit(cache=True)
+def fill_transposed(own, border, local, indptr, indices, W, A, B, d, F11, F12, F21):
+    """Write the transposes of A W + B's blocks with a row or a column in `own` and the other in `own` or `border` to the zeroed front.
+
+    Of the transposed matrix: with LAPACK's columns in memory, a row of W is then written without gaps. A, B, W are flat;
     local (nc,) is scratch that is -1 everywhere before and after."""
-    n, d = len(own), A.shape[1]
+    n = len(own)
     number(own, border, local)
     for i in range(n):
         a = own[i]
-        for e in range(indptr[a], indptr[a + 1]):
-            b = indices[e]
-            j = local[b]
-            if j < 0:
-                continue
-            if j < n:
-                for q in range(d):
-                    for p in range(d):
-                        s = 0.0
-                        for k in range(d):
-                            s += A[a, p, k] * W[e, k, q]
-                        F11[d * i + p, d * j + q] = s
-                continue
-            j -= n
-            t = transposed[e]
+        write_row(a, indptr[a], indptr[a + 1], indices, local, 0, n, W, A, d, F11, i)
+        write_row(a, indptr[a], indptr[a + 1], indices, local, n, len(local), W, A, d, F21, i)
+        for p in range(d):
             for q in range(d):
-                for p in range(d):
-                    s = 0.0
-                    for k in range(d):
-                        s += A[a, p, k] * W[e, k, q]
-                    F12[d * i + p, d * j + q] = s
-                    s = 0.0
-                    for k in range(d):
-                        s += A[b, p, k] * W[t, k, q]
-                    F21[d * j + p, d * i + q] = s
-        for q in range(d):
-            for p in range(d):
-                F11[d * i + p, d * i + q] += B[a, p, q]
+                F11[d * i + q, d * i + p] += B[d * d * a + d * p + q]
+    for i in range(len(border)):
+        a = border[i]
+        write_row(a, indptr[a], indptr[a + 1], indices, local, 0, n, W, A, d, F12, i)
     local[own] = -1
     local[border] = -1
 
 
 @njit(cache=True)
+def add_part(S, column, place, first, last, shift, d, out, to):
+    """Add blocks first to last of a column of S to the blocks place - shift of a column of out."""
+    if d == 3:
+        for i in range(first, last):
+            row = 3 * (place[i] - shift)
+            out[row, to] += S[3 * i, column]
+            out[row + 1, to] += S[3 * i + 1, column]
+            out[row + 2, to] += S[3 * i + 2, column]
+        return
+    for i in range(first, last):
+        for p in range(d):
+            out[d * (place[i] - shift) + p, to] += S[d * i + p, column]
+
+
+@njit(cache=True)
 def extend_add(S, place, n, d, F11, F12, F21, F22):
-    """Add the complement S of a child to its parent; place[i] is the child's border contact i among the parent's own (< n) and border."""
+    """Add the complement S of a child to its parent; place[i] is the child's border contact i among the parent's own (< n) and border.
+
+    `place` rises."""
+    inside = np.searchsorted(place, n)
     for j in range(len(place)):
         for q in range(d):
             column = d * j + q
-            if place[j] < n:
+            if j < inside:
                 to = d * place[j] + q
-                for i in range(len(place)):
-                    for p in range(d):
-                        if place[i] < n:
-                            F11[d * place[i] + p, to] += S[d * i + p, column]
-                        else:
-                            F21[d * (place[i] - n) + p, to] += S[d * i + p, column]
+                add_part(S, column, place, 0, inside, 0, d, F11, to)
+                add_part(S, column, place, inside, len(place), n, d, F21, to)
             else:
                 to = d * (place[j] - n) + q
-                for i in range(len(place)):
-                    for p in range(d):
-                        if place[i] < n:
-                            F12[d * place[i] + p, to] += S[d * i + p, column]
-                        else:
-                            F22[d * (place[i] - n) + p, to] += S[d * i + p, column]
+                add_part(S, column, place, 0, inside, 0, d, F12, to)
+                add_part(S, column, place, inside, len(place), n, d, F22, to)
 
 
 @njit(cache=True)
@@ -145,3 +170,35 @@ def gather_blocks(indptr, indices, W, rows, place, out):
                 for p in range(d):
                     for q in range(d):
                         out[d * i + p, d * j + q] = W[e, p, q]
+
+
+@njit(cache=True)
+def sparse_product(indptr, indices, W, d, x, y):
+    """y = W x (m,) without reading W's columns of contacts where x is zero; W flat."""
+    nc = len(indptr) - 1
+    taken = np.zeros(nc, dtype=np.bool_)
+    for a in range(nc):
+        for p in range(d):
+            taken[a] |= x[d * a + p] != 0.0
+    if d == 3:  # written out, as in `write_row`
+        for a in range(nc):
+            s0 = s1 = s2 = 0.0
+            for e in range(indptr[a], indptr[a + 1]):
+                b = indices[e]
+                if taken[b]:
+                    w, b = 9 * e, 3 * b
+                    x0, x1, x2 = x[b], x[b + 1], x[b + 2]
+                    s0 += W[w] * x0 + W[w + 1] * x1 + W[w + 2] * x2
+                    s1 += W[w + 3] * x0 + W[w + 4] * x1 + W[w + 5] * x2
+                    s2 += W[w + 6] * x0 + W[w + 7] * x1 + W[w + 8] * x2
+            y[3 * a], y[3 * a + 1], y[3 * a + 2] = s0, s1, s2
+        return
+    for a in range(nc):
+        for p in range(d):
+            s = 0.0
+            for e in range(indptr[a], indptr[a + 1]):
+                b = indices[e]
+                if taken[b]:
+                    for q in range(d):
+                        s += W[d * d * e + d * p + q] * x[d * b + q]
+            y[d * a + p] = s

@@ -89,6 +89,10 @@ class CondensedSystem:
         self._W = W if isinstance(W, np.ndarray) else sp.bsr_array(W, blocksize=(self._d, self._d)) if self._rows is None else self._rows.W
         self._whole: NewtonSystem | None = None
 
+    def _product(self, x: FloatArray) -> FloatArray:
+        """W x (m,)."""
+        return self._W @ x if self._rows is None else self._rows.product(x)
+
     def _solve_whole(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         if self._whole is None:
             self._whole = (DenseSystem if isinstance(self._W, np.ndarray) else SparseSystem)(self._W, self._d)
@@ -118,7 +122,7 @@ class CondensedSystem:
             if self._held is None or self._outgrown(stick):
                 self._hold(stick)
             dr = self._condensed(A, B, rhs)
-            return dr, self._W @ dr
+            return dr, self._product(dr)
         except SingularMatrix:
             self._held = None
             return self._solve_whole(A, B, rhs)
@@ -127,11 +131,11 @@ class CondensedSystem:
         """GMRES with an earlier W's factor and border as preconditioner; None where it does not pay."""
         if self._outgrown(stick):
             return None
-        W, shape = self._W, rhs.shape
+        shape = rhs.shape
         images: list[FloatArray] = []  # W times the steps
 
         def product(x: FloatArray) -> FloatArray:
-            images.append(W @ x)
+            images.append(self._product(x))
             Wx = images[-1].reshape(shape)
             return (np.einsum("aij,aj->ai", A, Wx) + np.einsum("aij,aj->ai", B, x.reshape(shape))).ravel()
 
@@ -230,7 +234,7 @@ class CondensedSystem:
         open_contact = ~np.any(A, axis=(1, 2))
         open_free = open_contact & ~self._is_held  # an open contact that was held stays in the system as a released one
         dr = np.where(open_free[:, None], rhs, 0.0)
-        coupling = (self._W @ dr.ravel()).reshape(-1, d) if np.any(dr) else np.zeros_like(rhs)
+        coupling = self._product(dr.ravel()).reshape(-1, d) if np.any(dr) else np.zeros_like(rhs)
         sticking = ~np.any(B, axis=(1, 2))
         self._extend(np.flatnonzero(np.where(self._is_held, ~sticking, ~open_free)))
         kept = ~self._released[held]

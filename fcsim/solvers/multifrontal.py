@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.linear import SingularMatrix
-from fcsim.solvers._front_kernels import extend_add, extend_add_lower, fill, fill_lower, transposed_entries
+from fcsim.solvers._front_kernels import extend_add, extend_add_lower, fill_lower, fill_transposed, sparse_product, transposed_entries
 from fcsim.solvers._kernels import block_rows_of_dense
 from fcsim.solvers.newton_system import dofs_of
 
@@ -179,6 +179,12 @@ class BlockRows:
             raise SingularMatrix("the pattern of W is not symmetric")
         self.tree = EliminationTree(self.indptr, self.indices)
 
+    def product(self, x: FloatArray) -> FloatArray:
+        """W x (m,); contacts where x is zero cost nothing."""
+        y = np.empty_like(x)
+        sparse_product(self.indptr, self.indices, self.blocks.ravel(), self.blocks.shape[1], x, y)
+        return y
+
     def has_pattern(self, indptr: IntArray, indices: IntArray) -> bool:
         """Whether these are the rows' own."""
         return np.array_equal(indptr, self.indptr) and np.array_equal(indices, self.indices)
@@ -230,7 +236,7 @@ class _Assembly:
 
 
 class Multifrontal:
-    """LU of A W + B on the active contacts (nc,) of `rows`; fronts of the given precision."""
+    """LU of A W + B on the active contacts (nc,) of `rows`; fronts of the given precision, of the transposed matrix."""
 
     def __init__(self, rows: BlockRows, A: FloatArray, B: FloatArray, active: BoolArray, dtype: Any = np.float64) -> None:
         d = A.shape[1]
@@ -238,13 +244,14 @@ class Multifrontal:
         gemm = sla.blas.get_blas_funcs("gemm", dtype=dtype)
         self._dtype = dtype
         local = np.full(len(active), -1)
+        W, A, B = rows.blocks.ravel(), A.ravel(), B.ravel()
         assembly = _Assembly(rows.tree, active)
         self.contacts = assembly.contacts
         self._fronts = []
         for begin, own, border, beyond, children in assembly:
             n, b = len(own), len(border)
             F11, F12, F21, F22 = (np.zeros((d * k, d * m), dtype=dtype, order="F") for k, m in ((n, n), (n, b), (b, n), (b, b)))
-            fill(own, border, local, rows.indptr, rows.indices, rows.transposed, rows.blocks, A, B, F11, F12, F21)
+            fill_transposed(own, border, local, rows.indptr, rows.indices, W, A, B, d, F11, F12, F21)
             for place, S in children:
                 extend_add(S, place, n, d, F11, F12, F21, F22)
             if n:
@@ -254,17 +261,16 @@ class Multifrontal:
                 if b:
                     F12 = self._getrs(lu, pivots, F12, overwrite_b=True)[0]
                     F22 = gemm(-1.0, F21, F12, 1.0, F22, overwrite_c=True)
-                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), lu, pivots, F12, F21))
+                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), lu, pivots, F12.T, F21.T))
             assembly.pass_on(F22)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return x (k, d) of the active contacts for rhs (k, d), both in the order of `contacts`."""
         x = rhs.astype(self._dtype).ravel()
-        for own, border, lu, pivots, _, F21 in self._fronts:
-            x[own] = self._getrs(lu, pivots, x[own])[0]
-            x[border] -= F21 @ x[own]
-        for own, border, _, _, F12, _ in reversed(self._fronts):
-            x[own] -= F12 @ x[border]
+        for own, border, _, _, left, _ in self._fronts:
+            x[border] -= left @ x[own]
+        for own, border, lu, pivots, _, right in reversed(self._fronts):
+            x[own] = self._getrs(lu, pivots, x[own] - right @ x[border], trans=1)[0]
         return x.reshape(rhs.shape)
 
 

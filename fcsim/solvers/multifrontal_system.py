@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from fcsim.linear import SingularMatrix
 from fcsim.solvers.krylov import gmres
 from fcsim.solvers.multifrontal import BlockRows, Multifrontal
-from fcsim.solvers.newton_system import SparseSystem, without_open
+from fcsim.solvers.newton_system import SparseSystem
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 ACCURACY = 1e-4
 """Defect of a step relative to the right-hand side: at 1e-2 Newton takes up to a third more iterations from a cold start."""
@@ -39,42 +40,55 @@ class MultifrontalSystem:
         return False
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        active, right, dr = without_open(self._W, A, rhs)
-        if len(active):
+        active = A.any(axis=(1, 2))
+        dr = np.where(active[:, None], 0.0, rhs).ravel()
+        Wdr = self._rows.product(dr) if dr.any() else np.zeros_like(dr)
+        if active.any():
+            right = (rhs - np.einsum("aij,aj->ai", A, Wdr.reshape(rhs.shape)))[active]
             step = self._active_step(A, B, active, right, float(np.linalg.norm(rhs)))
             if step is None:
                 return SparseSystem(self._W, self._d).solve(A, B, rhs)
-            dr[active] = step
-        return dr.ravel(), self._W @ dr.ravel()
+            dr += step[0]
+            Wdr += step[1]
+        return dr, Wdr
 
-    def _active_step(self, A: FloatArray, B: FloatArray, active: NDArray[np.int64], rhs: FloatArray, size: float) -> FloatArray | None:
-        """dr (k, d) of the active contacts, None where the fronts cannot give it."""
-        A_active, B_active, whole = A[active], B[active], np.zeros(A.shape[:2])
-        taking_part = np.zeros(len(A), dtype=bool)
-        taking_part[active] = True
-        rank = np.cumsum(taking_part) - 1
+    def _active_step(
+        self, A: FloatArray, B: FloatArray, active: BoolArray, rhs: FloatArray, size: float
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """The active contacts' part of dr (m,) with W times it, None where the fronts cannot give it."""
+        A_active, B_active, number = A[active], B[active], np.cumsum(active) - 1
+        images: list[FloatArray] = []  # W times the steps
 
         def product(x: FloatArray) -> FloatArray:
-            whole[active] = x.reshape(rhs.shape)
-            Wx = (self._W @ whole.ravel()).reshape(whole.shape)[active]
-            return (np.einsum("aij,aj->ai", A_active, Wx) + np.einsum("aij,aj->ai", B_active, whole[active])).ravel()
+            images.append(self._rows.product(_spread(x, active)))
+            Wx = images[-1].reshape(A.shape[:2])[active]
+            return (np.einsum("aij,aj->ai", A_active, Wx) + np.einsum("aij,aj->ai", B_active, x.reshape(rhs.shape))).ravel()
 
         while True:
             try:
-                factor = Multifrontal(self._rows, A, B, taking_part, self._precision)
-                found = gmres(product, _preconditioner(factor, rank), rhs.ravel(), ACCURACY * size, ITERATIONS)
+                factor = Multifrontal(self._rows, A, B, active, self._precision)
+                found = gmres(product, _preconditioner(factor, number), rhs.ravel(), ACCURACY * size, ITERATIONS)
             except SingularMatrix:
                 found = None
             if found is not None:
-                return found[0].reshape(rhs.shape)
+                x, coefficients = found
+                return _spread(x, active), coefficients @ images if images else np.zeros(active.size * self._d)
             if self._precision is np.float64:
                 return None
             self._precision = np.float64
+            images.clear()
 
 
-def _preconditioner(factor: Multifrontal, rank: NDArray[np.int64]) -> Callable[[FloatArray], FloatArray]:
-    """The factor's solve for the unknowns of the active contacts, which `rank` (nc,) numbers."""
-    own = rank[factor.contacts]
+def _spread(x: FloatArray, active: BoolArray) -> FloatArray:
+    """x of the active contacts among zeros for the others (m,)."""
+    whole = np.zeros((len(active), len(x) // np.count_nonzero(active)))
+    whole[active] = x.reshape(-1, whole.shape[1])
+    return whole.ravel()
+
+
+def _preconditioner(factor: Multifrontal, number: NDArray[np.int64]) -> Callable[[FloatArray], FloatArray]:
+    """The factor's solve for the unknowns of the active contacts, which `number` (nc,) numbers."""
+    own = number[factor.contacts]
 
     def precondition(x: FloatArray) -> FloatArray:
         blocks = x.reshape(len(own), -1)
