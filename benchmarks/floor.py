@@ -3,11 +3,11 @@
     python benchmarks/floor.py                 120 steps of cases/masonry_wall
     python benchmarks/floor.py --set divisions=16,8,8 --steps 6
 
-Counted while the wall runs, in the condensed elimination of Newton's system (condensed_system.py and normal_elimination.py in
-fcsim/solvers): the fronts of the sticking contacts' block, triangular solves and products for the border, the normal components'
-elimination and the LU of what is left; and the bytes that products read: of W, of the border's columns, of the system that is left. The
-floor is those flops at the rates of this machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above it
-stand gathering of blocks, small arrays and Python.
+Counted while the wall runs, in the condensed elimination of Newton's system (condensed_system.py and border_system.py in
+fcsim/solvers): the fronts of the closed contacts' block, triangular solves and products for the border, and the LU of what is left there;
+and the bytes that are read: of W and the border's columns by products, of the border's response by the system that is left. The floor
+is those flops at the rates of this machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above it stand
+gathering of blocks, small arrays and Python.
 """
 
 from __future__ import annotations
@@ -29,21 +29,22 @@ from rich.console import Console
 from rich.table import Table
 
 from fcsim.case import load_case, parse_parameters
-from fcsim.solvers import condensed_system, normal_elimination
+from fcsim.solvers import border_system, condensed_system
 from fcsim.solvers.multifrontal import MultifrontalCholesky
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
 SIZE = 700
 """Unknowns of the matrices by which rates are measured, about those of the default wall's elimination."""
 KINDS = {
-    "Cholesky, sticking block": "Cholesky",
-    "triangular solves, border": "triangular solve",
-    "products, border": "product",
-    "normal elimination": "product",
+    "Cholesky, closed contacts": "Cholesky",
+    "triangular solves, border, double precision": "triangular solve",
+    "triangular solves, border, single precision": "triangular solve, single precision",
+    "products, border, double precision": "product",
+    "products, border, single precision": "product, single precision",
     "LU of what is left, double precision": "LU",
     "LU of what is left, single precision": "LU, single precision",
 }
-READ = ("W", "border's columns", "system that is left")
+READ = ("W", "border's columns", "border's response")
 
 
 def rate(work: float, run: Callable[[], Any], repeats: int = 15) -> float:
@@ -61,14 +62,16 @@ def rates() -> dict[str, float]:
     n, rng = SIZE, np.random.default_rng(0)
     A = rng.standard_normal((n, n))
     A = np.asfortranarray(A @ A.T + n * np.eye(n))
-    A_single = A.astype(np.float32)
     L, B = np.linalg.cholesky(A), np.asfortranarray(rng.standard_normal((n, n)))
+    A_single, L_single, B_single = (np.asfortranarray(x, dtype=np.float32) for x in (A, L, B))
     S = sp.random_array((20_000, 20_000), density=0.02, rng=rng, format="csr")
     x = np.ones(20_000)
     return {
         "Cholesky": rate(n**3 / 3, lambda: sla.lapack.dpotrf(A, lower=True, clean=False)),
         "triangular solve": rate(n**3, lambda: sla.blas.dtrsm(1.0, L, B, lower=True)),
+        "triangular solve, single precision": rate(n**3, lambda: sla.blas.strsm(1.0, L_single, B_single, lower=True)),
         "product": rate(2 * n**3, lambda: A @ B),
+        "product, single precision": rate(2 * n**3, lambda: A_single @ B_single),
         "LU": rate(2 * n**3 / 3, lambda: sla.lapack.dgetrf(A)),
         "LU, single precision": rate(2 * n**3 / 3, lambda: sla.lapack.sgetrf(A_single)),
         "bytes": rate(12 * S.nnz, lambda: S @ x),
@@ -84,49 +87,51 @@ class Count:
         self.calls: Counter[str] = Counter()
 
     def install(self) -> None:
-        system, normal = condensed_system.CondensedSystem, normal_elimination.NormalElimination
-        hold, extend, condensed, made = system._hold, system._extend, system._condensed, normal.__init__
-        product, lu = normal._product, normal_elimination.DenseLU
+        system, border = condensed_system.CondensedSystem, border_system.BorderSystem
+        hold, extend, condensed, product = system._hold, system._extend, system._condensed, system._product
+        complete, lu = border.complete, border_system.DenseLU
 
-        def counted_hold(this: Any, held: np.ndarray) -> None:
-            hold(this, held)
-            self._add("Cholesky, sticking block", sum(n**3 / 3 + n**2 * b + n * b**2 for n, b in _fronts(this)))
+        def counted_hold(this: Any, *given: Any) -> bool:
+            held: bool = hold(this, *given)
+            self._add("Cholesky, closed contacts", sum(n**3 / 3 + n**2 * b + n * b**2 for n, b in _fronts(this)))
+            return held
 
         def counted_extend(this: Any, contacts: np.ndarray) -> None:
             before = len(this._border) * this._d
             extend(this, contacts)
             n, k = this._PT.shape[1], len(this._border) * this._d
             if k > before:
-                self._add("triangular solves, border", sum(n * n + 2 * n * b for n, b in _fronts(this)) * (k - before))
-                self._add("products, border", n * (k**2 - before**2))  # half of the symmetric product
+                self._add(
+                    f"triangular solves, border, {_precision(this._PT)}", sum(n * n + 2 * n * b for n, b in _fronts(this)) * (k - before)
+                )
+                self._add(f"products, border, {_precision(this._PT)}", n * (k**2 - before**2))  # half of the symmetric product
+
+        def counted_product(this: Any, x: np.ndarray) -> np.ndarray:
+            blocks = this._W.data if sp.issparse(this._W) else this._W
+            self._read("W", blocks.nbytes * np.count_nonzero(x) / len(x))  # contacts where x is zero are left out
+            result: np.ndarray = product(this, x)
+            return result
 
         def counted_condensed(this: Any, *given: Any) -> np.ndarray:
-            # the product of the correction, that of the step and of open contacts
-            self._read("W", 2 * (this._W.data if sp.issparse(this._W) else this._W).nbytes)
-            step = condensed(this, *given)
-            self._read("border's columns", 2 * 8 * len(this._border) * this._d * this._PT.shape[1])
+            step: np.ndarray = condensed(this, *given)
+            self._read("border's columns", 2 * this._PT.itemsize * len(this._border) * this._d * this._PT.shape[1])
             return step
 
-        def counted_made(this: Any, response: np.ndarray, *rest: Any) -> None:
-            made(this, response, *rest)
-            n, c = len(this._S), len(this.closed)
-            self._add("normal elimination", c**3 / 3 + 2 * c**2 * n + c * n**2)
+        def counted_complete(this: Any, x: np.ndarray, unknown: np.ndarray, G: np.ndarray, *given: Any) -> None:
+            self._read("border's response", G.itemsize * (x.size**2 + x.shape[1] * np.count_nonzero(unknown) ** 2))
+            complete(this, x, unknown, G, *given)
 
         def counted_lu(A: np.ndarray, overwrite: bool = False) -> Any:
-            self._add(f"LU of what is left, {'double' if A.dtype == np.float64 else 'single'} precision", 2 * len(A) ** 3 / 3)
+            self._add(f"LU of what is left, {_precision(A)}", 2 * len(A) ** 3 / 3)
             return lu(A, overwrite)
-
-        def counted_product(this: Any, *given: Any) -> np.ndarray:
-            self._read("system that is left", this._S.nbytes + this._Z.nbytes + 4 * this._S.size)  # and its factor
-            return product(this, *given)
 
         for owner, name, counted in (
             (system, "_hold", counted_hold),
             (system, "_extend", counted_extend),
             (system, "_condensed", counted_condensed),
-            (normal, "__init__", counted_made),
-            (normal, "_product", counted_product),
-            (normal_elimination, "DenseLU", counted_lu),
+            (system, "_product", counted_product),
+            (border, "complete", counted_complete),
+            (border_system, "DenseLU", counted_lu),
         ):
             setattr(owner, name, counted)
 
@@ -137,6 +142,10 @@ class Count:
     def _add(self, kind: str, flops: float) -> None:
         self.flops[kind] += flops
         self.calls[kind] += 1
+
+
+def _precision(A: np.ndarray) -> str:
+    return "double precision" if A.dtype == np.float64 else "single precision"
 
 
 def _fronts(system: Any) -> list[tuple[int, int]]:
@@ -163,7 +172,7 @@ def main() -> None:
     for heading in ("work", "times", "amount", "rate here", "floor [ms]"):
         table.add_column(heading, justify="left" if heading == "work" else "right")
     floor = 0.0
-    for kind, method in KINDS.items():
+    for kind, method in ((kind, method) for kind, method in KINDS.items() if count.calls[kind]):
         seconds = count.flops[kind] / measured[method] / steps
         floor += seconds
         amount = f"{count.flops[kind] / steps / 1e9:.3f} Gflop"

@@ -202,3 +202,21 @@ def sparse_product(indptr, indices, W, d, x, y):
                     for q in range(d):
                         s += W[d * d * e + d * p + q] * x[d * b + q]
             y[d * a + p] = s
+
+
+@njit(cache=True)
+def border_matrix(G, outer, inner, dofs, d, J):
+    """J = (outer G + inner) on the rows and columns `dofs`; outer and inner block diagonal, flat."""
+    for u in range(len(dofs)):
+        a, i = divmod(dofs[u], d)
+        row = J[u]
+        row[:] = 0
+        for j in range(d):
+            factor = outer[d * d * a + d * i + j]
+            if factor != 0:
+                response = G[d * a + j]
+                for v in range(len(dofs)):
+                    row[v] += factor * response[dofs[v]]
+        for v in range(max(0, u - d), min(len(dofs), u + d + 1)):  # dofs rises: those of the same contact are near
+            if dofs[v] // d == a:
+                row[v] += inner[d * d * a + d * i + dofs[v] % d]

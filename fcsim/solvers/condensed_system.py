@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from fcsim.linear import SingularMatrix, is_symmetric
 from fcsim.solvers._front_kernels import gather_blocks
+from fcsim.solvers.border_system import BorderSystem, split_known
 from fcsim.solvers.krylov import gmres
 from fcsim.solvers.multifrontal import BlockRows, MultifrontalCholesky, joint_rows
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem, dofs_of
-from fcsim.solvers.normal_elimination import NormalElimination
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -22,6 +22,12 @@ BoolArray = NDArray[np.bool_]
 
 FORCING = 1e-2
 """Defect, relative to the right-hand side, at which a Newton step by an earlier W's factor is accepted."""
+ACCURACY = 1e-4
+"""The same for a step by this W's factor in single precision."""
+SINGLE_FROM = 1500
+"""Contact unknowns from which factor and border are kept in single precision."""
+WELL_CONDITIONED = 1e-8
+"""Least pivot over the largest from which the factor on all closed contacts is trusted; rank-deficient W gives round-off, 1e-16."""
 INNER = 1e-2
 """The same for the border's system where such a step is only a preconditioner's."""
 CORRECTIONS = 8
@@ -42,45 +48,52 @@ def _dense_part(W: Any, d: int, rows: IntArray, columns: IntArray) -> FloatArray
 class _DenseCholesky:
     """L L^T of a symmetric W on the held contacts, as `MultifrontalCholesky`."""
 
-    def __init__(self, W: Any, d: int, held: BoolArray) -> None:
+    def __init__(self, W: Any, d: int, held: BoolArray, dtype: Any = np.float64) -> None:
         self.contacts = np.flatnonzero(held)
-        self._L, info = sla.lapack.dpotrf(_dense_part(W, d, self.contacts, self.contacts).T, lower=True, overwrite_a=True, clean=False)
+        self._trsm, self._trsv = sla.blas.get_blas_funcs(("trsm", "trsv"), dtype=dtype)
+        L, info = sla.lapack.dpotrf(_dense_part(W, d, self.contacts, self.contacts).T, lower=True, overwrite_a=True, clean=False)
         if info != 0:
             raise SingularMatrix(f"W of {len(self.contacts)} sticking contacts is not positive definite")
+        self.conditioning = float(np.min(L.diagonal()) / np.max(L.diagonal())) ** 2
+        self._L = L.astype(dtype, copy=False)
 
     def forward(self, X: FloatArray) -> FloatArray:
         """Overwrite X (n, k), in C order, with L^-1 X and return it."""
-        return sla.blas.dtrsm(1.0, self._L, X.T, side=1, lower=True, trans_a=True, overwrite_b=True).T
+        return self._trsm(1.0, self._L, X.T, side=1, lower=True, trans_a=True, overwrite_b=True).T
 
     def backward(self, z: FloatArray) -> FloatArray:
         """Return L^-T z for z (n,)."""
-        return sla.blas.dtrsv(self._L, z, lower=True, trans=True)
+        return self._trsv(self._L, z, lower=True, trans=True)
 
 
 class CondensedSystem:
-    """Elimination of what does not change between iterations: sticking contacts, then the normal rows of closed ones.
+    """Elimination of what does not change between iterations: closed contacts, of which sliding ones are released again.
 
-    S are the contacts held when W_SS = L L^T was factored, the border are all others met so far. A free contact a of the border has
-    the unknown x_a = dr_a, a released one (it was held, but sticks no longer) the unknown x_a = (W dr)_a. With the columns
-    P = L^-1 [W_SC, -E_R] of free (C) and released (R) contacts, z = L^-1 t and t the held contacts' W dr (0 at released ones),
+    S are the contacts held when W_SS = L L^T was factored: all that were closed. The border are those met since then that do not stick:
+    a released contact a (held, but sliding or open now) has the unknown x_a = (W dr)_a, a free one (not held, but closed now) the unknown
+    x_a = dr_a. With the columns P = L^-1 [W_SC, -E_R] of free (C) and released (R) contacts, z = L^-1 t and t the held contacts' W dr
+    (0 at released ones),
 
         (W dr)_C = P_C^T z + (W_CC - P_C^T P_C) x_C - P_C^T P_R x_R,        dr_R = -P_R^T z + P_R^T P_C x_C + P_R^T P_R x_R.
 
     So a change of sets costs columns, not a factorisation; W_SS is factored anew only when the border has grown too large for that.
-    The matrix of this response is kept; while the free contacts stay the same, `NormalElimination` keeps them shorter by a third.
-    W must be symmetric; where W_SS is not positive definite the LU of the whole takes over. Of a sparse W whose contacts come in joints the
-    factor is multifrontal, else dense. The step is Newton's to round-off until `follow` brings another W: then factor and columns belong
-    to an earlier one and are the preconditioner of GMRES on the true system, down to a defect of FORCING ||rhs||; where that does not
-    pay all is factored anew.
+    The matrix of this response is kept. Of a released contact's x the linearised equations give all that sticks, and the normal component
+    where it is closed: its tangential components alone are left to `BorderSystem`.
+    W must be symmetric; where it is not positive definite on the closed contacts, those that stick are held, and where it is not on these
+    the LU of the whole takes over. Of a sparse W whose contacts come in joints the factor is multifrontal, else dense. Large factors
+    and columns are kept in single precision, and others belong to an earlier W once `follow` has brought a new one: they are then the
+    preconditioner of GMRES on the true system. Where that does not pay all is factored anew, in double precision if that was not it.
     """
 
     def __init__(self, W: Any, dimension: int) -> None:
         self._d = dimension
+        self._dtype: Any = np.float32 if W.shape[0] >= SINGLE_FROM else np.float64
         self._rows: BlockRows | None = None
         self._factor: _DenseCholesky | MultifrontalCholesky | None = None
         self._set(W)
         self._symmetric: bool | None = None  # not looked at yet
         self._held: IntArray | None = None
+        self._holds_sliding = True
         self._followed = False
 
     def _set(self, W: Any) -> None:
@@ -106,31 +119,46 @@ class CondensedSystem:
         return True
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        stick = ~np.any(B, axis=(1, 2))
-        if not stick.any():
+        closed = A.any(axis=(1, 2))
+        sticking = closed & ~B.any(axis=(1, 2))
+        if not closed.any():
             return self._solve_whole(A, B, rhs)
-        try:
-            if self._held is not None and self._followed:
-                corrected = self._corrected(A, B, rhs, stick)
-                if corrected is not None:
-                    return corrected
-                self._held = None
-            if self._symmetric is None:
-                self._symmetric = is_symmetric(self._W)
-            if not self._symmetric:
-                return self._solve_whole(A, B, rhs)
-            if self._held is None or self._outgrown(stick):
-                self._hold(stick)
-            dr = self._condensed(A, B, rhs)
-            return dr, self._product(dr)
-        except SingularMatrix:
-            self._held = None
+        if self._held is not None and not self._outgrown(closed, sticking):
+            found = self._by_what_is_held(A, B, rhs)
+            if found is not None:
+                return found
+        self._held = None
+        if self._symmetric is None:
+            self._symmetric = is_symmetric(self._W)
+        if not self._symmetric:
             return self._solve_whole(A, B, rhs)
+        while True:
+            if not self._hold(closed if self._holds_sliding else sticking, WELL_CONDITIONED if self._holds_sliding else 0.0):
+                if not self._holds_sliding:
+                    break
+                self._holds_sliding = False
+                continue
+            found = self._by_what_is_held(A, B, rhs)
+            if found is not None:
+                return found
+            if self._dtype is np.float64:
+                break
+            self._dtype = np.float64
+        self._held = None
+        return self._solve_whole(A, B, rhs)
 
-    def _corrected(self, A: FloatArray, B: FloatArray, rhs: FloatArray, stick: BoolArray) -> tuple[FloatArray, FloatArray] | None:
-        """GMRES with an earlier W's factor and border as preconditioner; None where it does not pay."""
-        if self._outgrown(stick):
+    def _by_what_is_held(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """The step by the factor and border that are there; None where they cannot give it."""
+        try:
+            if self._followed or self._dtype is np.float32:
+                return self._corrected(A, B, rhs)
+            dr = self._condensed(A, B, rhs)
+        except SingularMatrix:
             return None
+        return dr, self._product(dr)
+
+    def _corrected(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """GMRES with factor and border as preconditioner; None where it does not pay."""
         shape = rhs.shape
         images: list[FloatArray] = []  # W times the steps
 
@@ -140,31 +168,38 @@ class CondensedSystem:
             return (np.einsum("aij,aj->ai", A, Wx) + np.einsum("aij,aj->ai", B, x.reshape(shape))).ravel()
 
         def precondition(x: FloatArray) -> FloatArray:
-            return self._condensed(A, B, x.reshape(shape), INNER)
+            return self._condensed(A, B, x.reshape(shape), INNER if self._followed else 0.0)
 
-        try:
-            found = gmres(product, precondition, rhs.ravel(), FORCING * float(np.linalg.norm(rhs)), CORRECTIONS)
-        except SingularMatrix:
-            return None
+        accuracy = FORCING if self._followed else ACCURACY
+        found = gmres(product, precondition, rhs.ravel(), accuracy * float(np.linalg.norm(rhs)), CORRECTIONS)
         if found is None:
             return None
         dr, y = found
         return dr, np.tensordot(y, images, 1) if len(y) else np.zeros_like(dr)
 
-    def _outgrown(self, stick: BoolArray) -> bool:
-        """Whether many border contacts stick, or were released: factoring anew then costs less than carrying them."""
-        held = self._is_held
-        released = np.count_nonzero(self._released | (held & ~stick))
-        carried = int(np.count_nonzero(stick & ~held) + released)
-        return bool(carried > 80 + 0.2 * np.count_nonzero(held))
+    def _outgrown(self, closed: BoolArray, sticking: BoolArray) -> bool:
+        """Whether many closed contacts are not held, or stick and are in the border all the same: factoring anew then costs less."""
+        assert self._held is not None
+        carried = np.count_nonzero(np.where(self._is_held, sticking & (self._column >= 0), closed if self._holds_sliding else sticking))
+        return bool(carried > 80 + 0.2 * len(self._held))
 
-    def _hold(self, held: BoolArray) -> None:
-        """Factor W on the held contacts (nc,) and start with an empty border."""
+    def _hold(self, held: BoolArray, conditioning: float) -> bool:
+        """Factor W on the held contacts (nc,) and start with an empty border; False where W is not positive definite there.
+
+        conditioning: least pivot over the largest that counts as positive."""
         self._PT = self._response = np.empty((0, 0))  # the old ones make room for the new
         self._held, self._factor = None, None
-        self._normals: NormalElimination | None = None
+        self._border_system = BorderSystem()
+        if not held.any():
+            return False
         d = self._d
-        self._factor = _DenseCholesky(self._W, d, held) if self._rows is None else MultifrontalCholesky(self._rows, held)
+        dtype = self._dtype
+        try:
+            self._factor = _DenseCholesky(self._W, d, held, dtype) if self._rows is None else MultifrontalCholesky(self._rows, held, dtype)
+        except SingularMatrix:
+            return False
+        if self._factor.conditioning < conditioning:
+            return False
         self._held = self._factor.contacts
         self._followed = False
         self._is_held = held
@@ -174,8 +209,9 @@ class CondensedSystem:
         self._border = np.empty(0, dtype=np.int64)
         self._column = np.full(len(held), -1)  # of a border contact in P
         # P^T and the response of ((W dr)_C, dr_R) to x, with room for columns to come
-        self._PT = np.empty((0, d * len(self._held)))
-        self._response = np.empty((0, 0))
+        self._PT = np.empty((0, d * len(self._held)), dtype=dtype)
+        self._response = np.empty((0, 0), dtype=dtype)
+        return True
 
     def _extend(self, contacts: IntArray) -> None:
         """Give the contacts columns in the border."""
@@ -187,7 +223,7 @@ class CondensedSystem:
         released = self._is_held[new]
         self._released[new[released]] = True
         assert self._held is not None
-        columns = np.ascontiguousarray(_dense_part(self._W, d, new, self._held).T)  # W_SC, as W is symmetric
+        columns = np.ascontiguousarray(_dense_part(self._W, d, new, self._held).T, dtype=self._dtype)  # W_SC, as W is symmetric
         if released.any():
             own = dofs_of(np.flatnonzero(released), d)
             columns[:, own] = 0
@@ -214,7 +250,6 @@ class CondensedSystem:
             response[np.ix_(rows[rows < k], held[held >= k])] *= -1
         self._column[new] = len(self._border) + np.arange(len(new))
         self._border = border
-        self._normals = None
 
     def _reserve(self, columns: int) -> None:
         """Make room for so many columns of the border and half as many again."""
@@ -222,7 +257,7 @@ class CondensedSystem:
         if columns <= have:
             return
         used, room = len(self._border) * self._d, columns + columns // 2
-        PT, response = np.empty((room, self._PT.shape[1])), np.empty((room, room))
+        PT, response = (np.empty((room, k), dtype=self._dtype) for k in (self._PT.shape[1], room))
         PT[:used] = self._PT[:used]
         response[:used, :used] = self._response[:used, :used]
         self._PT, self._response = PT, response
@@ -231,43 +266,36 @@ class CondensedSystem:
         """The step by the factor and border that are there; tolerance: relative defect of the border's system, 0: round-off."""
         d, held = self._d, self._held
         assert held is not None and self._factor is not None
-        open_contact = ~np.any(A, axis=(1, 2))
-        open_free = open_contact & ~self._is_held  # an open contact that was held stays in the system as a released one
-        dr = np.where(open_free[:, None], rhs, 0.0)
-        coupling = self._product(dr.ravel()).reshape(-1, d) if np.any(dr) else np.zeros_like(rhs)
-        sticking = ~np.any(B, axis=(1, 2))
-        self._extend(np.flatnonzero(np.where(self._is_held, ~sticking, ~open_free)))
+        A, B, rhs = (x.astype(self._dtype, copy=False) for x in (A, B, rhs))
+        closed = A.any(axis=(1, 2))
+        open_free = ~(closed | self._is_held)  # an open contact that was held stays in the system as a released one
+        dr = np.where(open_free[:, None], rhs, 0)
+        coupling = np.zeros_like(rhs)
+        if np.any(dr):
+            coupling += self._product(dr.ravel().astype(float, copy=False)).reshape(-1, d)
+        sticking = closed & ~B.any(axis=(1, 2))
+        self._extend(np.flatnonzero(np.where(self._is_held, ~sticking, closed)))
         kept = ~self._released[held]
-        t = np.zeros((len(held), d))
+        t = np.zeros_like(rhs, shape=(len(held), d))
         t[kept] = np.linalg.solve(A[held[kept]], rhs[held[kept]][:, :, None])[:, :, 0]
         t -= coupling[held]
         z = self._factor.forward(t.reshape(-1, 1))[:, 0]
-        border = self._border[~open_free[self._border]]
-        released = self._released[border]
-        # Alart-Curnier's and Jean-Moreau's normal rows of a closed contact are (A_NN, 0, 0) and (0, 0, 0)
-        whole = released | (A[border, 0, 0] == 0) | A[border, 0, 1:].any(axis=1) | B[border, 0].any(axis=1)
-        closed, whole, released = border[~whole], border[whole], released[whole]
+        border = self._border
         if len(border):
-            PT = self._PT[: d * len(self._border)]
-            Pz = PT @ z
-            known = coupling[closed] + Pz[dofs_of(self._column[closed], d)].reshape(-1, d)
-            known_whole = Pz[dofs_of(self._column[whole], d)].reshape(-1, d)
-            known_whole = np.where(released[:, None], -known_whole, coupling[whole] + known_whole)
+            PT = self._PT[: d * len(border)]
+            released = self._released[border]
+            known = (PT @ z).reshape(-1, d)
+            known[released] *= -1
+            known[~released] += coupling[border[~released]]
+            x, unknown = np.zeros_like(known), np.repeat(~open_free[border][:, None], d, axis=1)
+            own = border[released]
+            x[released], unknown[released] = split_known(A[own], B[own], rhs[own])
             # a released contact's unknown is W dr and its response dr: A and B change places
-            outer = np.where(released[:, None, None], B[whole], A[whole])
-            inner = np.where(released[:, None, None], A[whole], B[whole])
-            normals = self._normals
-            if normals is None or not (np.array_equal(normals.closed, closed) and np.array_equal(normals.whole, whole)):
-                normals = self._normals = NormalElimination(self._response, closed, whole, released, self._column, d)
-            right = rhs[whole] - np.einsum("aij,aj->ai", outer, known_whole)
-            x_closed, x_whole = normals.solve(
-                A[closed], B[closed], rhs[closed], known, outer, inner, right, tolerance * float(np.linalg.norm(rhs))
-            )
-            expanded = np.zeros(len(PT))
-            expanded[dofs_of(self._column[closed], d)] = x_closed.ravel()
-            expanded[dofs_of(self._column[whole], d)] = x_whole.ravel()
-            z = z - PT.T @ expanded
-            dr[closed] = x_closed
-            dr[whole[~released]] = x_whole[~released]
+            outer, inner = A[border], B[border]
+            outer[released], inner[released] = B[own], A[own]
+            target = tolerance * float(np.linalg.norm(rhs))
+            self._border_system.complete(x, unknown, self._response, known, outer, inner, rhs[border], target)
+            z -= x.ravel() @ PT
+            dr[border[~released]] += x[~released]
         dr[held] = self._factor.backward(z).reshape(-1, d)
-        return dr.ravel()
+        return dr.ravel().astype(float, copy=False)

@@ -275,14 +275,20 @@ class Multifrontal:
 
 
 class MultifrontalCholesky:
-    """L L^T of a symmetric W on the held contacts (nc,) of `rows`, unknowns in the order of `contacts`."""
+    """L L^T of a symmetric W on the held contacts (nc,) of `rows`, unknowns in the order of `contacts`.
 
-    def __init__(self, rows: BlockRows, held: BoolArray) -> None:
+    W is factored in double precision, whose round-off a W of large condition needs, and the factor rounded to the one that is asked for.
+    conditioning: the least pivot over the largest.
+    """
+
+    def __init__(self, rows: BlockRows, held: BoolArray, dtype: Any = np.float64) -> None:
         d = rows.blocks.shape[1]
+        self._trsm, self._trsv = sla.blas.get_blas_funcs(("trsm", "trsv"), dtype=dtype)
         local = np.full(len(held), -1)
         assembly = _Assembly(rows.tree, held)
         self.contacts = assembly.contacts
         self._fronts = []
+        pivots = [np.empty(0)]
         for begin, own, border, beyond, children in assembly:
             n, b = len(own), len(border)
             F11, F21, F22 = (np.zeros((d * k, d * m), order="F") for k, m in ((n, n), (b, n), (b, b)))
@@ -296,8 +302,12 @@ class MultifrontalCholesky:
                 if b:
                     F21 = sla.blas.dtrsm(1.0, L, F21, side=1, lower=True, trans_a=True, overwrite_b=True)
                     F22 = sla.blas.dsyrk(-1.0, F21, 1.0, F22, lower=True, overwrite_c=True)
-                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), L, F21))
+                pivots.append(L.diagonal() ** 2)
+                own_rows = slice(d * begin, d * (begin + n))
+                self._fronts.append((own_rows, dofs_of(beyond, d), L.astype(dtype, copy=False), F21.astype(dtype, copy=False)))
             assembly.pass_on(F22)
+        every = np.concatenate(pivots)
+        self.conditioning = float(every.min(initial=np.inf) / every.max(initial=0.0)) if len(every) else 1.0
 
     def forward(self, X: FloatArray) -> FloatArray:
         """Overwrite X (n, k), in C order, with L^-1 X and return it; columns that are zero so far cost nothing."""
@@ -308,7 +318,7 @@ class MultifrontalCholesky:
                 continue
             whole = len(columns) > 0.8 * X.shape[1]
             part = part if whole else part[:, columns]
-            part = sla.blas.dtrsm(1.0, L, part.T, side=1, lower=True, trans_a=True, overwrite_b=True).T
+            part = self._trsm(1.0, L, part.T, side=1, lower=True, trans_a=True, overwrite_b=True).T
             if whole:
                 X[own] = part
                 if len(border):
@@ -323,5 +333,5 @@ class MultifrontalCholesky:
         """Return L^-T z for z (n,)."""
         x = z.copy()
         for own, border, L, F21 in reversed(self._fronts):
-            x[own] = sla.blas.dtrsv(L, x[own] - F21.T @ x[border], lower=True, trans=True)
+            x[own] = self._trsv(L, x[own] - F21.T @ x[border], lower=True, trans=True)
         return x

@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 from fcsim import linear
 from fcsim.linear import SingularMatrix
 from fcsim.problem import GlobalProblem
-from fcsim.solvers.condensed_system import FORCING, CondensedSystem
+from fcsim.solvers import condensed_system
+from fcsim.solvers.condensed_system import ACCURACY, FORCING, CondensedSystem
 from fcsim.solvers.newton import SYSTEMS
 from fcsim.solvers.newton_global import _SaddleMatrix
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem
@@ -24,13 +25,17 @@ def delassus(nc: int, d: int, seed: int) -> np.ndarray:
     return H.T @ H / nc + 0.1 * np.eye(d * nc)
 
 
-def linearisation(zone: np.ndarray, d: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """A and B as the formulations make them: open A = 0, B = 1; sticking A regular, B = 0; sliding both full."""
+def linearisation(zone: np.ndarray, d: int, rng: np.random.Generator, pure_share: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+    """A and B as the formulations make them: open A = 0, B = 1; sticking A regular, B = 0; sliding both full, in a share of the
+    contacts with the normal row (A_NN, 0, 0) and (0, 0, 0) of Alart and Curnier's."""
     nc = len(zone)
     A = 0.3 * rng.standard_normal((nc, d, d)) + 2 * np.eye(d)
     B = 0.3 * rng.standard_normal((nc, d, d)) + np.eye(d)
     A[zone == OPEN], B[zone == OPEN] = 0, np.eye(d)
     B[zone == STICK] = 0
+    pure = (zone == SLIP) & (rng.random(nc) < pure_share)
+    A[pure, 0, 1:] = 0
+    B[pure, 0] = 0
     return A, B
 
 
@@ -109,6 +114,41 @@ def test_following_a_changing_operator(seed: int, change: float) -> None:
     assert not system.follow(np.eye(30)), "another number of contacts"
 
 
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("seed", range(3))
+def test_single_precision(seed: int, d: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Factor and border in single precision, corrected on the true system: a defect of at most ACCURACY ||rhs||."""
+    monkeypatch.setattr(condensed_system, "SINGLE_FROM", 0)
+    rng = np.random.default_rng(seed)
+    nc = 60
+    W = delassus(nc, d, seed)
+    system = CondensedSystem(W, d)
+    zone = rng.choice(3, nc, p=[0.2, 0.6, 0.2])
+    for _ in range(25):
+        zone[rng.choice(nc, 4, replace=False)] = rng.choice(3, 4)
+        A, B = linearisation(zone, d, rng)
+        rhs = rng.standard_normal((nc, d))
+        dr, Wdr = system.solve(A, B, rhs)
+        defect = rhs.ravel() - sla.block_diag(*A) @ (W @ dr) - sla.block_diag(*B) @ dr
+        assert np.linalg.norm(defect) <= 1.01 * ACCURACY * np.linalg.norm(rhs)
+        assert_allclose(Wdr, W @ dr, rtol=0, atol=1e-10 * np.abs(Wdr).max())
+
+
+def test_double_precision_where_single_is_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compliances over ten orders of magnitude: the factor in single precision does not precondition, that in double does."""
+    monkeypatch.setattr(condensed_system, "SINGLE_FROM", 0)
+    rng = np.random.default_rng(3)
+    nc, d = 20, 3
+    Q = np.linalg.qr(rng.standard_normal((nc * d, nc * d)))[0]
+    W = Q @ np.diag(np.logspace(0, -7.5, nc * d)) @ Q.T
+    W = 0.5 * (W + W.T)
+    system = CondensedSystem(W, d)
+    A, B = linearisation(np.full(nc, STICK), d, rng)
+    rhs = rng.standard_normal((nc, d))
+    dr, _ = system.solve(A, B, rhs)
+    assert np.linalg.norm(rhs.ravel() - sla.block_diag(*A) @ (W @ dr)) <= 1.01 * ACCURACY * np.linalg.norm(rhs)
+
+
 def test_sets_that_empty_and_fill_again() -> None:
     rng = np.random.default_rng(7)
     W = delassus(50, 3, 8)
@@ -140,7 +180,7 @@ def test_condensed_system_takes_an_operator_that_is_not_positive_definite() -> N
     for count in (5, 6, 4, 6):
         zone = np.full(12, SLIP)
         zone[:count] = STICK
-        A, B = linearisation(zone, 3, rng)
+        A, B = linearisation(zone, 3, rng, pure_share=0)
         rhs = rng.standard_normal((12, 3))
         assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-7, atol=1e-8)
     W = delassus(12, 3, 12)
