@@ -62,3 +62,42 @@ def add_tile_to_block_rows(indptr, columns, blocks, contacts, tile, d, place):
             for i in range(d):
                 for j in range(d):
                     block[i, j] += tile[d * p + i, d * q + j]
+
+
+@njit(cache=True)
+def combine(indices, data, first, last, X, begin, row):
+    """row[begin:] = sum of data[e] X[indices[e], begin:] for first <= e < last, four at a time: fewer passes over the row."""
+    row[begin:] = 0
+    for e in range(first, last, 4):
+        e1, e2, e3 = min(e + 1, last - 1), min(e + 2, last - 1), min(e + 3, last - 1)
+        x0, x1, x2, x3 = X[indices[e]], X[indices[e1]], X[indices[e2]], X[indices[e3]]
+        c0, c1, c2, c3 = data[e], data[e1], data[e2], data[e3]
+        if e + 1 >= last:
+            c1 = 0.0
+        if e + 2 >= last:
+            c2 = 0.0
+        if e + 3 >= last:
+            c3 = 0.0
+        for j in range(begin, len(row)):
+            row[j] += c0 * x0[j] + c1 * x1[j] + c2 * x2[j] + c3 * x3[j]
+
+
+@njit(cache=True)
+def congruence(indptr, indices, data, C):
+    """h C h^T (k, k) for a symmetric C (n, n) and sparse rows h (k, n), half of it computed and the other half mirrored."""
+    k, n, step = len(indptr) - 1, len(C), 32  # rows that stay in the cache while they are written as columns
+    columns, panel, tile = np.empty((n, k)), np.empty((step, n)), np.empty((k, k))
+    for begin in range(0, k, step):
+        count = min(step, k - begin)
+        for p in range(count):
+            combine(indices, data, indptr[begin + p], indptr[begin + p + 1], C, 0, panel[p])
+        for j in range(n):
+            for p in range(count):
+                columns[j, begin + p] = panel[p, j]
+    for p in range(k):
+        combine(indices, data, indptr[p], indptr[p + 1], columns, p, tile[p])
+    for begin in range(0, k, step):
+        for p in range(begin, k):
+            for q in range(begin, min(begin + step, p)):
+                tile[p, q] = tile[q, p]
+    return tile

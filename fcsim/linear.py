@@ -50,21 +50,22 @@ class DenseCholesky:
             first[self.last] = False
             self._order = np.concatenate([np.flatnonzero(first), self.last])
             A = A[np.ix_(self._order, self._order)]
-        self._factor, info = sla.lapack.dpotrf(A.T, lower=True, clean=False)
-        if info != 0:
-            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: leading minor {info}")
+        try:
+            self._factor = sla.cho_factor(A, lower=True, check_finite=False)
+        except sla.LinAlgError as error:
+            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: {error}") from None
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         if self._order is None:
-            return sla.lapack.dpotrs(self._factor, rhs, lower=True)[0].reshape(rhs.shape)
+            return sla.cho_solve(self._factor, rhs, check_finite=False)
         x = np.empty_like(rhs)
-        x[self._order] = sla.lapack.dpotrs(self._factor, rhs[self._order], lower=True)[0].reshape(rhs.shape)
+        x[self._order] = sla.cho_solve(self._factor, rhs[self._order], check_finite=False)
         return x
 
     def inverse_on_last(self) -> FloatArray:
         """The rows and columns of A^-1 that belong to `last`: (L_ll L_ll^T)^-1 of the factor's last block, whatever comes before it."""
         k = len(self.last)
-        inverse = sla.lapack.dpotri(self._factor[-k:, -k:], lower=True)[0] if k else np.empty((0, 0))
+        inverse = sla.lapack.dpotri(self._factor[0][-k:, -k:], lower=True)[0] if k else np.empty((0, 0))
         return np.tril(inverse) + np.tril(inverse, -1).T
 
 

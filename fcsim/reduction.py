@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fcsim._kernels import add_tile, add_tile_to_block_rows, union_of_neighbours
+from fcsim._kernels import add_tile, add_tile_to_block_rows, congruence, union_of_neighbours
 from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise
 from fcsim.problem import GlobalProblem, LocalProblem
 
@@ -162,12 +162,17 @@ class BlockFactor:
             if not len(touched):
                 continue
             compliance = _inverse_on(touched, block.factor, size)
+            symmetric = isinstance(block.factor, DenseCholesky)
             for h in rows:
                 h = sp.csc_array(h[touched])
                 contacts = np.unique(np.flatnonzero(np.diff(h.indptr)) // d)
                 if len(contacts):
                     h = h[:, (contacts[:, None] * d + np.arange(d)).ravel()]
-                    yield contacts, h.T @ (h.T @ compliance.T).T
+                    h = sp.csr_array(h.T)
+                    if symmetric:
+                        yield contacts, congruence(h.indptr, h.indices, h.data, compliance)
+                    else:
+                        yield contacts, h @ (h @ compliance.T).T
 
 
 def _inverse_on(dofs: IntArray, factor: Factor, size: int) -> FloatArray:

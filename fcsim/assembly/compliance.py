@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fcsim._kernels import congruence
 from fcsim.assembly.groups import Group
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import inverse_on
@@ -119,7 +120,7 @@ class SystemFactor:
             for first in group.first:
                 contacts, h = _contact_columns(H, first, group.size, group.surface, d)
                 if len(contacts):
-                    yield contacts, h @ (h @ group.compliance).T
+                    yield contacts, congruence(h.indptr, h.indices, h.data, group.compliance)
         yield from _rigid_tiles(H, self.model.n_elastic, self._rigid_inverse, d)
 
 

@@ -1,11 +1,12 @@
 """`auto`: a method that chooses and chains others from the problem itself, so that no choice is needed.
 
-1. Probe. From a warm start Newton goes first; from a cold one a few Gauss-Seidel sweeps do, since they are cheap, make reactions
-   positive and show how fast Gauss-Seidel converges here.
+1. Probe. From a warm start Newton goes first, and where contacts come in joints of deformable bodies, since multifrontal elimination
+   makes it cheap there; else a few Gauss-Seidel sweeps do, since they are cheap, make reactions positive and show how fast
+   Gauss-Seidel converges here.
 2. Race. A model of the costs (entries of W, size, density; no clock, so that runs repeat exactly) and the measured rate say whether
    Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will. Where it needs more than ADMM's one
-   factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly. Where contacts
-   come in joints of deformable bodies, multifrontal elimination makes Newton so cheap that ADMM is left out.
+   factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly (not where
+   contacts come in joints: an iteration of Newton is not dearer than ADMM's factorisation there).
 3. Newton, plain (NSN-AC, from a cold start with a larger first rho): exact for full-rank W, given up when a dozen iterations bring no
    better iterate, or when the first one throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and
    more; of 1e2 for full rank).
@@ -59,8 +60,8 @@ NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 PLAIN_NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT)
-COLD_RHO = 5.0
-"""Factor on Newton's first rho from a cold start, where velocities say more than reactions (a quarter fewer iterations on walls)."""
+COLD_RHO = 8.0
+"""Factor on Newton's first rho from a cold start, where velocities say more than reactions (a fifth fewer iterations on walls)."""
 RUNAWAY = 100.0
 """Growth of the error over the best one at which the proximal stage goes back to its best iterate."""
 INEXACT = 0.5
@@ -114,7 +115,7 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     last = Iterate(r, Status.MAX_ITERATIONS)
     stages = (
         (run.plain_newton, run.race, run.proximal, run.sweeps_to_the_end)
-        if warm
+        if warm or joints is not None
         else (
             run.race,
             run.plain_newton,
@@ -218,17 +219,11 @@ class _Run:
 
     def plain_newton(self, r: FloatArray) -> Iterate:
         """NSN-AC as long as every `patience` iterations bring a better iterate."""
-        monitor = self.monitor
-        iterate = Iterate(r, Status.STAGNATED)
-        while self.options.patience:
-            before = monitor.best
-            factor = 1.0 if self.warm else COLD_RHO
-            options = replace(PLAIN_NEWTON, rho_factor=factor, max_iterations=self._limit(self.options.patience))
-            iterate = newton(self.problem, r, monitor, options)
-            if iterate.status is not Status.MAX_ITERATIONS or monitor.best >= 0.7 * before:
-                return iterate
-            r = iterate.r
-        return iterate
+        if not self.options.patience:
+            return Iterate(r, Status.STAGNATED)
+        factor = 1.0 if self.warm else COLD_RHO
+        options = replace(PLAIN_NEWTON, rho_factor=factor, max_iterations=self.options.max_iterations, patience=self.options.patience)
+        return newton(self.problem, r, self.monitor, options)
 
     def proximal(self, r: FloatArray) -> Iterate:
         """Proximal point with Newton inside; where it stagnates, again from ADMM's iterate, and from r with another schedule."""

@@ -42,7 +42,8 @@ class NewtonOptions(Options):
     """formulation: AC, JM, NM, FB; rho: rule of `scaling`, times rho_factor; line_search: none (NLS), Goldstein-Price, Goldstein, Armijo,
     with at most line_search_iterations trials; reference: what the merit must fall below, "none" (monotone) or its maximum, mean or
     Zhang and Hager's weighted mean over `memory` iterations; safeguard: a gradient step where Newton's direction does not exist or does
-    not descend; divergence: factor of the best error beyond which the iterates are called diverged; linear: how the linear system is
+    not descend; divergence: factor of the best error beyond which the iterates are called diverged; patience: iterations that must bring
+    the best error below 0.7 of what it was, else the iterates are called stagnated (0: any number); linear: how the linear system is
     solved ("auto" chooses from size and density; "kkt" keeps the global or mixed form, see newton_global).
     """
 
@@ -55,6 +56,7 @@ class NewtonOptions(Options):
     memory: int = 10
     safeguard: bool = False
     divergence: float = float("inf")
+    patience: int = 0
     linear: str = "auto"
 
     def __post_init__(self) -> None:
@@ -68,9 +70,9 @@ class NewtonOptions(Options):
             raise InputError(f"option rho_factor: expected a number > 0, got {self.rho_factor}")
         if not self.divergence > 1:
             raise InputError(f"option divergence: expected a number > 1, got {self.divergence}")
-        for name in ("line_search_iterations", "memory"):
-            if getattr(self, name) < 1:
-                raise InputError(f"option {name}: expected an integer >= 1, got {getattr(self, name)}")
+        for name, least in (("line_search_iterations", 1), ("memory", 1), ("patience", 0)):
+            if getattr(self, name) < least:
+                raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
 
 
 CONDENSED_UP_TO = 12_000
@@ -154,8 +156,10 @@ def newton_iterations(
     formulation = FORMULATIONS[options.formulation]
     line_search = LINE_SEARCHES[options.line_search]
     merits: deque[float] = deque(maxlen=options.memory)
+    watched, before = monitor.iterations, np.inf
     while True:
         error = monitor.record(r, space.u)  # (S.1)
+        before = min(before, error) if monitor.iterations == watched else before
         if error <= monitor.tol:
             return Iterate(r, Status.SOLVED)
         if not np.isfinite(error) or error > options.divergence * monitor.best:
@@ -164,6 +168,10 @@ def newton_iterations(
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():
             return Iterate(r, Status.TIME_LIMIT)
+        if options.patience and monitor.iterations - watched >= options.patience:
+            if monitor.best >= 0.7 * before:
+                return Iterate(r, Status.STAGNATED)
+            watched, before = monitor.iterations, monitor.best
         F, A, B = formulation(space.u.reshape(shape), r.reshape(shape), mu, rho)
         value = 0.5 * float(np.sum(F * F))
         try:

@@ -11,7 +11,8 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim import linear, reduction
-from fcsim.linear import SingularMatrix
+from fcsim._kernels import congruence
+from fcsim.linear import DenseCholesky, SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.reduction import BlockFactor, eliminate_equalities, reduce
 
@@ -57,6 +58,28 @@ def test_delassus_operator_and_free_velocity(monkeypatch: pytest.MonkeyPatch, st
     assert local.dimension == d
     expected = [dense(local.W)[d * a : d * a + d, d * a : d * a + d] for a in range(p.nc)]
     assert_allclose(reduce(p).diagonal_blocks, expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("rows", [1, 31, 32, 70])
+@pytest.mark.parametrize("density", [0.0, 0.1, 0.8])
+def test_congruence(rows: int, density: float) -> None:
+    """h C h^T with empty rows, one entry and more than four, in one panel and in several."""
+    rng = np.random.default_rng(rows)
+    C = spd(23, rng)
+    h = sp.csr_array(rng.standard_normal((rows, 23)) * (rng.random((rows, 23)) < density))
+    expected = h.toarray() @ C @ h.toarray().T
+    assert_allclose(congruence(h.indptr, h.indices, h.data, C), expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1))
+
+
+def test_inverse_on_the_last_unknowns() -> None:
+    rng = np.random.default_rng(3)
+    A = spd(9, rng)
+    last = np.array([7, 1, 4])
+    factor = DenseCholesky(A, last)
+    inverse = np.linalg.inv(A)
+    assert_allclose(factor.inverse_on_last(), inverse[np.ix_(last, last)], rtol=1e-12)
+    for rhs in (rng.standard_normal(9), rng.standard_normal((9, 4))):
+        assert_allclose(factor.solve(rhs), inverse @ rhs, rtol=1e-11, atol=1e-14)
 
 
 def test_equal_blocks_are_factored_once() -> None:

@@ -195,3 +195,20 @@ def test_fischer_burmeister_on_a_hyperstatic_problem() -> None:
     monitor = Monitor(p.q, p.mu, 3, 1e-8)
     iterate = newton(p, np.zeros(36), monitor, options)
     assert iterate.status.solved == (true_error(p, iterate.r) <= 1e-8)
+
+
+def test_patience() -> None:
+    """A run that cycles ends after `patience` iterations without a better error; one that converges is not touched by it."""
+    cycling = random_problem(1, mu=5.0)
+    options = NewtonOptions(rho="constant", rho_factor=100.0)
+    endless, watched = (
+        solve(cycling, "NSN-AC-NLS", tol=1e-10, rho=options.rho, rho_factor=options.rho_factor, patience=patience) for patience in (0, 10)
+    )
+    assert endless.status is Status.MAX_ITERATIONS
+    assert watched.status is Status.STAGNATED
+    assert watched.iterations % 10 == 0
+    assert 0 < watched.iterations < 100
+    easy = random_problem(0)
+    without, within = (solve(easy, "NSN-AC", tol=1e-10, patience=patience) for patience in (0, 3))
+    assert without.solved
+    assert_allclose(within.r, without.r, atol=0)
