@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import FORMS, Problem, Solution, Storage, solution_sizes
-from fcsim.files import replacing
+from fcsim.files import replacing_hdf5
 from fcsim.problem import Matrix
 
 INT_MAX = np.iinfo(np.int32).max
@@ -50,7 +50,7 @@ def write_fclib(
         raise InputError(f"problem: expected a GlobalProblem, LocalProblem or GlobalRollingProblem, got {type(problem).__name__}")
     form = FORMS[name]
     compressor = Compressor() if compression is True else compression or None
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    with replacing_hdf5(path) as file:
         group = file.create_group(f"fclib_{name}")
         _write_integer(group, "spacedim", problem.dimension)
         for letter in (*form.matrices, *form.optional_matrices):
