@@ -46,7 +46,9 @@ def test_chunks_are_those_of_the_filters_of_hdf5(size, dtype):
         own, reference = file["own"].id, file["reference"].id
         assert own.get_num_chunks() == reference.get_num_chunks()
         plist, expected = own.get_create_plist(), reference.get_create_plist()
-        assert [plist.get_filter(k) for k in range(plist.get_nfilters())] == [expected.get_filter(k) for k in range(expected.get_nfilters())]
+        assert [plist.get_filter(k) for k in range(plist.get_nfilters())] == [
+            expected.get_filter(k) for k in range(expected.get_nfilters())
+        ]
         for k in range(own.get_num_chunks()):
             assert own.get_chunk_info(k).chunk_offset == reference.get_chunk_info(k).chunk_offset
             assert own.get_chunk_info(k).filter_mask == 0
