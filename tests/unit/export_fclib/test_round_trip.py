@@ -155,7 +155,7 @@ def test_layout_of_vectors_texts_and_guesses(tmp_path):
 
 
 def test_compression_pays(tmp_path):
-    problem = GlobalProblem(sp.eye_array(3000), sp.eye_array(3000), np.zeros(3000), np.zeros(3000), np.full(1000, 0.5))
+    problem = GlobalProblem(sp.eye_array(9000), sp.eye_array(9000), np.zeros(9000), np.zeros(9000), np.full(3000, 0.5))
     plain = write_fclib(tmp_path / "plain.hdf5", problem, compression=False).stat().st_size
     assert 5 * write_fclib(tmp_path / "small.hdf5", problem).stat().st_size < plain
 
