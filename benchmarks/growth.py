@@ -174,7 +174,7 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
     """Time by phase and memory against contacts, on log axes, with the slopes 1 and 1.3."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
+    figure = Figure(figsize=(9, 4.8), layout="constrained")
     seconds, memory = figure.subplots(1, 2)
     contacts = [row["contacts"] for row in rows]
     for key, style in (
@@ -197,7 +197,7 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
     for axes, label in ((seconds, "seconds a step"), (memory, "MiB")):
         axes.set(xlabel="contacts", ylabel=label)
         axes.grid(True, which="both", alpha=0.25)
-        axes.legend(fontsize=8, loc="upper left")
+        axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2)  # below: curves fill the axes
     figure.savefig(path, dpi=110)
 
 
