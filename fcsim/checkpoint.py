@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 
 from fcsim.errors import InputError
-from fcsim.files import replacing
+from fcsim.files import replacing_hdf5
 from fcsim.timestep.simulation import Moment, Step
 from fcsim.timestep.state import State
 from fcsim.timestep.warm_start import Reactions
@@ -18,7 +18,7 @@ _ARRAYS = tuple(field.name for field in fields(State) if field.name != "t")
 
 def write_checkpoint(path: Path, step: Step) -> None:
     """Write the end of a step and its anchor, see `Simulation.run`."""
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    with replacing_hdf5(path) as file:
         _write_moment(file, step.moment)
         _write_moment(file.create_group("anchor"), step.anchor)
 

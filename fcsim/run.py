@@ -24,6 +24,7 @@ from fcsim import __version__
 from fcsim.case import Case, CaseScript, parse_parameters
 from fcsim.checkpoint import read_checkpoint, write_checkpoint
 from fcsim.errors import InputError, NotConverged
+from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.steps import write_step
 from fcsim.files import replacing
 from fcsim.runtime import is_interrupt
@@ -108,6 +109,7 @@ def run_case(
     table = StepTable(directory / "steps.csv", case.sensors, start)
     series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
     about = f"{case.description}; fcsim {__version__}; parameters: {asdict(parameters)}"
+    compressor = Compressor()
     status, message, last = "finished", "", None
     totals: dict[str, float] = {}
     iterations, largest, fallbacks, cut, computed, residual = 0, 0.0, 0, 0, 0, 0.0
@@ -120,7 +122,15 @@ def run_case(
                 series.write(step)
             if options.export_every and step.number % options.export_every == 0:
                 title = f"{case.title}, step {step.number}"
-                write_step(directory / "fclib", step, case.fclib_set, options.export_forms, title=title, description=about)
+                write_step(
+                    directory / "fclib",
+                    step,
+                    case.fclib_set,
+                    options.export_forms,
+                    title=title,
+                    description=about,
+                    compression=compressor,
+                )
             seconds = {**step.seconds, "output": time.perf_counter() - output}
             table.write(step, seconds)
             if final or (options.checkpoint_every and step.number % options.checkpoint_every == 0):

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from fcsim.case import Sensor
-from fcsim.files import replacing
+from fcsim.files import replacing, replacing_hdf5
 from fcsim.timestep.simulation import Step
 
 PHASES = ("detection", "assembly", "solve", "output")
@@ -50,7 +50,7 @@ def write_hdf5(table: Path, path: Path, sensors: Sequence[Sensor]) -> None:
     units = {name: unit for name, (unit, _) in COLUMNS.items()} | {f"seconds_{phase}": "s" for phase in PHASES}
     units |= {sensor.column: sensor.unit for sensor in sensors}
     labels = {sensor.column: sensor.label for sensor in sensors}
-    with replacing(path) as temporary, h5py.File(temporary, "w") as content:
+    with replacing_hdf5(path) as content:
         for k, name in enumerate(header):
             entries = [row[k] for row in rows]
             try:

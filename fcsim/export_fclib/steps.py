@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from fcsim.errors import InputError
+from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import Solution
 from fcsim.export_fclib.write import file_name, write_fclib
 from fcsim.timestep.simulation import Step
@@ -19,11 +20,13 @@ def write_step(
     *,
     title: str = "",
     description: str = "",
+    compression: bool | Compressor = True,
 ) -> list[Path]:
     """Write the step's problem into directory/<form>/<SET>-i<iterations>-<contacts>-<step>.hdf5, form "global" or "local".
 
     The solution is the step's result; the guess is where its solver began (from the last steps' reactions, matched contact by contact).
-    math_info states sizes, contact density, solver and error. Returns the files' paths; a step without contacts is written too.
+    math_info states sizes, contact density, solver and error. compression: see `write_fclib`.
+    Returns the files' paths; a step without contacts is written too.
     """
     problem, result = step.problem, step.result
     v, multiplier = step.reduction.velocity(step.start)
@@ -46,6 +49,7 @@ def write_step(
             description=description,
             math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / problem.n:.4g}; solved by {result.method} in "
             f"{result.iterations} iterations, error {result.error:.3e}",
+            compression=compression,
         )
         written.append(path)
     return written

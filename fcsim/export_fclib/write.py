@@ -10,10 +10,12 @@ from typing import Any
 import h5py
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from fcsim.errors import InputError
+from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import FORMS, Problem, Solution, Storage, solution_sizes
-from fcsim.files import replacing
+from fcsim.files import replacing_hdf5
 from fcsim.problem import Matrix
 
 INT_MAX = np.iinfo(np.int32).max
@@ -29,13 +31,13 @@ def write_fclib(
     description: str | None = None,
     math_info: str | None = None,
     storage: Storage = "csc",
-    compression: bool = True,
+    compression: bool | Compressor = True,
 ) -> Path:
     """Write `problem` in its own form (global, local, global rolling) to `path`, whole or not at all, and return the path.
 
     Compressed columns are the default because FCLIB's merit function multiplies correctly with nothing else. `compression` stores
-    chunked, shuffled gzip data sets, about 5 times smaller, which the reference library reads as they are. Matrix entries stored
-    twice are summed, explicit zeros are kept.
+    chunked, shuffled gzip data sets, about 5 times smaller, which the reference library reads as they are; files of one series, given
+    the same Compressor, compress only what differs from the file before. Matrix entries stored twice are summed, explicit zeros are kept.
     Raises InputError for a storage, a solution or a folder that does not fit, and for sizes beyond FCLIB's 32-bit integers.
     """
     path = Path(path)
@@ -47,24 +49,25 @@ def write_fclib(
     if name is None:
         raise InputError(f"problem: expected a GlobalProblem, LocalProblem or GlobalRollingProblem, got {type(problem).__name__}")
     form = FORMS[name]
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    compressor = Compressor() if compression is True else compression or None
+    with replacing_hdf5(path) as file:
         group = file.create_group(f"fclib_{name}")
         _write_integer(group, "spacedim", problem.dimension)
         for letter in (*form.matrices, *form.optional_matrices):
             if (matrix := getattr(problem, letter)) is not None:
-                _write_matrix(group.create_group(letter), matrix, storage, compression)
+                _write_matrix(group.create_group(letter), matrix, storage, compressor)
         vectors = group.create_group("vectors")
         for letter in (*form.vectors, form.optional_vector):
             if (vector := getattr(problem, letter)) is not None:
-                _write_array(vectors, letter, vector, compression)
+                _write_array(vectors, letter, vector, compressor)
         _write_info(group, {"title": title, "description": description, "math_info": math_info})
         if solution is not None:
-            _write_solution(file.create_group("solution"), solution, problem, compression)
+            _write_solution(file.create_group("solution"), solution, problem, compressor)
         if guesses:
             group = file.create_group("guesses")
             _write_integer(group, "number_of_guesses", len(guesses))
             for number, guess in enumerate(guesses, start=1):
-                _write_solution(group.create_group(str(number)), guess, problem, compression)
+                _write_solution(group.create_group(str(number)), guess, problem, compressor)
     return path
 
 
@@ -78,10 +81,12 @@ def file_name(collection: str, iterations: int, nc: int, step: int) -> str:
     return f"{collection}-i{iterations:05d}-{nc}-{step:05d}.hdf5"
 
 
-def _write_array(group: h5py.Group, name: str, values: Any, compression: bool) -> None:
-    dtype = np.int32 if np.asarray(values).dtype.kind in "iu" else np.float64
-    options = {"chunks": True, "shuffle": True, "compression": "gzip"} if compression and np.size(values) else {}
-    group.create_dataset(name, data=values, dtype=dtype, **options)
+def _write_array(group: h5py.Group, name: str, values: NDArray[Any], compressor: Compressor | None) -> None:
+    values = values.astype(np.int32 if values.dtype.kind in "iu" else np.float64, copy=False)
+    if compressor is None or not len(values):
+        group.create_dataset(name, data=values)
+    else:
+        compressor.write(group, name, values)
 
 
 def _write_integer(group: h5py.Group, name: str, value: int) -> None:
@@ -90,7 +95,7 @@ def _write_integer(group: h5py.Group, name: str, value: int) -> None:
     group.create_dataset(name, data=np.array([value], dtype=np.int32))
 
 
-def _write_matrix(group: h5py.Group, matrix: Matrix, storage: Storage, compression: bool) -> None:
+def _write_matrix(group: h5py.Group, matrix: Matrix, storage: Storage, compressor: Compressor | None) -> None:
     """Write a sparse or dense matrix; triplets have their columns in `p` and their rows in `i`, as CSparse and real files do."""
     lines = (sp.csr_array if storage == "csr" else sp.csc_array)(matrix)
     if not lines.has_canonical_format:
@@ -105,9 +110,9 @@ def _write_matrix(group: h5py.Group, matrix: Matrix, storage: Storage, compressi
     else:
         _write_integer(group, "nz", -1 if storage == "csc" else -2)
         pointers, indices = lines.indptr, lines.indices
-    _write_array(group, "p", pointers, compression)
-    _write_array(group, "i", indices, compression)
-    _write_array(group, "x", np.asarray(lines.data, dtype=np.float64), compression)
+    _write_array(group, "p", pointers, compressor)
+    _write_array(group, "i", indices, compressor)
+    _write_array(group, "x", lines.data, compressor)
 
 
 def _write_info(group: h5py.Group, texts: dict[str, str | None]) -> None:
@@ -118,7 +123,7 @@ def _write_info(group: h5py.Group, texts: dict[str, str | None]) -> None:
             info.create_dataset(name, data=np.bytes_(text), dtype=f"S{len(text) + 1}")
 
 
-def _write_solution(group: h5py.Group, solution: Solution, problem: Problem, compression: bool) -> None:
+def _write_solution(group: h5py.Group, solution: Solution, problem: Problem, compressor: Compressor | None) -> None:
     for name, size in solution_sizes(problem).items():
         vector = getattr(solution, name)
         if vector is None:
@@ -128,4 +133,4 @@ def _write_solution(group: h5py.Group, solution: Solution, problem: Problem, com
             raise InputError(f"solution, {name}: expected shape ({size},), got {vector.shape}")
         if not np.all(np.isfinite(vector)):
             raise InputError(f"solution, {name}: expected finite numbers, got NaN or infinity")
-        _write_array(group, name, vector, compression)
+        _write_array(group, name, vector, compressor)

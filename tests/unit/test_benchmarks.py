@@ -199,7 +199,7 @@ def test_comparison_with_siconos(tmp_path: Path) -> None:
 def test_growth_from_wall_to_wall(scripts: Any, tmp_path: Path) -> None:
     growth = scripts("growth")
     rows = [
-        {"contacts": c, "cpu": 2e-3 * c**1.2, "step": 3e-3 * c, "solve": c, "assembly": c, "detection": c, "peak_MiB": 400.0}
+        {"contacts": c, "cpu": 2e-3 * c**1.2, "step": 3e-3 * c, "solve": c, "assembly": c, "detection": c, "output": c, "peak_MiB": 400.0}
         for c in (700, 2800, 11000)
     ]
     assert growth.exponents(rows, "cpu") == pytest.approx([1.2, 1.2])
@@ -209,7 +209,9 @@ def test_growth_from_wall_to_wall(scripts: Any, tmp_path: Path) -> None:
 
 
 def test_growth_measures_a_wall_that_carries_its_weight(scripts: Any) -> None:
-    row = scripts("growth").measure(12, 4)
+    row = scripts("growth").measure(12, 4, output=True)
     assert (row["dofs"], row["contacts"]) == (7212, 688)  # the masonry wall's README
     assert row["error"] <= 1e-4 and row["imbalance"] < 1e-10
     assert row["reaction"] == pytest.approx(1, abs=0.05)  # it still swings
+    assert row["output"] > 0 and row["first_output"] > 0
+    assert 1.5 < row["output_MB"] < 3  # M of the README's wall: 400 620 entries of 12 bytes, which compression leaves about a third of

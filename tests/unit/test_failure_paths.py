@@ -2,7 +2,9 @@
 
 import csv
 import json
+import resource
 import shutil
+import signal
 from pathlib import Path
 
 import h5py
@@ -14,6 +16,7 @@ from fcsim.cli import main
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.io import write_mesh
 from fcsim.mesh.part import Material, Part
+from fcsim.run_report import Progress
 
 SCRIPT = """
 from dataclasses import dataclass
@@ -160,3 +163,28 @@ def test_a_regularisation_that_is_too_small(folder: Path, tmp_path: Path, capsys
     about = json.loads((tmp_path / "out" / "run.json").read_text())
     assert about["status"] == "failed" and "larger eta" in about["message"]
     assert "regularised by the mass: eta = 1e-12" in about["notes"][0]
+
+
+def test_a_full_disk(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """The second FCLIB file does not fit: one line that names it, exit code 2, whole files of what came before, and --resume goes on."""
+    out = tmp_path / "out"
+    limits, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+
+    def fill_the_disk(*ignored: object) -> None:
+        smallest = min(path.stat().st_size for path in (out / "fclib").rglob("*.hdf5"))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (smallest // 2, limits[1]))
+
+    monkeypatch.setattr(Progress, "update", fill_the_disk)
+    arguments = ["run", str(folder), "--out", str(out), "--export-every", "1", "--vtk-every", "0"]
+    try:
+        assert main(arguments) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    said = capsys.readouterr().err
+    assert "File too large" in said and "-00002.hdf5" in said and "Traceback" not in said
+    assert [path.name[-10:] for path in (out / "fclib" / "global").iterdir()] == ["00001.hdf5"]
+    assert json.loads((out / "run.json").read_text())["status"] == "failed"
+    monkeypatch.undo()
+    assert main([*arguments, "--resume"]) == 0
+    assert sorted(path.name[-10:] for path in (out / "fclib" / "global").iterdir()) == [f"{step:05d}.hdf5" for step in (1, 2, 3, 4)]

@@ -18,6 +18,7 @@ from numpy.testing import assert_array_equal
 from fcsim.case import Case, load_case
 from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib
+from fcsim.export_fclib.steps import write_step
 from fcsim.run import RunOptions, run_case
 from fcsim.timestep.simulation import Step
 
@@ -78,6 +79,25 @@ def test_files_of_a_run(case_folder: Path, tmp_path: Path, steps_without_seconds
         assert_array_equal(content.solution.r, seen[-1].result.r)
         assert_array_equal(content.guesses[0].r, seen[-1].start)
     assert not list(out.rglob("*.partial"))
+
+
+def test_files_of_a_run_are_those_of_its_steps_alone(case_folder: Path, tmp_path: Path) -> None:
+    """What stays from step to step is compressed once for all files; none may hold a neighbour's numbers."""
+    options = RunOptions(export_every=1, export_forms=("global", "local"), vtk_every=0)
+
+    def write_alone(case: Case, step: Step) -> None:
+        write_step(tmp_path / "alone", step, case.fclib_set, ("global", "local"))
+
+    run_case(load_case(case_folder), {"steps": "6"}, tmp_path / "out", options, watch=write_alone)
+    files = sorted((tmp_path / "alone").rglob("*.hdf5"))
+    assert len(files) == 12
+    for path in files:
+        with h5py.File(path) as alone, h5py.File(tmp_path / "out" / "fclib" / path.relative_to(tmp_path / "alone")) as of_run:
+            names: list[str] = []
+            alone.visititems(lambda name, entry, names=names: names.append(name) if isinstance(entry, h5py.Dataset) else None)
+            assert {"solution/r", "guesses/1/r", f"fclib_{path.parent.name}/vectors/mu"} < set(names)
+            for name in names:
+                assert "/info/" in name or alone[name][()].tobytes() == of_run[name][()].tobytes(), name
 
 
 def test_the_table_as_hdf5(case_folder: Path, tmp_path: Path, steps_without_seconds: Rows) -> None:

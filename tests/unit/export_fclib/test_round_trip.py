@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from fcsim.errors import InputError
 from fcsim.export_fclib import GlobalRollingProblem, Solution, file_name, read_fclib, write_fclib
+from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.write import _write_matrix
 from fcsim.problem import GlobalProblem, LocalProblem
 
@@ -122,7 +123,7 @@ def test_the_writer_sums_duplicates_without_changing_its_argument(tmp_path):
 def test_layout_of_a_small_matrix(tmp_path, storage, nz):
     """[[0, 5, 0], [7, 0, 9]], whose three storages are written down by hand (CSparse: triplets have columns in p, rows in i)."""
     with h5py.File(tmp_path / "matrix.hdf5", "w") as file:
-        _write_matrix(file.create_group("A"), sp.csr_array([[0.0, 5, 0], [7, 0, 9]]), storage, True)
+        _write_matrix(file.create_group("A"), sp.csr_array([[0.0, 5, 0], [7, 0, 9]]), storage, Compressor())
         group = {name: file["A"][name] for name in file["A"]}
         assert {name: group[name][0] for name in ("m", "n", "nz", "nzmax")} == {"m": 2, "n": 3, "nz": nz, "nzmax": 3}
         assert all(group[name].shape == (1,) and group[name].dtype == np.int32 for name in ("m", "n", "nz", "nzmax"))
@@ -154,7 +155,7 @@ def test_layout_of_vectors_texts_and_guesses(tmp_path):
 
 
 def test_compression_pays(tmp_path):
-    problem = GlobalProblem(sp.eye_array(3000), sp.eye_array(3000), np.zeros(3000), np.zeros(3000), np.full(1000, 0.5))
+    problem = GlobalProblem(sp.eye_array(9000), sp.eye_array(9000), np.zeros(9000), np.zeros(9000), np.full(3000, 0.5))
     plain = write_fclib(tmp_path / "plain.hdf5", problem, compression=False).stat().st_size
     assert 5 * write_fclib(tmp_path / "small.hdf5", problem).stat().st_size < plain
 
@@ -192,7 +193,7 @@ def test_a_missing_folder_and_a_foreign_problem_are_refused(tmp_path):
 
 def test_sizes_beyond_32_bits_are_refused(tmp_path):
     with h5py.File(tmp_path / "matrix.hdf5", "w") as file, pytest.raises(InputError, match="A/m: expected at most 2147483647"):
-        _write_matrix(file.create_group("A"), sp.coo_array((2**31, 3)), "csc", True)
+        _write_matrix(file.create_group("A"), sp.coo_array((2**31, 3)), "csc", Compressor())
 
 
 @pytest.mark.parametrize(
