@@ -5,8 +5,8 @@
    Gauss-Seidel converges here.
 2. Race. A model of the costs (entries of W, size, density; no clock, so that runs repeat exactly) and the measured rate say whether
    Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will. Where it needs more than ADMM's one
-   factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly (not where
-   contacts come in joints: an iteration of Newton is not dearer than ADMM's factorisation there).
+   factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly (where
+   contacts come in joints, before Newton, if they are so many that Newton's factorisations from afar cost more than ADMM's one).
 3. Newton, plain (NSN-AC, from a cold start with a larger first rho): exact for full-rank W, given up when a dozen iterations bring no
    better iterate, or when the first one throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and
    more; of 1e2 for full rank).
@@ -59,6 +59,8 @@ NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
 """What Newton, plain and proximal, needs from errors above and below `FAR`, about (measured, in iterations at the modelled cost)."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
+JOINTS_SHARE = 100
+"""ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
 PLAIN_NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT)
 COLD_RHO = 8.0
 """Factor on Newton's first rho from a cold start, where velocities say more than reactions (a fifth fewer iterations on walls)."""
@@ -113,16 +115,11 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     warm = bool(np.any(r))
     run = _Run(problem, monitor, options, warm, joints)
     last = Iterate(r, Status.MAX_ITERATIONS)
-    stages = (
-        (run.plain_newton, run.race, run.proximal, run.sweeps_to_the_end)
-        if warm or joints is not None
-        else (
-            run.race,
-            run.plain_newton,
-            run.proximal,
-            run.sweeps_to_the_end,
-        )
-    )
+    stages: tuple[Callable[[FloatArray], Iterate], ...] = (run.race, run.plain_newton, run.proximal, run.sweeps_to_the_end)
+    if warm or joints is not None:
+        stages = (run.plain_newton, run.race, run.proximal, run.sweeps_to_the_end)
+    if joints is not None and not warm and run.splitting_leads():
+        stages = (run.splitting, *stages)
     monitor.record(r, problem.W @ r + problem.q)
     for stage in stages:
         last = stage(r)
@@ -165,9 +162,11 @@ class _Run:
         # seconds on a common processor; only their ratio matters
         share = options.splitting
         self.sweep_cost = 6e-10 * entries + 9e-8 * problem.nc
-        if joints is not None:  # multifrontal elimination leaves nothing to gain for ADMM
-            self.newton_cost = 3e-3 + 1e-8 * entries + 1.3e-11 * joints.tree.flops(problem.dimension)
-            self.splitting_cost = np.inf
+        self.joints = joints
+        if joints is not None:
+            flops = joints.tree.flops(problem.dimension)
+            self.newton_cost = 3e-3 + 1e-8 * entries + 1e-11 * flops
+            self.splitting_cost = 1e-3 + 1.5e-11 * flops + JOINTS_SHARE * 3e-9 * entries
         elif self.sparse:
             self.newton_cost = 1e-3 + 1.5e-7 * entries
             self.splitting_cost = 1e-3 + 0.4 * self.newton_cost + share * (5e-5 + 1e-9 * entries)
@@ -210,12 +209,19 @@ class _Run:
             chunk *= 2
         return iterate
 
-    def splitting(self) -> Iterate:
+    def splitting_leads(self) -> bool:
+        """Whether ADMM and Newton from its iterate cost clearly less than Newton from afar: many bodies, whose LU is dear."""
+        far, near = NEWTON_FROM_FAR * self.newton_cost, NEWTON_FROM_NEAR * self.newton_cost
+        return self.options.splitting > 0 and self.splitting_cost + near < 0.7 * far
+
+    def splitting(self, r: FloatArray | None = None) -> Iterate:
         """ADMM from zero, which suits it better than sweeps' iterate, as long as each share of iterations brings the error down tenfold."""
-        monitor = self.monitor
+        share, options = self.options.splitting, AdmmOptions(initial_rho="norm", rho=1e-3)
+        if self.joints is not None:  # one factorisation, and many cheap iterations
+            share, options = JOINTS_SHARE, AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
         vi = Inequality.coulomb(self.problem)
-        watch = _SplittingWatch(vi.velocity, monitor, self.options.max_iterations, self.options.splitting)
-        return split(vi, np.zeros(self.problem.m), watch, AdmmOptions(initial_rho="norm", rho=1e-3))
+        watch = _SplittingWatch(vi.velocity, self.monitor, self.options.max_iterations, share)
+        return split(vi, np.zeros(self.problem.m), watch, options)
 
     def plain_newton(self, r: FloatArray) -> Iterate:
         """NSN-AC as long as every `patience` iterations bring a better iterate."""

@@ -14,6 +14,7 @@ from fcsim.solvers._front_kernels import gather_blocks
 from fcsim.solvers.border_system import BorderSystem, split_known
 from fcsim.solvers.krylov import gmres
 from fcsim.solvers.multifrontal import BlockRows, MultifrontalCholesky, joint_rows
+from fcsim.solvers.multifrontal_system import MultifrontalSystem
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem, dofs_of
 
 FloatArray = NDArray[np.float64]
@@ -26,8 +27,11 @@ ACCURACY = 1e-4
 """The same for a step by this W's factor in single precision."""
 SINGLE_FROM = 1500
 """Contact unknowns from which factor and border are kept in single precision."""
-WELL_CONDITIONED = 1e-8
-"""Least pivot over the largest from which the factor on all closed contacts is trusted; rank-deficient W gives round-off, 1e-16."""
+WELL_CONDITIONED, WELL_CONDITIONED_SINGLE = 1e-8, 1e-5
+"""Least pivot over the largest from which the factor on all closed contacts is trusted; rank-deficient W gives round-off, 1e-16 or 1e-7."""
+UNSETTLED, FEW_SLIDE = 0.05, 0.25
+"""Share of the contacts whose status changes from step to step above which a factor to be held would not last: the fronts' LU is cheaper.
+At first, share of the closed contacts that may slide: a cold start has more, a warm one less."""
 INNER = 1e-2
 """The same for the border's system where such a step is only a preconditioner's."""
 CORRECTIONS = 8
@@ -80,9 +84,10 @@ class CondensedSystem:
     The matrix of this response is kept. Of a released contact's x the linearised equations give all that sticks, and the normal component
     where it is closed: its tangential components alone are left to `BorderSystem`.
     W must be symmetric; where it is not positive definite on the closed contacts, those that stick are held, and where it is not on these
-    the LU of the whole takes over. Of a sparse W whose contacts come in joints the factor is multifrontal, else dense. Large factors
-    and columns are kept in single precision, and others belong to an earlier W once `follow` has brought a new one: they are then the
-    preconditioner of GMRES on the true system. Where that does not pay all is factored anew, in double precision if that was not it.
+    the LU of the whole takes over; of joints it does also as long as the sets are far from settled. Of a sparse W whose contacts come in
+    joints the factor is multifrontal, else dense. Large factors and columns are kept in single precision, and others belong to an earlier
+    W once `follow` has brought a new one: they are then the preconditioner of GMRES on the true system. Where that does not pay all is
+    factored anew, in double precision if that was not it.
     """
 
     def __init__(self, W: Any, dimension: int) -> None:
@@ -94,6 +99,7 @@ class CondensedSystem:
         self._symmetric: bool | None = None  # not looked at yet
         self._held: IntArray | None = None
         self._holds_sliding = True
+        self._status: IntArray | None = None  # of the contacts at the last step
         self._followed = False
 
     def _set(self, W: Any) -> None:
@@ -107,9 +113,16 @@ class CondensedSystem:
         return self._W @ x if self._rows is None else self._rows.product(x)
 
     def _solve_whole(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        if self._whole is None:
+        if self._whole is None and self._rows is not None:
+            self._whole = MultifrontalSystem(self._rows, self._d)
+        elif self._whole is None:
             self._whole = (DenseSystem if isinstance(self._W, np.ndarray) else SparseSystem)(self._W, self._d)
         return self._whole.solve(A, B, rhs)
+
+    @property
+    def by_joints(self) -> bool:
+        """Whether the factor is multifrontal on the joints of W."""
+        return self._rows is not None
 
     def follow(self, W: Any) -> bool:
         if self._held is None or W.shape != self._W.shape:
@@ -123,29 +136,41 @@ class CondensedSystem:
         sticking = closed & ~B.any(axis=(1, 2))
         if not closed.any():
             return self._solve_whole(A, B, rhs)
+        settled = self._settled(closed, sticking)
         if self._held is not None and not self._outgrown(closed, sticking):
             found = self._by_what_is_held(A, B, rhs)
             if found is not None:
                 return found
         self._held = None
+        if self._rows is not None and not settled:
+            return self._solve_whole(A, B, rhs)
         if self._symmetric is None:
             self._symmetric = is_symmetric(self._W)
         if not self._symmetric:
             return self._solve_whole(A, B, rhs)
         while True:
-            if not self._hold(closed if self._holds_sliding else sticking, WELL_CONDITIONED if self._holds_sliding else 0.0):
+            held, trusted = (closed, WELL_CONDITIONED) if self._holds_sliding else (sticking, 0.0)
+            single = self._dtype is np.float32
+            if self._hold(held, WELL_CONDITIONED_SINGLE if single else trusted):
+                found = self._by_what_is_held(A, B, rhs)
+                if found is not None:
+                    return found
+                if not single:
+                    break
+            elif not single:
                 if not self._holds_sliding:
                     break
                 self._holds_sliding = False
-                continue
-            found = self._by_what_is_held(A, B, rhs)
-            if found is not None:
-                return found
-            if self._dtype is np.float64:
-                break
             self._dtype = np.float64
         self._held = None
         return self._solve_whole(A, B, rhs)
+
+    def _settled(self, closed: BoolArray, sticking: BoolArray) -> bool:
+        """Whether few contacts have another status than in the last step; without one, whether few of the closed contacts slide."""
+        before, self._status = self._status, closed + 2 * sticking
+        if before is None:
+            return bool(np.count_nonzero(closed & ~sticking) <= FEW_SLIDE * np.count_nonzero(closed))
+        return bool(np.count_nonzero(self._status != before) <= UNSETTLED * len(closed))
 
     def _by_what_is_held(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """The step by the factor and border that are there; None where they cannot give it."""

@@ -15,6 +15,7 @@ nodes and minimum degree: A. George, J. W. H. Liu, SIAM Review 31, 1989.
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -103,16 +104,22 @@ def minimum_degree(adjacent: list[set[int]], size: IntArray) -> tuple[list[int],
     """Return vertices in the order of elimination and the neighbours that each has when it is eliminated; degrees count contacts."""
     graph = [set(neighbours) for neighbours in adjacent]
     degree = [int(sum(size[k] for k in neighbours)) for neighbours in graph]
+    waiting = [(count, j) for j, count in enumerate(degree)]  # with degrees of the past, which are skipped
+    heapq.heapify(waiting)
+    order: list[int] = []
+    borders: list[set[int]] = []
     left = set(range(len(graph)))
-    order, borders = [], []
     while left:
-        pivot = min(left, key=lambda j: (degree[j], j))
+        count, pivot = heapq.heappop(waiting)
+        if pivot not in left or count != degree[pivot]:
+            continue
         border = graph[pivot]
         left.discard(pivot)
         for j in border:
             graph[j] |= border
             graph[j] -= {j, pivot}
             degree[j] = int(sum(size[k] for k in graph[j]))
+            heapq.heappush(waiting, (degree[j], j))
         order.append(pivot)
         borders.append(border)
     return order, borders
@@ -275,15 +282,15 @@ class Multifrontal:
 
 
 class MultifrontalCholesky:
-    """L L^T of a symmetric W on the held contacts (nc,) of `rows`, unknowns in the order of `contacts`.
+    """L L^T of a symmetric W on the held contacts (nc,) of `rows`, unknowns in the order of `contacts`; fronts of the given precision.
 
-    W is factored in double precision, whose round-off a W of large condition needs, and the factor rounded to the one that is asked for.
     conditioning: the least pivot over the largest.
     """
 
     def __init__(self, rows: BlockRows, held: BoolArray, dtype: Any = np.float64) -> None:
         d = rows.blocks.shape[1]
-        self._trsm, self._trsv = sla.blas.get_blas_funcs(("trsm", "trsv"), dtype=dtype)
+        potrf = sla.lapack.get_lapack_funcs("potrf", dtype=dtype)
+        self._trsm, self._trsv, syrk = sla.blas.get_blas_funcs(("trsm", "trsv", "syrk"), dtype=dtype)
         local = np.full(len(held), -1)
         assembly = _Assembly(rows.tree, held)
         self.contacts = assembly.contacts
@@ -291,23 +298,22 @@ class MultifrontalCholesky:
         pivots = [np.empty(0)]
         for begin, own, border, beyond, children in assembly:
             n, b = len(own), len(border)
-            F11, F21, F22 = (np.zeros((d * k, d * m), order="F") for k, m in ((n, n), (b, n), (b, b)))
+            F11, F21, F22 = (np.zeros((d * k, d * m), dtype=dtype, order="F") for k, m in ((n, n), (b, n), (b, b)))
             fill_lower(own, border, local, rows.indptr, rows.indices, rows.blocks, F11, F21)
             for place, S in children:
                 extend_add_lower(S, place, n, d, F11, F21, F22)
             if n:
-                L, info = sla.lapack.dpotrf(F11, lower=True, overwrite_a=True, clean=False)
+                L, info = potrf(F11, lower=True, overwrite_a=True, clean=False)
                 if info != 0:
-                    raise SingularMatrix(f"W of {len(self.contacts)} sticking contacts is not positive definite")
+                    raise SingularMatrix(f"W of {len(self.contacts)} closed contacts is not positive definite")
                 if b:
-                    F21 = sla.blas.dtrsm(1.0, L, F21, side=1, lower=True, trans_a=True, overwrite_b=True)
-                    F22 = sla.blas.dsyrk(-1.0, F21, 1.0, F22, lower=True, overwrite_c=True)
-                pivots.append(L.diagonal() ** 2)
-                own_rows = slice(d * begin, d * (begin + n))
-                self._fronts.append((own_rows, dofs_of(beyond, d), L.astype(dtype, copy=False), F21.astype(dtype, copy=False)))
+                    F21 = self._trsm(1.0, L, F21, side=1, lower=True, trans_a=True, overwrite_b=True)
+                    F22 = syrk(-1.0, F21, 1.0, F22, lower=True, overwrite_c=True)
+                pivots.append(L.diagonal().astype(float) ** 2)
+                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), L, F21))
             assembly.pass_on(F22)
         every = np.concatenate(pivots)
-        self.conditioning = float(every.min(initial=np.inf) / every.max(initial=0.0)) if len(every) else 1.0
+        self.conditioning = float(every.min() / every.max()) if len(every) else 1.0
 
     def forward(self, X: FloatArray) -> FloatArray:
         """Overwrite X (n, k), in C order, with L^-1 X and return it; columns that are zero so far cost nothing."""

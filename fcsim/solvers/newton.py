@@ -241,10 +241,14 @@ def _linear(problem: LocalProblem, options: NewtonOptions) -> tuple[str, Any]:
     """
     W, condensing, linear = problem.W, options.formulation in ("AC", "JM"), options.linear
     if linear in ("auto", "kkt"):
-        if not isinstance(W, np.ndarray) and not (condensing and problem.kept is not None):
+        kept = problem.kept if condensing else None
+        present = None if kept is None else kept.get("condensed")
+        if not isinstance(W, np.ndarray):
+            if isinstance(present, CondensedSystem) and present.by_joints:
+                return "condensed", W  # which looks for the joints of this W itself
             rows = joint_rows(W, problem.dimension)
             if rows is not None:
-                return "multifrontal", rows
+                return ("multifrontal", rows) if kept is None else ("condensed", W)
         affordable = problem.m <= (CONDENSED_UP_TO if condensing else DENSE_UP_TO)
         if not isinstance(W, np.ndarray) and not (affordable and W.nnz >= FILLED * problem.m**2):
             linear = "sparse"
