@@ -99,27 +99,36 @@ def product(indptr, indices, blocks, q, r):
     for a in range(len(q)):
         u0, u1, u2 = q[a, 0], q[a, 1], q[a, 2]
         for k in range(indptr[a], indptr[a + 1]):
-            w, b = blocks[k], indices[k]
+            b = indices[k]
             s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
-            u0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
-            u1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
-            u2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
+            u0 += blocks[k, 0, 0] * s0 + blocks[k, 0, 1] * s1 + blocks[k, 0, 2] * s2
+            u1 += blocks[k, 1, 0] * s0 + blocks[k, 1, 1] * s1 + blocks[k, 1, 2] * s2
+            u2 += blocks[k, 2, 0] * s0 + blocks[k, 2, 1] * s1 + blocks[k, 2, 2] * s2
         u[a, 0], u[a, 1], u[a, 2] = u0, u1, u2
     return u
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def off_diagonal(indptr, indices, blocks, a, q0, q1, q2, r):
     """q_a + sum_{b != a} W_ab r_b."""
     for k in range(indptr[a], indptr[a + 1]):
         b = indices[k]
         if b != a:
-            w = blocks[k]
             s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
-            q0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
-            q1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
-            q2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
+            q0 += blocks[k, 0, 0] * s0 + blocks[k, 0, 1] * s1 + blocks[k, 0, 2] * s2
+            q1 += blocks[k, 1, 0] * s0 + blocks[k, 1, 1] * s1 + blocks[k, 1, 2] * s2
+            q2 += blocks[k, 2, 0] * s0 + blocks[k, 2, 1] * s1 + blocks[k, 2, 2] * s2
     return q0, q1, q2
+
+
+@njit(cache=True, forceinline=True)
+def block(blocks, k):
+    """blocks[k] as a tuple of rows, which stays in registers; a view of the array would be counted and freed at every visit."""
+    return (
+        (blocks[k, 0, 0], blocks[k, 0, 1], blocks[k, 0, 2]),
+        (blocks[k, 1, 0], blocks[k, 1, 1], blocks[k, 1, 2]),
+        (blocks[k, 2, 0], blocks[k, 2, 1], blocks[k, 2, 2]),
+    )
 
 
 def sweep(
@@ -167,7 +176,7 @@ def sweep(
                 frozen[a] -= 1
                 size += old0 * old0 + old1 * old1 + old2 * old2
                 continue
-            s, W, m, rho_N, rho_T = shift[a], diagonal[a], mu[a], rho[a, 0], rho[a, 1]
+            s, W, m, rho_N, rho_T = shift[a], block(diagonal, a), mu[a], rho[a, 0], rho[a, 1]
             q0, q1, q2 = off_diagonal(indptr, indices, blocks, a, q[a, 0] - s * old0, q[a, 1] - s * old1, q[a, 2] - s * old2, r)
             tol = tolerance * (np.sqrt(old0 * old0 + old1 * old1 + old2 * old2) + rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
             r0, r1, r2, solved = one_contact(W, q0, q1, q2, m, rho_N, rho_T, old0, old1, old2, tol, iterations)
@@ -202,10 +211,10 @@ def sweep_velocities(indptr, indices, blocks, inverse, p, mu, rho, order, u, r, 
     failures = 0
     for a in order:
         b0, b1, b2 = off_diagonal(indptr, indices, blocks, a, p[a, 0], p[a, 1], p[a, 2], u)
-        W = inverse[a]
-        q0 = -(W[0, 0] * b0 + W[0, 1] * b1 + W[0, 2] * b2)
-        q1 = -(W[1, 0] * b0 + W[1, 1] * b1 + W[1, 2] * b2)
-        q2 = -(W[2, 0] * b0 + W[2, 1] * b1 + W[2, 2] * b2)
+        W = block(inverse, a)
+        q0 = -(W[0][0] * b0 + W[0][1] * b1 + W[0][2] * b2)
+        q1 = -(W[1][0] * b0 + W[1][1] * b1 + W[1][2] * b2)
+        q2 = -(W[2][0] * b0 + W[2][1] * b1 + W[2][2] * b2)
         r0, r1, r2 = r[a, 0], r[a, 1], r[a, 2]
         tol = tolerance * (np.sqrt(r0 * r0 + r1 * r1 + r2 * r2) + rho[a, 0] * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
         r0, r1, r2, solved = one_contact(W, q0, q1, q2, mu[a], rho[a, 0], rho[a, 1], r0, r1, r2, tol, iterations)
@@ -213,9 +222,9 @@ def sweep_velocities(indptr, indices, blocks, inverse, p, mu, rho, order, u, r, 
             failures += 1
         r[a, 0], r[a, 1], r[a, 2] = r0, r1, r2
         old0, old1, old2 = u[a, 0], u[a, 1], u[a, 2]
-        d0 = relaxation * (W[0, 0] * r0 + W[0, 1] * r1 + W[0, 2] * r2 + q0 - old0)
-        d1 = relaxation * (W[1, 0] * r0 + W[1, 1] * r1 + W[1, 2] * r2 + q1 - old1)
-        d2 = relaxation * (W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2 + q2 - old2)
+        d0 = relaxation * (W[0][0] * r0 + W[0][1] * r1 + W[0][2] * r2 + q0 - old0)
+        d1 = relaxation * (W[1][0] * r0 + W[1][1] * r1 + W[1][2] * r2 + q1 - old1)
+        d2 = relaxation * (W[2][0] * r0 + W[2][1] * r1 + W[2][2] * r2 + q2 - old2)
         u[a, 0], u[a, 1], u[a, 2] = old0 + d0, old1 + d1, old2 + d2
         change += d0 * d0 + d1 * d1 + d2 * d2
         size += u[a, 0] ** 2 + u[a, 1] ** 2 + u[a, 2] ** 2
