@@ -41,13 +41,14 @@ class DenseCholesky:
     name = "dense Cholesky (LAPACK)"
 
     def __init__(self, A: FloatArray) -> None:
-        try:
-            self._factor = sla.cho_factor(A, lower=True, check_finite=False)
-        except sla.LinAlgError as error:
-            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: {error}") from None
+        potrf, self._potrs = sla.lapack.get_lapack_funcs(("potrf", "potrs"), (A,))
+        self._factor, info = potrf(A, lower=True, clean=False)
+        if info != 0:
+            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: pivot {info}")
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        return sla.cho_solve(self._factor, rhs, check_finite=False)
+        solution: FloatArray = self._potrs(self._factor, rhs, lower=True)[0]
+        return solution
 
 
 class DenseLU:
@@ -56,17 +57,19 @@ class DenseLU:
     name = "dense LU (LAPACK)"
 
     def __init__(self, A: Any, overwrite: bool = False) -> None:
-        lu, pivots, info = sla.lapack.get_lapack_funcs("getrf", (A,))(A, overwrite_a=overwrite)
+        getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), (A,))
+        self._lu, self._pivots, info = getrf(A, overwrite_a=overwrite)
         if info != 0:
             raise SingularMatrix(f"matrix of size {len(A)} is singular: zero pivot {info}")
-        self._factor = lu, pivots
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        return sla.lu_solve(self._factor, rhs, check_finite=False)
+        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs)[0]
+        return solution
 
     def solve_transposed(self, rhs: FloatArray) -> FloatArray:
         """Return A^-T rhs: with DenseLU(J.T, overwrite=True) a C-ordered J is factored in place, and this solves J x = rhs."""
-        return sla.lu_solve(self._factor, rhs, trans=1, check_finite=False)
+        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs, trans=1)[0]
+        return solution
 
 
 MUMPS_FROM = 300_000

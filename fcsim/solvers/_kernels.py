@@ -30,18 +30,20 @@ def compiled(template: Callable[..., Any], name: str, solver: Any) -> Any:
 @njit(cache=True)
 def block_rows_of_dense(W, d):
     """Return dense W by block rows: indptr (nc + 1,), block columns, blocks (nnz, d, d) that are diagonal or not zero."""
-    nc = W.shape[0] // d
+    m = W.shape[0]
+    nc = m // d
     nonzero = np.zeros((nc, nc), dtype=np.bool_)
     indptr = np.zeros(nc + 1, dtype=np.int64)
+    touched = np.empty(m, dtype=np.bool_)
     for a in range(nc):
-        nonzero[a, a] = True
+        touched[:] = False
+        touched[d * a] = True
         for i in range(d * a, d * a + d):
-            row = W[i]
-            for b in range(nc):
-                block = False
-                for j in range(d * b, d * b + d):
-                    block |= row[j] != 0.0
-                nonzero[a, b] |= block
+            for j in range(m):  # without a branch: this pass reads all of W
+                touched[j] |= W[i, j] != 0.0
+        for b in range(nc):
+            for j in range(d * b, d * b + d):
+                nonzero[a, b] |= touched[j]
         indptr[a + 1] = indptr[a] + np.count_nonzero(nonzero[a])
     column = np.empty(indptr[nc], dtype=np.int64)
     blocks = np.empty((indptr[nc], d, d))
@@ -89,6 +91,37 @@ def block_rows_of_columns(starts, rows, values, d):
                     column[following[a]] = b
                     following[a] += 1
                 blocks[following[a] - 1, rows[k] - d * a, j] += values[k]
+    return indptr, column, blocks
+
+
+@njit(cache=True)
+def block_rows_of_rows(starts, columns, values, d):
+    """Return W by block rows, as `block_rows_of_dense`, from its compressed rows (repeated entries are added)."""
+    nc = (len(starts) - 1) // d
+    contact = np.repeat(np.arange(nc), d)  # of a column: a table is quicker than a division
+    column = np.empty(nc + len(columns), dtype=np.int64)
+    indptr = np.zeros(nc + 1, dtype=np.int64)
+    place = np.full(nc, -1)  # of a column's block in the present row, or before it where there is none
+    for a in range(nc):
+        end = indptr[a]
+        place[a], column[end] = end, a
+        end += 1
+        for k in range(starts[d * a], starts[d * a + d]):
+            b = contact[columns[k]]
+            if place[b] < indptr[a]:
+                place[b], column[end] = end, b
+                end += 1
+        column[indptr[a] : end].sort()
+        indptr[a + 1] = end
+    column = column[: indptr[nc]].copy()
+    blocks = np.zeros((indptr[nc], d, d))
+    for a in range(nc):
+        for k in range(indptr[a], indptr[a + 1]):
+            place[column[k]] = k
+        for i in range(d):
+            for k in range(starts[d * a + i], starts[d * a + i + 1]):
+                b = contact[columns[k]]
+                blocks[place[b], i, columns[k] - d * b] += values[k]
     return indptr, column, blocks
 
 

@@ -210,7 +210,7 @@ def _glocker(fixed_point, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_
         return _frictionless(W[0][0], q0)
     # numbers without unit: V = rho W, v = rho q / s, x = r / s
     s = rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2)
-    V = rho_N * W
+    V = rho_N * np.array([[W[0][0], W[0][1], W[0][2]], [W[1][0], W[1][1], W[1][2]], [W[2][0], W[2][1], W[2][2]]])
     v = np.array([q0, q1, q2]) * (rho_N / s)
     # the triangle is turned so that the expected direction of friction lies between e_1 and e_2: sides and disk then touch elsewhere
     f1, f2 = (r1, r2) if r1 * r1 + r2 * r2 > 0.0 else (-q1, -q2)

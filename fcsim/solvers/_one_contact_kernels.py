@@ -2,7 +2,8 @@
 
     solver(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations) -> (r0, r1, r2, solved)
 
-r0, r1, r2 come in as the starting point; tol is absolute, in the unit of r. Vectors are passed by component so that they stay in registers.
+r0, r1, r2 come in as the starting point; tol is absolute, in the unit of r. Vectors are passed by component, W in the sweeps as a tuple of
+rows (elsewhere an array does), so that they stay in registers; what a sweep calls at every visit is inlined for the same reason.
 Newton's equations are those of `formulations`; where Newton fails, De Saxcé's fixed point takes its place.
 """
 

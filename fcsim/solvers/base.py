@@ -45,6 +45,8 @@ class Options:
 
 def override(options: Any, overrides: dict[str, Any]) -> Any:
     """Return the frozen options with the given fields replaced; an unknown name is an InputError that lists the known ones."""
+    if not overrides:
+        return options
     known = [f.name for f in fields(options)] if is_dataclass(options) else []
     for name in overrides:
         if name not in known:

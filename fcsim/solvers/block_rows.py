@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.problem import LocalProblem
-from fcsim.solvers._kernels import block_rows_of_columns, block_rows_of_dense, product
+from fcsim.solvers._kernels import block_rows_of_columns, block_rows_of_dense, block_rows_of_rows, product
 from fcsim.solvers.scaling import RHO_RULES
 
 FloatArray = NDArray[np.float64]
@@ -28,8 +28,10 @@ def compressed_blocks(W: Any, dimension: int) -> tuple[IntArray, IntArray, Float
     if W.format == "bsr":
         W = W if W.blocksize == (d, d) else sp.bsr_array(W, blocksize=(d, d))
         return W.indptr.astype(np.int64), W.indices.astype(np.int64), np.ascontiguousarray(W.data)
-    W = W if W.format == "csc" else sp.csc_array(W)
-    return block_rows_of_columns(W.indptr, W.indices, W.data, d)
+    if W.format == "csc":
+        return block_rows_of_columns(W.indptr, W.indices, W.data, d)
+    W = W if W.format == "csr" else sp.csr_array(W)
+    return block_rows_of_rows(W.indptr, W.indices, W.data, d)
 
 
 def block_rows(W: Any, dimension: int) -> tuple[IntArray, IntArray, FloatArray]:

@@ -18,17 +18,26 @@ def spectral_norm(W: FloatArray) -> FloatArray:
 
 def split_spectral_norm(W: FloatArray) -> FloatArray:
     """rho_N = 1 / W_NN, rho_T = 1 / lambda_max(W_TT) (nc, d)."""
+    largest = np.empty(W.shape[:2])
+    largest[:, 0] = W[:, 0, 0]
     if W.shape[1] == 2:
-        return _split(W, _inverse(W[:, 1, 1]))
-    mean, half = 0.5 * (W[:, 1, 1] + W[:, 2, 2]), 0.5 * (W[:, 1, 1] - W[:, 2, 2])
-    return _split(W, _inverse(mean + np.hypot(half, W[:, 2, 1])))  # the larger root of the 2 x 2 block, from its lower triangle
+        largest[:, 1] = W[:, 1, 1]
+    else:  # the larger root of the 2 x 2 block, from its lower triangle
+        first, second = W[:, 1, 1], W[:, 2, 2]
+        largest[:, 1:] = (0.5 * (first + second) + np.hypot(0.5 * (first - second), W[:, 2, 1]))[:, None]
+    if np.all(largest > 0):
+        return 1 / largest
+    return np.stack([_inverse(column) for column in largest.T], axis=1)
 
 
 def split_spectral_norm_condition(W: FloatArray) -> FloatArray:
     """rho_N = 1 / W_NN, rho_T = lambda_min / lambda_max^2 of W_TT with lambda_min / lambda_max no less than 1e-3 (nc, d)."""
     eigenvalues = np.linalg.eigvalsh(W[:, 1:, 1:])
     inverse = _inverse(eigenvalues[:, -1])
-    return _split(W, np.maximum(eigenvalues[:, 0] * inverse, 1e-3) * inverse)
+    rho = np.empty(W.shape[:2])
+    rho[:, 0] = _inverse(W[:, 0, 0])
+    rho[:, 1:] = (np.maximum(eigenvalues[:, 0] * inverse, 1e-3) * inverse)[:, None]
+    return rho
 
 
 def constant(W: FloatArray) -> FloatArray:
@@ -43,13 +52,6 @@ def _inverse(values: FloatArray) -> FloatArray:
         return 1 / values
     mean = values[positive].mean() if positive.any() else 1.0
     return 1 / np.where(positive, values, mean)
-
-
-def _split(W: FloatArray, rho_T: FloatArray) -> FloatArray:
-    rho = np.empty(W.shape[:2])
-    rho[:, 0] = _inverse(W[:, 0, 0])
-    rho[:, 1:] = rho_T[:, None]
-    return rho
 
 
 RHO_RULES: dict[str, Callable[[FloatArray], FloatArray]] = {
