@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from fcsim.problem import LocalProblem
+
 FloatArray = NDArray[np.float64]
 
 
@@ -52,6 +54,11 @@ def _inverse(values: FloatArray) -> FloatArray:
         return 1 / values
     mean = values[positive].mean() if positive.any() else 1.0
     return 1 / np.where(positive, values, mean)
+
+
+def contact_compliance(problem: LocalProblem) -> FloatArray:
+    """tr(W_aa) / d (nc,), one number a contact; where it is not positive (both bodies held), the mean of the others."""
+    return 1 / _inverse(np.asarray(problem.W.diagonal()).reshape(-1, problem.dimension).mean(axis=1))
 
 
 RHO_RULES: dict[str, Callable[[FloatArray], FloatArray]] = {
