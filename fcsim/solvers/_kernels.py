@@ -69,11 +69,14 @@ def block_rows_of_columns(starts, rows, values, d):
     for b in range(nc):
         indptr[b + 1] += 1
         seen[b] = b
+        first = -d
         for k in range(starts[d * b], starts[d * b + d]):
-            a = contact[rows[k]]
-            if seen[a] != b:
-                seen[a] = b
-                indptr[a + 1] += 1
+            if not first <= rows[k] < first + d:  # another block than the entry's before
+                a = contact[rows[k]]
+                first = d * a
+                if seen[a] != b:
+                    seen[a] = b
+                    indptr[a + 1] += 1
     indptr = np.cumsum(indptr)
     column = np.empty(indptr[nc], dtype=np.int64)
     blocks = np.zeros((indptr[nc], d, d))
@@ -84,13 +87,17 @@ def block_rows_of_columns(starts, rows, values, d):
         column[following[b]] = b
         following[b] += 1
         for j in range(d):
+            first, place = -d, 0
             for k in range(starts[d * b + j], starts[d * b + j + 1]):
-                a = contact[rows[k]]
-                if seen[a] != b:
-                    seen[a] = b
-                    column[following[a]] = b
-                    following[a] += 1
-                blocks[following[a] - 1, rows[k] - d * a, j] += values[k]
+                if not first <= rows[k] < first + d:
+                    a = contact[rows[k]]
+                    first = d * a
+                    if seen[a] != b:
+                        seen[a] = b
+                        column[following[a]] = b
+                        following[a] += 1
+                    place = following[a] - 1
+                blocks[place, rows[k] - first, j] += values[k]
     return indptr, column, blocks
 
 
@@ -98,7 +105,7 @@ def block_rows_of_columns(starts, rows, values, d):
 def block_rows_of_rows(starts, columns, values, d):
     """Return W by block rows, as `block_rows_of_dense`, from its compressed rows (repeated entries are added)."""
     nc = (len(starts) - 1) // d
-    contact = np.repeat(np.arange(nc), d)  # of a column: a table is quicker than a division
+    contact = np.repeat(np.arange(nc), d)
     column = np.empty(nc + len(columns), dtype=np.int64)
     indptr = np.zeros(nc + 1, dtype=np.int64)
     place = np.full(nc, -1)  # of a column's block in the present row, or before it where there is none
@@ -106,11 +113,14 @@ def block_rows_of_rows(starts, columns, values, d):
         end = indptr[a]
         place[a], column[end] = end, a
         end += 1
+        first = -d
         for k in range(starts[d * a], starts[d * a + d]):
-            b = contact[columns[k]]
-            if place[b] < indptr[a]:
-                place[b], column[end] = end, b
-                end += 1
+            if not first <= columns[k] < first + d:
+                b = contact[columns[k]]
+                first = d * b
+                if place[b] < indptr[a]:
+                    place[b], column[end] = end, b
+                    end += 1
         column[indptr[a] : end].sort()
         indptr[a + 1] = end
     column = column[: indptr[nc]].copy()
@@ -119,9 +129,12 @@ def block_rows_of_rows(starts, columns, values, d):
         for k in range(indptr[a], indptr[a + 1]):
             place[column[k]] = k
         for i in range(d):
+            first, own = -d, 0
             for k in range(starts[d * a + i], starts[d * a + i + 1]):
-                b = contact[columns[k]]
-                blocks[place[b], i, columns[k] - d * b] += values[k]
+                if not first <= columns[k] < first + d:
+                    b = contact[columns[k]]
+                    first, own = d * b, place[b]
+                blocks[own, i, columns[k] - first] += values[k]
     return indptr, column, blocks
 
 
