@@ -224,7 +224,13 @@ def sweep(
                 continue
             s, W, m, rho_N, rho_T = shift[a], block(diagonal, a), mu[a], rho[a, 0], rho[a, 1]
             q0, q1, q2 = off_diagonal(indptr, indices, blocks, a, q[a, 0] - s * old0, q[a, 1] - s * old1, q[a, 2] - s * old2, r)
-            tol = tolerance * (np.sqrt(old0 * old0 + old1 * old1 + old2 * old2) + rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
+            square = old0 * old0 + old1 * old1 + old2 * old2
+            if square == 0.0 and q0 >= 0.0:  # open, and stays so
+                r[a, 0], r[a, 1], r[a, 2] = 0.0, 0.0, 0.0
+                if freezing > 0:
+                    frozen[a] = freezing
+                continue
+            tol = tolerance * (np.sqrt(square) + rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
             r0, r1, r2, solved = one_contact(W, q0, q1, q2, m, rho_N, rho_T, old0, old1, old2, tol, iterations)
             if not solved:
                 failures += 1

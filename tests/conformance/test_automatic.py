@@ -109,7 +109,7 @@ def test_hyperstatic_piles(bodies: int, seed: int, asymmetry: float, gyroscopic:
 
 
 def test_noise_that_leaves_no_solution(verdict: Callable[..., Any]) -> None:
-    """The least error of this pile is 0.072 times the noise on W, whatever its size: within 0.1 it is found, and further down not claimed."""
+    """The least error of this pile is 0.072 times the noise on W, whatever that is: a tenth of it is met, and nothing below is claimed."""
     problem = pile(20, 120, 1e-6)
     near = solve(problem, "auto", tol=1e-7)
     assert near.status is Status.SOLVED
