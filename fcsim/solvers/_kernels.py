@@ -139,6 +139,20 @@ def block_rows_of_rows(starts, columns, values, d):
 
 
 @njit(cache=True)
+def own_blocks(indptr, indices, blocks):
+    """The blocks (nc, d, d) on the diagonal of block rows, repeated ones added."""
+    d = blocks.shape[1]
+    own = np.zeros((len(indptr) - 1, d, d))
+    for a in range(len(own)):
+        for k in range(indptr[a], indptr[a + 1]):
+            if indices[k] == a:
+                for i in range(d):
+                    for j in range(d):
+                        own[a, i, j] += blocks[k, i, j]
+    return own
+
+
+@njit(cache=True)
 def product(indptr, indices, blocks, q, r):
     """u = W r + q (nc, 3) from block rows."""
     u = np.empty_like(q)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.problem import LocalProblem
+from fcsim.solvers._formulation_kernels import split_compliances
 
 FloatArray = NDArray[np.float64]
 
@@ -20,13 +21,7 @@ def spectral_norm(W: FloatArray) -> FloatArray:
 
 def split_spectral_norm(W: FloatArray) -> FloatArray:
     """rho_N = 1 / W_NN, rho_T = 1 / lambda_max(W_TT) (nc, d)."""
-    largest = np.empty(W.shape[:2])
-    largest[:, 0] = W[:, 0, 0]
-    if W.shape[1] == 2:
-        largest[:, 1] = W[:, 1, 1]
-    else:  # the larger root of the 2 x 2 block, from its lower triangle
-        first, second = W[:, 1, 1], W[:, 2, 2]
-        largest[:, 1:] = (0.5 * (first + second) + np.hypot(0.5 * (first - second), W[:, 2, 1]))[:, None]
+    largest = split_compliances(W)
     if np.all(largest > 0):
         return 1 / largest
     return np.stack([_inverse(column) for column in largest.T], axis=1)
