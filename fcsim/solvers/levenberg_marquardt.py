@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 DAMPING = 10.0 ** np.arange(-3.0, -10.6, -0.5)
 """lambda over the largest singular value of J: from where the error's curvature rules to where round-off does."""
 LARGEST = 1200
-"""Unknowns of contacts that are not open up to which J is decomposed (a second or two)."""
+"""Unknowns of contacts that are not open up to which J is decomposed (some seconds)."""
 GAIN = 0.998
 """Factor that an iteration takes off the error at least, or it is the last."""
 
@@ -48,8 +48,8 @@ def levenberg_marquardt(problem: LocalProblem, r: FloatArray, monitor: Monitor, 
             return Iterate(r, Status.STAGNATED)
         monitor.iterations += 1
         velocities = W @ steps
-        errors = [monitor.error(r + dr, u + du) for dr, du in zip(steps.T, velocities.T, strict=True)]
-        best = int(np.argmin(errors))
+        errors = np.array([monitor.error(r + dr, u + du) for dr, du in zip(steps.T, velocities.T, strict=True)])
+        best = int(np.argmin(np.where(np.isnan(errors), np.inf, errors)))
         if not errors[best] <= max(GAIN * error, monitor.tol):
             return Iterate(r, Status.STAGNATED)
         r = r + steps[:, best]
