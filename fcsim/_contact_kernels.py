@@ -1,4 +1,4 @@
-"""Loops over contacts, compiled by numba, behind the error and the checks of `fcsim.problem`; flat vectors, d components a contact."""
+"""Loops over contacts, compiled by numba, behind `fcsim.problem`: error, checks, diagonal blocks; d components a contact."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -31,13 +31,17 @@ def squared_natural_residual(r, u, mu, d):
 
 
 @njit(cache=True)
-def violations(r, u, mu, d):
-    """Largest violations of K by r, of K* by u + g(u) and of u_N >= 0 (none negative), r.(u + g(u)), and max |r|, max |u|."""
-    cone = dual_cone = penetration = product = r_max = u_max = 0.0
+def violations(r, u, q, mu, d):
+    """Largest violations of K by r, of K* by u + g(u) and of u_N >= 0 (none negative), r.(u + g(u)); max and norm of r, and of u or q.
+
+    Of u and q the larger counts, for max and norm each.
+    """
+    cone = dual_cone = penetration = product = r_max = u_max = r_square = u_square = q_square = 0.0
     for a in range(len(mu)):
         i, m = d * a, mu[a]
         r0, r1, r2 = r[i], r[i + 1], r[i + 2] if d == 3 else 0.0
         u0, u1, u2 = u[i], u[i + 1], u[i + 2] if d == 3 else 0.0
+        q0, q1, q2 = q[i], q[i + 1], q[i + 2] if d == 3 else 0.0
         sliding = m * np.sqrt(u1 * u1 + u2 * u2)
         modified = u0 + sliding
         cone = np.maximum(cone, np.sqrt(r1 * r1 + r2 * r2) - m * r0)  # np.maximum hands NaN on
@@ -46,4 +50,22 @@ def violations(r, u, mu, d):
         product += r0 * modified + r1 * u1 + r2 * u2
         r_max = np.maximum(r_max, np.maximum(abs(r0), np.maximum(abs(r1), abs(r2))))
         u_max = np.maximum(u_max, np.maximum(abs(u0), np.maximum(abs(u1), abs(u2))))
-    return cone, dual_cone, penetration, product, r_max, u_max
+        u_max = np.maximum(u_max, np.maximum(abs(q0), np.maximum(abs(q1), abs(q2))))
+        r_square += r0 * r0 + r1 * r1 + r2 * r2
+        u_square += u0 * u0 + u1 * u1 + u2 * u2
+        q_square += q0 * q0 + q1 * q1 + q2 * q2
+    return cone, dual_cone, penetration, product, r_max, u_max, np.sqrt(r_square), np.sqrt(np.maximum(u_square, q_square))
+
+
+@njit(cache=True)
+def diagonal_blocks_of_rows(starts, columns, values, d):
+    """The blocks (nc, d, d) on the diagonal of a matrix by compressed rows, repeated entries added; of columns, each block transposed."""
+    nc = (len(starts) - 1) // d
+    blocks = np.zeros((nc, d, d))
+    for a in range(nc):
+        for i in range(d):
+            for k in range(starts[d * a + i], starts[d * a + i + 1]):
+                j = columns[k] - d * a
+                if 0 <= j < d:
+                    blocks[a, i, j] += values[k]
+    return blocks

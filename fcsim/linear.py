@@ -50,22 +50,23 @@ class DenseCholesky:
             first[self.last] = False
             self._order = np.concatenate([np.flatnonzero(first), self.last])
             A = A[np.ix_(self._order, self._order)]
-        try:
-            self._factor = sla.cho_factor(A, lower=True, check_finite=False)
-        except sla.LinAlgError as error:
-            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: {error}") from None
+        potrf, self._potrs = sla.lapack.get_lapack_funcs(("potrf", "potrs"), (A,))
+        self._factor, info = potrf(A, lower=True, clean=False)
+        if info != 0:
+            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: pivot {info}")
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        if self._order is None:
-            return sla.cho_solve(self._factor, rhs, check_finite=False)
+        if not rhs.size:  # LAPACK's wrapper takes no empty arrays
+            return rhs.copy()
+        order = slice(None) if self._order is None else self._order
         x = np.empty_like(rhs)
-        x[self._order] = sla.cho_solve(self._factor, rhs[self._order], check_finite=False)
+        x[order] = self._potrs(self._factor, rhs[order], lower=True)[0]
         return x
 
     def inverse_on_last(self) -> FloatArray:
         """The rows and columns of A^-1 that belong to `last`: (L_ll L_ll^T)^-1 of the factor's last block, whatever comes before it."""
         k = len(self.last)
-        inverse = sla.lapack.dpotri(self._factor[0][-k:, -k:], lower=True)[0] if k else np.empty((0, 0))
+        inverse = sla.lapack.dpotri(self._factor[-k:, -k:], lower=True)[0] if k else np.empty((0, 0))
         return np.tril(inverse) + np.tril(inverse, -1).T
 
 
@@ -75,17 +76,19 @@ class DenseLU:
     name = "dense LU (LAPACK)"
 
     def __init__(self, A: Any, overwrite: bool = False) -> None:
-        lu, pivots, info = sla.lapack.get_lapack_funcs("getrf", (A,))(A, overwrite_a=overwrite)
+        getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), (A,))
+        self._lu, self._pivots, info = getrf(A, overwrite_a=overwrite)
         if info != 0:
             raise SingularMatrix(f"matrix of size {len(A)} is singular: zero pivot {info}")
-        self._factor = lu, pivots
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        return sla.lu_solve(self._factor, rhs, check_finite=False)
+        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs)[0]
+        return solution
 
     def solve_transposed(self, rhs: FloatArray) -> FloatArray:
         """Return A^-T rhs: with DenseLU(J.T, overwrite=True) a C-ordered J is factored in place, and this solves J x = rhs."""
-        return sla.lu_solve(self._factor, rhs, trans=1, check_finite=False)
+        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs, trans=1)[0]
+        return solution
 
 
 MUMPS_FROM = 300_000

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim._contact_kernels import squared_natural_residual, violations
+from fcsim._contact_kernels import diagonal_blocks_of_rows, squared_natural_residual, violations
 from fcsim.cone import tangential_norm
 from fcsim.errors import InputError
 
@@ -152,19 +152,17 @@ def diagonal_blocks(W: Any, d: int) -> FloatArray:
     index = np.arange(nc)
     if not sp.issparse(W):
         return W.reshape(nc, d, nc, d)[index, :, index, :]
-    blocks = np.zeros((nc, d, d))
     if W.format == "bsr" and W.blocksize == (d, d):
         row = np.repeat(index, np.diff(W.indptr))
         own = np.flatnonzero(row == W.indices)
         if np.array_equal(row[own], index):  # each stored once
             return W.data[own]
+        blocks = np.zeros((nc, d, d))
         np.add.at(blocks, row[own], W.data[own])
         return blocks
-    coo = sp.coo_array(W)
-    row, column = coo.coords
-    own = row // d == column // d
-    np.add.at(blocks, (row[own] // d, row[own] % d, column[own] % d), coo.data[own])
-    return blocks
+    W = W if W.format in ("csr", "csc") else sp.csr_array(W)
+    blocks = diagonal_blocks_of_rows(W.indptr, W.indices, W.data, d)
+    return blocks if W.format == "csr" else blocks.transpose(0, 2, 1)
 
 
 def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension: int = 3) -> float:
@@ -215,14 +213,12 @@ def check(
     """Compute the unit-true checks of flat r and u (m,); q (m,), the velocity without reactions, keeps u = 0 up to round-off small."""
     if len(mu) == 0:
         return Checks(0.0, 0.0, 0.0, 0.0, momentum)
-    cone, dual_cone, penetration, product, r_max, u_max = violations(r, u, mu, dimension)
-    u_size = float(np.linalg.norm(u))
-    if q is not None:
-        u_max, u_size = max(u_max, float(np.abs(q).max())), max(u_size, float(np.linalg.norm(q)))
+    found = violations(r, u, u if q is None else q, mu, dimension)
+    cone, dual_cone, penetration, product, r_max, u_max, r_size, u_size = found
     return Checks(
         cone=cone / (r_max or 1.0),
         dual_cone=dual_cone / (u_max or 1.0),
-        complementarity=abs(product) / ((float(np.linalg.norm(r)) * u_size) or 1.0),
+        complementarity=abs(product) / ((r_size * u_size) or 1.0),
         penetration=penetration,
         momentum=momentum,
     )

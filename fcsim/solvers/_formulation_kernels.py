@@ -1,4 +1,4 @@
-"""The equations of Alart-Curnier and of Jean-Moreau with their derivatives, a loop over contacts compiled by numba."""
+"""The equations of Alart-Curnier and of Jean-Moreau with their derivatives, and what their rho comes from; loops compiled by numba."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -51,3 +51,19 @@ def disk_equations(u, r, mu, rho, jean_moreau):
                 A[a, i, j] = P * rho[a, j]
                 B[a, i, j] = (1.0 if i == j else 0.0) - P
     return F, A, B
+
+
+@njit(cache=True)
+def split_compliances(W):
+    """W_NN and lambda_max(W_TT) (nc, d) of one-contact matrices W (nc, d, d), the latter for each tangent, from W_TT's lower triangle."""
+    nc, d = len(W), W.shape[1]
+    largest = np.empty((nc, d))
+    for a in range(nc):
+        tangential = W[a, 1, 1]
+        if d == 3:
+            first, second = W[a, 1, 1], W[a, 2, 2]
+            tangential = 0.5 * (first + second) + np.hypot(0.5 * (first - second), W[a, 2, 1])
+        largest[a, 0] = W[a, 0, 0]
+        for i in range(1, d):
+            largest[a, i] = tangential
+    return largest

@@ -30,18 +30,20 @@ def compiled(template: Callable[..., Any], name: str, solver: Any) -> Any:
 @njit(cache=True)
 def block_rows_of_dense(W, d):
     """Return dense W by block rows: indptr (nc + 1,), block columns, blocks (nnz, d, d) that are diagonal or not zero."""
-    nc = W.shape[0] // d
+    m = W.shape[0]
+    nc = m // d
     nonzero = np.zeros((nc, nc), dtype=np.bool_)
     indptr = np.zeros(nc + 1, dtype=np.int64)
+    touched = np.empty(m, dtype=np.bool_)
     for a in range(nc):
-        nonzero[a, a] = True
+        touched[:] = False
+        touched[d * a] = True
         for i in range(d * a, d * a + d):
-            row = W[i]
-            for b in range(nc):
-                block = False
-                for j in range(d * b, d * b + d):
-                    block |= row[j] != 0.0
-                nonzero[a, b] |= block
+            for j in range(m):  # without a branch: this pass reads all of W
+                touched[j] |= W[i, j] != 0.0
+        for b in range(nc):
+            for j in range(d * b, d * b + d):
+                nonzero[a, b] |= touched[j]
         indptr[a + 1] = indptr[a] + np.count_nonzero(nonzero[a])
     column = np.empty(indptr[nc], dtype=np.int64)
     blocks = np.empty((indptr[nc], d, d))
@@ -67,11 +69,14 @@ def block_rows_of_columns(starts, rows, values, d):
     for b in range(nc):
         indptr[b + 1] += 1
         seen[b] = b
+        first = -d
         for k in range(starts[d * b], starts[d * b + d]):
-            a = contact[rows[k]]
-            if seen[a] != b:
-                seen[a] = b
-                indptr[a + 1] += 1
+            if not first <= rows[k] < first + d:  # another block than the entry's before
+                a = contact[rows[k]]
+                first = d * a
+                if seen[a] != b:
+                    seen[a] = b
+                    indptr[a + 1] += 1
     indptr = np.cumsum(indptr)
     column = np.empty(indptr[nc], dtype=np.int64)
     blocks = np.zeros((indptr[nc], d, d))
@@ -82,14 +87,69 @@ def block_rows_of_columns(starts, rows, values, d):
         column[following[b]] = b
         following[b] += 1
         for j in range(d):
+            first, place = -d, 0
             for k in range(starts[d * b + j], starts[d * b + j + 1]):
-                a = contact[rows[k]]
-                if seen[a] != b:
-                    seen[a] = b
-                    column[following[a]] = b
-                    following[a] += 1
-                blocks[following[a] - 1, rows[k] - d * a, j] += values[k]
+                if not first <= rows[k] < first + d:
+                    a = contact[rows[k]]
+                    first = d * a
+                    if seen[a] != b:
+                        seen[a] = b
+                        column[following[a]] = b
+                        following[a] += 1
+                    place = following[a] - 1
+                blocks[place, rows[k] - first, j] += values[k]
     return indptr, column, blocks
+
+
+@njit(cache=True)
+def block_rows_of_rows(starts, columns, values, d):
+    """Return W by block rows, as `block_rows_of_dense`, from its compressed rows (repeated entries are added)."""
+    nc = (len(starts) - 1) // d
+    contact = np.repeat(np.arange(nc), d)
+    column = np.empty(nc + len(columns), dtype=np.int64)
+    indptr = np.zeros(nc + 1, dtype=np.int64)
+    place = np.full(nc, -1)  # of a column's block in the present row, or before it where there is none
+    for a in range(nc):
+        end = indptr[a]
+        place[a], column[end] = end, a
+        end += 1
+        first = -d
+        for k in range(starts[d * a], starts[d * a + d]):
+            if not first <= columns[k] < first + d:
+                b = contact[columns[k]]
+                first = d * b
+                if place[b] < indptr[a]:
+                    place[b], column[end] = end, b
+                    end += 1
+        column[indptr[a] : end].sort()
+        indptr[a + 1] = end
+    column = column[: indptr[nc]].copy()
+    blocks = np.zeros((indptr[nc], d, d))
+    for a in range(nc):
+        for k in range(indptr[a], indptr[a + 1]):
+            place[column[k]] = k
+        for i in range(d):
+            first, own = -d, 0
+            for k in range(starts[d * a + i], starts[d * a + i + 1]):
+                if not first <= columns[k] < first + d:
+                    b = contact[columns[k]]
+                    first, own = d * b, place[b]
+                blocks[own, i, columns[k] - first] += values[k]
+    return indptr, column, blocks
+
+
+@njit(cache=True)
+def own_blocks(indptr, indices, blocks):
+    """The blocks (nc, d, d) on the diagonal of block rows, repeated ones added."""
+    d = blocks.shape[1]
+    own = np.zeros((len(indptr) - 1, d, d))
+    for a in range(len(own)):
+        for k in range(indptr[a], indptr[a + 1]):
+            if indices[k] == a:
+                for i in range(d):
+                    for j in range(d):
+                        own[a, i, j] += blocks[k, i, j]
+    return own
 
 
 @njit(cache=True)
@@ -99,27 +159,36 @@ def product(indptr, indices, blocks, q, r):
     for a in range(len(q)):
         u0, u1, u2 = q[a, 0], q[a, 1], q[a, 2]
         for k in range(indptr[a], indptr[a + 1]):
-            w, b = blocks[k], indices[k]
+            b = indices[k]
             s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
-            u0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
-            u1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
-            u2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
+            u0 += blocks[k, 0, 0] * s0 + blocks[k, 0, 1] * s1 + blocks[k, 0, 2] * s2
+            u1 += blocks[k, 1, 0] * s0 + blocks[k, 1, 1] * s1 + blocks[k, 1, 2] * s2
+            u2 += blocks[k, 2, 0] * s0 + blocks[k, 2, 1] * s1 + blocks[k, 2, 2] * s2
         u[a, 0], u[a, 1], u[a, 2] = u0, u1, u2
     return u
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def off_diagonal(indptr, indices, blocks, a, q0, q1, q2, r):
     """q_a + sum_{b != a} W_ab r_b."""
     for k in range(indptr[a], indptr[a + 1]):
         b = indices[k]
         if b != a:
-            w = blocks[k]
             s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
-            q0 += w[0, 0] * s0 + w[0, 1] * s1 + w[0, 2] * s2
-            q1 += w[1, 0] * s0 + w[1, 1] * s1 + w[1, 2] * s2
-            q2 += w[2, 0] * s0 + w[2, 1] * s1 + w[2, 2] * s2
+            q0 += blocks[k, 0, 0] * s0 + blocks[k, 0, 1] * s1 + blocks[k, 0, 2] * s2
+            q1 += blocks[k, 1, 0] * s0 + blocks[k, 1, 1] * s1 + blocks[k, 1, 2] * s2
+            q2 += blocks[k, 2, 0] * s0 + blocks[k, 2, 1] * s1 + blocks[k, 2, 2] * s2
     return q0, q1, q2
+
+
+@njit(cache=True, forceinline=True)
+def block(blocks, k):
+    """blocks[k] as a tuple of rows, which stays in registers; a view of the array would be counted and freed at every visit."""
+    return (
+        (blocks[k, 0, 0], blocks[k, 0, 1], blocks[k, 0, 2]),
+        (blocks[k, 1, 0], blocks[k, 1, 1], blocks[k, 1, 2]),
+        (blocks[k, 2, 0], blocks[k, 2, 1], blocks[k, 2, 2]),
+    )
 
 
 def sweep(
@@ -167,9 +236,15 @@ def sweep(
                 frozen[a] -= 1
                 size += old0 * old0 + old1 * old1 + old2 * old2
                 continue
-            s, W, m, rho_N, rho_T = shift[a], diagonal[a], mu[a], rho[a, 0], rho[a, 1]
+            s, W, m, rho_N, rho_T = shift[a], block(diagonal, a), mu[a], rho[a, 0], rho[a, 1]
             q0, q1, q2 = off_diagonal(indptr, indices, blocks, a, q[a, 0] - s * old0, q[a, 1] - s * old1, q[a, 2] - s * old2, r)
-            tol = tolerance * (np.sqrt(old0 * old0 + old1 * old1 + old2 * old2) + rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
+            square = old0 * old0 + old1 * old1 + old2 * old2
+            if square == 0.0 and q0 >= 0.0:  # open, and stays so
+                r[a, 0], r[a, 1], r[a, 2] = 0.0, 0.0, 0.0
+                if freezing > 0:
+                    frozen[a] = freezing
+                continue
+            tol = tolerance * (np.sqrt(square) + rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
             r0, r1, r2, solved = one_contact(W, q0, q1, q2, m, rho_N, rho_T, old0, old1, old2, tol, iterations)
             if not solved:
                 failures += 1
@@ -202,10 +277,10 @@ def sweep_velocities(indptr, indices, blocks, inverse, p, mu, rho, order, u, r, 
     failures = 0
     for a in order:
         b0, b1, b2 = off_diagonal(indptr, indices, blocks, a, p[a, 0], p[a, 1], p[a, 2], u)
-        W = inverse[a]
-        q0 = -(W[0, 0] * b0 + W[0, 1] * b1 + W[0, 2] * b2)
-        q1 = -(W[1, 0] * b0 + W[1, 1] * b1 + W[1, 2] * b2)
-        q2 = -(W[2, 0] * b0 + W[2, 1] * b1 + W[2, 2] * b2)
+        W = block(inverse, a)
+        q0 = -(W[0][0] * b0 + W[0][1] * b1 + W[0][2] * b2)
+        q1 = -(W[1][0] * b0 + W[1][1] * b1 + W[1][2] * b2)
+        q2 = -(W[2][0] * b0 + W[2][1] * b1 + W[2][2] * b2)
         r0, r1, r2 = r[a, 0], r[a, 1], r[a, 2]
         tol = tolerance * (np.sqrt(r0 * r0 + r1 * r1 + r2 * r2) + rho[a, 0] * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
         r0, r1, r2, solved = one_contact(W, q0, q1, q2, mu[a], rho[a, 0], rho[a, 1], r0, r1, r2, tol, iterations)
@@ -213,9 +288,9 @@ def sweep_velocities(indptr, indices, blocks, inverse, p, mu, rho, order, u, r, 
             failures += 1
         r[a, 0], r[a, 1], r[a, 2] = r0, r1, r2
         old0, old1, old2 = u[a, 0], u[a, 1], u[a, 2]
-        d0 = relaxation * (W[0, 0] * r0 + W[0, 1] * r1 + W[0, 2] * r2 + q0 - old0)
-        d1 = relaxation * (W[1, 0] * r0 + W[1, 1] * r1 + W[1, 2] * r2 + q1 - old1)
-        d2 = relaxation * (W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2 + q2 - old2)
+        d0 = relaxation * (W[0][0] * r0 + W[0][1] * r1 + W[0][2] * r2 + q0 - old0)
+        d1 = relaxation * (W[1][0] * r0 + W[1][1] * r1 + W[1][2] * r2 + q1 - old1)
+        d2 = relaxation * (W[2][0] * r0 + W[2][1] * r1 + W[2][2] * r2 + q2 - old2)
         u[a, 0], u[a, 1], u[a, 2] = old0 + d0, old1 + d1, old2 + d2
         change += d0 * d0 + d1 * d1 + d2 * d2
         size += u[a, 0] ** 2 + u[a, 1] ** 2 + u[a, 2] ** 2

@@ -26,31 +26,31 @@ def enumerate_cases(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterat
     """
     if q0 >= 0.0:  # take-off
         return 0.0, 0.0, 0.0, True
-    W00 = W[0, 0]
+    W00 = W[0][0]
     if not W00 > 0.0:
         return newton_alart_curnier(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)
     if mu == 0.0:
         return _frictionless(W00, q0)
-    S11, S12 = W[1, 1] - W[1, 0] * W[0, 1] / W00, W[1, 2] - W[1, 0] * W[0, 2] / W00
-    S21, S22 = W[2, 1] - W[2, 0] * W[0, 1] / W00, W[2, 2] - W[2, 0] * W[0, 2] / W00
-    p1, p2 = q1 - W[1, 0] * q0 / W00, q2 - W[2, 0] * q0 / W00
+    S11, S12 = W[1][1] - W[1][0] * W[0][1] / W00, W[1][2] - W[1][0] * W[0][2] / W00
+    S21, S22 = W[2][1] - W[2][0] * W[0][1] / W00, W[2][2] - W[2][0] * W[0][2] / W00
+    p1, p2 = q1 - W[1][0] * q0 / W00, q2 - W[2][0] * q0 / W00
     det = S11 * S22 - S12 * S21
     a1, a2 = S22 * p1 - S12 * p2, S11 * p2 - S21 * p1
     if det > 0.0:  # stick
         t1, t2 = -a1 / det, -a2 / det
-        t0 = -(q0 + W[0, 1] * t1 + W[0, 2] * t2) / W00
+        t0 = -(q0 + W[0][1] * t1 + W[0][2] * t2) / W00
         if t1 * t1 + t2 * t2 <= (mu * t0) ** 2 and t0 >= 0.0:
             return t0, t1, t2, True
     trace = S11 + S22
-    psi = W00 * np.sqrt(a1 * a1 + a2 * a2) + mu * (q0 * det - W[0, 1] * a1 - W[0, 2] * a2)
+    psi = W00 * np.sqrt(a1 * a1 + a2 * a2) + mu * (q0 * det - W[0][1] * a1 - W[0][2] * a2)
     if not (psi > 0.0 and trace > 0.0 and det >= 0.0):
         return newton_alart_curnier(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)
     low, high = 0.0, np.inf
     # start from the alpha of the given reaction, u_T = -alpha r_T
     alpha, length = trace, r1 * r1 + r2 * r2
     if length > 0.0:
-        u1 = W[1, 0] * r0 + W[1, 1] * r1 + W[1, 2] * r2 + q1
-        u2 = W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2 + q2
+        u1 = W[1][0] * r0 + W[1][1] * r1 + W[1][2] * r2 + q1
+        u2 = W[2][0] * r0 + W[2][1] * r1 + W[2][2] * r2 + q2
         guess = -(u1 * r1 + u2 * r2) / length
         if guess > 0.0:
             alpha = guess
@@ -58,7 +58,7 @@ def enumerate_cases(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterat
         det = (S11 + alpha) * (S22 + alpha) - S12 * S21
         a1, a2 = (S22 + alpha) * p1 - S12 * p2, (S11 + alpha) * p2 - S21 * p1
         norm = np.sqrt(a1 * a1 + a2 * a2)
-        psi = W00 * norm + mu * (q0 * det - W[0, 1] * a1 - W[0, 2] * a2)
+        psi = W00 * norm + mu * (q0 * det - W[0][1] * a1 - W[0][2] * a2)
         if psi > 0.0:
             low = alpha
         else:
@@ -66,7 +66,7 @@ def enumerate_cases(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterat
         if psi == 0.0 or not np.isfinite(psi):
             break
         slope = W00 * (a1 * p1 + a2 * p2) / norm if norm > 0.0 else 0.0  # da/dalpha = p
-        slope += mu * (q0 * (trace + 2 * alpha) - W[0, 1] * p1 - W[0, 2] * p2)
+        slope += mu * (q0 * (trace + 2 * alpha) - W[0][1] * p1 - W[0][2] * p2)
         step = -psi / slope if slope != 0.0 else np.inf
         new = alpha + step
         if not low < new < high:
@@ -77,7 +77,7 @@ def enumerate_cases(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterat
     if np.isinf(high) or not np.isfinite(psi):
         return newton_alart_curnier(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)
     t1, t2 = -a1 / det, -a2 / det
-    return -(q0 + W[0, 1] * t1 + W[0, 2] * t2) / W00, t1, t2, True
+    return -(q0 + W[0][1] * t1 + W[0][2] * t2) / W00, t1, t2, True
 
 
 @njit(cache=True)
@@ -207,10 +207,10 @@ def _glocker(fixed_point, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_
     if q0 >= 0.0:  # the trivial solution, where the multipliers are not unique
         return 0.0, 0.0, 0.0, True
     if mu == 0.0:
-        return _frictionless(W[0, 0], q0)
+        return _frictionless(W[0][0], q0)
     # numbers without unit: V = rho W, v = rho q / s, x = r / s
     s = rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2)
-    V = rho_N * W
+    V = rho_N * np.array([[W[0][0], W[0][1], W[0][2]], [W[1][0], W[1][1], W[1][2]], [W[2][0], W[2][1], W[2][2]]])
     v = np.array([q0, q1, q2]) * (rho_N / s)
     # the triangle is turned so that the expected direction of friction lies between e_1 and e_2: sides and disk then touch elsewhere
     f1, f2 = (r1, r2) if r1 * r1 + r2 * r2 > 0.0 else (-q1, -q2)

@@ -2,7 +2,8 @@
 
     solver(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations) -> (r0, r1, r2, solved)
 
-r0, r1, r2 come in as the starting point; tol is absolute, in the unit of r. Vectors are passed by component so that they stay in registers.
+r0, r1, r2 come in as the starting point; tol is absolute, in the unit of r. Vectors are passed by component, W in the sweeps as a tuple of
+rows (elsewhere an array does), so that they stay in registers; what a sweep calls at every visit is inlined for the same reason.
 Newton's equations are those of `formulations`; where Newton fails, De Saxcé's fixed point takes its place.
 """
 
@@ -17,7 +18,7 @@ LINE_SEARCH_TRIALS = 10
 """Siconos' defaults of the hybrid local strategy and of the local line search."""
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def cone_projection(z0, z1, z2, mu):
     """P_K(z), see `fcsim.cone.project_cone`."""
     norm = np.sqrt(z1 * z1 + z2 * z2)
@@ -29,17 +30,17 @@ def cone_projection(z0, z1, z2, mu):
     return z0, z1, z2
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def velocity(W, q0, q1, q2, r0, r1, r2):
     """u = W r + q."""
     return (
-        W[0, 0] * r0 + W[0, 1] * r1 + W[0, 2] * r2 + q0,
-        W[1, 0] * r0 + W[1, 1] * r1 + W[1, 2] * r2 + q1,
-        W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2 + q2,
+        W[0][0] * r0 + W[0][1] * r1 + W[0][2] * r2 + q0,
+        W[1][0] * r0 + W[1][1] * r1 + W[1][2] * r2 + q1,
+        W[2][0] * r0 + W[2][1] * r1 + W[2][2] * r2 + q2,
     )
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def natural_step(W, q0, q1, q2, mu, rho, r0, r1, r2):
     """P_K(r - rho (u + g(u)))."""
     u0, u1, u2 = velocity(W, q0, q1, q2, r0, r1, r2)
@@ -175,7 +176,7 @@ def _step_length(jean_moreau, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, d0, d
     return t
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _newton(jean_moreau, damped, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations):
     """Newton on AC or JM from r until ||F|| <= tol; return (r0, r1, r2, solved)."""
     for _ in range(max_iterations + 1):
@@ -195,14 +196,14 @@ def _newton(jean_moreau, damped, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, to
         # rows of J = A W + B, row by row
         if y0 > 0.0:
             F0 = rho_N * u0
-            J00, J01, J02 = rho_N * W[0, 0], rho_N * W[0, 1], rho_N * W[0, 2]
+            J00, J01, J02 = rho_N * W[0][0], rho_N * W[0][1], rho_N * W[0][2]
         else:
             F0 = r0
             J00, J01, J02 = 1.0, 0.0, 0.0
         if norm2 <= radius * radius and radius > 0.0:
             F1, F2 = rho_T * u1, rho_T * u2
-            J10, J11, J12 = rho_T * W[1, 0], rho_T * W[1, 1], rho_T * W[1, 2]
-            J20, J21, J22 = rho_T * W[2, 0], rho_T * W[2, 1], rho_T * W[2, 2]
+            J10, J11, J12 = rho_T * W[1][0], rho_T * W[1][1], rho_T * W[1][2]
+            J20, J21, J22 = rho_T * W[2][0], rho_T * W[2][1], rho_T * W[2][2]
         else:
             norm = np.sqrt(norm2)
             inverse = 1.0 / norm if norm > 0.0 else 0.0
@@ -212,12 +213,12 @@ def _newton(jean_moreau, damped, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, to
             # the disk's radius depends on y0 (AC) or on r0 (JM)
             a = 0.0 if jean_moreau else mu * rho_N
             b = 0.0 if jean_moreau and r0 <= 0.0 else mu
-            J10 = a * n1 * W[0, 0] + rho_T * (P11 * W[1, 0] + P12 * W[2, 0]) - b * n1
-            J11 = a * n1 * W[0, 1] + rho_T * (P11 * W[1, 1] + P12 * W[2, 1]) + 1 - P11
-            J12 = a * n1 * W[0, 2] + rho_T * (P11 * W[1, 2] + P12 * W[2, 2]) - P12
-            J20 = a * n2 * W[0, 0] + rho_T * (P12 * W[1, 0] + P22 * W[2, 0]) - b * n2
-            J21 = a * n2 * W[0, 1] + rho_T * (P12 * W[1, 1] + P22 * W[2, 1]) - P12
-            J22 = a * n2 * W[0, 2] + rho_T * (P12 * W[1, 2] + P22 * W[2, 2]) + 1 - P22
+            J10 = a * n1 * W[0][0] + rho_T * (P11 * W[1][0] + P12 * W[2][0]) - b * n1
+            J11 = a * n1 * W[0][1] + rho_T * (P11 * W[1][1] + P12 * W[2][1]) + 1 - P11
+            J12 = a * n1 * W[0][2] + rho_T * (P11 * W[1][2] + P12 * W[2][2]) - P12
+            J20 = a * n2 * W[0][0] + rho_T * (P12 * W[1][0] + P22 * W[2][0]) - b * n2
+            J21 = a * n2 * W[0][1] + rho_T * (P12 * W[1][1] + P22 * W[2][1]) - P12
+            J22 = a * n2 * W[0][2] + rho_T * (P12 * W[1][2] + P22 * W[2][2]) + 1 - P22
         size = F0 * F0 + F1 * F1 + F2 * F2
         if size <= tol * tol:
             return r0, r1, r2, True
@@ -237,7 +238,7 @@ def _newton(jean_moreau, damped, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, to
     return r0, r1, r2, False
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _newton_or_projections(jean_moreau, damped, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations):
     """Newton; where it fails, De Saxcé's fixed point from the same starting point."""
     s0, s1, s2, solved = _newton(jean_moreau, damped, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)
@@ -263,13 +264,13 @@ def _newton_hybrid(jean_moreau, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol
     return r0, r1, r2, False
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def newton_alart_curnier(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations):
     """AC, full steps."""
     return _newton_or_projections(False, False, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def newton_jean_moreau(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations):
     """JM, full steps."""
     return _newton_or_projections(True, False, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)

@@ -14,16 +14,16 @@ def planar(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations):
     """
     if q0 >= 0.0:
         return 0.0, 0.0, 0.0, True
-    determinant = W[0, 0] * W[1, 1] - W[0, 1] * W[1, 0]
-    if determinant > 1e-14 * abs(W[0, 0] * W[1, 1]):
-        n = (W[0, 1] * q1 - W[1, 1] * q0) / determinant
-        t = (W[1, 0] * q0 - W[0, 0] * q1) / determinant
+    determinant = W[0][0] * W[1][1] - W[0][1] * W[1][0]
+    if determinant > 1e-14 * abs(W[0][0] * W[1][1]):
+        n = (W[0][1] * q1 - W[1][1] * q0) / determinant
+        t = (W[1][0] * q0 - W[0][0] * q1) / determinant
         if n >= 0.0 and abs(t) <= mu * n:
             return n, t, 0.0, True
     for s in (1.0, -1.0):
-        compliance = W[0, 0] - s * mu * W[0, 1]
+        compliance = W[0][0] - s * mu * W[0][1]
         if compliance > 0.0:
             n = -q0 / compliance
-            if s * (q1 + (W[1, 0] - s * mu * W[1, 1]) * n) >= 0.0:
+            if s * (q1 + (W[1][0] - s * mu * W[1][1]) * n) >= 0.0:
                 return n, -s * mu * n, 0.0, True
     return r0, r1, 0.0, False

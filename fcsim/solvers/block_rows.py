@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.problem import LocalProblem
-from fcsim.solvers._kernels import block_rows_of_columns, block_rows_of_dense, product
+from fcsim.solvers._kernels import block_rows_of_columns, block_rows_of_dense, block_rows_of_rows, own_blocks, product
 from fcsim.solvers.scaling import RHO_RULES
 
 FloatArray = NDArray[np.float64]
@@ -28,8 +28,10 @@ def compressed_blocks(W: Any, dimension: int) -> tuple[IntArray, IntArray, Float
     if W.format == "bsr":
         W = W if W.blocksize == (d, d) else sp.bsr_array(W, blocksize=(d, d))
         return W.indptr.astype(np.int64), W.indices.astype(np.int64), np.ascontiguousarray(W.data)
-    W = W if W.format == "csc" else sp.csc_array(W)
-    return block_rows_of_columns(W.indptr, W.indices, W.data, d)
+    if W.format == "csc":
+        return block_rows_of_columns(W.indptr, W.indices, W.data, d)
+    W = W if W.format == "csr" else sp.csr_array(W)
+    return block_rows_of_rows(W.indptr, W.indices, W.data, d)
 
 
 def block_rows(W: Any, dimension: int) -> tuple[IntArray, IntArray, FloatArray]:
@@ -87,15 +89,14 @@ class ContactRows:
     @staticmethod
     def of(problem: LocalProblem, rho: str, alpha: float = 0.0) -> ContactRows:
         """By the rule `rho`, a name of `scaling`."""
-        d, nc = problem.dimension, problem.nc
-        own = problem.diagonal_blocks
-        shift = np.zeros(nc)
-        if alpha:
-            shift = alpha * np.linalg.norm(own, ord=2, axis=(1, 2))
-            own = own + shift[:, None, None] * np.eye(d)
-        rates = np.ascontiguousarray(RHO_RULES[rho](own)[:, :2])
+        d = problem.dimension
         rows = block_rows(problem.W, d)
-        return ContactRows(*rows, embed_blocks(own), shift, embed_vector(problem.q, d), problem.mu, rates)
+        own, shift = own_blocks(*rows), np.zeros(problem.nc)
+        if alpha:
+            shift = alpha * np.linalg.norm(own[:, :d, :d], ord=2, axis=(1, 2))
+            own += shift[:, None, None] * np.eye(3)
+        rates = np.ascontiguousarray(RHO_RULES[rho](own[:, :d, :d])[:, :2])
+        return ContactRows(*rows, own, shift, embed_vector(problem.q, d), problem.mu, rates)
 
     def velocity(self, reaction: FloatArray) -> FloatArray:
         """u = W r + q (nc, 3)."""

@@ -18,6 +18,7 @@ from fcsim.linear import SingularMatrix
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor
 from fcsim.solvers.newton import NewtonOptions, newton, newton_iterations
+from fcsim.solvers.scaling import contact_compliance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -158,9 +159,7 @@ class RegularisedNewton:
 
     def __init__(self, problem: LocalProblem) -> None:
         self._problem, d = problem, problem.dimension
-        compliance = np.asarray(problem.W.diagonal()).reshape(-1, d).mean(axis=1)
-        positive = compliance > 0
-        self._D = np.where(positive, compliance, compliance[positive].mean() if positive.any() else 1.0)
+        self._D = contact_compliance(problem)
         self._norm = float(np.linalg.norm(problem.q))
         sparse = sp.issparse(problem.W) and problem.W.nnz <= SUPERLU_UP_TO
         self._system = ShiftedSystem(problem.W, d) if sparse else None

@@ -7,6 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from fcsim.problem import LocalProblem
+from fcsim.solvers._formulation_kernels import split_compliances
+
 FloatArray = NDArray[np.float64]
 
 
@@ -18,17 +21,20 @@ def spectral_norm(W: FloatArray) -> FloatArray:
 
 def split_spectral_norm(W: FloatArray) -> FloatArray:
     """rho_N = 1 / W_NN, rho_T = 1 / lambda_max(W_TT) (nc, d)."""
-    if W.shape[1] == 2:
-        return _split(W, _inverse(W[:, 1, 1]))
-    mean, half = 0.5 * (W[:, 1, 1] + W[:, 2, 2]), 0.5 * (W[:, 1, 1] - W[:, 2, 2])
-    return _split(W, _inverse(mean + np.hypot(half, W[:, 2, 1])))  # the larger root of the 2 x 2 block, from its lower triangle
+    largest = split_compliances(W)
+    if np.all(largest > 0):
+        return 1 / largest
+    return np.stack([_inverse(column) for column in largest.T], axis=1)
 
 
 def split_spectral_norm_condition(W: FloatArray) -> FloatArray:
     """rho_N = 1 / W_NN, rho_T = lambda_min / lambda_max^2 of W_TT with lambda_min / lambda_max no less than 1e-3 (nc, d)."""
     eigenvalues = np.linalg.eigvalsh(W[:, 1:, 1:])
     inverse = _inverse(eigenvalues[:, -1])
-    return _split(W, np.maximum(eigenvalues[:, 0] * inverse, 1e-3) * inverse)
+    rho = np.empty(W.shape[:2])
+    rho[:, 0] = _inverse(W[:, 0, 0])
+    rho[:, 1:] = (np.maximum(eigenvalues[:, 0] * inverse, 1e-3) * inverse)[:, None]
+    return rho
 
 
 def constant(W: FloatArray) -> FloatArray:
@@ -45,11 +51,9 @@ def _inverse(values: FloatArray) -> FloatArray:
     return 1 / np.where(positive, values, mean)
 
 
-def _split(W: FloatArray, rho_T: FloatArray) -> FloatArray:
-    rho = np.empty(W.shape[:2])
-    rho[:, 0] = _inverse(W[:, 0, 0])
-    rho[:, 1:] = rho_T[:, None]
-    return rho
+def contact_compliance(problem: LocalProblem) -> FloatArray:
+    """tr(W_aa) / d (nc,), one number a contact; where it is not positive (both bodies held), the mean of the others."""
+    return 1 / _inverse(np.asarray(problem.W.diagonal()).reshape(-1, problem.dimension).mean(axis=1))
 
 
 RHO_RULES: dict[str, Callable[[FloatArray], FloatArray]] = {

@@ -108,6 +108,18 @@ def test_hyperstatic_piles(bodies: int, seed: int, asymmetry: float, gyroscopic:
     assert np.array_equal(again.r, result.r), "no decision may depend on the clock"
 
 
+def test_noise_that_leaves_no_solution(verdict: Callable[..., Any]) -> None:
+    """The least error of this pile is 0.072 times the noise on W, whatever that is: a tenth of it is met, and nothing below is claimed."""
+    problem = pile(20, 120, 1e-6)
+    near = solve(problem, "auto", tol=1e-7)
+    assert near.status is Status.SOLVED
+    assert verdict(near.r, problem.W @ near.r + problem.q, problem.mu, 3, problem.q).error <= 1.01e-7
+    assert np.array_equal(solve(problem, "auto", tol=1e-7).r, near.r), "starts near the best iterate are repeatable"
+    beyond = solve(problem, "auto", near.r, tol=1e-9, time_limit=0.5)
+    assert not beyond.solved
+    assert beyond.error <= near.error
+
+
 def test_plain_newton_cannot() -> None:
     """Which shows that the piles are what auto's proximal stage is for."""
     assert not solve(pile(30, 0, 0.0), "NSN-AC", tol=1e-8).solved

@@ -190,6 +190,28 @@ def test_block_rows(storage: str, d: int) -> None:
         assert not back[:, 2, :, :2].any() and not back[:, :2, :, 2].any()
 
 
+@pytest.mark.parametrize("form", [sp.csr_array, sp.csc_array])
+def test_block_rows_of_repeated_entries_in_any_order(form: type) -> None:
+    """Entries that are stored several times count together, and blocks come sorted whatever the order of the entries."""
+    rng = np.random.default_rng(4)
+    nc, d, count = 6, 3, 80
+    major, minor, values = rng.integers(nc * d, size=count), rng.integers(nc * d, size=count), rng.standard_normal(count)
+    major = np.sort(major)
+    W = form((values, minor, np.searchsorted(major, np.arange(nc * d + 1))), shape=(nc * d, nc * d))
+    row, column = (major, minor) if form is sp.csr_array else (minor, major)
+    dense = np.zeros((nc * d, nc * d))
+    np.add.at(dense, (row, column), values)
+    indptr, indices, blocks = block_rows(W, d)
+    stored = {(a, b): block for a in range(nc) for b, block in zip(indices[indptr[a] : indptr[a + 1]], blocks[indptr[a] :], strict=False)}
+    assert len(stored) == len(indices)
+    assert stored.keys() == {*zip(row // d, column // d, strict=True)} | {(a, a) for a in range(nc)}
+    assert all(np.all(np.diff(indices[b:e]) > 0) for b, e in pairwise(indptr))
+    for (a, b), block in stored.items():
+        assert_allclose(block, dense[d * a : d * a + d, d * b : d * b + d], atol=1e-14)
+    own = LocalProblem(W, np.zeros(nc * d), np.zeros(nc)).diagonal_blocks
+    assert_allclose(own, [stored[a, a] for a in range(nc)], atol=1e-14)
+
+
 # whole problems
 
 
