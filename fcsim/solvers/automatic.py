@@ -46,7 +46,7 @@ from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.block_rows import ContactRows, compressed_blocks
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.levenberg_marquardt import levenberg_marquardt
-from fcsim.solvers.multifrontal import FRONTS_FROM, BlockRows, joint_rows
+from fcsim.solvers.multifrontal import BlockRows, joint_rows
 from fcsim.solvers.newton import NewtonOptions, newton
 from fcsim.solvers.one_contact import ONE_CONTACT
 from fcsim.solvers.regularised import RegularisedNewton
@@ -125,8 +125,7 @@ class AutomaticOptions(Options):
 
 def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AutomaticOptions) -> Iterate:
     """Solve the problem by the stages above; the status is that of the last one, the iterate the best of all."""
-    large = not isinstance(problem.W, np.ndarray) and problem.m >= FRONTS_FROM  # asked before W is converted
-    joints = joint_rows(problem.W, problem.dimension) if large else None
+    joints = None if isinstance(problem.W, np.ndarray) else joint_rows(problem.W, problem.dimension)
     problem = _fitting_storage(problem) if joints is None else problem
     warm = bool(np.any(r))
     run = _Run(problem, monitor, options, warm, joints)

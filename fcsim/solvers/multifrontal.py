@@ -199,11 +199,13 @@ class BlockRows:
 
 def joint_rows(W: Any, d: int, previous: BlockRows | None = None) -> BlockRows | None:
     """Sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
+    if W.shape[0] < FRONTS_FROM:
+        return None
     rows = sp.bsr_array(W, blocksize=(d, d))
     if previous is not None and previous.has_pattern(rows.indptr, rows.indices):
         return BlockRows(rows, d, previous)
     nc = rows.shape[0] // d
-    if nc * d < FRONTS_FROM or len(rows.indices) < JOINT * nc or joint_count(rows.indptr, rows.indices) * JOINT > nc:
+    if len(rows.indices) < JOINT * nc or joint_count(rows.indptr, rows.indices) * JOINT > nc:
         return None
     try:
         joined = BlockRows(rows, d)

@@ -79,6 +79,8 @@ CONDENSED_UP_TO = 12_000
 """Contact unknowns up to which the dense factor of a sparse W is affordable (1.1 GB)."""
 DENSE_UP_TO = 3000
 """Contact unknowns up to which a sparse W is made dense for an LU (72 MB)."""
+SMALL = 150
+"""Contact unknowns up to which dense LU is cheapest whatever the density."""
 FILLED = 0.05
 """Density of a sparse W from which its factor counts as dense."""
 
@@ -235,22 +237,24 @@ def _merit(
 def _linear(problem: LocalProblem, options: NewtonOptions) -> tuple[str, Any]:
     """The name of the linear algebra, and W as it wants it; the choice behind "auto":
 
-    Multifrontal LU where contacts come in joints and that saves most of the work, unless a simulation keeps what condensed elimination
-    leaves for the next steps (which uses the joints too); else condensed elimination for AC and JM, dense LU for the others, on a
-    dense W and on a sparse one whose factor would be dense and is affordable; else sparse LU.
+    Dense LU for a small sparse W. Multifrontal LU where contacts come in joints and that saves most of the work, unless a simulation keeps
+    what condensed elimination leaves for the next steps (which uses the joints too). Else condensed elimination for AC and JM, dense LU
+    for the others, on a dense W and on a sparse one whose factor would be dense and is affordable; else sparse LU.
     """
     W, condensing, linear = problem.W, options.formulation in ("AC", "JM"), options.linear
     if linear in ("auto", "kkt"):
-        kept = problem.kept if condensing else None
-        present = None if kept is None else kept.get("condensed")
-        if not isinstance(W, np.ndarray):
+        if sp.issparse(W):
+            if problem.m <= SMALL:
+                return "dense", W.toarray()
+            kept = problem.kept if condensing else None
+            present = None if kept is None else kept.get("condensed")
             if isinstance(present, CondensedSystem) and present.by_joints:
                 return "condensed", W  # which looks for the joints of this W itself
             rows = joint_rows(W, problem.dimension)
             if rows is not None:
                 return ("multifrontal", rows) if kept is None else ("condensed", W)
         affordable = problem.m <= (CONDENSED_UP_TO if condensing else DENSE_UP_TO)
-        if not isinstance(W, np.ndarray) and not (affordable and W.nnz >= FILLED * problem.m**2):
+        if sp.issparse(W) and not (affordable and W.nnz >= FILLED * problem.m**2):
             linear = "sparse"
         else:
             linear = "condensed" if condensing else "dense"
