@@ -27,6 +27,7 @@ class BorderSystem:
     def __init__(self) -> None:
         self._unknown = np.empty(0, dtype=np.int64)
         self._factor: DenseLU | None = None
+        self._J: FloatArray | None = None  # None where the factor has taken its place
 
     def complete(
         self,
@@ -38,27 +39,32 @@ class BorderSystem:
         inner: FloatArray,
         rhs: FloatArray,
         target: float,
+        same: bool = False,
     ) -> None:
         """Fill in the unknown components (k, d) of x, which are zero; target: norm of the defect that is accepted, 0: round-off.
 
-        G may have more rows and columns than unknowns: the first k d count."""
+        G may have more rows and columns than unknowns: the first k d count. same: all but x, known and rhs are those of the last call."""
         dofs = np.flatnonzero(unknown)
         if not len(dofs):
             return
         n = x.size
         response = known + (G[:n, :n] @ x.ravel()).reshape(x.shape) if x.any() else known
         left = rhs - np.einsum("aij,aj->ai", outer, response) - np.einsum("aij,aj->ai", inner, x)
-        J = np.empty((len(dofs), len(dofs)), dtype=G.dtype)
-        border_matrix(G, outer.ravel(), inner.ravel(), dofs, x.shape[1], J)
-        x[unknown] = self._solve(J, left[unknown], dofs, target)
+        if not same:
+            self._J = np.empty((len(dofs), len(dofs)), dtype=G.dtype)
+            border_matrix(G, outer.ravel(), inner.ravel(), dofs, x.shape[1], self._J)
+        x[unknown] = self._solve(left[unknown], dofs, target)
 
-    def _solve(self, J: FloatArray, rhs: FloatArray, unknown: NDArray[np.int64], target: float) -> FloatArray:
-        if target and len(rhs) > APPROXIMATE_FROM and self._factor is not None and np.array_equal(unknown, self._unknown):
-            found = gmres(J.__matmul__, self._factor.solve_transposed, rhs, target, REUSED)
-            if found is not None:
-                return found[0]
-        self._factor = None  # the old one makes room for the new
-        self._factor, self._unknown = DenseLU(J.T, overwrite=True), unknown
+    def _solve(self, rhs: FloatArray, unknown: NDArray[np.int64], target: float) -> FloatArray:
+        J = self._J
+        if J is not None:
+            if target and len(rhs) > APPROXIMATE_FROM and self._factor is not None and np.array_equal(unknown, self._unknown):
+                found = gmres(J.__matmul__, self._factor.solve_transposed, rhs, target, REUSED)
+                if found is not None:
+                    return found[0]
+            self._factor = self._J = None  # the old one makes room for the new
+            self._factor, self._unknown = DenseLU(J.T, overwrite=True), unknown
+        assert self._factor is not None
         return self._factor.solve_transposed(rhs)
 
 

@@ -193,7 +193,7 @@ class CondensedSystem:
             return (np.einsum("aij,aj->ai", A, Wx) + np.einsum("aij,aj->ai", B, x.reshape(shape))).ravel()
 
         def precondition(x: FloatArray) -> FloatArray:
-            return self._condensed(A, B, x.reshape(shape), INNER if self._followed else 0.0)
+            return self._condensed(A, B, x.reshape(shape), INNER if self._followed else 0.0, same=bool(images))
 
         accuracy = FORCING if self._followed else ACCURACY
         found = gmres(product, precondition, rhs.ravel(), accuracy * float(np.linalg.norm(rhs)), CORRECTIONS)
@@ -287,8 +287,10 @@ class CondensedSystem:
         response[:used, :used] = self._response[:used, :used]
         self._PT, self._response = PT, response
 
-    def _condensed(self, A: FloatArray, B: FloatArray, rhs: FloatArray, tolerance: float = 0.0) -> FloatArray:
-        """The step by the factor and border that are there; tolerance: relative defect of the border's system, 0: round-off."""
+    def _condensed(self, A: FloatArray, B: FloatArray, rhs: FloatArray, tolerance: float = 0.0, same: bool = False) -> FloatArray:
+        """The step by the factor and border that are there; tolerance: relative defect of the border's system, 0: round-off.
+
+        same: A and B are those of the last call."""
         d, held = self._d, self._held
         assert held is not None and self._factor is not None
         A, B, rhs = (x.astype(self._dtype, copy=False) for x in (A, B, rhs))
@@ -319,7 +321,7 @@ class CondensedSystem:
             outer, inner = A[border], B[border]
             outer[released], inner[released] = B[own], A[own]
             target = tolerance * float(np.linalg.norm(rhs))
-            self._border_system.complete(x, unknown, self._response, known, outer, inner, rhs[border], target)
+            self._border_system.complete(x, unknown, self._response, known, outer, inner, rhs[border], target, same)
             z -= x.ravel() @ PT
             dr[border[~released]] += x[~released]
         dr[held] = self._factor.backward(z).reshape(-1, d)

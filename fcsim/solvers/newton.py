@@ -25,7 +25,7 @@ from fcsim.solvers.line_search import LINE_SEARCHES, REFERENCES, Merit
 from fcsim.solvers.multifrontal import joint_rows
 from fcsim.solvers.multifrontal_system import MultifrontalSystem
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem
-from fcsim.solvers.scaling import RHO_RULES, adapt_rho
+from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range
 
 FloatArray = NDArray[np.float64]
 
@@ -146,15 +146,28 @@ def _system(problem: LocalProblem, linear: str, W: Any) -> NewtonSystem:
 
 def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:
     """Nonsmooth Newton from the starting point r (m,)."""
-    return newton_iterations(LocalSpace(problem, r, options), r, problem.diagonal_blocks, problem.mu, monitor, options)
+    space = LocalSpace(problem, r, options)
+    return newton_iterations(space, r, problem.diagonal_blocks, problem.mu, monitor, options, problem.kept)
 
 
 def newton_iterations(
-    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
+    space: NewtonSpace,
+    r: FloatArray,
+    diagonal_blocks: FloatArray,
+    mu: FloatArray,
+    monitor: Monitor,
+    options: NewtonOptions,
+    kept: dict[str, Any] | None = None,
 ) -> Iterate:
-    """Newton's method in any space; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996."""
+    """Newton's method in any space; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
+
+    kept: what a simulation keeps from step to step: an adapted rho that led to a solution is taken up again."""
     shape = diagonal_blocks.shape[:2]
     first_rho = rho = RHO_RULES[options.rho](diagonal_blocks) * options.rho_factor
+    adaptive = options.rho == "adaptive"
+    earlier = kept.pop("rho", None) if adaptive and kept is not None else None
+    if earlier is not None and earlier.shape == rho.shape:
+        rho = np.clip(earlier, *adaptive_range(first_rho))
     formulation = FORMULATIONS[options.formulation]
     line_search = LINE_SEARCHES[options.line_search]
     merits: deque[float] = deque(maxlen=options.memory)
@@ -163,6 +176,8 @@ def newton_iterations(
         error = monitor.record(r, space.u)  # (S.1)
         before = min(before, error) if monitor.iterations == watched else before
         if error <= monitor.tol:
+            if adaptive and kept is not None:
+                kept["rho"] = rho
             return Iterate(r, Status.SOLVED)
         if not np.isfinite(error) or error > options.divergence * monitor.best:
             return Iterate(r, Status.DIVERGED)
@@ -192,7 +207,7 @@ def newton_iterations(
         if np.array_equal(following, r):
             return Iterate(r, Status.STAGNATED)
         r = following
-        if options.rho == "adaptive":
+        if adaptive:
             split = options.formulation in ("AC", "JM")  # the cone's formulations have one rho a contact
             rho = adapt_rho(rho, first_rho, (t * du).reshape(shape), (t * dr).reshape(shape), split)
             merits.clear()  # another rho, another merit function

@@ -65,6 +65,11 @@ RHO_RULES: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
+def adaptive_range(first: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The least and the largest rho that the rule "adaptive" takes where it began with `first`."""
+    return 0.01 * first, 100 * first
+
+
 def adapt_rho(rho: FloatArray, first: FloatArray, du: FloatArray, dr: FloatArray, split: bool = True) -> FloatArray:
     """The rule "adaptive": keep 0.3 <= rho ||du|| / ||dr|| <= 0.9 over each contact's last step du, dr (nc, d), N and T apart if `split`.
 
@@ -77,4 +82,4 @@ def adapt_rho(rho: FloatArray, first: FloatArray, du: FloatArray, dr: FloatArray
         stretch = rho[:, part.start] * u_size
         factor = np.where(stretch > 0.9 * r_size, 2 / 3, np.where(stretch < 0.3 * r_size, 3 / 2, 1.0))
         adapted[:, part] *= factor[:, None]
-    return np.clip(adapted, 0.01 * first, 100 * first)
+    return np.clip(adapted, *adaptive_range(first))

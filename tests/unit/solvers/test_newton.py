@@ -212,3 +212,19 @@ def test_patience() -> None:
     without, within = (solve(easy, "NSN-AC", tol=1e-10, patience=patience) for patience in (0, 3))
     assert without.solved
     assert_allclose(within.r, without.r, atol=0)
+
+
+def test_adapted_rho_is_kept_from_a_solution() -> None:
+    """What a simulation keeps: the next solve begins with the adapted rho, on another path to the same answer; a failed one leaves none."""
+    p = random_problem(3, nc=30)
+    p = LocalProblem(p.W, p.q, p.mu, dimension=3, kept={})
+    first = solve(p, "NSN-AC", tol=1e-10, rho_factor=50.0)
+    assert first.solved
+    assert p.kept is not None
+    assert p.kept["rho"].shape == (30, 3)
+    again = solve(p, "NSN-AC", tol=1e-10, rho_factor=50.0)
+    assert again.solved
+    assert again.iterations != first.iterations
+    assert_allclose(again.r, first.r, rtol=0, atol=1e-7 * np.abs(first.r).max())
+    assert not solve(p, "NSN-AC", tol=1e-10, max_iterations=1).solved
+    assert "rho" not in p.kept
