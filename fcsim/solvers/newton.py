@@ -161,7 +161,7 @@ def newton_iterations(
 ) -> Iterate:
     """Newton's method in any space; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
 
-    kept: what a simulation keeps from step to step: an adapted rho that led to a solution is taken up again."""
+    kept: what a simulation keeps from step to step: where an adapted rho led to a solution, the next one begins near it."""
     shape = diagonal_blocks.shape[:2]
     first_rho = rho = RHO_RULES[options.rho](diagonal_blocks) * options.rho_factor
     adaptive = options.rho == "adaptive"
@@ -177,7 +177,7 @@ def newton_iterations(
         before = min(before, error) if monitor.iterations == watched else before
         if error <= monitor.tol:
             if adaptive and kept is not None:
-                kept["rho"] = rho
+                kept["rho"] = np.sqrt(rho * first_rho)  # half the way back: the tiny last steps drive rho to its bounds
             return Iterate(r, Status.SOLVED)
         if not np.isfinite(error) or error > options.divergence * monitor.best:
             return Iterate(r, Status.DIVERGED)
