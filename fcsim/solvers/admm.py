@@ -33,6 +33,8 @@ from fcsim.solvers.variational import Cone, Inequality, LightCriterion, Operator
 
 FloatArray = NDArray[np.float64]
 
+KEPT, STALE = "ADMM", 0.2
+"""Where a simulation keeps the factor; contraction up to which an earlier W's serves."""
 INITIAL_RHO = ("given", "norm", "eigenvalues")
 RHO_UPDATES = ("constant", "residual balancing", "scaled residual balancing")
 ACCELERATIONS = ("none", "accelerated", "accelerated with restart")
@@ -86,22 +88,53 @@ class AdmmOptions(Options):
 
 
 class LocalSplitting:
-    """z = r in C, -rho zeta = u + g in C*; `gain` carries the primal residual over to the natural one."""
+    """z = r in C, -rho zeta = u + g in C*; `gain` carries the primal residual over to the natural one.
 
-    def __init__(self, vi: Inequality, symmetric: bool) -> None:
-        self._vi, self._symmetric = vi, symmetric
+    With the factor of an earlier W, which a simulation keeps, the linear step is one of iterative refinement from the last x: the fixed
+    point is the same, and where W has changed by less than rho the iterates hardly differ.
+    """
+
+    def __init__(self, vi: Inequality, symmetric: bool, kept: dict[str, Any] | None = None) -> None:
+        self._vi, self._symmetric, self._kept = vi, symmetric, kept
+        self._x: FloatArray | None = None  # the last x where the factor is an earlier W's
 
     def set_rho(self, rho: float) -> None:
         self.rho = rho
         self.gain = self._vi.operator.norm
+        self._x = None
+        if self._kept is not None:
+            self._kept.pop(KEPT, None)  # the old one makes room for the new
         self._factor = self._vi.operator.factor(rho, self._symmetric)
+        if self._kept is not None:
+            self._kept[KEPT] = rho, self._vi.operator.size, self._factor
+
+    def resume(self, rho: float) -> bool:
+        """Go on with the factor that was kept if it is for about this rho and W has changed little; say whether that is so."""
+        earlier, size, factor = (0.0, 0, None) if self._kept is None else self._kept.get(KEPT, (0.0, 0, None))
+        if factor is None or size != self._vi.operator.size or not 0.9 * rho <= earlier <= 1.1 * rho:
+            return False
+        x = np.random.default_rng(0).standard_normal(size)
+        for _ in range(2):  # x - (W_earlier + rho I)^-1 (W + rho I) x, in its direction of least contraction
+            before = float(np.linalg.norm(x))
+            x = x - factor.solve(self._vi.operator.affine(x, earlier * x))
+            if not np.linalg.norm(x) <= STALE * before:
+                return False
+        self.rho, self.gain, self._factor = earlier, self._vi.operator.norm, factor
+        self._x = np.zeros(size)
+        return True
 
     def start(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
         z = self._vi.project(r)
+        if self._x is not None:
+            self._x = z
         return z, -self._vi.map(self._vi.velocity(z)) / self.rho
 
     def linear(self, a: FloatArray, g: FloatArray | float) -> FloatArray:
-        return self._factor.solve(self.rho * a - self._vi.q - g)
+        b = self.rho * a - self._vi.q - g
+        if self._x is None:
+            return self._factor.solve(b)
+        self._x = self._x + self._factor.solve(b - self._vi.operator.affine(self._x, self.rho * self._x))
+        return self._x
 
     def project(self, y: FloatArray) -> FloatArray:
         return self._vi.project(y)
@@ -157,7 +190,10 @@ class GlobalSplitting:
 def admm(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AdmmOptions) -> Iterate:
     """ADMM on the local form."""
     vi = Inequality.coulomb(problem)
-    return split(vi, r, ProblemWatch(vi.velocity, monitor, options.max_iterations), options)
+    iterated = split(vi, r, ProblemWatch(vi.velocity, monitor, options.max_iterations), options, problem.kept)
+    if problem.kept is not None and not iterated.status.solved:
+        problem.kept.pop(KEPT, None)  # the next attempt begins with a factor of its own
+    return iterated
 
 
 def admm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: AdmmOptions) -> Iterate:
@@ -204,8 +240,8 @@ class _Rescaled:
         self._watch.tick()
 
 
-def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions) -> Iterate:
-    """ADMM on a variational inequality in local form."""
+def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, kept: dict[str, Any] | None = None) -> Iterate:
+    """ADMM on a variational inequality in local form; kept: what a simulation keeps from step to step."""
     operator = vi.operator
     if options.symmetry == "symmetrise":
         operator = operator.symmetric_part
@@ -220,9 +256,11 @@ def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions) -> 
         return Iterate(scale * iterated.r, iterated.status)
     vi = Inequality(operator, vi.q, vi.convex_set, vi.mu)
     symmetric = options.symmetry in ("assume", "symmetrise") or (options.symmetry == "check" and operator.symmetric)
-    splitting = LocalSplitting(vi, symmetric)
+    splitting = LocalSplitting(vi, symmetric, kept)
+    rho = options.rho * _local_scale(operator, options.initial_rho)
     try:
-        splitting.set_rho(options.rho * _local_scale(operator, options.initial_rho))
+        if not splitting.resume(rho):
+            splitting.set_rho(rho)
     except SingularMatrix:
         return Iterate(r, Status.SINGULAR)
     return iterate(splitting, vi.mu, operator.dimension, r, watch, options)

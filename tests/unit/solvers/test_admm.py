@@ -202,3 +202,34 @@ def test_refused_options(options: dict[str, Any], coulomb_problems: Problems) ->
 def test_rescaling_needs_the_local_form(global_problem: GlobalProblem) -> None:
     with pytest.raises(InputError, match="rescaling"):
         solve(global_problem, "ADMM", linear="kkt", rescaling="contacts")
+
+
+@pytest.mark.parametrize("storage", ["dense", "block rows"])
+def test_factor_of_an_earlier_operator(storage: str) -> None:
+    """What a simulation keeps: for a W that changed little the factor serves again and the answer is that W's; for another it does not."""
+    rng = np.random.default_rng(4)
+    nc, d = 12, 3
+    H = rng.standard_normal((nc * d + 5, nc * d)) / 6
+    W, q = H.T @ H + 0.1 * np.eye(nc * d), rng.standard_normal(nc * d)
+    change = rng.standard_normal(W.shape)
+    near = W + 1e-3 * (change + change.T) / nc
+    options = {"initial_rho": "norm", "rho": 0.05, "rho_update": "constant", "max_iterations": 3000}
+    kept: dict[str, object] = {}
+
+    def solved(W: np.ndarray, kept: dict[str, object] | None) -> np.ndarray:
+        stored = W if storage == "dense" else sp.bsr_array(W, blocksize=(d, d))
+        result = solve(LocalProblem(stored, q, np.full(nc, 0.4), dimension=d, kept=kept), "ADMM", tol=1e-9, **options)
+        assert result.solved
+        return result.r
+
+    def factor() -> object:
+        return kept["ADMM"][2]  # type: ignore[index]
+
+    solved(W, kept)
+    first = factor()
+    assert_allclose(solved(near, kept), solved(near, None), rtol=0, atol=1e-6)
+    assert factor() is first
+    soft = np.linalg.eigh(W)[1][:, 0]
+    other = W + 0.5 * np.linalg.norm(W, 2) * np.outer(soft, soft)  # of the same norm
+    assert_allclose(solved(other, kept), solved(other, None), rtol=0, atol=1e-6)
+    assert factor() is not first
