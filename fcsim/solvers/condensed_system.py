@@ -23,8 +23,10 @@ BoolArray = NDArray[np.bool_]
 
 FORCING = 1e-2
 """Defect, relative to the right-hand side, at which a Newton step by an earlier W's factor is accepted."""
+INNER = 1e-2
+"""The same for the border's system where such a step is a preconditioner's."""
 ACCURACY = 1e-4
-"""The same for a step by this W's factor in single precision."""
+"""Defect at which a step by this W's factor in single precision is accepted."""
 SINGLE_FROM = 1500
 """Contact unknowns from which factor and border are kept in single precision."""
 WELL_CONDITIONED, WELL_CONDITIONED_SINGLE = 1e-8, 1e-5
@@ -32,8 +34,6 @@ WELL_CONDITIONED, WELL_CONDITIONED_SINGLE = 1e-8, 1e-5
 UNSETTLED, FEW_SLIDE = 0.05, 0.25
 """Share of the contacts whose status changes from step to step above which a factor to be held would not last: the fronts' LU is cheaper.
 At first, share of the closed contacts that may slide: a cold start has more, a warm one less."""
-INNER = 1e-2
-"""The same for the border's system where such a step is only a preconditioner's."""
 CORRECTIONS = 8
 """Iterations of GMRES with an earlier W's factor before factoring anew."""
 
@@ -57,7 +57,7 @@ class _DenseCholesky:
         self._trsm, self._trsv = sla.blas.get_blas_funcs(("trsm", "trsv"), dtype=dtype)
         L, info = sla.lapack.dpotrf(_dense_part(W, d, self.contacts, self.contacts).T, lower=True, overwrite_a=True, clean=False)
         if info != 0:
-            raise SingularMatrix(f"W of {len(self.contacts)} sticking contacts is not positive definite")
+            raise SingularMatrix(f"W of {len(self.contacts)} held contacts is not positive definite")
         self.conditioning = float(np.min(L.diagonal()) / np.max(L.diagonal())) ** 2
         self._L = L.astype(dtype, copy=False)
 

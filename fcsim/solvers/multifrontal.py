@@ -307,7 +307,7 @@ class MultifrontalCholesky:
             if n:
                 L, info = potrf(F11, lower=True, overwrite_a=True, clean=False)
                 if info != 0:
-                    raise SingularMatrix(f"W of {len(self.contacts)} closed contacts is not positive definite")
+                    raise SingularMatrix(f"W of {len(self.contacts)} held contacts is not positive definite")
                 if b:
                     F21 = self._trsm(1.0, L, F21, side=1, lower=True, trans_a=True, overwrite_b=True)
                     F22 = syrk(-1.0, F21, 1.0, F22, lower=True, overwrite_c=True)
