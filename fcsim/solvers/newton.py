@@ -80,7 +80,7 @@ CONDENSED_UP_TO = 12_000
 DENSE_UP_TO = 3000
 """Contact unknowns up to which a sparse W is made dense for an LU (72 MB)."""
 SMALL = 150
-"""Contact unknowns up to which dense LU is cheapest whatever the density."""
+"""Contact unknowns up to which dense linear algebra is cheapest whatever the density."""
 FILLED = 0.05
 """Density of a sparse W from which its factor counts as dense."""
 
@@ -252,15 +252,15 @@ def _merit(
 def _linear(problem: LocalProblem, options: NewtonOptions) -> tuple[str, Any]:
     """The name of the linear algebra, and W as it wants it; the choice behind "auto":
 
-    Dense LU for a small sparse W. Multifrontal LU where contacts come in joints and that saves most of the work, unless a simulation keeps
+    A small sparse W is made dense. Multifrontal LU where contacts come in joints and that saves most of the work, unless a simulation keeps
     what condensed elimination leaves for the next steps (which uses the joints too). Else condensed elimination for AC and JM, dense LU
     for the others, on a dense W and on a sparse one whose factor would be dense and is affordable; else sparse LU.
     """
     W, condensing, linear = problem.W, options.formulation in ("AC", "JM"), options.linear
     if linear in ("auto", "kkt"):
+        if sp.issparse(W) and problem.m <= SMALL:
+            W = W.toarray()
         if sp.issparse(W):
-            if problem.m <= SMALL:
-                return "dense", W.toarray()
             kept = problem.kept if condensing else None
             present = None if kept is None else kept.get("condensed")
             if isinstance(present, CondensedSystem) and present.by_joints:

@@ -82,11 +82,11 @@ def test_units(name: str, seed: int, nc: int, velocity: float, impulse: float) -
 
 @pytest.mark.parametrize("name", ["NSN-AC", "NSN-JM", "NSN-NM", "NSN-FB"])
 @EXAMPLES
-@given(seed=SEEDS, nc=SIZES, power=st.integers(-20, 20), rho=st.sampled_from(["spectral norm", "split spectral norm", "adaptive"]))
+@given(seed=SEEDS, nc=SIZES, power=st.integers(-10, 10), rho=st.sampled_from(["spectral norm", "split spectral norm", "adaptive"]))
 def test_rho_that_follows_W_makes_newton_blind_to_units(name: str, seed: int, nc: int, power: int, rho: str) -> None:
-    """r in units of 2^-power: floating point scales exactly, so the iterates do, one by one."""
+    """r in units of 4^-power: floating point scales exactly, Cholesky's square roots too, so the iterates do, one by one."""
     p = local_problem(seed, nc, dimension(name, seed))
-    b = 2.0**power
+    b = 4.0**power
     scaled = replace(p, W=p.W / b)
     for steps in (1, 2, 3):
         first = solve(p, name, tol=1e-300, rho=rho, max_iterations=steps)
