@@ -34,6 +34,8 @@ WELL_CONDITIONED, WELL_CONDITIONED_SINGLE = 1e-8, 1e-5
 UNSETTLED, FEW_SLIDE = 0.05, 0.25
 """Share of the contacts whose status changes from step to step above which a factor to be held would not last: the fronts' LU is cheaper.
 At first, share of the closed contacts that may slide: a cold start has more, a warm one less."""
+BORDER_UP_TO = 2e9
+"""Bytes of the border's columns up to which it is carried: a wall of a thousand bricks would have more."""
 CORRECTIONS = 8
 """Iterations of GMRES with an earlier W's factor before factoring anew."""
 
@@ -142,7 +144,8 @@ class CondensedSystem:
             if found is not None:
                 return found
         self._held = None
-        if self._rows is not None and not settled:
+        columns, rows = (self._d * np.count_nonzero(contacts) for contacts in (closed & ~sticking, closed))
+        if columns * rows * np.dtype(self._dtype).itemsize > BORDER_UP_TO or (self._rows is not None and not settled):
             return self._solve_whole(A, B, rhs)
         if self._symmetric is None:
             self._symmetric = is_symmetric(self._W)

@@ -149,6 +149,16 @@ def test_double_precision_where_single_is_not_enough(monkeypatch: pytest.MonkeyP
     assert np.linalg.norm(rhs.ravel() - sla.block_diag(*A) @ (W @ dr)) <= 1.01 * ACCURACY * np.linalg.norm(rhs)
 
 
+def test_a_border_that_is_too_large_is_not_carried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(condensed_system, "BORDER_UP_TO", 0)
+    monkeypatch.setattr(CondensedSystem, "_hold", lambda *_: pytest.fail("no factor is to be held"))
+    rng = np.random.default_rng(5)
+    W = delassus(20, 3, 5)
+    A, B = linearisation(np.repeat([STICK, SLIP], 10), 3, rng)
+    rhs = rng.standard_normal((20, 3))
+    assert_allclose(CondensedSystem(W, 3).solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-9, atol=1e-11)
+
+
 def test_sets_that_empty_and_fill_again() -> None:
     rng = np.random.default_rng(7)
     W = delassus(50, 3, 8)
