@@ -23,6 +23,9 @@ IntArray = NDArray[np.int64]
 DENSE_UP_TO = 1000
 """Up to this size a dense factorisation is as fast as a sparse one for the blocks met here and solves many right-hand sides faster."""
 
+SOLVED_AT_ONCE = 8_000_000
+"""Numbers of right-hand sides that are solved for together (64 MB, of which a factor's solution takes a few copies)."""
+
 
 class SingularMatrix(FcsimError, ArithmeticError):
     """A matrix that cannot be factored."""
@@ -233,6 +236,20 @@ def factorise(A: Any, *, positive_definite: bool = False) -> Factor:
         dense = A.toarray() if sp.issparse(A) else np.asarray(A)
         return DenseCholesky(dense) if positive_definite else DenseLU(dense)
     return Mumps(A, positive_definite=positive_definite) if runtime.has_petsc() else SuperLU(A)
+
+
+def inverse_on(unknowns: IntArray, factor: Factor, size: int) -> FloatArray:
+    """The rows and columns `unknowns` (k,) of A^-1 (k, k), A of that size, a few columns at a time: all would be k size numbers."""
+    if isinstance(factor, DenseCholesky) and len(unknowns) and np.array_equal(factor.last, unknowns):
+        return factor.inverse_on_last()
+    inverse = np.empty((len(unknowns), len(unknowns)))
+    count = max(1, SOLVED_AT_ONCE // max(size, 1))
+    for first in range(0, len(unknowns), count):
+        own = unknowns[first : first + count]
+        units = np.zeros((size, len(own)))
+        units[own, np.arange(len(own))] = 1
+        inverse[:, first : first + count] = factor.solve(units)[unknowns]
+    return inverse
 
 
 @lru_cache(maxsize=4)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from fcsim._kernels import add_tile, add_tile_to_block_rows, congruence, union_of_neighbours
-from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise
+from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
 from fcsim.problem import GlobalProblem, LocalProblem
 
 FloatArray = NDArray[np.float64]
@@ -120,12 +120,11 @@ class BlockFactor:
                     break
             else:
                 alike.append(([own], block))
-        nothing = np.zeros(self.n, dtype=bool)
+        touched = np.zeros(self.n, dtype=bool) if touched is None else touched
         self.blocks = []
         for copies, block in (kind for alike in kinds.values() for kind in alike):
             own = np.array(copies)
-            last = np.flatnonzero((nothing if touched is None else touched)[own].any(axis=0))
-            self.blocks.append(_Block(own, _factor(block, last)))
+            self.blocks.append(_Block(own, _factor(block, np.flatnonzero(touched[own].any(axis=0)))))
         self._refined = None if exact else A
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -161,7 +160,7 @@ class BlockFactor:
             touched = np.unique(np.concatenate([np.flatnonzero(np.diff(h.indptr)) for h in rows]))
             if not len(touched):
                 continue
-            compliance = _inverse_on(touched, block.factor, size)
+            compliance = inverse_on(touched, block.factor, size)
             symmetric = isinstance(block.factor, DenseCholesky)
             for h in rows:
                 h = sp.csc_array(h[touched])
@@ -173,15 +172,6 @@ class BlockFactor:
                         yield contacts, congruence(h.indptr, h.indices, h.data, compliance)
                     else:
                         yield contacts, h @ (h @ compliance.T).T
-
-
-def _inverse_on(dofs: IntArray, factor: Factor, size: int) -> FloatArray:
-    """The rows and columns `dofs` of the inverse of a block of that size."""
-    if isinstance(factor, DenseCholesky) and np.array_equal(factor.last, dofs):
-        return factor.inverse_on_last()
-    units = np.zeros((size, len(dofs)))
-    units[dofs, np.arange(len(dofs))] = 1
-    return factor.solve(units)[dofs]
 
 
 def _component_tiles(H: Any, inverse_diagonal: FloatArray, d: int) -> Iterable[tuple[IntArray, FloatArray]]:

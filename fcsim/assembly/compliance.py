@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fcsim import linear
 from fcsim._kernels import congruence
 from fcsim.assembly.groups import Group
 from fcsim.assembly.model import Model
@@ -25,9 +26,6 @@ from fcsim.reduction import assemble_delassus, refuse_singular
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-SOLVED_AT_ONCE = 8_000_000
-"""Numbers of right-hand sides that are solved for together (64 MB, of which a factor's solution takes a few copies)."""
 
 
 class SystemFactor:
@@ -178,20 +176,8 @@ class _GroupFactor:
         # numbers of the contact dofs in the part, driven ones left out
         surface = np.repeat(nodes, d) & ~group.driven
         self.surface = np.flatnonzero(surface)
-        self.compliance = _inverse_on(self.factor, len(self.free), np.searchsorted(self.free, self.surface))
-
-
-def _inverse_on(factor: Factor, size: int, place: IntArray) -> FloatArray:
-    """Return (A^-1)[place, place] (k, k) of a factored symmetric A (size, size), a few columns at a time: all would be k size numbers."""
-    k = len(place)
-    inverse = np.empty((k, k))
-    count = max(1, SOLVED_AT_ONCE // max(size, 1))
-    for first in range(0, k, count):
-        own = place[first : first + count]
-        units = np.zeros((size, len(own)))
-        units[own, np.arange(len(own))] = 1
-        inverse[:, first : first + count] = factor.solve(units)[place]
-    return 0.5 * (inverse + inverse.T)
+        compliance = linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free))
+        self.compliance = 0.5 * (compliance + compliance.T)
 
 
 def _rigid_tiles(H: Any, first: int, inverse: FloatArray, d: int) -> Iterator[tuple[IntArray, FloatArray]]:

@@ -1,6 +1,4 @@
-"""Compiled pieces of the multifrontal eliminations: filling a front with entries of the matrix and adding a child's complement to it,
-
-and the product of the block rows with a vector."""
+"""Compiled pieces of the multifrontal and condensed eliminations: filling fronts, adding complements, gathering blocks."""
 
 from __future__ import annotations
 
@@ -9,10 +7,8 @@ from numba import njit
 
 
 @njit(cache=True)
-def transposed_entries(indptr, indices, transposed):
-    """Fill transposed[e] with the entry of block (b, a) for entry e of block (a, b); False where the pattern is not symmetric.
-
-    Rows must be sorted by column."""
+def has_symmetric_pattern(indptr, indices):
+    """Whether with each block (a, b) there is a block (b, a); rows must be sorted by column."""
     following = indptr[:-1].copy()
     for a in range(len(indptr) - 1):
         for e in range(indptr[a], indptr[a + 1]):
@@ -20,7 +16,6 @@ def transposed_entries(indptr, indices, transposed):
             k = following[b]  # rows ask for the entries of row b by rising a
             if k == indptr[b + 1] or indices[k] != a:
                 return False
-            transposed[e] = k
             following[b] = k + 1
     return True
 
@@ -170,38 +165,6 @@ def gather_blocks(indptr, indices, W, rows, place, out):
                 for p in range(d):
                     for q in range(d):
                         out[d * i + p, d * j + q] = W[e, p, q]
-
-
-@njit(cache=True)
-def sparse_product(indptr, indices, W, d, x, y):
-    """y = W x (m,) without reading W's columns of contacts where x is zero; W flat."""
-    nc = len(indptr) - 1
-    taken = np.zeros(nc, dtype=np.bool_)
-    for a in range(nc):
-        for p in range(d):
-            taken[a] |= x[d * a + p] != 0.0
-    if d == 3:  # written out, as in `write_row`
-        for a in range(nc):
-            s0 = s1 = s2 = 0.0
-            for e in range(indptr[a], indptr[a + 1]):
-                b = indices[e]
-                if taken[b]:
-                    w, b = 9 * e, 3 * b
-                    x0, x1, x2 = x[b], x[b + 1], x[b + 2]
-                    s0 += W[w] * x0 + W[w + 1] * x1 + W[w + 2] * x2
-                    s1 += W[w + 3] * x0 + W[w + 4] * x1 + W[w + 5] * x2
-                    s2 += W[w + 6] * x0 + W[w + 7] * x1 + W[w + 8] * x2
-            y[3 * a], y[3 * a + 1], y[3 * a + 2] = s0, s1, s2
-        return
-    for a in range(nc):
-        for p in range(d):
-            s = 0.0
-            for e in range(indptr[a], indptr[a + 1]):
-                b = indices[e]
-                if taken[b]:
-                    for q in range(d):
-                        s += W[d * d * e + d * p + q] * x[d * b + q]
-            y[d * a + p] = s
 
 
 @njit(cache=True)

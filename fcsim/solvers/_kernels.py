@@ -154,12 +154,16 @@ def own_blocks(indptr, indices, blocks):
 
 @njit(cache=True)
 def product(indptr, indices, blocks, q, r):
-    """u = W r + q (nc, 3) from block rows."""
-    u = np.empty_like(q)
+    """u = W r + q (nc, 3) from block rows, whose columns of contacts with r = 0 are not read."""
+    u, nonzero = np.empty_like(q), np.empty(len(r), dtype=np.bool_)
+    for b in range(len(r)):
+        nonzero[b] = r[b, 0] != 0.0 or r[b, 1] != 0.0 or r[b, 2] != 0.0
     for a in range(len(q)):
         u0, u1, u2 = q[a, 0], q[a, 1], q[a, 2]
         for k in range(indptr[a], indptr[a + 1]):
             b = indices[k]
+            if not nonzero[b]:
+                continue
             s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
             u0 += blocks[k, 0, 0] * s0 + blocks[k, 0, 1] * s1 + blocks[k, 0, 2] * s2
             u1 += blocks[k, 1, 0] * s0 + blocks[k, 1, 1] * s1 + blocks[k, 1, 2] * s2

@@ -45,8 +45,8 @@ from fcsim.solvers.admm import AdmmOptions, admm, split
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.block_rows import ContactRows, compressed_blocks
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
+from fcsim.solvers.joints import BlockRows, joint_rows
 from fcsim.solvers.levenberg_marquardt import levenberg_marquardt
-from fcsim.solvers.multifrontal import BlockRows, joint_rows
 from fcsim.solvers.newton import NewtonOptions, newton
 from fcsim.solvers.one_contact import ONE_CONTACT
 from fcsim.solvers.regularised import RegularisedNewton
@@ -134,7 +134,7 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     if warm or joints is not None:
         stages = (run.plain_newton, run.race, run.proximal, run.sweeps_to_the_end)
     if joints is not None and not warm and run.splitting_leads():
-        stages = (run.splitting, *stages)
+        stages = (lambda _: run.splitting(), *stages)
     monitor.record(r, problem.W @ r + problem.q)
     for stage in stages:
         last = stage(r)
@@ -229,7 +229,7 @@ class _Run:
         far, near = NEWTON_FROM_FAR * self.newton_cost, NEWTON_FROM_NEAR * self.newton_cost
         return self.options.splitting > 0 and self.splitting_cost + near < 0.7 * far
 
-    def splitting(self, r: FloatArray | None = None) -> Iterate:
+    def splitting(self) -> Iterate:
         """ADMM from zero, which suits it better than sweeps' iterate, as long as each share of iterations brings the error down tenfold."""
         share, options = self.options.splitting, AdmmOptions(initial_rho="norm", rho=1e-3)
         if self.joints is not None:  # one factorisation, and many cheap iterations

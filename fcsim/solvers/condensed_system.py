@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from fcsim.linear import SingularMatrix, is_symmetric
 from fcsim.solvers._front_kernels import gather_blocks
 from fcsim.solvers.border_system import BorderSystem, split_known
+from fcsim.solvers.joints import BlockRows, joint_rows
 from fcsim.solvers.krylov import gmres
-from fcsim.solvers.multifrontal import BlockRows, MultifrontalCholesky, joint_rows
+from fcsim.solvers.multifrontal import MultifrontalCholesky
 from fcsim.solvers.multifrontal_system import MultifrontalSystem
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem, dofs_of
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.linear import SingularMatrix
+from fcsim.solvers.joints import BlockRows
 from fcsim.solvers.krylov import gmres
-from fcsim.solvers.multifrontal import BlockRows, Multifrontal
+from fcsim.solvers.multifrontal import Multifrontal
 from fcsim.solvers.newton_system import SparseSystem
 
 FloatArray = NDArray[np.float64]

@@ -21,8 +21,8 @@ from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
 from fcsim.solvers.condensed_system import CondensedSystem
 from fcsim.solvers.formulations import FORMULATIONS, Formulation
+from fcsim.solvers.joints import joint_rows
 from fcsim.solvers.line_search import LINE_SEARCHES, REFERENCES, Merit
-from fcsim.solvers.multifrontal import joint_rows
 from fcsim.solvers.multifrontal_system import MultifrontalSystem
 from fcsim.solvers.newton_system import DenseSystem, NewtonSystem, SparseSystem
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range

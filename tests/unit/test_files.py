@@ -22,12 +22,13 @@ def no_file_above_100_kb() -> Iterator[None]:
     signal.signal(signal.SIGXFSZ, handler)
 
 
-def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
+@pytest.mark.parametrize("failure", [ZeroDivisionError, KeyboardInterrupt])
+def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path: Path, failure: type[BaseException]) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
-    with pytest.raises(ZeroDivisionError), replacing(path) as temporary:
+    with pytest.raises(failure), replacing(path) as temporary:
         temporary.write_text("half")
-        raise ZeroDivisionError
+        raise failure
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
     with replacing(path) as temporary:
         temporary.write_text("new")

@@ -9,7 +9,8 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear import SingularMatrix
-from fcsim.solvers.multifrontal import BlockRows, Multifrontal, MultifrontalCholesky, joint_count, joint_rows, joints
+from fcsim.solvers.joints import BlockRows, joint_count, joint_rows, joints
+from fcsim.solvers.multifrontal import Multifrontal, MultifrontalCholesky
 from fcsim.solvers.multifrontal_system import ACCURACY, MultifrontalSystem
 
 

@@ -20,7 +20,7 @@ from fcsim.view import SeriesWriter, render, scene
 from fcsim.view.film import film_instants, write_film
 from fcsim.view.pictures import contact_figure, instants_figure, stress_figure
 from fcsim.view.plots import contact_plot, convergence_plot, energy_plot, history_plot, phase_plot, reaction_plot, write_plots
-from fcsim.view.run_folder import Instant, RunFolder, open_run, replacing
+from fcsim.view.run_folder import Instant, RunFolder, open_run
 from fcsim.view.style import BLUE, RED, prefixed
 
 
@@ -243,18 +243,6 @@ def test_missing_and_broken_series_files_are_named(run_directory, tmp_path):
     victim.unlink()
     with pytest.raises(InputError, match=r"blocks\.pvd: expected the file blocks_00010\.vtu"):
         open_run(tmp_path / "run")
-
-
-def test_replacing_keeps_the_old_file_when_the_write_is_interrupted(tmp_path):
-    path = tmp_path / "film.gif"
-    path.write_text("old")
-    with pytest.raises(KeyboardInterrupt), replacing(path) as temporary:
-        temporary.write_text("half")
-        raise KeyboardInterrupt
-    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
-    with replacing(path) as temporary:
-        temporary.write_text("new")
-    assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
 
 
 def test_importing_loads_no_graphics_library():
