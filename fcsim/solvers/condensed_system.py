@@ -24,7 +24,7 @@ BoolArray = NDArray[np.bool_]
 
 FORCING = 1e-2
 """Defect, relative to the right-hand side, at which a Newton step by an earlier W's factor is accepted."""
-INNER = 1e-2
+INNER = 2e-3
 """The same for the border's system where such a step is a preconditioner's."""
 ACCURACY = 1e-4
 """Defect at which a step by this W's factor in single precision is accepted."""
