@@ -31,7 +31,7 @@ def number(own, border, local):
 
 @njit(cache=True)
 def write_row(a, first, last, indices, local, low, high, W, A, d, out, i):
-    """Write the transposes of A[a] W[e] for the entries e of row a with low <= local < high to the columns d i of out.
+    """Write A[a] W[e] for the entries e of row a with low <= local < high to the rows d i of out.
 
     In 3D the loops are written out, since the compiler cannot know that `out` is neither A nor W: half the time. A and W are flat."""
     if d == 3:
@@ -45,9 +45,9 @@ def write_row(a, first, last, indices, local, low, high, W, A, d, out, i):
                 x0, x1, x2 = a0 * w0 + a1 * w3 + a2 * w6, a0 * w1 + a1 * w4 + a2 * w7, a0 * w2 + a1 * w5 + a2 * w8
                 y0, y1, y2 = a3 * w0 + a4 * w3 + a5 * w6, a3 * w1 + a4 * w4 + a5 * w7, a3 * w2 + a4 * w5 + a5 * w8
                 z0, z1, z2 = a6 * w0 + a7 * w3 + a8 * w6, a6 * w1 + a7 * w4 + a8 * w7, a6 * w2 + a7 * w5 + a8 * w8
-                out[j, to], out[j + 1, to], out[j + 2, to] = x0, x1, x2
-                out[j, to + 1], out[j + 1, to + 1], out[j + 2, to + 1] = y0, y1, y2
-                out[j, to + 2], out[j + 1, to + 2], out[j + 2, to + 2] = z0, z1, z2
+                out[to, j], out[to, j + 1], out[to, j + 2] = x0, x1, x2
+                out[to + 1, j], out[to + 1, j + 1], out[to + 1, j + 2] = y0, y1, y2
+                out[to + 2, j], out[to + 2, j + 1], out[to + 2, j + 2] = z0, z1, z2
         return
     for e in range(first, last):
         j = local[indices[e]]
@@ -57,44 +57,44 @@ def write_row(a, first, last, indices, local, low, high, W, A, d, out, i):
                     s = 0.0
                     for c in range(d):
                         s += A[d * d * a + d * p + c] * W[d * d * e + d * c + q]
-                    out[d * (j - low) + q, d * i + p] = s
+                    out[d * i + p, d * (j - low) + q] = s
 
 
 @njit(cache=True)
-def fill_transposed(own, border, local, indptr, indices, W, A, B, d, F11, F12, F21):
-    """Write the transposes of A W + B's blocks with a row or a column in `own` and the other in `own` or `border` to the zeroed front.
+def fill(own, border, local, indptr, indices, W, A, B, d, F11, F12, F21):
+    """Write the blocks of A W + B with a row or a column in `own` and the other in `own` or `border` to the front's zeroed parts.
 
-    Of the transposed matrix: with LAPACK's columns in memory, a row of W is then written without gaps. A, B, W are flat;
-    local (nc,) is scratch that is -1 everywhere before and after."""
+    The parts are in C order, empty ones too as numba sees them. A, B, W are flat; local (nc,) is scratch that is -1 everywhere before
+    and after."""
     n = len(own)
     number(own, border, local)
     for i in range(n):
         a = own[i]
         write_row(a, indptr[a], indptr[a + 1], indices, local, 0, n, W, A, d, F11, i)
-        write_row(a, indptr[a], indptr[a + 1], indices, local, n, len(local), W, A, d, F21, i)
+        write_row(a, indptr[a], indptr[a + 1], indices, local, n, len(local), W, A, d, F12, i)
         for p in range(d):
             for q in range(d):
-                F11[d * i + q, d * i + p] += B[d * d * a + d * p + q]
+                F11[d * i + p, d * i + q] += B[d * d * a + d * p + q]
     for i in range(len(border)):
         a = border[i]
-        write_row(a, indptr[a], indptr[a + 1], indices, local, 0, n, W, A, d, F12, i)
+        write_row(a, indptr[a], indptr[a + 1], indices, local, 0, n, W, A, d, F21, i)
     local[own] = -1
     local[border] = -1
 
 
 @njit(cache=True)
-def add_part(S, column, place, first, last, shift, d, out, to):
-    """Add blocks first to last of a column of S to the blocks place - shift of a column of out."""
+def add_part(S, row, place, first, last, shift, d, out, to):
+    """Add blocks first to last of a row of S to the blocks place - shift of a row of out."""
     if d == 3:
-        for i in range(first, last):
-            row = 3 * (place[i] - shift)
-            out[row, to] += S[3 * i, column]
-            out[row + 1, to] += S[3 * i + 1, column]
-            out[row + 2, to] += S[3 * i + 2, column]
+        for j in range(first, last):
+            column = 3 * (place[j] - shift)
+            out[to, column] += S[row, 3 * j]
+            out[to, column + 1] += S[row, 3 * j + 1]
+            out[to, column + 2] += S[row, 3 * j + 2]
         return
-    for i in range(first, last):
-        for p in range(d):
-            out[d * (place[i] - shift) + p, to] += S[d * i + p, column]
+    for j in range(first, last):
+        for q in range(d):
+            out[to, d * (place[j] - shift) + q] += S[row, d * j + q]
 
 
 @njit(cache=True)
@@ -103,22 +103,22 @@ def extend_add(S, place, n, d, F11, F12, F21, F22):
 
     `place` rises."""
     inside = np.searchsorted(place, n)
-    for j in range(len(place)):
-        for q in range(d):
-            column = d * j + q
-            if j < inside:
-                to = d * place[j] + q
-                add_part(S, column, place, 0, inside, 0, d, F11, to)
-                add_part(S, column, place, inside, len(place), n, d, F21, to)
+    for i in range(len(place)):
+        for p in range(d):
+            row = d * i + p
+            if i < inside:
+                to = d * place[i] + p
+                add_part(S, row, place, 0, inside, 0, d, F11, to)
+                add_part(S, row, place, inside, len(place), n, d, F12, to)
             else:
-                to = d * (place[j] - n) + q
-                add_part(S, column, place, 0, inside, 0, d, F12, to)
-                add_part(S, column, place, inside, len(place), n, d, F22, to)
+                to = d * (place[i] - n) + p
+                add_part(S, row, place, 0, inside, 0, d, F21, to)
+                add_part(S, row, place, inside, len(place), n, d, F22, to)
 
 
 @njit(cache=True)
-def fill_lower(own, border, local, indptr, indices, W, F11, F21):
-    """Write the blocks of a symmetric W with a column in `own` and a row in `own` or `border` to the front's zeroed parts.
+def fill_symmetric(own, border, local, indptr, indices, W, F11, F12):
+    """Write the blocks of W with a row in `own` and a column in `own` or `border` to the front's zeroed parts, which are in C order.
 
     local (nc,) is scratch that is -1 everywhere before and after."""
     n, d = len(own), W.shape[1]
@@ -131,27 +131,27 @@ def fill_lower(own, border, local, indptr, indices, W, F11, F21):
             for p in range(d):
                 for q in range(d):
                     if j < n:
-                        F11[d * j + q, d * i + p] = W[e, p, q]
+                        F11[d * i + p, d * j + q] = W[e, p, q]
                     else:
-                        F21[d * (j - n) + q, d * i + p] = W[e, p, q]
+                        F12[d * i + p, d * (j - n) + q] = W[e, p, q]
     local[own] = -1
     local[border] = -1
 
 
 @njit(cache=True)
-def extend_add_lower(S, place, n, d, F11, F21, F22):
-    """As `extend_add` for the lower triangle of a symmetric S; `place` rises, so it stays a lower triangle."""
-    for j in range(len(place)):
-        for q in range(d):
-            column = d * j + q
-            for i in range(j, len(place)):
-                for p in range(d):
-                    if place[i] < n:
-                        F11[d * place[i] + p, d * place[j] + q] += S[d * i + p, column]
-                    elif place[j] < n:
-                        F21[d * (place[i] - n) + p, d * place[j] + q] += S[d * i + p, column]
+def extend_add_upper(S, place, n, d, F11, F12, F22):
+    """As `extend_add` for the upper triangle of a symmetric S; `place` rises, so it stays an upper triangle."""
+    for i in range(len(place)):
+        for p in range(d):
+            row = d * i + p
+            for j in range(i, len(place)):
+                for q in range(d):
+                    if place[j] < n:
+                        F11[d * place[i] + p, d * place[j] + q] += S[row, d * j + q]
+                    elif place[i] < n:
+                        F12[d * place[i] + p, d * (place[j] - n) + q] += S[row, d * j + q]
                     else:
-                        F22[d * (place[i] - n) + p, d * (place[j] - n) + q] += S[d * i + p, column]
+                        F22[d * (place[i] - n) + p, d * (place[j] - n) + q] += S[row, d * j + q]
 
 
 @njit(cache=True)

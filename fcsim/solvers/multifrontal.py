@@ -20,7 +20,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fcsim.linear import SingularMatrix
-from fcsim.solvers._front_kernels import extend_add, extend_add_lower, fill_lower, fill_transposed
+from fcsim.solvers._front_kernels import extend_add, extend_add_upper, fill, fill_symmetric
 from fcsim.solvers.joints import BlockRows, EliminationTree
 from fcsim.solvers.newton_system import dofs_of
 
@@ -60,7 +60,9 @@ class _Assembly:
 
 
 class Multifrontal:
-    """LU of A W + B on the active contacts (nc,) of `rows`; fronts of the given precision, of the transposed matrix."""
+    """LU of A W + B on the active contacts (nc,) of `rows`; fronts of the given precision.
+
+    They are filled by rows of W, without gaps, and LAPACK, for which matrices are stored by columns, factors their transposes."""
 
     def __init__(self, rows: BlockRows, A: FloatArray, B: FloatArray, active: BoolArray, dtype: Any = np.float64) -> None:
         d = A.shape[1]
@@ -74,18 +76,18 @@ class Multifrontal:
         self._fronts = []
         for begin, own, border, beyond, children in assembly:
             n, b = len(own), len(border)
-            F11, F12, F21, F22 = (np.zeros((d * k, d * m), dtype=dtype, order="F") for k, m in ((n, n), (n, b), (b, n), (b, b)))
-            fill_transposed(own, border, local, rows.indptr, rows.indices, W, A, B, d, F11, F12, F21)
+            F11, F12, F21, F22 = (np.zeros((d * k, d * m), dtype=dtype) for k, m in ((n, n), (n, b), (b, n), (b, b)))
+            fill(own, border, local, rows.indptr, rows.indices, W, A, B, d, F11, F12, F21)
             for place, S in children:
                 extend_add(S, place, n, d, F11, F12, F21, F22)
             if n:
-                lu, pivots, info = getrf(F11, overwrite_a=True)
+                lu, pivots, info = getrf(F11.T, overwrite_a=True)
                 if info != 0:
                     raise SingularMatrix(f"the block of {n} contacts is singular: zero pivot {info}")
                 if b:
-                    F12 = self._getrs(lu, pivots, F12, overwrite_b=True)[0]
-                    F22 = gemm(-1.0, F21, F12, 1.0, F22, overwrite_c=True)
-                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), lu, pivots, F12.T, F21.T))
+                    F21 = self._getrs(lu, pivots, F21.T, overwrite_b=True)[0].T
+                    F22 = gemm(-1.0, F12.T, F21.T, 1.0, F22.T, overwrite_c=True).T
+                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), lu, pivots, F21, F12))
             assembly.pass_on(F22)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -115,17 +117,18 @@ class MultifrontalCholesky:
         pivots = [np.empty(0)]
         for begin, own, border, beyond, children in assembly:
             n, b = len(own), len(border)
-            F11, F21, F22 = (np.zeros((d * k, d * m), dtype=dtype, order="F") for k, m in ((n, n), (b, n), (b, b)))
-            fill_lower(own, border, local, rows.indptr, rows.indices, rows.blocks, F11, F21)
+            F11, F12, F22 = (np.zeros((d * k, d * m), dtype=dtype) for k, m in ((n, n), (n, b), (b, b)))
+            fill_symmetric(own, border, local, rows.indptr, rows.indices, rows.blocks, F11, F12)
             for place, S in children:
-                extend_add_lower(S, place, n, d, F11, F21, F22)
+                extend_add_upper(S, place, n, d, F11, F12, F22)
             if n:
-                L, info = potrf(F11, lower=True, overwrite_a=True, clean=False)
+                L, info = potrf(F11.T, lower=True, overwrite_a=True, clean=False)
                 if info != 0:
                     raise SingularMatrix(f"W of {len(self.contacts)} held contacts is not positive definite")
+                F21 = F12.T
                 if b:
                     F21 = self._trsm(1.0, L, F21, side=1, lower=True, trans_a=True, overwrite_b=True)
-                    F22 = syrk(-1.0, F21, 1.0, F22, lower=True, overwrite_c=True)
+                    F22 = syrk(-1.0, F21, 1.0, F22.T, lower=True, overwrite_c=True).T
                 pivots.append(L.diagonal().astype(float) ** 2)
                 self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), L, F21))
             assembly.pass_on(F22)
