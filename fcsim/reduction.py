@@ -16,10 +16,10 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
-from fcsim._kernels import add_tile, add_tile_to_block_rows, congruence, union_of_neighbours
-from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
+from fcsim._component_kernels import asymmetry, block_of, connected_components, equal_blocks, equilibrating_scale
+from fcsim._kernels import add_bodies, add_diagonal_bodies, add_tile, alike_in_contacts, rows_by_body, union_of_neighbours
+from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on, probes
 from fcsim.problem import GlobalProblem, LocalProblem
 
 FloatArray = NDArray[np.float64]
@@ -45,37 +45,47 @@ class MassFactor(Protocol):
 
 
 def assemble_delassus(tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int) -> Any:
-    """Sum the bodies' tiles (contacts (k,), W_body (k d, k d)) into W (m, m): dense up to `DENSE_W_UP_TO`, else block-sparse.
-
-    W is block-sparse from `SPARSE_FROM` unknowns on already where less than the share `FILLED` of its blocks is there.
-    """
-    d = dimension
+    """Sum the bodies' tiles (contacts (k,), sorted, and W_body (k d, k d)) into W (m, m), stored as `_Sum` says."""
     parts = list(tiles)
-    entries = sum(len(contacts) ** 2 for contacts, _ in parts)
-    if nc * d <= DENSE_W_UP_TO and not (nc * d > SPARSE_FROM and entries < FILLED * nc**2):
-        W = np.zeros((nc * d, nc * d))
-        for contacts, tile in parts:
-            add_tile(W, contacts, tile, d)
-        return W
-    if not parts:
-        return sp.bsr_array((nc * d, nc * d), blocksize=(d, d))
-    members = np.concatenate([contacts for contacts, _ in parts])
-    first = np.concatenate([[0], np.cumsum([len(contacts) for contacts, _ in parts])])
-    owner = np.repeat(np.arange(len(parts)), np.diff(first))
-    by_contact = np.argsort(members, kind="stable")
-    first_tile = np.searchsorted(members[by_contact], np.arange(nc + 1))
-    indptr, columns = union_of_neighbours(first_tile, owner[by_contact], first, members, nc)
-    blocks = np.zeros((len(columns), d, d))
-    place = np.empty(nc, dtype=np.int64)
+    first = np.cumsum([0, *(len(contacts) for contacts, _ in parts)])
+    W = _Sum(first, np.concatenate([np.empty(0, dtype=np.int64), *(contacts for contacts, _ in parts)]), nc, dimension)
     for k, (contacts, tile) in enumerate(parts):
-        add_tile_to_block_rows(indptr, columns, blocks, contacts, np.ascontiguousarray(tile), d, place)
+        add_tile(*W.arrays, contacts, np.ascontiguousarray(tile), dimension, nc)
         parts[k] = (contacts, np.empty((0, 0)))  # tiles are as large as W together
-    return sp.bsr_array((blocks, columns, indptr), shape=(nc * d, nc * d), blocksize=(d, d))
+    return W.matrix()
+
+
+class _Sum:
+    """W (m, m) while it is summed: dense up to `DENSE_W_UP_TO` unknowns, else by block rows.
+
+    It is by block rows from `SPARSE_FROM` unknowns on already where less than the share `FILLED` of its blocks is there.
+    """
+
+    def __init__(self, first: IntArray, contacts: IntArray, nc: int, dimension: int) -> None:
+        """Body b is on contacts[first[b]:first[b + 1]]."""
+        m, self._dimension = nc * dimension, dimension
+        starts, columns = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
+        if m > min(SPARSE_FROM, DENSE_W_UP_TO):
+            starts, columns = union_of_neighbours(first, contacts, nc)
+        if m <= DENSE_W_UP_TO and not (m > SPARSE_FROM and len(columns) < FILLED * nc**2):
+            starts, columns = starts[:0], columns[:0]
+            self._values = np.zeros((m, m))
+        else:
+            self._values = np.zeros((len(columns), dimension, dimension))
+        self.arrays = starts, columns, self._values.reshape(-1)  # as the kernels take them
+
+    def matrix(self) -> Any:
+        """W, dense or as bsr_array."""
+        starts, columns, _ = self.arrays
+        if self._values.ndim == 2:
+            return self._values
+        m, d = (len(starts) - 1) * self._dimension, self._dimension
+        return sp.bsr_array((self._values, columns, starts), shape=(m, m), blocksize=(d, d))
 
 
 @dataclass(frozen=True)
 class _Block:
-    """Degrees of freedom of the components that share one factor: dofs (copies, size)."""
+    """Degrees of freedom of the components that share one factor: dofs (copies, size), in the factor's order."""
 
     dofs: IntArray
     factor: Factor
@@ -91,40 +101,23 @@ class BlockFactor:
     def __init__(self, A: Any, touched: BoolArray | None = None) -> None:
         """touched (n,): degrees of freedom on which A^-1 will be asked for by `delassus`; it is the cheaper for knowing them."""
         A = sp.csr_array(A)
-        A.sort_indices()
+        if not A.has_sorted_indices:
+            A = A.sorted_indices()
         self.n = A.shape[0]
-        count, label = connected_components(A, directed=False)
-        size = np.bincount(label, minlength=count)
-        dofs = np.argsort(label, kind="stable")
-        start = np.concatenate([[0], np.cumsum(size)])
-        single = dofs[start[:-1][size == 1]]
-        diagonal = A.diagonal()[single]
-        if np.any(diagonal == 0):
-            raise SingularMatrix(f"M is singular: zero rows, the first is degree of freedom {int(single[diagonal == 0][0])}")
-        self._single, self._inverse_diagonal = single, 1 / diagonal
-        kinds: dict[tuple[int, str], list[tuple[list[IntArray], Any]]] = {}
-        position = np.empty(self.n, dtype=np.int64)
-        exact = True
-        for c in np.flatnonzero(size > 1):
-            own = dofs[start[c] : start[c + 1]]
-            position[own] = np.arange(len(own))
-            rows = A[own]
-            block = sp.csr_array((rows.data, position[rows.indices], rows.indptr), shape=(len(own), len(own)))
-            # the trace tells most of the different ones apart
-            alike = kinds.setdefault((len(own), f"{block.trace():.6e}"), [])
-            for copies, first in alike:
-                difference = _difference(first, block)
-                if difference <= EQUAL:
-                    copies.append(own)
-                    exact = exact and difference == 0
-                    break
-            else:
-                alike.append(([own], block))
-        touched = np.zeros(self.n, dtype=bool) if touched is None else touched
+        rows = A.indptr, A.indices, A.data
+        dofs, start, place = connected_components(A.indptr, A.indices)
+        size = np.diff(start)
+        self._single = dofs[start[:-1][size == 1]]
+        self._inverse_diagonal = 1 / _diagonal(A, self._single)
+        kind, exact = equal_blocks(*rows, dofs, start, place, EQUAL)
         self.blocks = []
-        for copies, block in (kind for alike in kinds.values() for kind in alike):
-            own = np.array(copies)
-            self.blocks.append(_Block(own, _factor(block, np.flatnonzero(touched[own].any(axis=0)))))
+        for k in range(kind.max(initial=-1) + 1):
+            copies = np.flatnonzero(kind == k)
+            own = dofs[start[copies, None] + np.arange(size[copies[0]])]
+            if touched is not None:
+                own = own[:, np.argsort(touched[own].any(axis=0), kind="stable")]  # eliminated last: see inverse_on_last
+            starts, columns, values = block_of(*rows, own[0], place)
+            self.blocks.append(_Block(own, _factor(sp.csr_array((values, columns, starts), shape=(len(own[0]), len(own[0]))))))
         self._refined = None if exact else A
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -146,95 +139,76 @@ class BlockFactor:
 
     def delassus(self, H: Any, dimension: int) -> Any:
         """Return W = H^T A^-1 H (m, m) for sparse H (n, m)."""
-        H = sp.csr_array(H)
-        nc = H.shape[1] // dimension
-        return assemble_delassus(self._tiles(H, dimension), nc, dimension)
-
-    def _tiles(self, H: Any, d: int) -> Iterable[tuple[IntArray, FloatArray]]:
-        single = H[self._single]
-        if single.nnz:
-            yield from _component_tiles(single, self._inverse_diagonal, d)
+        H, d = sp.csc_array(H), dimension
+        nc = H.shape[1] // d
+        touched = np.zeros(self.n, dtype=bool)
+        touched[H.indices] = True
+        body, column = np.empty(self.n, dtype=np.int64), np.empty(self.n, dtype=np.int64)  # of h_b^T for each dof that H touches
+        shares, count = [], 0
         for block in self.blocks:
-            size = block.dofs.shape[1]
-            rows = [sp.csr_array(H[own]) for own in block.dofs]
-            touched = np.unique(np.concatenate([np.flatnonzero(np.diff(h.indptr)) for h in rows]))
-            if not len(touched):
-                continue
-            compliance = inverse_on(touched, block.factor, size)
-            symmetric = isinstance(block.factor, DenseCholesky)
-            for h in rows:
-                h = sp.csc_array(h[touched])
-                contacts = np.unique(np.flatnonzero(np.diff(h.indptr)) // d)
-                if len(contacts):
-                    h = h[:, (contacts[:, None] * d + np.arange(d)).ravel()]
-                    h = sp.csr_array(h.T)
-                    if symmetric:
-                        yield contacts, congruence(h.indptr, h.indices, h.data, compliance)
-                    else:
-                        yield contacts, h @ (h @ compliance.T).T
+            copies, size = block.dofs.shape
+            surface = np.flatnonzero(touched[block.dofs].any(axis=0))
+            if len(surface):
+                if isinstance(block.factor, DenseCholesky):
+                    surface = np.arange(surface[0], size)
+                body[block.dofs] = np.arange(count, count + copies)[:, None]
+                column[block.dofs[:, surface]] = np.arange(len(surface))
+                shares.append((count, count + copies, block.factor, surface, size))
+                count += copies
+        # dofs that M couples to nothing are taken together where they touch the same contacts: a rigid body's
+        group = alike_in_contacts(H.indptr, H.indices, self.n, self._single, d)
+        sizes = np.diff(group)
+        body[self._single] = count + np.repeat(np.arange(len(sizes)), sizes)
+        column[self._single] = np.arange(len(self._single)) - np.repeat(group[:-1], sizes)
+        bodies = rows_by_body(H.indptr, H.indices, H.data, body, column, count + len(sizes), d)
+        W = _Sum(bodies[0], bodies[1], nc, d)
+        for begin, end, factor, surface, size in shares:
+            symmetric = isinstance(factor, DenseCholesky)
+            C = factor.inverse_on_last(len(surface)) if symmetric else np.ascontiguousarray(inverse_on(surface, factor, size).T)
+            add_bodies(*W.arrays, *bodies, begin, end, C, symmetric, d, nc)
+        add_diagonal_bodies(*W.arrays, *bodies, count, self._inverse_diagonal, group, d, nc)
+        return W.matrix()
 
 
-def _component_tiles(H: Any, inverse_diagonal: FloatArray, d: int) -> Iterable[tuple[IntArray, FloatArray]]:
-    """Tiles of dofs that M couples to nothing: rows of H that share contacts are taken together (a rigid body's dofs)."""
-    H = sp.csr_array(H)
-    nc = H.shape[1] // d
-    incidence = sp.csr_array((np.ones(H.nnz), H.indices // d, H.indptr.copy()), shape=(H.shape[0], nc))
-    # dofs with the same set of contacts belong to one rigid body: group by that set
-    incidence.sum_duplicates()
-    groups: dict[bytes, list[int]] = {}
-    for row in range(H.shape[0]):
-        contacts = incidence.indices[incidence.indptr[row] : incidence.indptr[row + 1]]
-        if len(contacts):
-            groups.setdefault(contacts.tobytes(), []).append(row)
-    for members in groups.values():
-        rows = np.array(members)
-        contacts = np.unique(H[rows].indices // d).astype(np.int64)
-        h = H[rows][:, (contacts[:, None] * d + np.arange(d)).ravel()].toarray()
-        yield contacts, h.T @ (inverse_diagonal[rows, None] * h)
+def _diagonal(A: Any, single: IntArray) -> FloatArray:
+    """The diagonal of the csr matrix A on unknowns that it couples to nothing; SingularMatrix where it is zero."""
+    stored = np.diff(A.indptr)[single]
+    diagonal = np.zeros(len(single))
+    diagonal[stored > 0] = A.data[A.indptr[single[stored > 0]]] if stored.max(initial=0) < 2 else A.diagonal()[single[stored > 0]]
+    if np.any(diagonal == 0):
+        raise SingularMatrix(f"M is singular: zero rows, the first is degree of freedom {int(single[diagonal == 0][0])}")
+    return diagonal
 
 
-def _difference(A: Any, B: Any) -> float:
-    """max |A - B| / max |A|."""
-    if A.nnz == B.nnz and np.array_equal(A.data, B.data) and np.array_equal(A.indices, B.indices) and np.array_equal(A.indptr, B.indptr):
-        return 0.0
-    return float(np.abs((A - B).data).max(initial=0.0) / np.abs(A.data).max())
-
-
-def _factor(block: Any, last: IntArray) -> Factor:
-    factor = _fitting_factor(block, last)
+def _factor(block: Any) -> Factor:
+    factor = _fitting_factor(block)
     refuse_singular(block, factor)
     return factor
 
 
-def _fitting_factor(block: Any, last: IntArray) -> Factor:
+def _fitting_factor(block: Any) -> Factor:
     if block.shape[0] > DENSE_UP_TO:
         return factorise(block)
     dense = block.toarray()
-    if np.abs(dense - dense.T).max() <= 1e-12 * np.abs(dense).max():
+    if asymmetry(block.indptr, block.indices, block.data, dense) <= 1e-12:
         try:
-            return DenseCholesky(dense, last)
+            return DenseCholesky(dense.T, overwrite=True)
         except SingularMatrix:  # indefinite, as with equality constraints
-            return DenseLU(dense)
+            dense = block.toarray()
     return DenseLU(dense)
 
 
 def refuse_singular(block: Any, factor: Factor) -> None:
-    """Raise SingularMatrix where the factor does not find a known solution again.
+    """Raise SingularMatrix where the factor does not find a known solution of the csr matrix again.
 
     Round-off hides the zero pivot of most singular matrices, such as the stiffness of a body without supports. The known solution
     is random in the scaling that makes the rows' largest entries equal (Ruiz 2001), so that units and multipliers do not matter.
     """
-    block = sp.coo_array(block)
-    size, (row, column) = block.shape[0], block.coords
-    magnitude, scale = np.abs(block.data), np.ones(size)
-    for _ in range(5):
-        scaled, largest = magnitude * scale[row] * scale[column], np.zeros(size)
-        np.maximum.at(largest, row, scaled)
-        np.maximum.at(largest, column, scaled)
-        scale = scale / np.where(largest > 0, np.sqrt(largest), 1)
-    known = scale[:, None] * np.random.default_rng(0).standard_normal((size, 2))
+    size = block.shape[0]
+    scale = equilibrating_scale(block.indptr, block.indices, block.data, 5)[:, None]
+    known = scale * probes(size).T
     found = factor.solve(block @ known)
-    if not np.abs((found - known) / scale[:, None]).max() <= 1e-2:
+    if not np.abs((found - known) / scale).max() <= 1e-2:
         raise SingularMatrix(f"M is singular to working precision: a block of {size} degrees of freedom (a body without supports?)")
 
 
@@ -249,7 +223,7 @@ class Reduction:
     @cached_property
     def _H(self) -> Any:
         p = self.problem
-        H = sp.csr_array(p.H)
+        H = p.H if sp.issparse(p.H) else sp.csr_array(p.H)
         return H if p.G is None else sp.csr_array(sp.vstack([H, sp.csr_array((p.G.shape[1], p.m))]))
 
     @cached_property
@@ -289,6 +263,15 @@ class Reduction:
         return float(np.linalg.norm(residual)) / (scale or 1.0)
 
 
+def _touched(H: Any) -> BoolArray:
+    """Which rows of H (n, m), dense or sparse, have entries (n,)."""
+    if getattr(H, "format", "") == "csc":
+        touched = np.zeros(H.shape[0], dtype=bool)
+        touched[H.indices] = True
+        return touched
+    return np.diff(sp.csr_array(H).indptr) > 0
+
+
 def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reduction:
     """Return the reduction of a global problem; `factor` is given by a simulation that has factored its parts already."""
     if factor is None:
@@ -296,7 +279,7 @@ def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reductio
         if problem.G is not None:
             matrix = sp.csr_array(sp.block_array([[matrix, -sp.csr_array(problem.G)], [-sp.csr_array(problem.G).T, None]]))
         touched = np.zeros(matrix.shape[0], dtype=bool)
-        touched[: problem.n] = np.diff(sp.csr_array(problem.H).indptr) > 0
+        touched[: problem.n] = _touched(problem.H)
         factor = BlockFactor(matrix, touched)
     return Reduction(problem, factor)
 

@@ -71,14 +71,15 @@ def test_congruence(rows: int, density: float) -> None:
     assert_allclose(congruence(h.indptr, h.indices, h.data, C), expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1))
 
 
-def test_inverse_on_the_last_unknowns() -> None:
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_inverse_on_the_last_unknowns(overwrite: bool) -> None:
     rng = np.random.default_rng(3)
-    A = spd(9, rng)
-    last = np.array([7, 1, 4])
-    factor = DenseCholesky(A, last)
+    A = spd(70, rng)
     inverse = np.linalg.inv(A)
-    assert_allclose(factor.inverse_on_last(), inverse[np.ix_(last, last)], rtol=1e-12)
-    for rhs in (rng.standard_normal(9), rng.standard_normal((9, 4))):
+    factor = DenseCholesky(A.copy(order="F"), overwrite)
+    for count in (0, 1, 40, 70):
+        assert_allclose(factor.inverse_on_last(count), inverse[70 - count :, 70 - count :], rtol=1e-11, atol=1e-15)
+    for rhs in (rng.standard_normal(70), rng.standard_normal((70, 4))):
         assert_allclose(factor.solve(rhs), inverse @ rhs, rtol=1e-11, atol=1e-14)
 
 
