@@ -1,5 +1,6 @@
 """Loops over the entries of M, compiled by numba: its connected components, which of them are equal, and single blocks."""
 
+# mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
 
 import numpy as np

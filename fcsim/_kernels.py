@@ -1,7 +1,9 @@
 """Loops over contacts of the reduction, compiled by numba.
 
 W while it is summed: `values` flat, of blocks (d, d) in rows `starts` (nc + 1,) of contacts `columns`, sorted; of a dense W where
-`starts` is empty. A body's share of W is h C h^T: its compliance C between the columns of h, whose rows are those of its contacts.
+`starts` is empty. A body's share of W is h C h^T with its compliance C and its part h of H^T, stored by contacts: the p-th of all
+pairs of a body and a contact has the `weights` (entries, 3) begins[p] to begins[p + 1] of h's columns `unknowns`; a weight belongs
+to the three rows of the contact, in the plane the last is zero, so that rows are combined three at a time.
 """
 
 from __future__ import annotations
@@ -26,27 +28,35 @@ def union_of_neighbours(first, contacts, nc):
         for a in contacts[first[b] : first[b + 1]]:
             body[place[a]] = b
             place[a] += 1
-    seen = np.full(nc, -1, dtype=np.int64)
-    starts = np.zeros(nc + 1, dtype=np.int64)
-    columns = np.empty(0, dtype=np.int32)
-    for filling in (False, True):
-        if filling:
-            columns = np.empty(starts[nc], dtype=np.int32)
-            seen[:] = -1
-        for a in range(nc):
-            at = starts[a]
-            for b in body[place[a - 1] if a else 0 : place[a]]:
-                for other in contacts[first[b] : first[b + 1]]:
-                    if seen[other] != a:
-                        seen[other] = a
-                        if filling:
-                            columns[at] = other
-                        at += 1
-            if filling:
-                columns[starts[a] : at].sort()
-            else:
-                starts[a + 1] = at
-    return starts, columns
+    most = 0
+    for b in range(len(first) - 1):
+        most += (first[b + 1] - first[b]) ** 2
+    starts, columns = np.zeros(nc + 1, dtype=np.int64), np.empty(most, dtype=np.int32)
+    row, other = np.empty(nc, dtype=np.int32), np.empty(nc, dtype=np.int32)
+    for a in range(nc):
+        count = 0
+        for b in body[place[a - 1] if a else 0 : place[a]]:
+            count = merge(row, count, contacts[first[b] : first[b + 1]], other)
+            row, other = other, row
+        starts[a + 1] = starts[a] + count
+        columns[starts[a] : starts[a + 1]] = row[:count]
+    return starts, columns[: starts[nc]].copy()
+
+
+@njit(cache=True)
+def merge(a, count, b, union):
+    """Write the sorted union of the sorted numbers a[:count] and b to `union`; returns how many they are."""
+    i, j, k = 0, 0, 0
+    while i < count or j < len(b):
+        if j == len(b) or (i < count and a[i] <= b[j]):
+            j += j < len(b) and a[i] == b[j]
+            union[k] = a[i]
+            i += 1
+        else:
+            union[k] = b[j]
+            j += 1
+        k += 1
+    return k
 
 
 @njit(cache=True)
@@ -71,77 +81,163 @@ def alike_in_contacts(indptr, indices, n, unknowns, d):
 
 
 @njit(cache=True)
-def rows_by_body(indptr, indices, data, body, place, count, d):
-    """H^T sorted by bodies: body b is on contacts[first[b]:first[b + 1]], and the p-th of all `contacts` has the rows d p ... of h.
+def entries_by_body(indptr, indices, data, body, column, count, d):
+    """Sort the entries of H by bodies: body b is on contacts[first[b]:first[b + 1]], the rest is h as above.
 
-    H (n, d nc) by columns (csc); body (n,): the body of each unknown, of `count`; place (n,): its column of h.
-    Returns first (count + 1,), contacts and the csr arrays of h.
+    H (n, d nc) by columns (csc); body (n,): the body of each unknown, of `count`, -1 where it has no share in W; column (n,): its
+    column of h. Returns first (count + 1,), contacts (pairs,), begins (pairs + 1,), unknowns (entries,), weights (entries, 3).
     """
-    first, last = np.zeros(count + 1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
     nc = (len(indptr) - 1) // d
+    first, last = np.zeros(count + 1, dtype=np.int64), np.full(count, -1)
     for a in range(nc):
         for e in range(indptr[d * a], indptr[d * a + d]):
             b = body[indices[e]]
-            if last[b] != a:
+            if b >= 0 and last[b] != a:
                 last[b] = a
                 first[b + 1] += 1
     for b in range(count):
         first[b + 1] += first[b]
-    contacts, free = np.empty(first[count], dtype=np.int64), first.copy()
+    contacts, begins = np.empty(first[count], dtype=np.int64), np.zeros(first[count] + 1, dtype=np.int64)
+    pair, latest = np.full(len(indices), -1), first - 1  # of an entry, and of a body
+    met = np.full(len(body), -1)  # the last contact that touches an unknown
     last[:] = -1
-    row = np.empty(len(indices), dtype=np.int64)
-    starts = np.zeros(d * len(contacts) + 1, dtype=np.int64)
+    for a in range(nc):
+        for e in range(indptr[d * a], indptr[d * a + d]):
+            b = body[indices[e]]
+            if b >= 0:
+                if last[b] != a:
+                    last[b] = a
+                    latest[b] += 1
+                    contacts[latest[b]] = a
+                pair[e] = latest[b]
+                if met[indices[e]] != a:
+                    met[indices[e]] = a
+                    begins[pair[e] + 1] += 1
+    for p in range(len(contacts)):
+        begins[p + 1] += begins[p]
+    unknowns, weights = np.empty(begins[-1], dtype=np.int64), np.zeros((begins[-1], 3))
+    free, place = begins[:-1].copy(), np.empty(len(body), dtype=np.int64)
+    met[:] = -1
     for a in range(nc):
         for i in range(d):
             for e in range(indptr[d * a + i], indptr[d * a + i + 1]):
-                b = body[indices[e]]
-                if last[b] != a:
-                    last[b] = a
-                    contacts[free[b]] = a
-                    free[b] += 1
-                row[e] = d * (free[b] - 1) + i
-                starts[row[e] + 1] += 1
-    for k in range(d * len(contacts)):
-        starts[k + 1] += starts[k]
-    at = starts[:-1].copy()
-    columns, values = np.empty(len(indices), dtype=np.int64), np.empty(len(indices))
-    for e in range(len(indices)):
-        k = at[row[e]]
-        at[row[e]] += 1
-        columns[k], values[k] = place[indices[e]], data[e]
-    return first, contacts, starts, columns, values
+                dof, p = indices[e], pair[e]
+                if p >= 0:
+                    if met[dof] != a:
+                        met[dof] = a
+                        place[dof] = free[p]
+                        unknowns[free[p]] = column[dof]
+                        free[p] += 1
+                    weights[place[dof], i] += data[e]
+    return first, contacts, begins, unknowns, weights
 
 
 @njit(cache=True)
-def combine(indices, data, first, last, X, begin, row):
-    """row[begin:] = sum of data[e] X[indices[e], begin:] for first <= e < last, four at a time: fewer passes over the row."""
-    row[begin:] = 0
-    for e in range(first, last, 4):
-        e1, e2, e3 = min(e + 1, last - 1), min(e + 2, last - 1), min(e + 3, last - 1)
-        x0, x1, x2, x3 = X[indices[e]], X[indices[e1]], X[indices[e2]], X[indices[e3]]
-        c0, c1, c2, c3 = data[e], data[e1], data[e2], data[e3]
-        if e + 1 >= last:
-            c1 = 0.0
-        if e + 2 >= last:
-            c2 = 0.0
-        if e + 3 >= last:
-            c3 = 0.0
-        for j in range(begin, len(row)):
-            row[j] += c0 * x0[j] + c1 * x1[j] + c2 * x2[j] + c3 * x3[j]
+def combine(unknowns, weights, begin, end, X, since, rows):
+    """rows[i, since:] = sum of weights[e, i] X[unknowns[e], since:] for begin <= e < end and i < 3."""
+    row0, row1, row2 = rows[0], rows[1], rows[2]
+    row0[since:] = 0
+    row1[since:] = 0
+    row2[since:] = 0
+    for e in range(begin, end, 3):  # three at a time, a node's: fewer passes over the rows
+        f, g = min(e + 1, end - 1), min(e + 2, end - 1)
+        x, y, z = X[unknowns[e]], X[unknowns[f]], X[unknowns[g]]
+        f_counts, g_counts = 1.0 if e + 1 < end else 0.0, 1.0 if e + 2 < end else 0.0
+        x0, x1, x2 = weights[e, 0], weights[e, 1], weights[e, 2]
+        y0, y1, y2 = f_counts * weights[f, 0], f_counts * weights[f, 1], f_counts * weights[f, 2]
+        z0, z1, z2 = g_counts * weights[g, 0], g_counts * weights[g, 1], g_counts * weights[g, 2]
+        for j in range(since, len(row0)):
+            row0[j] += x0 * x[j] + y0 * y[j] + z0 * z[j]
+            row1[j] += x1 * x[j] + y1 * y[j] + z1 * z[j]
+            row2[j] += x2 * x[j] + y2 * y[j] + z2 * z[j]
 
 
 @njit(cache=True)
-def transposed_product(indptr, indices, data, first, C, panel, product):
-    """product (n, k) = (h C)^T for C (n, n) and the k rows of h from `first` on; panel (rows, n) is work space that fits the cache."""
-    n, k = product.shape
-    for begin in range(0, k, len(panel)):
-        count = min(len(panel), k - begin)
+def transposed_product(begins, unknowns, weights, first, C, d, panel, product):
+    """product (n, d k) = (h C)^T for C (n, n) and the k contacts of h from the pair `first` on; panel (3 c, n) is work space."""
+    n, k, step = len(C), product.shape[1] // d, len(panel) // 3
+    for begin in range(0, k, step):
+        count = min(step, k - begin)
         for p in range(count):
-            row = first + begin + p
-            combine(indices, data, indptr[row], indptr[row + 1], C, 0, panel[p])
+            pair = first + begin + p
+            combine(unknowns, weights, begins[pair], begins[pair + 1], C, 0, panel[3 * p : 3 * p + 3])
         for j in range(n):
             for p in range(count):
-                product[j, begin + p] = panel[p, j]
+                for i in range(d):
+                    product[j, d * (begin + p) + i] = panel[3 * p + i, j]
+
+
+@njit(cache=True)
+def add_body(starts, columns, values, contacts, begins, unknowns, weights, first, product, symmetric, d, nc, at, rows):
+    """Add h (h C^T)^T to W: product (n, d k) = (h C^T)^T, h from the pair `first` on. Of a symmetric share half is computed.
+
+    at (k,) and rows (3, d k) are work space.
+    """
+    k, dense = len(contacts), len(starts) == 0
+    stride = nc * d if dense else d
+    for p in range(k):
+        at[p] = 0 if dense else starts[contacts[p]]
+    for p in range(k):
+        a, own, since = contacts[p], at[p], p if symmetric else 0
+        combine(unknowns, weights, begins[first + p], begins[first + p + 1], product, d * since, rows)
+        for q in range(since, k):
+            b = contacts[q]
+            if dense:
+                place = (a * nc * d + b) * d
+            else:
+                while columns[own] != b:
+                    own += 1
+                place = own * d * d
+            for i in range(d):
+                for j in range(d):
+                    values[place + i * stride + j] += rows[i, d * q + j]
+            if symmetric and q > p:
+                if dense:
+                    place = (b * nc * d + a) * d
+                else:
+                    while columns[at[q]] != a:
+                        at[q] += 1
+                    place = at[q] * d * d
+                for i in range(d):
+                    for j in range(d):
+                        values[place + j * stride + i] += rows[i, d * q + j]
+
+
+@njit(cache=True)
+def add_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, begin, C, kind, symmetric, d, nc):
+    """Add the shares h C h^T of the bodies begin, begin + 1, ... to W, with the compliances C[kind[0]], C[kind[1]], ... of C (c, n, n).
+
+    Where they are not symmetric they are given transposed.
+    """
+    n, k = C.shape[1], 0
+    for b in range(begin, begin + len(kind)):
+        k = max(k, first[b + 1] - first[b])
+    work, panel, rows, at = np.empty(n * k * d), np.empty((30, n)), np.empty(3 * k * d), np.empty(k, dtype=np.int64)
+    for b in range(begin, begin + len(kind)):
+        own = contacts[first[b] : first[b + 1]]
+        m = len(own) * d
+        product = work[: n * m].reshape(n, m)
+        transposed_product(begins, unknowns, weights, first[b], C[kind[b - begin]], d, panel, product)
+        place = rows[: 3 * m].reshape(3, m)
+        add_body(starts, columns, values, own, begins, unknowns, weights, first[b], product, symmetric, d, nc, at, place)
+
+
+@njit(cache=True)
+def add_diagonal_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, begin, C, group, d, nc):
+    """Add the shares h C h^T of the bodies from `begin` on whose C are diagonal: C[group[k]:group[k + 1]] that of the k-th one."""
+    for g in range(len(group) - 1):
+        pair = first[begin + g]
+        own = contacts[pair : first[begin + g + 1]]
+        m = len(own) * d
+        if m == 0:
+            continue
+        product = np.zeros((group[g + 1] - group[g], m))
+        for p in range(len(own)):
+            for e in range(begins[pair + p], begins[pair + p + 1]):
+                for i in range(d):
+                    product[unknowns[e], d * p + i] = C[group[g] + unknowns[e]] * weights[e, i]
+        at, rows = np.empty(len(own), dtype=np.int64), np.empty((3, m))
+        add_body(starts, columns, values, own, begins, unknowns, weights, pair, product, True, d, nc, at, rows)
 
 
 @njit(cache=True)
@@ -152,104 +248,3 @@ def mirror(A):
         for p in range(begin, len(A)):
             for q in range(begin, min(begin + step, p)):
                 A[p, q] = A[q, p]
-
-
-@njit(cache=True)
-def congruence(indptr, indices, data, C):
-    """h C h^T (k, k) for a symmetric C (n, n) and sparse rows h (k, n), half of it computed and the other half mirrored."""
-    k, n = len(indptr) - 1, len(C)
-    product, tile = np.empty((n, k)), np.empty((k, k))
-    transposed_product(indptr, indices, data, 0, C, np.empty((32, n)), product)
-    for p in range(k):
-        combine(indices, data, indptr[p], indptr[p + 1], product, p, tile[p])
-    mirror(tile)
-    return tile
-
-
-@njit(cache=True)
-def add_tile(starts, columns, values, contacts, tile, d, nc):
-    """Add a tile (k d, k d) between the contacts (k,), sorted, to W."""
-    stride, at = d if len(starts) else nc * d, np.empty(len(contacts), dtype=np.int64)
-    for p in range(len(contacts)):
-        a = contacts[p]
-        k = starts[a] if len(starts) else 0
-        for q in range(len(contacts)):
-            if len(starts):
-                while columns[k] != contacts[q]:
-                    k += 1
-                at[q] = k * d * d
-            else:
-                at[q] = (a * nc * d + contacts[q]) * d
-        for i in range(d):
-            for q in range(len(contacts)):
-                for j in range(d):
-                    values[at[q] + i * stride + j] += tile[p * d + i, q * d + j]
-
-
-@njit(cache=True)
-def _add_body(starts, columns, values, contacts, indptr, indices, data, first, product, symmetric, d, nc, at, panel):
-    """Add h (h C^T)^T to W: product (n, k d) = (h C^T)^T, h the rows from `first` on. Of a symmetric share half is computed."""
-    k, stride = len(contacts), d if len(starts) else nc * d
-    for p in range(k):
-        at[p] = starts[contacts[p]] if len(starts) else 0
-    for p in range(k):
-        begin = p if symmetric else 0
-        for i in range(d):
-            row = first + d * p + i
-            combine(indices, data, indptr[row], indptr[row + 1], product, d * begin, panel[i])
-        a, own = contacts[p], at[p]
-        for q in range(begin, k):
-            b = contacts[q]
-            if len(starts):
-                while columns[own] != b:
-                    own += 1
-                place = own * d * d
-            else:
-                place = (a * nc * d + b) * d
-            for i in range(d):
-                for j in range(d):
-                    values[place + i * stride + j] += panel[i, d * q + j]
-            if symmetric and q > p:
-                if len(starts):
-                    while columns[at[q]] != a:
-                        at[q] += 1
-                    place = at[q] * d * d
-                else:
-                    place = (b * nc * d + a) * d
-                for i in range(d):
-                    for j in range(d):
-                        values[place + j * stride + i] += panel[i, d * q + j]
-
-
-@njit(cache=True)
-def add_bodies(starts, columns, values, first, contacts, indptr, indices, data, begin, end, C, symmetric, d, nc):
-    """Add the shares h C h^T of bodies begin ... end - 1, given as by `rows_by_body`, that have one compliance C (n, n).
-
-    Where C is not symmetric it is given transposed.
-    """
-    n, k = len(C), 0
-    for b in range(begin, end):
-        k = max(k, first[b + 1] - first[b])
-    work, panel, rows, at = np.empty(n * k * d), np.empty((32, n)), np.empty(k * d * d), np.empty(k, dtype=np.int64)
-    for b in range(begin, end):
-        own = contacts[first[b] : first[b + 1]]
-        product = work[: n * len(own) * d].reshape(n, len(own) * d)
-        transposed_product(indptr, indices, data, first[b] * d, C, panel, product)
-        part = rows[: len(own) * d * d].reshape(d, len(own) * d)
-        _add_body(starts, columns, values, own, indptr, indices, data, first[b] * d, product, symmetric, d, nc, at, part)
-
-
-@njit(cache=True)
-def add_diagonal_bodies(starts, columns, values, first, contacts, indptr, indices, data, begin, C, group, d, nc):
-    """Add the shares h C h^T of the bodies from `begin` on whose C are diagonal: C[group[k]:group[k + 1]] that of the k-th one."""
-    for g in range(len(group) - 1):
-        own = contacts[first[begin + g] : first[begin + g + 1]]
-        if len(own) == 0:
-            continue
-        product = np.zeros((group[g + 1] - group[g], len(own) * d))
-        row = first[begin + g] * d
-        for p in range(len(own) * d):
-            for e in range(indptr[row + p], indptr[row + p + 1]):
-                product[indices[e], p] += C[group[g] + indices[e]] * data[e]
-        at, panel = np.empty(len(own), dtype=np.int64), np.empty((d, len(own) * d))
-        _add_body(starts, columns, values, own, indptr, indices, data, row, product, True, d, nc, at, panel)

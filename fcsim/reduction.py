@@ -8,7 +8,6 @@ Equality constraints G^T v + b = 0 are part of the factored matrix [[M, -G], [-G
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -18,19 +17,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim._component_kernels import asymmetry, block_of, connected_components, equal_blocks, equilibrating_scale
-from fcsim._kernels import add_bodies, add_diagonal_bodies, add_tile, alike_in_contacts, rows_by_body, union_of_neighbours
+from fcsim._kernels import alike_in_contacts
+from fcsim.delassus import DelassusSum
 from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on, probes
 from fcsim.problem import GlobalProblem, LocalProblem
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-
-DENSE_W_UP_TO = 3000
-"""Up to this many contact unknowns W is stored dense (72 MB), above as block-sparse rows."""
-SPARSE_FROM, FILLED = 1000, 0.4
-"""Contact unknowns from which, and share of its blocks below which, W is stored by block rows: less to write, and to read in products."""
-
 
 EQUAL = 1e-13
 """Blocks of M whose entries differ by less, relative to the largest, are one body's (5e-15 to 1e-14 between the blocks of a wall)."""
@@ -42,45 +36,6 @@ class MassFactor(Protocol):
     def solve(self, rhs: FloatArray) -> FloatArray: ...
 
     def delassus(self, H: Any, dimension: int) -> Any: ...
-
-
-def assemble_delassus(tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int) -> Any:
-    """Sum the bodies' tiles (contacts (k,), sorted, and W_body (k d, k d)) into W (m, m), stored as `_Sum` says."""
-    parts = list(tiles)
-    first = np.cumsum([0, *(len(contacts) for contacts, _ in parts)])
-    W = _Sum(first, np.concatenate([np.empty(0, dtype=np.int64), *(contacts for contacts, _ in parts)]), nc, dimension)
-    for k, (contacts, tile) in enumerate(parts):
-        add_tile(*W.arrays, contacts, np.ascontiguousarray(tile), dimension, nc)
-        parts[k] = (contacts, np.empty((0, 0)))  # tiles are as large as W together
-    return W.matrix()
-
-
-class _Sum:
-    """W (m, m) while it is summed: dense up to `DENSE_W_UP_TO` unknowns, else by block rows.
-
-    It is by block rows from `SPARSE_FROM` unknowns on already where less than the share `FILLED` of its blocks is there.
-    """
-
-    def __init__(self, first: IntArray, contacts: IntArray, nc: int, dimension: int) -> None:
-        """Body b is on contacts[first[b]:first[b + 1]]."""
-        m, self._dimension = nc * dimension, dimension
-        starts, columns = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
-        if m > min(SPARSE_FROM, DENSE_W_UP_TO):
-            starts, columns = union_of_neighbours(first, contacts, nc)
-        if m <= DENSE_W_UP_TO and not (m > SPARSE_FROM and len(columns) < FILLED * nc**2):
-            starts, columns = starts[:0], columns[:0]
-            self._values = np.zeros((m, m))
-        else:
-            self._values = np.zeros((len(columns), dimension, dimension))
-        self.arrays = starts, columns, self._values.reshape(-1)  # as the kernels take them
-
-    def matrix(self) -> Any:
-        """W, dense or as bsr_array."""
-        starts, columns, _ = self.arrays
-        if self._values.ndim == 2:
-            return self._values
-        m, d = (len(starts) - 1) * self._dimension, self._dimension
-        return sp.bsr_array((self._values, columns, starts), shape=(m, m), blocksize=(d, d))
 
 
 @dataclass(frozen=True)
@@ -140,11 +95,10 @@ class BlockFactor:
     def delassus(self, H: Any, dimension: int) -> Any:
         """Return W = H^T A^-1 H (m, m) for sparse H (n, m)."""
         H, d = sp.csc_array(H), dimension
-        nc = H.shape[1] // d
         touched = np.zeros(self.n, dtype=bool)
         touched[H.indices] = True
-        body, column = np.empty(self.n, dtype=np.int64), np.empty(self.n, dtype=np.int64)  # of h_b^T for each dof that H touches
-        shares, count = [], 0
+        body, column = np.empty(self.n, dtype=np.int64), np.empty(self.n, dtype=np.int64)  # where H touches them
+        compliances, count = [], 0
         for block in self.blocks:
             copies, size = block.dofs.shape
             surface = np.flatnonzero(touched[block.dofs].any(axis=0))
@@ -153,20 +107,21 @@ class BlockFactor:
                     surface = np.arange(surface[0], size)
                 body[block.dofs] = np.arange(count, count + copies)[:, None]
                 column[block.dofs[:, surface]] = np.arange(len(surface))
-                shares.append((count, count + copies, block.factor, surface, size))
+                compliances.append((count, block, surface))
                 count += copies
         # dofs that M couples to nothing are taken together where they touch the same contacts: a rigid body's
         group = alike_in_contacts(H.indptr, H.indices, self.n, self._single, d)
         sizes = np.diff(group)
         body[self._single] = count + np.repeat(np.arange(len(sizes)), sizes)
         column[self._single] = np.arange(len(self._single)) - np.repeat(group[:-1], sizes)
-        bodies = rows_by_body(H.indptr, H.indices, H.data, body, column, count + len(sizes), d)
-        W = _Sum(bodies[0], bodies[1], nc, d)
-        for begin, end, factor, surface, size in shares:
-            symmetric = isinstance(factor, DenseCholesky)
-            C = factor.inverse_on_last(len(surface)) if symmetric else np.ascontiguousarray(inverse_on(surface, factor, size).T)
-            add_bodies(*W.arrays, *bodies, begin, end, C, symmetric, d, nc)
-        add_diagonal_bodies(*W.arrays, *bodies, count, self._inverse_diagonal, group, d, nc)
+        W = DelassusSum(H, body, column, count + len(sizes), d)
+        for begin, block, surface in compliances:
+            factor, copies = block.factor, np.zeros(len(block.dofs), dtype=np.int64)
+            if isinstance(factor, DenseCholesky):
+                W.add(begin, factor.inverse_on_last(len(surface))[None], copies)
+            else:
+                W.add(begin, inverse_on(surface, factor, block.dofs.shape[1])[None], copies, symmetric=False)
+        W.add_diagonal(count, self._inverse_diagonal, group)
         return W.matrix()
 
 

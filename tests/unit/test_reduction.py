@@ -10,8 +10,7 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
-from fcsim import linear, reduction
-from fcsim._kernels import congruence
+from fcsim import delassus, linear, reduction
 from fcsim.linear import DenseCholesky, SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.reduction import BlockFactor, eliminate_equalities, reduce
@@ -48,7 +47,7 @@ def dense(matrix: Any) -> np.ndarray:
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_delassus_operator_and_free_velocity(monkeypatch: pytest.MonkeyPatch, storage: str, d: int, symmetric: bool) -> None:
     if storage == "block sparse":
-        monkeypatch.setattr(reduction, "DENSE_W_UP_TO", 0)
+        monkeypatch.setattr(delassus, "DENSE_W_UP_TO", 0)
     p = random_problem(0, d, symmetric=symmetric)
     M, H = dense(p.M), dense(p.H)
     local = reduce(p).local
@@ -58,17 +57,6 @@ def test_delassus_operator_and_free_velocity(monkeypatch: pytest.MonkeyPatch, st
     assert local.dimension == d
     expected = [dense(local.W)[d * a : d * a + d, d * a : d * a + d] for a in range(p.nc)]
     assert_allclose(reduce(p).diagonal_blocks, expected, rtol=1e-13)
-
-
-@pytest.mark.parametrize("rows", [1, 31, 32, 70])
-@pytest.mark.parametrize("density", [0.0, 0.1, 0.8])
-def test_congruence(rows: int, density: float) -> None:
-    """h C h^T with empty rows, one entry and more than four, in one panel and in several."""
-    rng = np.random.default_rng(rows)
-    C = spd(23, rng)
-    h = sp.csr_array(rng.standard_normal((rows, 23)) * (rng.random((rows, 23)) < density))
-    expected = h.toarray() @ C @ h.toarray().T
-    assert_allclose(congruence(h.indptr, h.indices, h.data, C), expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1))
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -237,6 +225,6 @@ def test_contact_that_touches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     p = GlobalProblem(2 * np.eye(3), H, np.ones(3), np.arange(6.0), np.full(2, 0.3))
     expected = np.diag([0, 0, 0, 0.5, 0.5, 0.5])
     assert_allclose(dense(reduce(p).local.W), expected)
-    monkeypatch.setattr(reduction, "DENSE_W_UP_TO", 0)
+    monkeypatch.setattr(delassus, "DENSE_W_UP_TO", 0)
     assert_allclose(dense(reduce(p).local.W), expected)
     assert_allclose(reduce(p).local.q, [0, 1, 2, 3.5, 4.5, 5.5])
