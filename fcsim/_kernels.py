@@ -3,7 +3,8 @@
 W while it is summed: `values` flat, of blocks (d, d) in rows `starts` (nc + 1,) of contacts `columns`, sorted; of a dense W where
 `starts` is empty. A body's share of W is h C h^T with its compliance C and its part h of H^T, stored by contacts: the p-th of all
 pairs of a body and a contact has the `weights` (entries, 3) begins[p] to begins[p + 1] of h's columns `unknowns`; a weight belongs
-to the three rows of the contact, in the plane the last is zero, so that rows are combined three at a time.
+to the three rows of the contact, in the plane the last is zero, so that rows are combined three at a time. `axes` is (0, 1[, 2]), whose
+length d the compiler knows: it unrolls the loops over a block's entries.
 """
 
 from __future__ import annotations
@@ -153,8 +154,9 @@ def combine(unknowns, weights, begin, end, X, since, rows):
 
 
 @njit(cache=True)
-def transposed_product(begins, unknowns, weights, first, C, d, panel, product):
+def transposed_product(begins, unknowns, weights, first, C, axes, panel, product):
     """product (n, d k) = (h C)^T for C (n, n) and the k contacts of h from the pair `first` on; panel (3 c, n) is work space."""
+    d = len(axes)
     n, k, step = len(C), product.shape[1] // d, len(panel) // 3
     for begin in range(0, k, step):
         count = min(step, k - begin)
@@ -168,12 +170,12 @@ def transposed_product(begins, unknowns, weights, first, C, d, panel, product):
 
 
 @njit(cache=True)
-def add_body(starts, columns, values, contacts, begins, unknowns, weights, first, product, symmetric, d, nc, at, rows):
+def add_body(starts, columns, values, contacts, begins, unknowns, weights, first, product, symmetric, axes, nc, at, rows):
     """Add h (h C^T)^T to W: product (n, d k) = (h C^T)^T, h from the pair `first` on. Of a symmetric share half is computed.
 
     at (k,) and rows (3, d k) are work space.
     """
-    k, dense = len(contacts), len(starts) == 0
+    k, d, dense = len(contacts), len(axes), len(starts) == 0
     stride = nc * d if dense else d
     for p in range(k):
         at[p] = 0 if dense else starts[contacts[p]]
@@ -204,12 +206,12 @@ def add_body(starts, columns, values, contacts, begins, unknowns, weights, first
 
 
 @njit(cache=True)
-def add_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, begin, C, kind, symmetric, d, nc):
+def add_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, begin, C, kind, symmetric, axes, nc):
     """Add the shares h C h^T of the bodies begin, begin + 1, ... to W, with the compliances C[kind[0]], C[kind[1]], ... of C (c, n, n).
 
     Where they are not symmetric they are given transposed.
     """
-    n, k = C.shape[1], 0
+    n, k, d = C.shape[1], 0, len(axes)
     for b in range(begin, begin + len(kind)):
         k = max(k, first[b + 1] - first[b])
     work, panel, rows, at = np.empty(n * k * d), np.empty((30, n)), np.empty(3 * k * d), np.empty(k, dtype=np.int64)
@@ -217,14 +219,15 @@ def add_bodies(starts, columns, values, first, contacts, begins, unknowns, weigh
         own = contacts[first[b] : first[b + 1]]
         m = len(own) * d
         product = work[: n * m].reshape(n, m)
-        transposed_product(begins, unknowns, weights, first[b], C[kind[b - begin]], d, panel, product)
+        transposed_product(begins, unknowns, weights, first[b], C[kind[b - begin]], axes, panel, product)
         place = rows[: 3 * m].reshape(3, m)
-        add_body(starts, columns, values, own, begins, unknowns, weights, first[b], product, symmetric, d, nc, at, place)
+        add_body(starts, columns, values, own, begins, unknowns, weights, first[b], product, symmetric, axes, nc, at, place)
 
 
 @njit(cache=True)
-def add_diagonal_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, begin, C, group, d, nc):
+def add_diagonal_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, begin, C, group, axes, nc):
     """Add the shares h C h^T of the bodies from `begin` on whose C are diagonal: C[group[k]:group[k + 1]] that of the k-th one."""
+    d = len(axes)
     for g in range(len(group) - 1):
         pair = first[begin + g]
         own = contacts[pair : first[begin + g + 1]]
@@ -237,7 +240,7 @@ def add_diagonal_bodies(starts, columns, values, first, contacts, begins, unknow
                 for i in range(d):
                     product[unknowns[e], d * p + i] = C[group[g] + unknowns[e]] * weights[e, i]
         at, rows = np.empty(len(own), dtype=np.int64), np.empty((3, m))
-        add_body(starts, columns, values, own, begins, unknowns, weights, pair, product, True, d, nc, at, rows)
+        add_body(starts, columns, values, own, begins, unknowns, weights, pair, product, True, axes, nc, at, rows)
 
 
 @njit(cache=True)

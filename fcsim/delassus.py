@@ -33,7 +33,7 @@ class DelassusSum:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
         unknown of its body's compliance it is. Both are read only where H has entries."""
         H = sp.csc_array(H)
-        self._m, self._dimension = H.shape[1], dimension
+        self._m, self._axes = H.shape[1], tuple(range(dimension))
         self._nc = nc = self._m // dimension
         self._bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
         starts, columns = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
@@ -48,15 +48,15 @@ class DelassusSum:
     def add(self, begin: int, C: FloatArray, kind: IntArray, *, symmetric: bool = True) -> None:
         """Add the shares of the bodies begin, begin + 1, ... with the compliances C[kind[0]], C[kind[1]], ... of C (c, k, k)."""
         C = np.ascontiguousarray(C if symmetric else C.transpose(0, 2, 1))
-        add_bodies(*self._rows, self._values, *self._bodies, begin, C, kind, symmetric, self._dimension, self._nc)
+        add_bodies(*self._rows, self._values, *self._bodies, begin, C, kind, symmetric, self._axes, self._nc)
 
     def add_diagonal(self, begin: int, C: FloatArray, group: IntArray) -> None:
         """Add the shares of the bodies from `begin` on whose compliances are diagonal: C[group[k]:group[k + 1]] that of the k-th."""
-        add_diagonal_bodies(*self._rows, self._values, *self._bodies, begin, C, group, self._dimension, self._nc)
+        add_diagonal_bodies(*self._rows, self._values, *self._bodies, begin, C, group, self._axes, self._nc)
 
     def matrix(self) -> Any:
         """W, a dense array or a bsr_array."""
-        d, m = self._dimension, self._m
+        d, m = len(self._axes), self._m
         if self._dense:
             return self._values.reshape(m, m)
         starts, columns = self._rows
