@@ -1,4 +1,4 @@
-"""Loops over the entries of M, compiled by numba: its connected components, which of them are equal, and single blocks."""
+"""Loops over the entries of M, compiled by numba: its connected components, which of their blocks are equal, and single blocks."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -52,12 +52,18 @@ def connected_components(indptr, indices):
 
 @njit(cache=True)
 def difference(indptr, indices, data, first, second, place, limit):
-    """max |A - B| of the blocks A on the unknowns first (s,) and B on second (s,) of one csr matrix; any number > limit ends it early."""
+    """max |A - B| of the blocks A on the unknowns first (s,) and B on second (s,) of one matrix, or some number above limit."""
     largest = 0.0
     for row in range(len(first)):
         e, e_end = indptr[first[row]], indptr[first[row] + 1]
         f, f_end = indptr[second[row]], indptr[second[row] + 1]
-        while e < e_end or f < f_end:
+        while e < e_end and f < f_end and place[indices[e]] == place[indices[f]]:
+            apart = abs(data[e] - data[f])
+            if apart > largest:
+                largest = apart
+            e += 1
+            f += 1
+        while e < e_end or f < f_end:  # an entry that only one of them stores
             column = place[indices[e]] if e < e_end else len(first)
             other = place[indices[f]] if f < f_end else len(first)
             value = 0.0
@@ -75,7 +81,8 @@ def difference(indptr, indices, data, first, second, place, limit):
 
 @njit(cache=True)
 def equal_blocks(indptr, indices, data, order, start, place, tolerance):
-    """Number the kinds of diagonal blocks that differ by at most tolerance times their largest entry (csr with sorted rows).
+    """Number the kinds of diagonal blocks that differ by at most tolerance times their largest entry, in a csr or csc matrix
+    with sorted indices.
 
     order, start, place: the `connected_components`. Returns the kind of each component (count,), -1 for those of one unknown, and
     whether the blocks of a kind are equal to the last bit.
@@ -107,7 +114,10 @@ def equal_blocks(indptr, indices, data, order, start, place, tolerance):
 
 @njit(cache=True)
 def block_of(indptr, indices, data, unknowns, place):
-    """The csr block on the unknowns (s,) of a component, in their order; place (n,) of its unknowns is overwritten by that order."""
+    """The block on the unknowns (s,) of a component, in their order and stored as the matrix is (csr or csc): starts, indices, values.
+
+    place (n,) of these unknowns becomes that order.
+    """
     starts = np.zeros(len(unknowns) + 1, dtype=indptr.dtype)
     for row in range(len(unknowns)):
         place[unknowns[row]] = row
@@ -122,7 +132,7 @@ def block_of(indptr, indices, data, unknowns, place):
 
 @njit(cache=True)
 def asymmetry(indptr, indices, data, dense):
-    """max |A_ij - A_ji| / max |A_ij| of a csr matrix A (n, n) that is given dense as well."""
+    """max |A_ij - A_ji| / max |A_ij| of a csr or csc matrix A (n, n) that is given dense as well."""
     largest, apart = 0.0, 0.0
     for i in range(len(indptr) - 1):
         for e in range(indptr[i], indptr[i + 1]):
@@ -133,7 +143,7 @@ def asymmetry(indptr, indices, data, dense):
 
 @njit(cache=True)
 def equilibrating_scale(indptr, indices, data, passes):
-    """s (n,) for which the largest entries |s_i A_ij s_j| of rows and columns of a csr matrix are about equal (Ruiz 2001)."""
+    """s (n,) for which the largest entries |s_i A_ij s_j| of rows and columns of a csr or csc matrix are about equal (Ruiz 2001)."""
     n = len(indptr) - 1
     scale, largest = np.ones(n), np.empty(n)
     for _ in range(passes):
@@ -142,8 +152,10 @@ def equilibrating_scale(indptr, indices, data, passes):
             for e in range(indptr[i], indptr[i + 1]):
                 j = indices[e]
                 scaled = abs(data[e]) * scale[i] * scale[j]
-                largest[i] = max(largest[i], scaled)
-                largest[j] = max(largest[j], scaled)
+                if scaled > largest[i]:
+                    largest[i] = scaled
+                if scaled > largest[j]:
+                    largest[j] = scaled
         for i in range(n):
             if largest[i] > 0:
                 scale[i] /= np.sqrt(largest[i])

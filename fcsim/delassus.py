@@ -32,7 +32,7 @@ class DelassusSum:
     def __init__(self, H: Any, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
         unknown of its body's compliance it is. Both are read only where H has entries."""
-        H = sp.csc_array(H)
+        H = H.tocsc()
         self._m, self._axes = H.shape[1], tuple(range(dimension))
         self._nc = nc = self._m // dimension
         self._bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)

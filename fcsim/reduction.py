@@ -55,24 +55,25 @@ class BlockFactor:
 
     def __init__(self, A: Any, touched: BoolArray | None = None) -> None:
         """touched (n,): degrees of freedom on which A^-1 will be asked for by `delassus`; it is the cheaper for knowing them."""
-        A = sp.csr_array(A)
+        if getattr(A, "format", "") not in ("csr", "csc"):
+            A = sp.csr_array(A)
         if not A.has_sorted_indices:
             A = A.sorted_indices()
         self.n = A.shape[0]
-        rows = A.indptr, A.indices, A.data
+        arrays = A.indptr, A.indices, A.data  # by rows or by columns, which is all the same up to the blocks' storage
         dofs, start, place = connected_components(A.indptr, A.indices)
         size = np.diff(start)
         self._single = dofs[start[:-1][size == 1]]
         self._inverse_diagonal = 1 / _diagonal(A, self._single)
-        kind, exact = equal_blocks(*rows, dofs, start, place, EQUAL)
+        kind, exact = equal_blocks(*arrays, dofs, start, place, EQUAL)
         self.blocks = []
         for k in range(kind.max(initial=-1) + 1):
             copies = np.flatnonzero(kind == k)
             own = dofs[start[copies, None] + np.arange(size[copies[0]])]
             if touched is not None:
                 own = own[:, np.argsort(touched[own].any(axis=0), kind="stable")]  # eliminated last: see inverse_on_last
-            starts, columns, values = block_of(*rows, own[0], place)
-            self.blocks.append(_Block(own, _factor(sp.csr_array((values, columns, starts), shape=(len(own[0]), len(own[0]))))))
+            starts, indices, values = block_of(*arrays, own[0], place)
+            self.blocks.append(_Block(own, _factor(type(A)((values, indices, starts), shape=(len(own[0]), len(own[0]))))))
         self._refined = None if exact else A
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -94,7 +95,7 @@ class BlockFactor:
 
     def delassus(self, H: Any, dimension: int) -> Any:
         """Return W = H^T A^-1 H (m, m) for sparse H (n, m)."""
-        H, d = sp.csc_array(H), dimension
+        H, d = H.tocsc(), dimension
         touched = np.zeros(self.n, dtype=bool)
         touched[H.indices] = True
         body, column = np.empty(self.n, dtype=np.int64), np.empty(self.n, dtype=np.int64)  # where H touches them
@@ -126,7 +127,7 @@ class BlockFactor:
 
 
 def _diagonal(A: Any, single: IntArray) -> FloatArray:
-    """The diagonal of the csr matrix A on unknowns that it couples to nothing; SingularMatrix where it is zero."""
+    """The diagonal of the matrix A (csr or csc) on unknowns that it couples to nothing; SingularMatrix where it is zero."""
     stored = np.diff(A.indptr)[single]
     diagonal = np.zeros(len(single))
     diagonal[stored > 0] = A.data[A.indptr[single[stored > 0]]] if stored.max(initial=0) < 2 else A.diagonal()[single[stored > 0]]
@@ -144,17 +145,18 @@ def _factor(block: Any) -> Factor:
 def _fitting_factor(block: Any) -> Factor:
     if block.shape[0] > DENSE_UP_TO:
         return factorise(block)
-    dense = block.toarray()
-    if asymmetry(block.indptr, block.indices, block.data, dense) <= 1e-12:
+    dense = block.toarray(order="C" if block.format == "csr" else "F")
+    by_rows = dense if block.format == "csr" else dense.T
+    if asymmetry(block.indptr, block.indices, block.data, by_rows) <= 1e-12:
         try:
-            return DenseCholesky(dense.T, overwrite=True)
+            return DenseCholesky(by_rows.T, overwrite=True)
         except SingularMatrix:  # indefinite, as with equality constraints
             dense = block.toarray()
     return DenseLU(dense)
 
 
 def refuse_singular(block: Any, factor: Factor) -> None:
-    """Raise SingularMatrix where the factor does not find a known solution of the csr matrix again.
+    """Raise SingularMatrix where the factor does not find a known solution of the matrix (csr or csc) again.
 
     Round-off hides the zero pivot of most singular matrices, such as the stiffness of a body without supports. The known solution
     is random in the scaling that makes the rows' largest entries equal (Ruiz 2001), so that units and multipliers do not matter.
@@ -230,7 +232,7 @@ def _touched(H: Any) -> BoolArray:
 def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reduction:
     """Return the reduction of a global problem; `factor` is given by a simulation that has factored its parts already."""
     if factor is None:
-        matrix = sp.csr_array(problem.M)
+        matrix = problem.M
         if problem.G is not None:
             matrix = sp.csr_array(sp.block_array([[matrix, -sp.csr_array(problem.G)], [-sp.csr_array(problem.G).T, None]]))
         touched = np.zeros(matrix.shape[0], dtype=bool)
