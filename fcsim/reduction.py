@@ -71,7 +71,8 @@ class BlockFactor:
             copies = np.flatnonzero(kind == k)
             own = dofs[start[copies, None] + np.arange(size[copies[0]])]
             if touched is not None:
-                own = own[:, np.argsort(touched[own].any(axis=0), kind="stable")]  # eliminated last: see inverse_on_last
+                last = touched[own].any(axis=0)  # eliminated last: see inverse_on_last
+                own = np.take(own, np.argsort(last, kind="stable"), axis=1)
             starts, indices, values = block_of(*arrays, own[0], place)
             self.blocks.append(_Block(own, _factor(type(A)((values, indices, starts), shape=(len(own[0]), len(own[0]))))))
         self._refined = None if exact else A
