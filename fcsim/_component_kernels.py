@@ -32,18 +32,17 @@ def connected_components(indptr, indices):
             else:
                 parent[own] = other
                 own = other
-    label, size, count = np.empty(n, dtype=np.int64), np.zeros(n, dtype=np.int64), 0
-    place = np.empty(n, dtype=np.int64)
+    count = 0
+    label, place, size = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.zeros(n + 1, dtype=np.int64)
     for i in range(n):
-        if parent[i] == i:
-            label[i] = count
-            count += 1
-        else:
-            label[i] = label[parent[i]]
+        label[i] = count if parent[i] == i else label[parent[i]]
+        count += parent[i] == i
         place[i] = size[label[i]]
         size[label[i]] += 1
-    start = np.zeros(count + 1, dtype=np.int64)
-    start[1:] = np.cumsum(size[:count])
+    start = np.empty(count + 1, dtype=np.int64)
+    start[0] = 0
+    for c in range(count):
+        start[c + 1] = start[c] + size[c]
     order = np.empty(n, dtype=np.int64)
     for i in range(n):
         order[start[label[i]] + place[i]] = i

@@ -66,11 +66,11 @@ def alike_in_contacts(indptr, indices, n, unknowns, d):
 
     Neighbours alone are compared, and by a hash: what is grouped by mistake only makes the group's share of W larger.
     """
-    signature, last = np.zeros(n, dtype=np.int64), np.full(n, -1)
+    signature, last = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)  # last: 1 + the last contact
     for a in range((len(indptr) - 1) // d):
         for e in range(indptr[a * d], indptr[a * d + d]):
-            if last[indices[e]] != a:
-                last[indices[e]] = a
+            if last[indices[e]] <= a:
+                last[indices[e]] = a + 1
                 signature[indices[e]] = 1000003 * (signature[indices[e]] ^ (a + 1))
     begin, groups = np.empty(len(unknowns) + 1, dtype=np.int64), 0
     for k in range(len(unknowns)):
@@ -89,45 +89,45 @@ def entries_by_body(indptr, indices, data, body, column, count, d):
     column of h. Returns first (count + 1,), contacts (pairs,), begins (pairs + 1,), unknowns (entries,), weights (entries, 3).
     """
     nc = (len(indptr) - 1) // d
-    first, last = np.zeros(count + 1, dtype=np.int64), np.full(count, -1)
+    first, last = np.zeros(count + 1, dtype=np.int64), np.zeros(count, dtype=np.int64)  # last[b]: 1 + the last contact that met b
     for a in range(nc):
         for e in range(indptr[d * a], indptr[d * a + d]):
             b = body[indices[e]]
-            if b >= 0 and last[b] != a:
-                last[b] = a
+            if b >= 0 and last[b] <= a:
+                last[b] = a + 1
                 first[b + 1] += 1
     for b in range(count):
         first[b + 1] += first[b]
+        last[b] = 0
     contacts, begins = np.empty(first[count], dtype=np.int64), np.zeros(first[count] + 1, dtype=np.int64)
-    pair, latest = np.full(len(indices), -1), first - 1  # of an entry, and of a body
-    met = np.full(len(body), -1)  # the last contact that touches an unknown
-    last[:] = -1
+    pair, used = np.empty(len(indices), dtype=np.int64), np.zeros(count, dtype=np.int64)  # the pair of an entry, the pairs of a body
+    met = np.zeros(len(body), dtype=np.int64)  # 1 + the last contact that met an unknown
     for a in range(nc):
         for e in range(indptr[d * a], indptr[d * a + d]):
             b = body[indices[e]]
+            pair[e] = -1
             if b >= 0:
-                if last[b] != a:
-                    last[b] = a
-                    latest[b] += 1
-                    contacts[latest[b]] = a
-                pair[e] = latest[b]
-                if met[indices[e]] != a:
-                    met[indices[e]] = a
+                if last[b] <= a:
+                    last[b] = a + 1
+                    contacts[first[b] + used[b]] = a
+                    used[b] += 1
+                pair[e] = first[b] + used[b] - 1
+                if met[indices[e]] <= a:
+                    met[indices[e]] = a + 1
                     begins[pair[e] + 1] += 1
     for p in range(len(contacts)):
         begins[p + 1] += begins[p]
     unknowns, weights = np.empty(begins[-1], dtype=np.int64), np.zeros((begins[-1], 3))
-    free, place = begins[:-1].copy(), np.empty(len(body), dtype=np.int64)
-    met[:] = -1
+    free, place = np.zeros(len(contacts), dtype=np.int64), np.empty(len(body), dtype=np.int64)
     for a in range(nc):
         for i in range(d):
             for e in range(indptr[d * a + i], indptr[d * a + i + 1]):
                 dof, p = indices[e], pair[e]
                 if p >= 0:
-                    if met[dof] != a:
-                        met[dof] = a
-                        place[dof] = free[p]
-                        unknowns[free[p]] = column[dof]
+                    if met[dof] <= nc + a:  # none of this contact yet
+                        met[dof] = nc + a + 1
+                        place[dof] = begins[p] + free[p]
+                        unknowns[place[dof]] = column[dof]
                         free[p] += 1
                     weights[place[dof], i] += data[e]
     return first, contacts, begins, unknowns, weights

@@ -123,7 +123,8 @@ class BlockFactor:
                 W.add(begin, factor.inverse_on_last(len(surface))[None], copies)
             else:
                 W.add(begin, inverse_on(surface, factor, block.dofs.shape[1])[None], copies, symmetric=False)
-        W.add_diagonal(count, self._inverse_diagonal, group)
+        if len(self._single):
+            W.add_diagonal(count, self._inverse_diagonal, group)
         return W.matrix()
 
 
