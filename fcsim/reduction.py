@@ -90,8 +90,8 @@ class BlockFactor:
         x[self._single] = self._inverse_diagonal[:, None] * columns[self._single]
         for block in self.blocks:
             copies, size = block.dofs.shape
-            stacked = columns[block.dofs].transpose(1, 0, 2).reshape(size, -1)
-            x[block.dofs] = block.factor.solve(stacked).reshape(size, copies, -1).transpose(1, 0, 2)
+            stacked = columns[block.dofs].transpose(0, 2, 1).reshape(-1, size).T  # (size, copies k) in LAPACK's order
+            x[block.dofs] = block.factor.solve(stacked).T.reshape(copies, -1, size).transpose(0, 2, 1)
         return x.reshape(rhs.shape)
 
     def delassus(self, H: Any, dimension: int) -> Any:
@@ -130,9 +130,8 @@ class BlockFactor:
 
 def _diagonal(A: Any, single: IntArray) -> FloatArray:
     """The diagonal of the matrix A (csr or csc) on unknowns that it couples to nothing; SingularMatrix where it is zero."""
-    stored = np.diff(A.indptr)[single]
-    diagonal = np.zeros(len(single))
-    diagonal[stored > 0] = A.data[A.indptr[single[stored > 0]]] if stored.max(initial=0) < 2 else A.diagonal()[single[stored > 0]]
+    first = A.indptr[single]
+    diagonal = A.data[first] if np.array_equal(A.indptr[single + 1], first + 1) else A.diagonal()[single]
     if np.any(diagonal == 0):
         raise SingularMatrix(f"M is singular: zero rows, the first is degree of freedom {int(single[diagonal == 0][0])}")
     return diagonal
