@@ -138,7 +138,10 @@ def _diagonal(A: Any, single: IntArray) -> FloatArray:
 
 
 def _factor(block: Any) -> Factor:
-    factor = _fitting_factor(block)
+    try:
+        factor = _fitting_factor(block)
+    except SingularMatrix as error:
+        raise SingularMatrix(f"M is singular in a block of {block.shape[0]} degrees of freedom: {error}") from None
     refuse_singular(block, factor)
     return factor
 
