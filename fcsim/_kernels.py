@@ -1,4 +1,11 @@
-"""Loops over contacts of the reduction, compiled by numba."""
+"""Loops over contacts of the reduction, compiled by numba.
+
+W while it is summed: `values` flat, of blocks (d, d) in rows `starts` (nc + 1,) of contacts `columns`, sorted; of a dense W where
+`starts` is empty. A body's share of W is h C h^T with its compliance C and its part h of H^T, stored by contacts: the p-th of all
+pairs of a body and a contact has the `weights` (entries, 3) begins[p] to begins[p + 1] of h's columns `unknowns`; a weight belongs
+to the three rows of the contact, in the plane the last is zero, so that rows are combined three at a time. `axes` is (0, 1[, 2]), whose
+length d the compiler knows: it unrolls the loops over a block's entries.
+"""
 
 from __future__ import annotations
 
@@ -7,97 +14,240 @@ from numba import njit
 
 
 @njit(cache=True)
-def add_tile(W, contacts, tile, d):
-    """W[d a + i, d b + j] += tile[d p + i, d q + j] for a = contacts[p], b = contacts[q], in place."""
-    k = len(contacts)
-    for p in range(k):
-        for i in range(d):
-            row = W[contacts[p] * d + i]
-            source = tile[p * d + i]
-            for q in range(k):
-                column = contacts[q] * d
-                for j in range(d):
-                    row[column + j] += source[q * d + j]
+def union_of_neighbours(first, contacts, nc):
+    """Return starts (nc + 1,) and sorted columns of the block rows of W: contacts that share a body with contact a.
 
-
-@njit(cache=True)
-def union_of_neighbours(first_tile, tile_of, first, contacts, nc):
-    """Return indptr (nc + 1,) and sorted columns of the block rows of W: contacts that share a tile with contact a.
-
-    Contact a lies in the tiles tile_of[first_tile[a]:first_tile[a + 1]], tile t on contacts[first[t]:first[t + 1]].
+    Body b is on contacts[first[b]:first[b + 1]].
     """
-    indptr = np.zeros(nc + 1, dtype=np.int64)
-    seen = np.full(nc, -1, dtype=np.int64)
+    place = np.zeros(nc + 1, dtype=np.int64)
+    for a in contacts:
+        place[a + 1] += 1
+    for a in range(nc):
+        place[a + 1] += place[a]
+    body = np.empty(len(contacts), dtype=np.int64)  # by contact; place[a] ends where contact a + 1 begins
+    for b in range(len(first) - 1):
+        for a in contacts[first[b] : first[b + 1]]:
+            body[place[a]] = b
+            place[a] += 1
+    most = 0
+    for b in range(len(first) - 1):
+        most += (first[b + 1] - first[b]) ** 2
+    starts, columns = np.zeros(nc + 1, dtype=np.int64), np.empty(most, dtype=np.int32)
+    row, other = np.empty(nc, dtype=np.int32), np.empty(nc, dtype=np.int32)
     for a in range(nc):
         count = 0
-        for s in range(first_tile[a], first_tile[a + 1]):
-            for q in range(first[tile_of[s]], first[tile_of[s] + 1]):
-                if seen[contacts[q]] != a:
-                    seen[contacts[q]] = a
-                    count += 1
-        indptr[a + 1] = indptr[a] + count
-    columns = np.empty(indptr[nc], dtype=np.int32)
-    seen[:] = -1
+        for b in body[place[a - 1] if a else 0 : place[a]]:
+            count = merge(row, count, contacts[first[b] : first[b + 1]], other)
+            row, other = other, row
+        starts[a + 1] = starts[a] + count
+        columns[starts[a] : starts[a + 1]] = row[:count]
+    return starts, columns[: starts[nc]].copy()
+
+
+@njit(cache=True)
+def merge(a, count, b, union):
+    """Write the sorted union of the sorted numbers a[:count] and b to `union`; returns how many they are."""
+    i, j, k = 0, 0, 0
+    while i < count or j < len(b):
+        if j == len(b) or (i < count and a[i] <= b[j]):
+            j += j < len(b) and a[i] == b[j]
+            union[k] = a[i]
+            i += 1
+        else:
+            union[k] = b[j]
+            j += 1
+        k += 1
+    return k
+
+
+@njit(cache=True)
+def alike_in_contacts(indptr, indices, n, unknowns, d):
+    """Where a new group begins in the unknowns (k,) so that those of a group touch the same contacts of H (n, d nc; csc): (groups + 1,).
+
+    Neighbours alone are compared, and by a hash: what is grouped by mistake only makes the group's share of W larger.
+    """
+    signature, last = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)  # last: 1 + the last contact
+    for a in range((len(indptr) - 1) // d):
+        for e in range(indptr[a * d], indptr[a * d + d]):
+            if last[indices[e]] <= a:
+                last[indices[e]] = a + 1
+                signature[indices[e]] = 1000003 * (signature[indices[e]] ^ (a + 1))
+    begin, groups = np.empty(len(unknowns) + 1, dtype=np.int64), 0
+    for k in range(len(unknowns)):
+        if k == 0 or signature[unknowns[k]] != signature[unknowns[k - 1]]:
+            begin[groups] = k
+            groups += 1
+    begin[groups] = len(unknowns)
+    return begin[: groups + 1]
+
+
+@njit(cache=True)
+def entries_by_body(indptr, indices, data, body, column, count, d):
+    """Sort the entries of H by bodies: body b is on contacts[first[b]:first[b + 1]], the rest is h as above.
+
+    H (n, d nc) by columns (csc); body (n,): the body of each unknown, of `count`, -1 where it has no share in W; column (n,): its
+    column of h. Returns first (count + 1,), contacts (pairs,), begins (pairs + 1,), unknowns (entries,), weights (entries, 3).
+    """
+    nc = (len(indptr) - 1) // d
+    first, last = np.zeros(count + 1, dtype=np.int64), np.zeros(count, dtype=np.int64)  # last[b]: 1 + the last contact that met b
     for a in range(nc):
-        at = indptr[a]
-        for s in range(first_tile[a], first_tile[a + 1]):
-            for q in range(first[tile_of[s]], first[tile_of[s] + 1]):
-                if seen[contacts[q]] != a:
-                    seen[contacts[q]] = a
-                    columns[at] = contacts[q]
-                    at += 1
-        columns[indptr[a] : at].sort()
-    return indptr, columns
-
-
-@njit(cache=True)
-def add_tile_to_block_rows(indptr, columns, blocks, contacts, tile, d, place):
-    """blocks of rows a and columns b += tile[d p + i, d q + j] for a = contacts[p], b = contacts[q]; place (nc,) is work space."""
+        for e in range(indptr[d * a], indptr[d * a + d]):
+            b = body[indices[e]]
+            if b >= 0 and last[b] <= a:
+                last[b] = a + 1
+                first[b + 1] += 1
+    for b in range(count):
+        first[b + 1] += first[b]
+        last[b] = 0
+    contacts, begins = np.empty(first[count], dtype=np.int64), np.zeros(first[count] + 1, dtype=np.int64)
+    pair, used = np.empty(len(indices), dtype=np.int64), np.zeros(count, dtype=np.int64)  # the pair of an entry, the pairs of a body
+    met = np.zeros(len(body), dtype=np.int64)  # 1 + the last contact that met an unknown
+    for a in range(nc):
+        for e in range(indptr[d * a], indptr[d * a + d]):
+            b = body[indices[e]]
+            pair[e] = -1
+            if b >= 0:
+                if last[b] <= a:
+                    last[b] = a + 1
+                    contacts[first[b] + used[b]] = a
+                    used[b] += 1
+                pair[e] = first[b] + used[b] - 1
+                if met[indices[e]] <= a:
+                    met[indices[e]] = a + 1
+                    begins[pair[e] + 1] += 1
     for p in range(len(contacts)):
-        a = contacts[p]
-        for k in range(indptr[a], indptr[a + 1]):
-            place[columns[k]] = k
-        for q in range(len(contacts)):
-            block = blocks[place[contacts[q]]]
-            for i in range(d):
-                for j in range(d):
-                    block[i, j] += tile[d * p + i, d * q + j]
+        begins[p + 1] += begins[p]
+    unknowns, weights = np.empty(begins[-1], dtype=np.int64), np.zeros((begins[-1], 3))
+    free, place = np.zeros(len(contacts), dtype=np.int64), np.empty(len(body), dtype=np.int64)
+    for a in range(nc):
+        for i in range(d):
+            for e in range(indptr[d * a + i], indptr[d * a + i + 1]):
+                dof, p = indices[e], pair[e]
+                if p >= 0:
+                    if met[dof] <= nc + a:  # none of this contact yet
+                        met[dof] = nc + a + 1
+                        place[dof] = begins[p] + free[p]
+                        unknowns[place[dof]] = column[dof]
+                        free[p] += 1
+                    weights[place[dof], i] += data[e]
+    return first, contacts, begins, unknowns, weights
 
 
 @njit(cache=True)
-def combine(indices, data, first, last, X, begin, row):
-    """row[begin:] = sum of data[e] X[indices[e], begin:] for first <= e < last, four at a time: fewer passes over the row."""
-    row[begin:] = 0
-    for e in range(first, last, 4):
-        e1, e2, e3 = min(e + 1, last - 1), min(e + 2, last - 1), min(e + 3, last - 1)
-        x0, x1, x2, x3 = X[indices[e]], X[indices[e1]], X[indices[e2]], X[indices[e3]]
-        c0, c1, c2, c3 = data[e], data[e1], data[e2], data[e3]
-        if e + 1 >= last:
-            c1 = 0.0
-        if e + 2 >= last:
-            c2 = 0.0
-        if e + 3 >= last:
-            c3 = 0.0
-        for j in range(begin, len(row)):
-            row[j] += c0 * x0[j] + c1 * x1[j] + c2 * x2[j] + c3 * x3[j]
+def combine(unknowns, weights, begin, end, X, since, rows):
+    """rows[i, since:] = sum of weights[e, i] X[unknowns[e], since:] for begin <= e < end and i < 3."""
+    row0, row1, row2 = rows[0], rows[1], rows[2]
+    row0[since:] = 0
+    row1[since:] = 0
+    row2[since:] = 0
+    for e in range(begin, end, 3):  # three at a time, a node's: fewer passes over the rows
+        f, g = min(e + 1, end - 1), min(e + 2, end - 1)
+        x, y, z = X[unknowns[e]], X[unknowns[f]], X[unknowns[g]]
+        f_counts, g_counts = 1.0 if e + 1 < end else 0.0, 1.0 if e + 2 < end else 0.0
+        x0, x1, x2 = weights[e, 0], weights[e, 1], weights[e, 2]
+        y0, y1, y2 = f_counts * weights[f, 0], f_counts * weights[f, 1], f_counts * weights[f, 2]
+        z0, z1, z2 = g_counts * weights[g, 0], g_counts * weights[g, 1], g_counts * weights[g, 2]
+        for j in range(since, len(row0)):
+            row0[j] += x0 * x[j] + y0 * y[j] + z0 * z[j]
+            row1[j] += x1 * x[j] + y1 * y[j] + z1 * z[j]
+            row2[j] += x2 * x[j] + y2 * y[j] + z2 * z[j]
 
 
 @njit(cache=True)
-def congruence(indptr, indices, data, C):
-    """h C h^T (k, k) for a symmetric C (n, n) and sparse rows h (k, n), half of it computed and the other half mirrored."""
-    k, n, step = len(indptr) - 1, len(C), 32  # rows that stay in the cache while they are written as columns
-    columns, panel, tile = np.empty((n, k)), np.empty((step, n)), np.empty((k, k))
+def transposed_product(begins, unknowns, weights, first, C, axes, panel, product):
+    """product (n, d k) = (h C)^T for C (n, n) and the k contacts of h from the pair `first` on; panel (3 c, n) is work space."""
+    d = len(axes)
+    n, k, step = len(C), product.shape[1] // d, len(panel) // 3
     for begin in range(0, k, step):
         count = min(step, k - begin)
         for p in range(count):
-            combine(indices, data, indptr[begin + p], indptr[begin + p + 1], C, 0, panel[p])
+            pair = first + begin + p
+            combine(unknowns, weights, begins[pair], begins[pair + 1], C, 0, panel[3 * p : 3 * p + 3])
         for j in range(n):
             for p in range(count):
-                columns[j, begin + p] = panel[p, j]
+                for i in range(d):
+                    product[j, d * (begin + p) + i] = panel[3 * p + i, j]
+
+
+@njit(cache=True)
+def add_body(starts, columns, values, contacts, begins, unknowns, weights, first, product, symmetric, axes, nc, at, rows):
+    """Add h (h C^T)^T to W: product (n, d k) = (h C^T)^T, h from the pair `first` on. Of a symmetric share half is computed.
+
+    at (k,) and rows (3, d k) are work space.
+    """
+    k, d, dense = len(contacts), len(axes), len(starts) == 0
+    stride = nc * d if dense else d
     for p in range(k):
-        combine(indices, data, indptr[p], indptr[p + 1], columns, p, tile[p])
-    for begin in range(0, k, step):
-        for p in range(begin, k):
+        at[p] = 0 if dense else starts[contacts[p]]
+    for p in range(k):
+        a, own, since = contacts[p], at[p], p if symmetric else 0
+        combine(unknowns, weights, begins[first + p], begins[first + p + 1], product, d * since, rows)
+        for q in range(since, k):
+            b = contacts[q]
+            if dense:
+                place = (a * nc * d + b) * d
+            else:
+                while columns[own] != b:
+                    own += 1
+                place = own * d * d
+            for i in range(d):
+                for j in range(d):
+                    values[place + i * stride + j] += rows[i, d * q + j]
+            if symmetric and q > p:
+                if dense:
+                    place = (b * nc * d + a) * d
+                else:
+                    while columns[at[q]] != a:
+                        at[q] += 1
+                    place = at[q] * d * d
+                for i in range(d):
+                    for j in range(d):
+                        values[place + j * stride + i] += rows[i, d * q + j]
+
+
+@njit(cache=True)
+def add_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, begin, C, kind, symmetric, axes, nc):
+    """Add the shares h C h^T of the bodies begin, begin + 1, ... to W, with the compliances C[kind[0]], C[kind[1]], ... of C (c, n, n).
+
+    Where they are not symmetric they are given transposed.
+    """
+    n, k, d = C.shape[1], 0, len(axes)
+    for b in range(begin, begin + len(kind)):
+        k = max(k, first[b + 1] - first[b])
+    work, panel, rows, at = np.empty(n * k * d), np.empty((30, n)), np.empty(3 * k * d), np.empty(k, dtype=np.int64)
+    for b in range(begin, begin + len(kind)):
+        own = contacts[first[b] : first[b + 1]]
+        m = len(own) * d
+        product = work[: n * m].reshape(n, m)
+        transposed_product(begins, unknowns, weights, first[b], C[kind[b - begin]], axes, panel, product)
+        place = rows[: 3 * m].reshape(3, m)
+        add_body(starts, columns, values, own, begins, unknowns, weights, first[b], product, symmetric, axes, nc, at, place)
+
+
+@njit(cache=True)
+def add_diagonal_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, begin, C, group, axes, nc):
+    """Add the shares h C h^T of the bodies from `begin` on whose C are diagonal: C[group[k]:group[k + 1]] that of the k-th one."""
+    d = len(axes)
+    for g in range(len(group) - 1):
+        pair = first[begin + g]
+        own = contacts[pair : first[begin + g + 1]]
+        m = len(own) * d
+        if m == 0:
+            continue
+        product = np.zeros((group[g + 1] - group[g], m))
+        for p in range(len(own)):
+            for e in range(begins[pair + p], begins[pair + p + 1]):
+                for i in range(d):
+                    product[unknowns[e], d * p + i] = C[group[g] + unknowns[e]] * weights[e, i]
+        at, rows = np.empty(len(own), dtype=np.int64), np.empty((3, m))
+        add_body(starts, columns, values, own, begins, unknowns, weights, pair, product, True, axes, nc, at, rows)
+
+
+@njit(cache=True)
+def mirror(A):
+    """Copy the upper triangle of A (n, n) to the lower one, in place."""
+    step = 32  # rows that stay in the cache while they are written as columns
+    for begin in range(0, len(A), step):
+        for p in range(begin, len(A)):
             for q in range(begin, min(begin + step, p)):
-                tile[p, q] = tile[q, p]
-    return tile
+                A[p, q] = A[q, p]

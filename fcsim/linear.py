@@ -15,6 +15,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from fcsim import runtime
+from fcsim._kernels import mirror
 from fcsim.errors import FcsimError
 
 FloatArray = NDArray[np.float64]
@@ -44,33 +45,27 @@ class DenseCholesky:
 
     name = "dense Cholesky (LAPACK)"
 
-    def __init__(self, A: FloatArray, last: IntArray | None = None) -> None:
-        """last: unknowns that are eliminated last, in any order, so that the inverse on them costs little."""
-        self._order: IntArray | None = None
-        self.last = np.empty(0, dtype=np.int64) if last is None else last
-        if len(self.last):
-            first = np.ones(len(A), dtype=bool)
-            first[self.last] = False
-            self._order = np.concatenate([np.flatnonzero(first), self.last])
-            A = A[np.ix_(self._order, self._order)]
+    def __init__(self, A: FloatArray, overwrite: bool = False) -> None:
+        """overwrite: a Fortran-ordered A is factored in place."""
         potrf, self._potrs = sla.lapack.get_lapack_funcs(("potrf", "potrs"), (A,))
-        self._factor, info = potrf(A, lower=True, clean=False)
+        self._factor, info = potrf(A, lower=True, clean=False, overwrite_a=overwrite)
         if info != 0:
             raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: pivot {info}")
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         if not rhs.size:  # LAPACK's wrapper takes no empty arrays
             return rhs.copy()
-        order = slice(None) if self._order is None else self._order
-        x = np.empty_like(rhs)
-        x[order] = self._potrs(self._factor, rhs[order], lower=True)[0]
-        return x
+        solution: FloatArray = self._potrs(self._factor, rhs, lower=True)[0]
+        return solution
 
-    def inverse_on_last(self) -> FloatArray:
-        """The rows and columns of A^-1 that belong to `last`: (L_ll L_ll^T)^-1 of the factor's last block, whatever comes before it."""
-        k = len(self.last)
-        inverse = sla.lapack.dpotri(self._factor[-k:, -k:], lower=True)[0] if k else np.empty((0, 0))
-        return np.tril(inverse) + np.tril(inverse, -1).T
+    def inverse_on_last(self, count: int) -> FloatArray:
+        """The rows and columns of A^-1 of the last unknowns: (L_ll L_ll^T)^-1 of the factor's last block, whatever comes before it."""
+        if not count:
+            return np.empty((0, 0))
+        lower = sla.lapack.dpotri(self._factor[-count:, -count:], lower=True)[0]
+        inverse: FloatArray = lower.T  # C-ordered
+        mirror(inverse)
+        return inverse
 
 
 class DenseLU:
@@ -240,8 +235,6 @@ def factorise(A: Any, *, positive_definite: bool = False) -> Factor:
 
 def inverse_on(unknowns: IntArray, factor: Factor, size: int) -> FloatArray:
     """The rows and columns `unknowns` (k,) of A^-1 (k, k), A of that size, a few columns at a time: all would be k size numbers."""
-    if isinstance(factor, DenseCholesky) and len(unknowns) and np.array_equal(factor.last, unknowns):
-        return factor.inverse_on_last()
     inverse = np.empty((len(unknowns), len(unknowns)))
     count = max(1, SOLVED_AT_ONCE // max(size, 1))
     for first in range(0, len(unknowns), count):
@@ -253,13 +246,13 @@ def inverse_on(unknowns: IntArray, factor: Factor, size: int) -> FloatArray:
 
 
 @lru_cache(maxsize=4)
-def _probes(size: int) -> FloatArray:
+def probes(size: int) -> FloatArray:
     """Two random vectors (2, size)."""
     return np.random.default_rng(0).standard_normal((2, size))
 
 
 def is_symmetric(W: Any) -> bool:
     """Whether y.W x = x.W y for random x and y, to round-off: an asymmetry would have to be orthogonal to both to hide."""
-    x, y = _probes(W.shape[0])
+    x, y = probes(W.shape[0])
     Wx, Wy = W @ x, W @ y  # no product with W^T, for which block rows would be transposed
     return abs(float(y @ Wx - x @ Wy)) <= 1e-10 * float(max(np.linalg.norm(Wx), np.linalg.norm(Wy)))

@@ -8,7 +8,6 @@ Equality constraints G^T v + b = 0 are part of the factored matrix [[M, -G], [-G
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -16,21 +15,16 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
-from fcsim._kernels import add_tile, add_tile_to_block_rows, congruence, union_of_neighbours
-from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
+from fcsim._component_kernels import asymmetry, block_of, connected_components, equal_blocks, equilibrating_scale
+from fcsim._kernels import alike_in_contacts
+from fcsim.delassus import DelassusSum
+from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on, probes
 from fcsim.problem import GlobalProblem, LocalProblem
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-
-DENSE_W_UP_TO = 3000
-"""Up to this many contact unknowns W is stored dense (72 MB), above as block-sparse rows."""
-SPARSE_FROM, FILLED = 1000, 0.4
-"""Contact unknowns from which, and share of its blocks below which, W is stored by block rows: less to write, and to read in products."""
-
 
 EQUAL = 1e-13
 """Blocks of M whose entries differ by less, relative to the largest, are one body's (5e-15 to 1e-14 between the blocks of a wall)."""
@@ -44,38 +38,9 @@ class MassFactor(Protocol):
     def delassus(self, H: Any, dimension: int) -> Any: ...
 
 
-def assemble_delassus(tiles: Iterable[tuple[IntArray, FloatArray]], nc: int, dimension: int) -> Any:
-    """Sum the bodies' tiles (contacts (k,), W_body (k d, k d)) into W (m, m): dense up to `DENSE_W_UP_TO`, else block-sparse.
-
-    W is block-sparse from `SPARSE_FROM` unknowns on already where less than the share `FILLED` of its blocks is there.
-    """
-    d = dimension
-    parts = list(tiles)
-    entries = sum(len(contacts) ** 2 for contacts, _ in parts)
-    if nc * d <= DENSE_W_UP_TO and not (nc * d > SPARSE_FROM and entries < FILLED * nc**2):
-        W = np.zeros((nc * d, nc * d))
-        for contacts, tile in parts:
-            add_tile(W, contacts, tile, d)
-        return W
-    if not parts:
-        return sp.bsr_array((nc * d, nc * d), blocksize=(d, d))
-    members = np.concatenate([contacts for contacts, _ in parts])
-    first = np.concatenate([[0], np.cumsum([len(contacts) for contacts, _ in parts])])
-    owner = np.repeat(np.arange(len(parts)), np.diff(first))
-    by_contact = np.argsort(members, kind="stable")
-    first_tile = np.searchsorted(members[by_contact], np.arange(nc + 1))
-    indptr, columns = union_of_neighbours(first_tile, owner[by_contact], first, members, nc)
-    blocks = np.zeros((len(columns), d, d))
-    place = np.empty(nc, dtype=np.int64)
-    for k, (contacts, tile) in enumerate(parts):
-        add_tile_to_block_rows(indptr, columns, blocks, contacts, np.ascontiguousarray(tile), d, place)
-        parts[k] = (contacts, np.empty((0, 0)))  # tiles are as large as W together
-    return sp.bsr_array((blocks, columns, indptr), shape=(nc * d, nc * d), blocksize=(d, d))
-
-
 @dataclass(frozen=True)
 class _Block:
-    """Degrees of freedom of the components that share one factor: dofs (copies, size)."""
+    """Degrees of freedom of the components that share one factor: dofs (copies, size), in the factor's order."""
 
     dofs: IntArray
     factor: Factor
@@ -90,41 +55,26 @@ class BlockFactor:
 
     def __init__(self, A: Any, touched: BoolArray | None = None) -> None:
         """touched (n,): degrees of freedom on which A^-1 will be asked for by `delassus`; it is the cheaper for knowing them."""
-        A = sp.csr_array(A)
-        A.sort_indices()
+        if getattr(A, "format", "") not in ("csr", "csc"):
+            A = sp.csr_array(A)
+        if not A.has_sorted_indices:
+            A = A.sorted_indices()
         self.n = A.shape[0]
-        count, label = connected_components(A, directed=False)
-        size = np.bincount(label, minlength=count)
-        dofs = np.argsort(label, kind="stable")
-        start = np.concatenate([[0], np.cumsum(size)])
-        single = dofs[start[:-1][size == 1]]
-        diagonal = A.diagonal()[single]
-        if np.any(diagonal == 0):
-            raise SingularMatrix(f"M is singular: zero rows, the first is degree of freedom {int(single[diagonal == 0][0])}")
-        self._single, self._inverse_diagonal = single, 1 / diagonal
-        kinds: dict[tuple[int, str], list[tuple[list[IntArray], Any]]] = {}
-        position = np.empty(self.n, dtype=np.int64)
-        exact = True
-        for c in np.flatnonzero(size > 1):
-            own = dofs[start[c] : start[c + 1]]
-            position[own] = np.arange(len(own))
-            rows = A[own]
-            block = sp.csr_array((rows.data, position[rows.indices], rows.indptr), shape=(len(own), len(own)))
-            # the trace tells most of the different ones apart
-            alike = kinds.setdefault((len(own), f"{block.trace():.6e}"), [])
-            for copies, first in alike:
-                difference = _difference(first, block)
-                if difference <= EQUAL:
-                    copies.append(own)
-                    exact = exact and difference == 0
-                    break
-            else:
-                alike.append(([own], block))
-        touched = np.zeros(self.n, dtype=bool) if touched is None else touched
+        arrays = A.indptr, A.indices, A.data  # by rows or by columns, which is all the same up to the blocks' storage
+        dofs, start, place = connected_components(A.indptr, A.indices)
+        size = np.diff(start)
+        self._single = dofs[start[:-1][size == 1]]
+        self._inverse_diagonal = 1 / _diagonal(A, self._single)
+        kind, exact = equal_blocks(*arrays, dofs, start, place, EQUAL)
         self.blocks = []
-        for copies, block in (kind for alike in kinds.values() for kind in alike):
-            own = np.array(copies)
-            self.blocks.append(_Block(own, _factor(block, np.flatnonzero(touched[own].any(axis=0)))))
+        for k in range(kind.max(initial=-1) + 1):
+            copies = np.flatnonzero(kind == k)
+            own = dofs[start[copies, None] + np.arange(size[copies[0]])]
+            if touched is not None:
+                last = touched[own].any(axis=0)  # eliminated last: see inverse_on_last
+                own = np.take(own, np.argsort(last, kind="stable"), axis=1)
+            starts, indices, values = block_of(*arrays, own[0], place)
+            self.blocks.append(_Block(own, _factor(type(A)((values, indices, starts), shape=(len(own[0]), len(own[0]))))))
         self._refined = None if exact else A
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -140,101 +90,86 @@ class BlockFactor:
         x[self._single] = self._inverse_diagonal[:, None] * columns[self._single]
         for block in self.blocks:
             copies, size = block.dofs.shape
-            stacked = columns[block.dofs].transpose(1, 0, 2).reshape(size, -1)
-            x[block.dofs] = block.factor.solve(stacked).reshape(size, copies, -1).transpose(1, 0, 2)
+            stacked = columns[block.dofs].transpose(0, 2, 1).reshape(-1, size).T  # (size, copies k) in LAPACK's order
+            x[block.dofs] = block.factor.solve(stacked).T.reshape(copies, -1, size).transpose(0, 2, 1)
         return x.reshape(rhs.shape)
 
     def delassus(self, H: Any, dimension: int) -> Any:
         """Return W = H^T A^-1 H (m, m) for sparse H (n, m)."""
-        H = sp.csr_array(H)
-        nc = H.shape[1] // dimension
-        return assemble_delassus(self._tiles(H, dimension), nc, dimension)
-
-    def _tiles(self, H: Any, d: int) -> Iterable[tuple[IntArray, FloatArray]]:
-        single = H[self._single]
-        if single.nnz:
-            yield from _component_tiles(single, self._inverse_diagonal, d)
+        H, d = H.tocsc(), dimension
+        touched = np.zeros(self.n, dtype=bool)
+        touched[H.indices] = True
+        body, column = np.empty(self.n, dtype=np.int64), np.empty(self.n, dtype=np.int64)  # where H touches them
+        compliances, count = [], 0
         for block in self.blocks:
-            size = block.dofs.shape[1]
-            rows = [sp.csr_array(H[own]) for own in block.dofs]
-            touched = np.unique(np.concatenate([np.flatnonzero(np.diff(h.indptr)) for h in rows]))
-            if not len(touched):
-                continue
-            compliance = inverse_on(touched, block.factor, size)
-            symmetric = isinstance(block.factor, DenseCholesky)
-            for h in rows:
-                h = sp.csc_array(h[touched])
-                contacts = np.unique(np.flatnonzero(np.diff(h.indptr)) // d)
-                if len(contacts):
-                    h = h[:, (contacts[:, None] * d + np.arange(d)).ravel()]
-                    h = sp.csr_array(h.T)
-                    if symmetric:
-                        yield contacts, congruence(h.indptr, h.indices, h.data, compliance)
-                    else:
-                        yield contacts, h @ (h @ compliance.T).T
+            copies, size = block.dofs.shape
+            surface = np.flatnonzero(touched[block.dofs].any(axis=0))
+            if len(surface):
+                if isinstance(block.factor, DenseCholesky):
+                    surface = np.arange(surface[0], size)
+                body[block.dofs] = np.arange(count, count + copies)[:, None]
+                column[block.dofs[:, surface]] = np.arange(len(surface))
+                compliances.append((count, block, surface))
+                count += copies
+        # dofs that M couples to nothing are taken together where they touch the same contacts: a rigid body's
+        group = alike_in_contacts(H.indptr, H.indices, self.n, self._single, d)
+        sizes = np.diff(group)
+        body[self._single] = count + np.repeat(np.arange(len(sizes)), sizes)
+        column[self._single] = np.arange(len(self._single)) - np.repeat(group[:-1], sizes)
+        W = DelassusSum(H, body, column, count + len(sizes), d)
+        for begin, block, surface in compliances:
+            factor, copies = block.factor, np.zeros(len(block.dofs), dtype=np.int64)
+            if isinstance(factor, DenseCholesky):
+                W.add(begin, factor.inverse_on_last(len(surface))[None], copies)
+            else:
+                W.add(begin, inverse_on(surface, factor, block.dofs.shape[1])[None], copies, symmetric=False)
+        if len(self._single):
+            W.add_diagonal(count, self._inverse_diagonal, group)
+        return W.matrix()
 
 
-def _component_tiles(H: Any, inverse_diagonal: FloatArray, d: int) -> Iterable[tuple[IntArray, FloatArray]]:
-    """Tiles of dofs that M couples to nothing: rows of H that share contacts are taken together (a rigid body's dofs)."""
-    H = sp.csr_array(H)
-    nc = H.shape[1] // d
-    incidence = sp.csr_array((np.ones(H.nnz), H.indices // d, H.indptr.copy()), shape=(H.shape[0], nc))
-    # dofs with the same set of contacts belong to one rigid body: group by that set
-    incidence.sum_duplicates()
-    groups: dict[bytes, list[int]] = {}
-    for row in range(H.shape[0]):
-        contacts = incidence.indices[incidence.indptr[row] : incidence.indptr[row + 1]]
-        if len(contacts):
-            groups.setdefault(contacts.tobytes(), []).append(row)
-    for members in groups.values():
-        rows = np.array(members)
-        contacts = np.unique(H[rows].indices // d).astype(np.int64)
-        h = H[rows][:, (contacts[:, None] * d + np.arange(d)).ravel()].toarray()
-        yield contacts, h.T @ (inverse_diagonal[rows, None] * h)
+def _diagonal(A: Any, single: IntArray) -> FloatArray:
+    """The diagonal of the matrix A (csr or csc) on unknowns that it couples to nothing; SingularMatrix where it is zero."""
+    first = A.indptr[single]
+    diagonal = A.data[first] if np.array_equal(A.indptr[single + 1], first + 1) else A.diagonal()[single]
+    if np.any(diagonal == 0):
+        raise SingularMatrix(f"M is singular: zero rows, the first is degree of freedom {int(single[diagonal == 0][0])}")
+    return diagonal
 
 
-def _difference(A: Any, B: Any) -> float:
-    """max |A - B| / max |A|."""
-    if A.nnz == B.nnz and np.array_equal(A.data, B.data) and np.array_equal(A.indices, B.indices) and np.array_equal(A.indptr, B.indptr):
-        return 0.0
-    return float(np.abs((A - B).data).max(initial=0.0) / np.abs(A.data).max())
-
-
-def _factor(block: Any, last: IntArray) -> Factor:
-    factor = _fitting_factor(block, last)
+def _factor(block: Any) -> Factor:
+    try:
+        factor = _fitting_factor(block)
+    except SingularMatrix as error:
+        raise SingularMatrix(f"M is singular in a block of {block.shape[0]} degrees of freedom: {error}") from None
     refuse_singular(block, factor)
     return factor
 
 
-def _fitting_factor(block: Any, last: IntArray) -> Factor:
+def _fitting_factor(block: Any) -> Factor:
     if block.shape[0] > DENSE_UP_TO:
         return factorise(block)
-    dense = block.toarray()
-    if np.abs(dense - dense.T).max() <= 1e-12 * np.abs(dense).max():
+    dense = block.toarray(order="C" if block.format == "csr" else "F")
+    by_rows = dense if block.format == "csr" else dense.T
+    if asymmetry(block.indptr, block.indices, block.data, by_rows) <= 1e-12:
         try:
-            return DenseCholesky(dense, last)
+            return DenseCholesky(by_rows.T, overwrite=True)
         except SingularMatrix:  # indefinite, as with equality constraints
-            return DenseLU(dense)
+            dense = block.toarray()
     return DenseLU(dense)
 
 
 def refuse_singular(block: Any, factor: Factor) -> None:
-    """Raise SingularMatrix where the factor does not find a known solution again.
+    """Raise SingularMatrix where the factor does not find a known solution of the matrix (csr or csc) again.
 
     Round-off hides the zero pivot of most singular matrices, such as the stiffness of a body without supports. The known solution
     is random in the scaling that makes the rows' largest entries equal (Ruiz 2001), so that units and multipliers do not matter.
     """
-    block = sp.coo_array(block)
-    size, (row, column) = block.shape[0], block.coords
-    magnitude, scale = np.abs(block.data), np.ones(size)
-    for _ in range(5):
-        scaled, largest = magnitude * scale[row] * scale[column], np.zeros(size)
-        np.maximum.at(largest, row, scaled)
-        np.maximum.at(largest, column, scaled)
-        scale = scale / np.where(largest > 0, np.sqrt(largest), 1)
-    known = scale[:, None] * np.random.default_rng(0).standard_normal((size, 2))
+    size = block.shape[0]
+    scale = equilibrating_scale(block.indptr, block.indices, block.data, 5)[:, None]
+    known = scale * probes(size).T
     found = factor.solve(block @ known)
-    if not np.abs((found - known) / scale[:, None]).max() <= 1e-2:
+    if not np.abs((found - known) / scale).max() <= 1e-2:
         raise SingularMatrix(f"M is singular to working precision: a block of {size} degrees of freedom (a body without supports?)")
 
 
@@ -249,7 +184,7 @@ class Reduction:
     @cached_property
     def _H(self) -> Any:
         p = self.problem
-        H = sp.csr_array(p.H)
+        H = p.H if sp.issparse(p.H) else sp.csr_array(p.H)
         return H if p.G is None else sp.csr_array(sp.vstack([H, sp.csr_array((p.G.shape[1], p.m))]))
 
     @cached_property
@@ -289,14 +224,23 @@ class Reduction:
         return float(np.linalg.norm(residual)) / (scale or 1.0)
 
 
+def _touched(H: Any) -> BoolArray:
+    """Which rows of H (n, m), dense or sparse, have entries (n,)."""
+    if getattr(H, "format", "") == "csc":
+        touched = np.zeros(H.shape[0], dtype=bool)
+        touched[H.indices] = True
+        return touched
+    return np.diff(sp.csr_array(H).indptr) > 0
+
+
 def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reduction:
     """Return the reduction of a global problem; `factor` is given by a simulation that has factored its parts already."""
     if factor is None:
-        matrix = sp.csr_array(problem.M)
+        matrix = problem.M
         if problem.G is not None:
             matrix = sp.csr_array(sp.block_array([[matrix, -sp.csr_array(problem.G)], [-sp.csr_array(problem.G).T, None]]))
         touched = np.zeros(matrix.shape[0], dtype=bool)
-        touched[: problem.n] = np.diff(sp.csr_array(problem.H).indptr) > 0
+        touched[: problem.n] = _touched(problem.H)
         factor = BlockFactor(matrix, touched)
     return Reduction(problem, factor)
 

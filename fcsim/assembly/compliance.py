@@ -7,7 +7,6 @@ one. The compliance of a block on its contact dofs is formed once; each step the
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
@@ -16,13 +15,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim import linear
-from fcsim._kernels import congruence
 from fcsim.assembly.groups import Group
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import inverse_on
+from fcsim.delassus import DelassusSum
 from fcsim.errors import InputError
 from fcsim.linear import Factor, SingularMatrix, factorise
-from fcsim.reduction import assemble_delassus, refuse_singular
+from fcsim.reduction import refuse_singular
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -44,7 +43,23 @@ class SystemFactor:
             body = model.rigid[int(np.argmax(model.rigid_free.any(axis=1)))]
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
         self._elastic = _ElasticMatrix(model, mass, stiffness)
+        self._places = self._bodies_of_dofs()
         self._set_rigid_mass(model.rigid_mass())
+
+    def _bodies_of_dofs(self) -> tuple[IntArray, IntArray]:
+        """The body of each dof (n_dofs,), in the order of `delassus`, -1 for driven ones, and its number in the body's compliance."""
+        model = self.model
+        body, column = np.full(model.n_dofs, -1), np.zeros(model.n_dofs, dtype=np.int64)
+        begin = 0
+        for group in self._groups:
+            surface = group.first[:, None] + group.surface
+            body[surface] = np.arange(begin, begin + len(surface))[:, None]
+            column[surface] = np.arange(len(group.surface))
+            begin += len(surface)
+        free = model.rigid_free
+        model.rigid_part(body)[:] = np.where(free, np.arange(begin, begin + len(free))[:, None], -1)
+        model.rigid_part(column)[:] = np.arange(free.shape[1])
+        return body, column
 
     def _set_rigid_mass(self, rigid_mass: FloatArray) -> None:
         self.rigid_mass = rigid_mass
@@ -104,22 +119,17 @@ class SystemFactor:
 
     def delassus(self, H: Any, dimension: int) -> Any:
         """Return W = H^T A^-1 H (m, m) for H (n, m) on the problems' unknowns."""
-        H = sp.csr_array(H)
-        model = self.model
-        if model.driven == "eliminated":
-            counts = np.zeros(model.n_dofs, dtype=H.indptr.dtype)
-            counts[model.free_dofs] = np.diff(H.indptr)
-            H = sp.csr_array((H.data, H.indices, np.concatenate([[0], np.cumsum(counts)])), shape=(model.n_dofs, H.shape[1]))
-        return assemble_delassus(self._tiles(H, dimension), H.shape[1] // dimension, dimension)
-
-    def _tiles(self, H: Any, d: int) -> Iterator[tuple[IntArray, FloatArray]]:
-        """Each body's contacts and its share of W on them."""
+        H = sp.csc_array(H)
+        if self.model.driven == "eliminated":
+            n = self.model.n_dofs
+            H = sp.csc_array((H.data, self.model.free_dofs[H.indices], H.indptr), shape=(n, H.shape[1]))
+        W = DelassusSum(H, *self._places, len(self.model.bodies), dimension)
+        begin = 0
         for group in self._groups:
-            for first in group.first:
-                contacts, h = _contact_columns(H, first, group.size, group.surface, d)
-                if len(contacts):
-                    yield contacts, congruence(h.indptr, h.indices, h.data, group.compliance)
-        yield from _rigid_tiles(H, self.model.n_elastic, self._rigid_inverse, d)
+            W.add(begin, group.compliance[None], np.zeros(len(group.first), dtype=np.int64))
+            begin += len(group.first)
+        W.add(begin, self._rigid_inverse, np.arange(len(self._rigid_inverse)))
+        return W.matrix()
 
 
 class _ElasticMatrix:
@@ -178,31 +188,3 @@ class _GroupFactor:
         self.surface = np.flatnonzero(surface)
         compliance = linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free))
         self.compliance = 0.5 * (compliance + compliance.T)
-
-
-def _rigid_tiles(H: Any, first: int, inverse: FloatArray, d: int) -> Iterator[tuple[IntArray, FloatArray]]:
-    """The tiles of rigid bodies, whose dofs begin at `first`: h M^-1 h^T with the inverses (nr, k, k) of their mass matrices."""
-    k, nc = inverse.shape[-1], H.shape[1] // d
-    begin = H.indptr[first]
-    column, data = H.indices[begin:], H.data[begin:]
-    row = np.repeat(np.arange(len(inverse) * k), np.diff(H.indptr[first:]))
-    touching, place = np.unique(row // k * nc + column // d, return_inverse=True)
-    h = np.zeros((len(touching), d, k))
-    h[place, column % d, row % k] = data
-    body, contact = np.divmod(touching, nc or 1)
-    end = np.searchsorted(body, np.arange(len(inverse)), side="right")
-    for number in np.flatnonzero((np.diff(end, prepend=0) > 0) & inverse.any(axis=(1, 2))):
-        own = slice(end[number - 1] if number else 0, end[number])
-        block = h[own].reshape(-1, k)
-        yield contact[own], block @ inverse[number] @ block.T
-
-
-def _contact_columns(H: Any, first: int, size: int, surface: IntArray, d: int) -> tuple[IntArray, Any]:
-    """Return the contacts that touch the dofs first ... first + size - 1 of H, and H^T there: rows d a + i, columns the surface dofs."""
-    begin, end = H.indptr[first], H.indptr[first + size]
-    column, data = H.indices[begin:end], H.data[begin:end]
-    row = np.repeat(np.arange(size), np.diff(H.indptr[first : first + size + 1]))
-    contact = column // d
-    contacts, place = np.unique(contact, return_inverse=True)
-    h = sp.csr_array((data, (place * d + column % d, np.searchsorted(surface, row))), shape=(len(contacts) * d, len(surface)))
-    return contacts, h

@@ -19,10 +19,11 @@ from fcsim.collection.plots import write_distributions
 from fcsim.collection.properties import Properties, properties
 from fcsim.collection.readme import facts, write_readme
 from fcsim.collection.run_about import RunAbout, notes_on
+from fcsim.delassus import DENSE_W_UP_TO
 from fcsim.errors import InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, Solution, file_name, read_fclib, write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.reduction import DENSE_W_UP_TO, reduce
+from fcsim.reduction import reduce
 from fcsim.run import RunOptions, run_case
 from fcsim.timestep.simulation import Step
 from fcsim.view.run_folder import RunFolder, open_run

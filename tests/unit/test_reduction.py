@@ -10,8 +10,7 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
-from fcsim import linear, reduction
-from fcsim._kernels import congruence
+from fcsim import delassus, linear, reduction
 from fcsim.linear import DenseCholesky, SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.reduction import BlockFactor, eliminate_equalities, reduce
@@ -48,7 +47,7 @@ def dense(matrix: Any) -> np.ndarray:
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_delassus_operator_and_free_velocity(monkeypatch: pytest.MonkeyPatch, storage: str, d: int, symmetric: bool) -> None:
     if storage == "block sparse":
-        monkeypatch.setattr(reduction, "DENSE_W_UP_TO", 0)
+        monkeypatch.setattr(delassus, "DENSE_W_UP_TO", 0)
     p = random_problem(0, d, symmetric=symmetric)
     M, H = dense(p.M), dense(p.H)
     local = reduce(p).local
@@ -60,26 +59,72 @@ def test_delassus_operator_and_free_velocity(monkeypatch: pytest.MonkeyPatch, st
     assert_allclose(reduce(p).diagonal_blocks, expected, rtol=1e-13)
 
 
-@pytest.mark.parametrize("rows", [1, 31, 32, 70])
-@pytest.mark.parametrize("density", [0.0, 0.1, 0.8])
-def test_congruence(rows: int, density: float) -> None:
-    """h C h^T with empty rows, one entry and more than four, in one panel and in several."""
-    rng = np.random.default_rng(rows)
-    C = spd(23, rng)
-    h = sp.csr_array(rng.standard_normal((rows, 23)) * (rng.random((rows, 23)) < density))
-    expected = h.toarray() @ C @ h.toarray().T
-    assert_allclose(congruence(h.indptr, h.indices, h.data, C), expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1))
-
-
-def test_inverse_on_the_last_unknowns() -> None:
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_inverse_on_the_last_unknowns(overwrite: bool) -> None:
     rng = np.random.default_rng(3)
-    A = spd(9, rng)
-    last = np.array([7, 1, 4])
-    factor = DenseCholesky(A, last)
+    A = spd(70, rng)
     inverse = np.linalg.inv(A)
-    assert_allclose(factor.inverse_on_last(), inverse[np.ix_(last, last)], rtol=1e-12)
-    for rhs in (rng.standard_normal(9), rng.standard_normal((9, 4))):
+    factor = DenseCholesky(A.copy(order="F"), overwrite)
+    for count in (0, 1, 40, 70):
+        assert_allclose(factor.inverse_on_last(count), inverse[70 - count :, 70 - count :], rtol=1e-11, atol=1e-15)
+    for rhs in (rng.standard_normal(70), rng.standard_normal((70, 4))):
         assert_allclose(factor.solve(rhs), inverse @ rhs, rtol=1e-11, atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["csr", "csc", "coo", "unsorted", "dense"])
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_every_storage_of_m_and_h(kind: str, symmetric: bool) -> None:
+    p = random_problem(11, symmetric=symmetric)
+    M, H = dense(p.M), dense(p.H)
+    if kind == "dense":
+        given = GlobalProblem(M, H, p.f, p.w, p.mu)
+    else:
+        A = sp.csr_array(M).asformat("csr" if kind == "unsorted" else kind)
+        if kind == "unsorted":
+            backwards = np.concatenate([np.arange(A.indptr[i + 1] - 1, A.indptr[i] - 1, -1) for i in range(p.n)])
+            A = sp.csr_array((A.data[backwards], A.indices[backwards], A.indptr), shape=A.shape)
+            assert not A.has_sorted_indices
+        given = GlobalProblem(A, sp.csr_array(H).asformat("csr" if kind == "unsorted" else kind), p.f, p.w, p.mu)
+    reduced, r = reduce(given), np.arange(float(p.m))
+    assert_allclose(dense(reduced.local.W), H.T @ np.linalg.solve(M, H), rtol=1e-11, atol=1e-13)
+    assert_allclose(reduced.velocity(r)[0], np.linalg.solve(M, H @ r + p.f), rtol=1e-11, atol=1e-12)
+
+
+def test_a_small_asymmetry_is_kept() -> None:
+    """W of an M that is unsymmetric by 1e-9 is so too."""
+    M = spd(6, np.random.default_rng(12))
+    M[0, 5] += 1e-9 * M.max()
+    p = GlobalProblem(sp.csr_array(M), np.eye(6), np.zeros(6), np.zeros(6), np.full(2, 0.3))
+    assert_allclose(reduce(p).local.W, np.linalg.inv(M), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_rigid_bodies_of_diagonal_m(monkeypatch: pytest.MonkeyPatch, d: int) -> None:
+    """Twenty bodies in a row of contacts, each between neighbours, and a few between distant ones."""
+    monkeypatch.setattr(delassus, "DENSE_W_UP_TO", 0)
+    rng, k, nb = np.random.default_rng(13), 3 * d - 3, 20
+    pairs = [(b, b + 1) for b in range(nb - 1)] + [(0, 7), (3, 15), (3, 4)]
+    H = np.zeros((nb * k, d * len(pairs)))
+    for a, pair in enumerate(pairs):
+        for b in pair:
+            H[k * b : k * b + k, d * a : d * a + d] = rng.standard_normal((k, d))
+    mass = rng.uniform(0.1, 10, nb * k)
+    p = GlobalProblem(
+        sp.diags_array(mass), sp.csc_array(H), np.ones(nb * k), np.zeros(d * len(pairs)), np.full(len(pairs), 0.3), dimension=d
+    )
+    W = reduce(p).local.W
+    assert_allclose(W.toarray(), H.T @ (H / mass[:, None]), rtol=1e-12, atol=1e-13)
+    neighbours = sum(len(set(first) & set(second)) > 0 for first in pairs for second in pairs)
+    assert len(W.indices) == neighbours
+
+
+def test_contacts_beyond_the_unknowns_that_were_announced() -> None:
+    """W of an H that touches more than the factor was told of, or less."""
+    p = random_problem(14)
+    M, H = dense(p.M), dense(p.H)
+    for told in (np.arange(p.n) < 10, np.zeros(p.n, dtype=bool), np.ones(p.n, dtype=bool), None):
+        W = BlockFactor(p.M, told).delassus(p.H, p.dimension)
+        assert_allclose(W, H.T @ np.linalg.solve(M, H), rtol=1e-11, atol=1e-13)
 
 
 def test_equal_blocks_are_factored_once() -> None:
@@ -236,6 +281,6 @@ def test_contact_that_touches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     p = GlobalProblem(2 * np.eye(3), H, np.ones(3), np.arange(6.0), np.full(2, 0.3))
     expected = np.diag([0, 0, 0, 0.5, 0.5, 0.5])
     assert_allclose(dense(reduce(p).local.W), expected)
-    monkeypatch.setattr(reduction, "DENSE_W_UP_TO", 0)
+    monkeypatch.setattr(delassus, "DENSE_W_UP_TO", 0)
     assert_allclose(dense(reduce(p).local.W), expected)
     assert_allclose(reduce(p).local.q, [0, 1, 2, 3.5, 4.5, 5.5])

@@ -1,0 +1,161 @@
+"""Loops over the entries of M, compiled by numba: its connected components, which of their blocks are equal, and single blocks."""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def connected_components(indptr, indices):
+    """The connected components of the graph of a square matrix (csr or csc), in the order of their first unknowns.
+
+    Returns the unknowns by component (n,), where each component begins (count + 1,) and each unknown's place in its own (n,).
+    """
+    n = len(indptr) - 1
+    parent = np.arange(n)  # of two joined trees the smaller root stays: parent[i] <= i
+    for i in range(n):
+        own = i
+        for e in range(indptr[i], indptr[i + 1]):
+            other = indices[e]
+            if parent[other] == own:
+                continue
+            while parent[own] != own:
+                parent[own] = parent[parent[own]]
+                own = parent[own]
+            while parent[other] != other:
+                parent[other] = parent[parent[other]]
+                other = parent[other]
+            if own < other:
+                parent[other] = own
+            else:
+                parent[own] = other
+                own = other
+    count = 0
+    label, place, size = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.zeros(n + 1, dtype=np.int64)
+    for i in range(n):
+        label[i] = count if parent[i] == i else label[parent[i]]
+        count += parent[i] == i
+        place[i] = size[label[i]]
+        size[label[i]] += 1
+    start = np.empty(count + 1, dtype=np.int64)
+    start[0] = 0
+    for c in range(count):
+        start[c + 1] = start[c] + size[c]
+    order = np.empty(n, dtype=np.int64)
+    for i in range(n):
+        order[start[label[i]] + place[i]] = i
+    return order, start, place
+
+
+@njit(cache=True)
+def difference(indptr, indices, data, first, second, place, limit):
+    """max |A - B| of the blocks A on the unknowns first (s,) and B on second (s,) of one matrix, or some number above limit."""
+    largest = 0.0
+    for row in range(len(first)):
+        e, e_end = indptr[first[row]], indptr[first[row] + 1]
+        f, f_end = indptr[second[row]], indptr[second[row] + 1]
+        while e < e_end and f < f_end and place[indices[e]] == place[indices[f]]:
+            apart = abs(data[e] - data[f])
+            if apart > largest:
+                largest = apart
+            e += 1
+            f += 1
+        while e < e_end or f < f_end:  # an entry that only one of them stores
+            column = place[indices[e]] if e < e_end else len(first)
+            other = place[indices[f]] if f < f_end else len(first)
+            value = 0.0
+            if column <= other:
+                value += data[e]
+                e += 1
+            if other <= column:
+                value -= data[f]
+                f += 1
+            largest = max(largest, abs(value))
+        if largest > limit:
+            break
+    return largest
+
+
+@njit(cache=True)
+def equal_blocks(indptr, indices, data, order, start, place, tolerance):
+    """Number the kinds of diagonal blocks that differ by at most tolerance times their largest entry, in a csr or csc matrix
+    with sorted indices.
+
+    order, start, place: the `connected_components`. Returns the kind of each component (count,), -1 for those of one unknown, and
+    whether the blocks of a kind are equal to the last bit.
+    """
+    count, exact = len(start) - 1, True
+    kind = np.full(count, -1)
+    example, largest, kinds = np.empty(count, dtype=np.int64), np.empty(count), 0
+    for c in range(count):
+        own = order[start[c] : start[c + 1]]
+        if len(own) == 1:
+            continue
+        for k in range(kinds):
+            first = order[start[example[k]] : start[example[k] + 1]]
+            if len(first) == len(own):
+                limit = tolerance * largest[k]
+                apart = difference(indptr, indices, data, first, own, place, limit)
+                if apart <= limit:
+                    kind[c] = k
+                    exact = exact and apart == 0
+                    break
+        if kind[c] < 0:
+            kind[c], example[kinds], largest[kinds] = kinds, c, 0.0
+            for i in own:
+                for e in range(indptr[i], indptr[i + 1]):
+                    largest[kinds] = max(largest[kinds], abs(data[e]))
+            kinds += 1
+    return kind, exact
+
+
+@njit(cache=True)
+def block_of(indptr, indices, data, unknowns, place):
+    """The block on the unknowns (s,) of a component, in their order and stored as the matrix is (csr or csc): starts, indices, values.
+
+    place (n,) of these unknowns becomes that order.
+    """
+    starts = np.zeros(len(unknowns) + 1, dtype=indptr.dtype)
+    for row in range(len(unknowns)):
+        place[unknowns[row]] = row
+        starts[row + 1] = starts[row] + indptr[unknowns[row] + 1] - indptr[unknowns[row]]
+    columns, values = np.empty(starts[-1], dtype=indices.dtype), np.empty(starts[-1])
+    for row in range(len(unknowns)):
+        begin = indptr[unknowns[row]] - starts[row]
+        for e in range(starts[row], starts[row + 1]):
+            columns[e], values[e] = place[indices[begin + e]], data[begin + e]
+    return starts, columns, values
+
+
+@njit(cache=True)
+def asymmetry(indptr, indices, data, dense):
+    """max |A_ij - A_ji| / max |A_ij| of a csr or csc matrix A (n, n) that is given dense as well."""
+    largest, apart = 0.0, 0.0
+    for i in range(len(indptr) - 1):
+        for e in range(indptr[i], indptr[i + 1]):
+            largest = max(largest, abs(data[e]))
+            apart = max(apart, abs(dense[i, indices[e]] - dense[indices[e], i]))
+    return apart / largest if largest > 0 else 0.0
+
+
+@njit(cache=True)
+def equilibrating_scale(indptr, indices, data, passes):
+    """s (n,) for which the largest entries |s_i A_ij s_j| of rows and columns of a csr or csc matrix are about equal (Ruiz 2001)."""
+    n = len(indptr) - 1
+    scale, largest = np.ones(n), np.empty(n)
+    for _ in range(passes):
+        largest[:] = 0
+        for i in range(n):
+            for e in range(indptr[i], indptr[i + 1]):
+                j = indices[e]
+                scaled = abs(data[e]) * scale[i] * scale[j]
+                if scaled > largest[i]:
+                    largest[i] = scaled
+                if scaled > largest[j]:
+                    largest[j] = scaled
+        for i in range(n):
+            if largest[i] > 0:
+                scale[i] /= np.sqrt(largest[i])
+    return scale
