@@ -47,9 +47,9 @@ from fcsim.solvers.block_rows import ContactRows, compressed_blocks
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.joints import BlockRows, joint_rows
 from fcsim.solvers.levenberg_marquardt import levenberg_marquardt
-from fcsim.solvers.newton import NewtonOptions, newton
+from fcsim.solvers.newton import NewtonOptions, newton, newton_iterations
 from fcsim.solvers.one_contact import ONE_CONTACT
-from fcsim.solvers.regularised import RegularisedNewton
+from fcsim.solvers.regularised import RegularisedNewton, ShiftedSpace, shifted_matrix
 from fcsim.solvers.variational import Inequality, ProblemWatch
 
 FloatArray = NDArray[np.float64]
@@ -244,7 +244,11 @@ class _Run:
             return Iterate(r, Status.STAGNATED)
         factor = 1.0 if self.warm else COLD_RHO
         options = replace(PLAIN_NEWTON, rho_factor=factor, max_iterations=self.options.max_iterations, patience=self.options.patience)
-        return newton(self.problem, r, self.monitor, options)
+        system = None if self.sparse else shifted_matrix(self.problem)
+        if system is None:
+            return newton(self.problem, r, self.monitor, options)
+        space = ShiftedSpace(system, self.problem.q, r)
+        return newton_iterations(space, r, system.diagonal_blocks, self.problem.mu, self.monitor, options)
 
     def proximal(self, r: FloatArray) -> Iterate:
         """Proximal point with Newton inside; where it stagnates, again from ADMM's iterate, from r with another schedule, and nearby."""
