@@ -49,7 +49,7 @@ from fcsim.solvers.joints import BlockRows, joint_rows
 from fcsim.solvers.levenberg_marquardt import levenberg_marquardt
 from fcsim.solvers.newton import NewtonOptions, newton, newton_iterations
 from fcsim.solvers.one_contact import ONE_CONTACT
-from fcsim.solvers.regularised import RegularisedNewton, ShiftedSpace, shifted_matrix
+from fcsim.solvers.regularised import DENSE_UP_TO, RegularisedNewton, ShiftedSpace, shifted_matrix
 from fcsim.solvers.variational import Inequality, ProblemWatch
 
 FloatArray = NDArray[np.float64]
@@ -63,7 +63,9 @@ FAR = 1e-3
 SLOWING = 3.5
 """Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
 NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
-"""What Newton, plain and proximal, needs from errors above and below `FAR`, about (measured, in iterations at the modelled cost)."""
+"""What Newton needs from errors above and below `FAR`, about (measured, in iterations at the modelled cost)."""
+PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR = 40, 15
+"""And what the proximal stage needs in all."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 JOINTS_SHARE = 100
@@ -126,13 +128,13 @@ class AutomaticOptions(Options):
 def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AutomaticOptions) -> Iterate:
     """Solve the problem by the stages above; the status is that of the last one, the iterate the best of all."""
     joints = None if isinstance(problem.W, np.ndarray) else joint_rows(problem.W, problem.dimension)
-    problem = _fitting_storage(problem) if joints is None else problem
     warm = bool(np.any(r))
     run = _Run(problem, monitor, options, warm, joints)
+    problem = run.problem
     last = Iterate(r, Status.MAX_ITERATIONS)
-    stages: tuple[Callable[[FloatArray], Iterate], ...] = (run.race, run.plain_newton, run.proximal, run.sweeps_to_the_end)
-    if warm or joints is not None:
-        stages = (run.plain_newton, run.race, run.proximal, run.sweeps_to_the_end)
+    stages: tuple[Callable[[FloatArray], Iterate], ...] = (run.plain_newton, run.second_race, run.proximal, run.sweeps_to_the_end)
+    if not warm and joints is None:
+        stages = (run.race, *stages)
     if joints is not None and not warm and run.splitting_leads():
         stages = (lambda _: run.splitting(), *stages)
     monitor.record(r, problem.W @ r + problem.q)
@@ -145,10 +147,10 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     return Iterate(r, Status.STAGNATED if last.status is Status.SINGULAR else last.status)
 
 
-def _fitting_storage(problem: LocalProblem) -> LocalProblem:
+def _fitting_storage(problem: LocalProblem, entries: int) -> LocalProblem:
     """Return the problem with W stored dense or in sorted block rows as its size and density ask for, converted once for all stages."""
     W, d = problem.W, problem.dimension
-    sparse = problem.m > SMALL and _entries(W) < SPARSE_BELOW * problem.m**2
+    sparse = problem.m > SMALL and entries < SPARSE_BELOW * problem.m**2
     if sparse and sp.issparse(W) and W.format == "bsr":
         # a copy even of block rows: a factorisation would sort the caller's in place, and later products would differ in the last bits
         W = sp.bsr_array(W, blocksize=(d, d), copy=True)
@@ -170,10 +172,12 @@ class _Run:
     """One run of the method: the problem, its costs and the stages."""
 
     def __init__(self, problem: LocalProblem, monitor: Monitor, options: AutomaticOptions, warm: bool, joints: BlockRows | None) -> None:
-        self.problem, self.monitor, self.options, self.warm = problem, monitor, options, warm
-        W, m = problem.W, problem.m
-        self.sparse = sp.issparse(W)
-        entries = _entries(W)
+        entries = _entries(problem.W)
+        self.problem = problem if joints is not None else _fitting_storage(problem, entries)
+        self._swept = self.problem if sp.issparse(self.problem.W) else problem  # block rows are made of sparse storage if there is any
+        self.monitor, self.options, self.warm = monitor, options, warm
+        m = problem.m
+        self.sparse = sp.issparse(self.problem.W)
         # seconds on a common processor; only their ratio matters
         share = options.splitting
         self.sweep_cost = 6e-10 * entries + 9e-8 * problem.nc
@@ -186,11 +190,11 @@ class _Run:
             self.newton_cost = 1e-3 + 1.5e-7 * entries
             self.splitting_cost = 1e-3 + 0.4 * self.newton_cost + share * (5e-5 + 1e-9 * entries)
         else:
-            self.newton_cost = 5e-4 + 3e-11 * m**3 + 4e-9 * m**2
+            small = m <= DENSE_UP_TO
+            self.newton_cost = (2.5e-4 + 2.5e-11 * m**3 if small else 5e-4 + 3e-11 * m**3) + 4e-9 * m**2
             self.splitting_cost = 3e-4 + 2e-11 * m**3 + share * (4e-5 + 1e-9 * m**2)
-        diagonal = W.diagonal()
-        self.scale = float(np.mean(np.abs(diagonal))) or 1.0
         self._rows: ContactRows | None = None
+        self._chunk, self._sweeps_left, self._untried = options.probe, 0.0, options.splitting > 0
 
     def _limit(self, count: int) -> int:
         return min(self.monitor.iterations + count, self.options.max_iterations)
@@ -198,30 +202,35 @@ class _Run:
     def _sweeps(self, r: FloatArray, count: int) -> Iterate:
         options = GaussSeidelOptions(max_iterations=self._limit(count))
         if self._rows is None:
-            self._rows = ContactRows.of(self.problem, ONE_CONTACT[options.one_contact].rho)
+            self._rows = ContactRows.of(self._swept, ONE_CONTACT[options.one_contact].rho)
         return nsgs(self.problem, r, self.monitor, options, rows=self._rows)
 
     def race(self, r: FloatArray) -> Iterate:
         """Gauss-Seidel in chunks that double, while it is predicted to arrive before Newton."""
-        monitor, chunk, untried = self.monitor, self.options.probe, self.options.splitting > 0
+        return self._race(r, NEWTON_FROM_FAR, NEWTON_FROM_NEAR)
+
+    def second_race(self, r: FloatArray) -> Iterate:
+        """The same after Newton has failed, against the proximal stage: nothing where it has shown to be slower already."""
+        return self._race(r, PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR)
+
+    def _race(self, r: FloatArray, from_far: int, from_near: int) -> Iterate:
+        monitor = self.monitor
         iterate = Iterate(r, Status.MAX_ITERATIONS)
-        while chunk:
+        while self._chunk and self._sweeps_left * self.sweep_cost <= (from_far if monitor.best > FAR else from_near) * self.newton_cost:
             before, begun = monitor.best, monitor.iterations
-            iterate = self._sweeps(r, chunk)
+            iterate = self._sweeps(r, self._chunk)
             if iterate.status is not Status.MAX_ITERATIONS or monitor.iterations >= self.options.max_iterations:
                 return iterate
             r = iterate.r
             swept = monitor.iterations - begun
             gain = np.log(before / monitor.best) / max(swept, 1) if monitor.best < before else 0.0
-            remaining = np.log(monitor.best / monitor.tol) / gain if gain > 0 else np.inf
-            if untried and monitor.best > FAR and SLOWING * remaining * self.sweep_cost > self.splitting_cost:
-                untried, iterate = False, self.splitting()
+            self._sweeps_left = np.log(monitor.best / monitor.tol) / gain if gain > 0 else np.inf
+            if self._untried and monitor.best > FAR and SLOWING * self._sweeps_left * self.sweep_cost > self.splitting_cost:
+                self._untried, iterate = False, self.splitting()
                 if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
                     return iterate
                 r = _best(monitor)[0]
-            if remaining * self.sweep_cost > (NEWTON_FROM_FAR if monitor.best > FAR else NEWTON_FROM_NEAR) * self.newton_cost:
-                return iterate
-            chunk *= 2
+            self._chunk *= 2
         return iterate
 
     def splitting_leads(self) -> bool:
