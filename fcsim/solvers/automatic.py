@@ -4,20 +4,22 @@
    makes it cheap there; else a few Gauss-Seidel sweeps do, since they are cheap, make reactions positive and show how fast
    Gauss-Seidel converges here.
 2. Race. A model of the costs (entries of W, size, density; no clock, so that runs repeat exactly) and the measured rate say whether
-   Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will. Where it needs more than ADMM's one
-   factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly (where
-   contacts come in joints, before Newton, if they are so many that Newton's factorisations from afar cost more than ADMM's one).
+   Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will, and after Newton has failed as long as it will
+   arrive before the proximal stage (4). Where it needs more than ADMM's one factorisation costs, some iterations of ADMM are tried first,
+   and more as long as they bring the error down quickly (where contacts come in joints, before Newton, if they are so many that Newton's
+   factorisations from afar cost more than ADMM's one).
 3. Newton, plain (NSN-AC, from a cold start with a larger first rho): exact for full-rank W, given up when a dozen iterations bring no
    better iterate, or when the first one throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and
    more; of 1e2 for full rank).
-4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha D, q - alpha D r_k, whose solution is r_k+1; D are
-   the contacts' own compliances, so that contacts of light and of heavy bodies make equal steps. alpha D makes rank-deficient W regular
-   and pulls Newton into its basin; alpha falls while the inner solves are easy and grows when they fail, where the natural map takes
-   turns with Alart-Curnier. Its fixed points solve the problem itself, whatever alpha. An inner solve that does not arrive still
-   gives a step if it brings the error down. Where noise makes W unsymmetric and indefinite, self-stress may grow without end at alpha
-   below the noise: the best iterate is taken up again at a larger alpha. A run that stagnates is followed by one from ADMM's iterate
-   and by one with another schedule, and near a solution by short ones from perturbed copies of the best iterate; each ends with
-   Levenberg-Marquardt steps on the error itself.
+4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha D, q - alpha D r_k, whose solution is r_k+1; D are the
+   contacts' own compliances, so that contacts of light and of heavy bodies make equal steps. alpha D makes rank-deficient W regular and
+   pulls Newton into its basin; alpha falls while the inner solves are easy and grows when they fail (near a solution the first of these are
+   tried with a rho that adapts as well, since single contacts may cycle with a constant one), where the natural map takes turns with
+   Alart-Curnier. Its fixed points solve the problem itself, whatever alpha. An inner solve that does not arrive still gives a step if it
+   brings the error down. Where noise makes W unsymmetric and indefinite, self-stress may grow without end at alpha below the noise: the
+   best iterate is taken up again at a larger alpha. A run that stagnates is followed by one from ADMM's iterate and by one with another
+   schedule, and near a solution by short ones from perturbed copies of the best iterate; each ends with Levenberg-Marquardt steps on the
+   error itself.
 5. Gauss-Seidel from the best iterate, as long as it finds better ones.
 
 Noise of relative size a on the entries of a rank-deficient W may leave no solution, since it lets self-stress grow or resists it at
@@ -64,8 +66,8 @@ SLOWING = 3.5
 """Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
 NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
 """What Newton needs from errors above and below `FAR`, about (measured, in iterations at the modelled cost)."""
-PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR = 40, 15
-"""And what the proximal stage needs in all."""
+PROXIMAL_FROM_NEAR = 15
+"""And what the proximal stage needs from below it."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 JOINTS_SHARE = 100
@@ -96,6 +98,8 @@ class Schedule:
 
 PATIENT, BOLD = Schedule(accuracy=0.1, rise=3.0), Schedule(accuracy=0.3, rise=5.0)
 SHORT = Schedule(accuracy=0.1, rise=3.0, alpha=0.1, outer=0.05)
+RETRIES = 2
+"""Inner problems of a proximal run, from errors below FAR, that an adapting rho may fail to solve as well before it is given up."""
 NEARBY_STARTS, NEAR = 10, 1e-6
 """Short proximal runs from near the best iterate, where its error is small already."""
 
@@ -132,9 +136,8 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     run = _Run(problem, monitor, options, warm, joints)
     problem = run.problem
     last = Iterate(r, Status.MAX_ITERATIONS)
-    stages: tuple[Callable[[FloatArray], Iterate], ...] = (run.plain_newton, run.second_race, run.proximal, run.sweeps_to_the_end)
-    if not warm and joints is None:
-        stages = (run.race, *stages)
+    stages: tuple[Callable[[FloatArray], Iterate], ...] = (run.second_race, run.proximal, run.sweeps_to_the_end)
+    stages = (run.plain_newton, run.race, *stages) if warm or joints is not None else (run.race, run.plain_newton, *stages)
     if joints is not None and not warm and run.splitting_leads():
         stages = (lambda _: run.splitting(), *stages)
     monitor.record(r, problem.W @ r + problem.q)
@@ -210,8 +213,8 @@ class _Run:
         return self._race(r, NEWTON_FROM_FAR, NEWTON_FROM_NEAR)
 
     def second_race(self, r: FloatArray) -> Iterate:
-        """The same after Newton has failed, against the proximal stage: nothing where it has shown to be slower already."""
-        return self._race(r, PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR)
+        """The same after Newton has failed, against the proximal stage: nothing far from a solution, where Gauss-Seidel slows down."""
+        return self._race(r, 0, PROXIMAL_FROM_NEAR)
 
     def _race(self, r: FloatArray, from_far: int, from_near: int) -> Iterate:
         monitor = self.monitor
@@ -253,7 +256,7 @@ class _Run:
             return Iterate(r, Status.STAGNATED)
         factor = 1.0 if self.warm else COLD_RHO
         options = replace(PLAIN_NEWTON, rho_factor=factor, max_iterations=self.options.max_iterations, patience=self.options.patience)
-        system = None if self.sparse else shifted_matrix(self.problem)
+        system = None if self.joints is not None else shifted_matrix(self.problem)
         if system is None:
             return newton(self.problem, r, self.monitor, options)
         space = ShiftedSpace(system, self.problem.q, r)
@@ -311,7 +314,7 @@ class _Run:
         inner = RegularisedNewton(problem)
         alpha, formulation, floor = schedule.alpha * self.options.alpha, "AC", 0.0
         error = least = monitor.record(r, W @ r + problem.q)
-        best, waited = r, 0
+        best, waited, retries = r, 0, 0
         while waited < schedule.outer * self.options.outer:
             if monitor.out_of_time():
                 return Iterate(r, Status.TIME_LIMIT)
@@ -320,6 +323,13 @@ class _Run:
             target = schedule.accuracy * max(monitor.tol, min(error, 1.0))
             found, watch = inner.solve(r, alpha, target, formulation, monitor)
             monitor.iterations += max(watch.iterations, 1)
+            if found.status is not Status.SOLVED and error <= FAR and retries < RETRIES:
+                again, second = inner.solve(r, alpha, target, formulation, monitor, adaptive=True)
+                monitor.iterations += max(second.iterations, 1)
+                if again.status is Status.SOLVED:
+                    found, watch = again, second
+                else:
+                    retries += 1
             waited += 1
             solved = found.status is Status.SOLVED
             new = found.r if solved or watch.best_r is None else watch.best_r

@@ -28,11 +28,12 @@ SUPERLU_UP_TO = 500_000
 """Entries of a sparse W up to which the system is filled here and factored by SuperLU."""
 DENSE_UP_TO = 400
 """Unknowns of a dense W up to which the LU of the whole costs less than a condensed elimination that serves one alpha only."""
+ADAPTED = {"AC": "adaptive", "NM": "spectral norm"}
+"""The rule for rho by formulation where a constant one has failed."""
 INNER_ITERATIONS = 15
 """Newton iterations after which a regularised problem counts as too hard."""
-RHO = {"AC": "adaptive", "NM": "spectral norm"}
-"""The rule for rho by formulation: through the other contacts of its bodies a contact of a pile is stiffer than by itself, by how much is
-found out on the way; with a constant rho single contacts cycle and leave the inner problem unsolved whatever alpha."""
+RHO_FACTOR = 10.0
+"""Times the contact's own stiffness: through the other contacts of its bodies a contact of a pile is stiffer than by itself (measured)."""
 
 
 @njit(cache=True)
@@ -234,12 +235,18 @@ class RegularisedNewton:
         self._norm = float(np.linalg.norm(problem.q))
         self._system = shifted_matrix(problem)
 
-    def solve(self, r: FloatArray, alpha: float, tol: float, formulation: str, outer: Monitor) -> tuple[Iterate, Monitor]:
-        """Return Newton's iterate from the centre r and its monitor, whose errors are relative to ||q|| of the problem itself."""
+    def solve(
+        self, r: FloatArray, alpha: float, tol: float, formulation: str, outer: Monitor, adaptive: bool = False
+    ) -> tuple[Iterate, Monitor]:
+        """Return Newton's iterate from the centre r and its monitor, whose errors are relative to ||q|| of the problem itself.
+
+        adaptive: rho is found out on the way; slower than what suits most contacts, but with that one single contacts may cycle.
+        """
         problem, shift, d = self._problem, alpha * self._D, self._problem.dimension
         q = problem.q - np.repeat(shift, d) * r
         watch = Monitor(q, problem.mu, d, tol, floor=self._norm, time_limit=outer.time_limit, start=outer.start)
-        options = NewtonOptions(formulation=formulation, rho=RHO[formulation], max_iterations=INNER_ITERATIONS)
+        rho = {"rho": ADAPTED[formulation]} if adaptive else {"rho_factor": RHO_FACTOR}
+        options = NewtonOptions(formulation=formulation, max_iterations=INNER_ITERATIONS, **rho)
         if self._system is None:
             if sp.issparse(problem.W):
                 W: Any = sp.bsr_array(problem.W + sp.diags_array(np.repeat(shift, d)), blocksize=(d, d))

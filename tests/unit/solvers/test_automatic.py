@@ -34,7 +34,7 @@ def test_a_large_sparse_matrix_is_stored_by_sorted_block_rows(kind: type, d: int
     nc = 120
     W = chain(nc, d)
     given = kind(W)
-    fitting = _fitting_storage(LocalProblem(given, np.ones(nc * d), np.ones(nc), dimension=d)).W
+    fitting = _fitting_storage(LocalProblem(given, np.ones(nc * d), np.ones(nc), dimension=d), int(np.count_nonzero(W))).W
     assert fitting.format == "bsr" and fitting.blocksize == (d, d)
     assert_array_equal(fitting.toarray(), W)
     for a in range(nc):
@@ -47,7 +47,7 @@ def test_a_large_sparse_matrix_is_stored_by_sorted_block_rows(kind: type, d: int
 @pytest.mark.parametrize("kind", [np.asarray, sp.csr_array, sp.bsr_array])
 def test_a_small_matrix_is_dense(kind: type) -> None:
     W = chain(10, 3)
-    fitting = _fitting_storage(LocalProblem(kind(W), np.ones(30), np.ones(10))).W
+    fitting = _fitting_storage(LocalProblem(kind(W), np.ones(30), np.ones(10)), int(np.count_nonzero(W))).W
     assert isinstance(fitting, np.ndarray)
     assert_array_equal(fitting, W)
 
