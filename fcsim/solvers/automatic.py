@@ -51,7 +51,7 @@ from fcsim.solvers.joints import BlockRows, joint_rows
 from fcsim.solvers.levenberg_marquardt import levenberg_marquardt
 from fcsim.solvers.newton import NewtonOptions, newton, newton_iterations
 from fcsim.solvers.one_contact import ONE_CONTACT
-from fcsim.solvers.regularised import DENSE_UP_TO, RegularisedNewton, ShiftedSpace, shifted_matrix
+from fcsim.solvers.regularised import DENSE_UP_TO, SUPERLU_UP_TO, RegularisedNewton, ShiftedSpace, shifted_matrix
 from fcsim.solvers.variational import Inequality, ProblemWatch
 
 FloatArray = NDArray[np.float64]
@@ -196,6 +196,9 @@ class _Run:
             small = m <= DENSE_UP_TO
             self.newton_cost = (2.5e-4 + 2.5e-11 * m**3 if small else 5e-4 + 3e-11 * m**3) + 4e-9 * m**2
             self.splitting_cost = 3e-4 + 2e-11 * m**3 + share * (4e-5 + 1e-9 * m**2)
+        self.proximal_cost = self.newton_cost
+        if self.sparse and joints is None and entries <= SUPERLU_UP_TO:
+            self.proximal_cost = 8e-4 + 3.5e-8 * entries
         self._rows: ContactRows | None = None
         self._chunk, self._sweeps_left, self._untried = options.probe, 0.0, options.splitting > 0
 
@@ -210,16 +213,17 @@ class _Run:
 
     def race(self, r: FloatArray) -> Iterate:
         """Gauss-Seidel in chunks that double, while it is predicted to arrive before Newton."""
-        return self._race(r, NEWTON_FROM_FAR, NEWTON_FROM_NEAR)
+        return self._race(r, NEWTON_FROM_FAR * self.newton_cost, NEWTON_FROM_NEAR * self.newton_cost)
 
     def second_race(self, r: FloatArray) -> Iterate:
         """The same after Newton has failed, against the proximal stage: nothing far from a solution, where Gauss-Seidel slows down."""
-        return self._race(r, 0, PROXIMAL_FROM_NEAR)
+        return self._race(r, 0.0, PROXIMAL_FROM_NEAR * self.proximal_cost)
 
-    def _race(self, r: FloatArray, from_far: int, from_near: int) -> Iterate:
+    def _race(self, r: FloatArray, from_far: float, from_near: float) -> Iterate:
+        """from_far, from_near: what the rival costs from errors above and below FAR."""
         monitor = self.monitor
         iterate = Iterate(r, Status.MAX_ITERATIONS)
-        while self._chunk and self._sweeps_left * self.sweep_cost <= (from_far if monitor.best > FAR else from_near) * self.newton_cost:
+        while self._chunk and self._sweeps_left * self.sweep_cost <= (from_far if monitor.best > FAR else from_near):
             before, begun = monitor.best, monitor.iterations
             iterate = self._sweeps(r, self._chunk)
             if iterate.status is not Status.MAX_ITERATIONS or monitor.iterations >= self.options.max_iterations:
