@@ -8,7 +8,9 @@ Siconos runs through the Python that has it (--siconos-python); every configurat
 norm that may be orders of magnitude weaker than the error used here, so its tolerance is tightened until the error computed by this
 script is met, and the time of that last run alone counts. A configuration is stopped when it takes much longer than the best one found
 so far, since the best one is what is compared; with --exhaustive each may use the whole time limit. For a global problem, Siconos'
-local solvers are given W, and the time of our reduction is added to theirs. Runs start from r = 0. --resume goes on with an earlier CSV.
+local solvers are given W, and the time of our reduction is added to theirs. Runs start from r = 0 with nothing known of the problem;
+ours in a process that has loaded the compiled code by an unmeasured run of about 2 s at most, Siconos', which is compiled code itself, in
+a process that has started and read the problem. --resume goes on with an earlier CSV.
 """
 
 from __future__ import annotations

@@ -36,11 +36,13 @@ by whatever goes on where it was when the same command is given again.
 What results.csv has is not measured again, except what was stopped by a time or memory limit that is looser now. Machine and version are
 noted with each row and not compared; delete rows, or choose another --out, to measure anew.
 
-Time is that of the whole solve, a global problem's reduction included, reading not; short solves are repeated and the median taken. A
-solution found after the time limit is recorded as TIME_LIMIT. The memory limit is on what a solve adds to the process that has read
-the problem (its resident memory is watched). The error is recomputed outside the solver; a solver that says to be solved above
-1.01 times the tolerance is recorded as WRONG. flops are counted where the processor's counters may be read (Linux on x86-64,
-/proc/sys/kernel/perf_event_paranoid <= 2, rarely in virtual machines), for fcsim's own solvers; the column is empty elsewhere.
+Time is that of the whole solve, a global problem's reduction included, reading not. What is measured is warm: an unmeasured run of about 2
+s at most comes first in each process, since compiled code is loaded in it. Every run starts from r = 0 with nothing known of the problem;
+solves shorter than 0.5 s are repeated and the median taken. Siconos needs no loading: its runs are measured within its own process after
+that has started and read the problem. A solution found after the time limit is recorded as TIME_LIMIT. The memory limit is on what a solve
+adds to the process that has read the problem (its resident memory is watched). The error is recomputed outside the solver; a solver that
+says to be solved above 1.01 times the tolerance is recorded as WRONG. flops are counted where the processor's counters may be read (Linux
+on x86-64, /proc/sys/kernel/perf_event_paranoid <= 2, rarely in virtual machines), for fcsim's own solvers; the column is empty elsewhere.
 
 Over MPI: mpiexec -n N python -m mpi4py.futures -m fcsim bench ... --launcher mpi; rank 0 hands out, the others measure.
 """

@@ -3,8 +3,10 @@
     python -m fcsim.bench.worker         settings as the first line on stdin, then a request a line; a reply a line on stdout; all JSON
 
 It is a process of its own, without MPI, threads or a terminal, so that the children it forks are alike whoever asks: a local bench or
-an MPI rank. What a solver needs compiled is compiled here, on two contacts in the form and storage of the problem, before the first
-fork that needs it; children inherit it.
+an MPI rank. What a solver needs compiled is compiled here, on small problems in the form and storage of the problem, before the first
+fork that needs it; children inherit it. In a child an unmeasured run precedes the measured ones (`solves.warm_up`), so that these
+measure the method and not how code is loaded or what a fork costs. Siconos is compiled before it is installed: it is measured within
+its own process after that has started and read the problem, without such a run, since it keeps factors in the problem from run to run.
 """
 
 from __future__ import annotations
@@ -29,11 +31,12 @@ from fcsim.bench.judge import FclibProblem, read_problem
 from fcsim.bench.killable import FINISHED, MEMORY_LIMIT, TIME_LIMIT, Ended, Task, die_with_parent, run_killable
 from fcsim.bench.results import SLACK, Measurement
 from fcsim.bench.siconos_client import solve_by_siconos
-from fcsim.bench.solves import run, small_problem_like, warm_on
+from fcsim.bench.solves import chain_like, run, small_problem_like, warm_on, warm_up
 from fcsim.errors import InputError
+from fcsim.solvers.joints import FRONTS_FROM
 
 SICONOS = "Siconos:"
-REPEAT_WITHIN = 0.1
+REPEAT_WITHIN = 0.5
 """[s] A shorter solve is repeated within this time, and the median counts."""
 KEPT = 2
 """Problems a worker keeps in memory."""
@@ -178,6 +181,8 @@ class Worker:
         seconds = request.time_limit + grace(request.time_limit)
 
         def items() -> Iterator[Any]:
+            warm_up(problem.problem, request.solver, request.tol, request.time_limit)
+            yield None  # the limit on time begins anew
             with counting() as counters:
                 row = run(problem.problem, request.solver, request.tol, request.time_limit, REPEAT_WITHIN)
                 total = counters.total()
@@ -186,7 +191,7 @@ class Worker:
         ended = next(run_killable([Task(None, items, seconds, request.memory_limit)], quiet=True))
         if ended.how != FINISHED:
             return replace(result, status=killed(ended.how, seconds))
-        [row] = ended.items
+        row = ended.items[-1]
         error = problem.error(row["r"])
         kept = {key: row[key] for key in ("status", "seconds", "cpu_seconds", "iterations", "flops")}
         return replace(result, **kept, error=error)
@@ -195,9 +200,10 @@ class Worker:
         local = not hasattr(problem, "M")
         matrix, constraints = (problem.W, problem.V) if local else (problem.M, problem.G)
         kind = (solver, local, problem.dimension, type(matrix), constraints is not None)
-        if kind not in self.compiled:
-            self.compiled.add(kind)
-            warm_on({(solver, kind): small_problem_like(problem)})
+        for like in (small_problem_like, chain_like)[: 1 if problem.m < FRONTS_FROM else 2]:
+            if (*kind, like) not in self.compiled:
+                self.compiled.add((*kind, like))
+                warm_on({(solver, like): like(problem)})
 
     def _siconos(self, problem: FclibProblem, request: Request) -> Measurement:
         result = blank(request, self.settings, "")

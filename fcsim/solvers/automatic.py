@@ -4,20 +4,22 @@
    makes it cheap there; else a few Gauss-Seidel sweeps do, since they are cheap, make reactions positive and show how fast
    Gauss-Seidel converges here.
 2. Race. A model of the costs (entries of W, size, density; no clock, so that runs repeat exactly) and the measured rate say whether
-   Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will. Where it needs more than ADMM's one
-   factorisation costs, some iterations of ADMM are tried first, and more as long as they bring the error down quickly (where
-   contacts come in joints, before Newton, if they are so many that Newton's factorisations from afar cost more than ADMM's one).
+   Gauss-Seidel will arrive before Newton; it goes on in growing chunks as long as it will, and after Newton has failed as long as it will
+   arrive before the proximal stage (4). Where it needs more than ADMM's one factorisation costs, some iterations of ADMM are tried first,
+   and more as long as they bring the error down quickly (where contacts come in joints, before Newton, if they are so many that Newton's
+   factorisations from afar cost more than ADMM's one).
 3. Newton, plain (NSN-AC, from a cold start with a larger first rho): exact for full-rank W, given up when a dozen iterations bring no
    better iterate, or when the first one throws the error up by orders of magnitude, as it does for rank-deficient W (factors of 1e4 and
    more; of 1e2 for full rank).
-4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha D, q - alpha D r_k, whose solution is r_k+1; D are
-   the contacts' own compliances, so that contacts of light and of heavy bodies make equal steps. alpha D makes rank-deficient W regular
-   and pulls Newton into its basin; alpha falls while the inner solves are easy and grows when they fail, where the natural map takes
-   turns with Alart-Curnier. Its fixed points solve the problem itself, whatever alpha. An inner solve that does not arrive still
-   gives a step if it brings the error down. Where noise makes W unsymmetric and indefinite, self-stress may grow without end at alpha
-   below the noise: the best iterate is taken up again at a larger alpha. A run that stagnates is followed by one from ADMM's iterate
-   and by one with another schedule, and near a solution by short ones from perturbed copies of the best iterate; each ends with
-   Levenberg-Marquardt steps on the error itself.
+4. Proximal Newton: with the prox centre r_k solve the regularised problem W + alpha D, q - alpha D r_k, whose solution is r_k+1; D are the
+   contacts' own compliances, so that contacts of light and of heavy bodies make equal steps. alpha D makes rank-deficient W regular and
+   pulls Newton into its basin; alpha falls while the inner solves are easy and grows when they fail (near a solution the first of these are
+   tried with a rho that adapts as well, since single contacts may cycle with a constant one), where the natural map takes turns with
+   Alart-Curnier. Its fixed points solve the problem itself, whatever alpha. An inner solve that does not arrive still gives a step if it
+   brings the error down. Where noise makes W unsymmetric and indefinite, self-stress may grow without end at alpha below the noise: the
+   best iterate is taken up again at a larger alpha. A run that stagnates is followed by one from ADMM's iterate and by one with another
+   schedule, and near a solution by short ones from perturbed copies of the best iterate; each ends with Levenberg-Marquardt steps on the
+   error itself.
 5. Gauss-Seidel from the best iterate, as long as it finds better ones.
 
 Noise of relative size a on the entries of a rank-deficient W may leave no solution, since it lets self-stress grow or resists it at
@@ -47,9 +49,9 @@ from fcsim.solvers.block_rows import ContactRows, compressed_blocks
 from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
 from fcsim.solvers.joints import BlockRows, joint_rows
 from fcsim.solvers.levenberg_marquardt import levenberg_marquardt
-from fcsim.solvers.newton import NewtonOptions, newton
+from fcsim.solvers.newton import NewtonOptions, newton, newton_iterations
 from fcsim.solvers.one_contact import ONE_CONTACT
-from fcsim.solvers.regularised import RegularisedNewton
+from fcsim.solvers.regularised import DENSE_UP_TO, SUPERLU_UP_TO, RegularisedNewton, ShiftedSpace, shifted_matrix
 from fcsim.solvers.variational import Inequality, ProblemWatch
 
 FloatArray = NDArray[np.float64]
@@ -63,7 +65,9 @@ FAR = 1e-3
 SLOWING = 3.5
 """Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
 NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
-"""What Newton, plain and proximal, needs from errors above and below `FAR`, about (measured, in iterations at the modelled cost)."""
+"""What Newton needs from errors above and below `FAR`, about (measured, in iterations at the modelled cost)."""
+PROXIMAL_FROM_NEAR = 15
+"""And what the proximal stage needs from below it."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 JOINTS_SHARE = 100
@@ -94,6 +98,8 @@ class Schedule:
 
 PATIENT, BOLD = Schedule(accuracy=0.1, rise=3.0), Schedule(accuracy=0.3, rise=5.0)
 SHORT = Schedule(accuracy=0.1, rise=3.0, alpha=0.1, outer=0.05)
+RETRIES = 2
+"""Inner problems of a proximal run, from errors below FAR, that an adapting rho may fail to solve as well before it is given up."""
 NEARBY_STARTS, NEAR = 10, 1e-6
 """Short proximal runs from near the best iterate, where its error is small already."""
 
@@ -126,13 +132,12 @@ class AutomaticOptions(Options):
 def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AutomaticOptions) -> Iterate:
     """Solve the problem by the stages above; the status is that of the last one, the iterate the best of all."""
     joints = None if isinstance(problem.W, np.ndarray) else joint_rows(problem.W, problem.dimension)
-    problem = _fitting_storage(problem) if joints is None else problem
     warm = bool(np.any(r))
     run = _Run(problem, monitor, options, warm, joints)
+    problem = run.problem
     last = Iterate(r, Status.MAX_ITERATIONS)
-    stages: tuple[Callable[[FloatArray], Iterate], ...] = (run.race, run.plain_newton, run.proximal, run.sweeps_to_the_end)
-    if warm or joints is not None:
-        stages = (run.plain_newton, run.race, run.proximal, run.sweeps_to_the_end)
+    stages: tuple[Callable[[FloatArray], Iterate], ...] = (run.second_race, run.proximal, run.sweeps_to_the_end)
+    stages = (run.plain_newton, run.race, *stages) if warm or joints is not None else (run.race, run.plain_newton, *stages)
     if joints is not None and not warm and run.splitting_leads():
         stages = (lambda _: run.splitting(), *stages)
     monitor.record(r, problem.W @ r + problem.q)
@@ -145,10 +150,10 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     return Iterate(r, Status.STAGNATED if last.status is Status.SINGULAR else last.status)
 
 
-def _fitting_storage(problem: LocalProblem) -> LocalProblem:
+def _fitting_storage(problem: LocalProblem, entries: int) -> LocalProblem:
     """Return the problem with W stored dense or in sorted block rows as its size and density ask for, converted once for all stages."""
     W, d = problem.W, problem.dimension
-    sparse = problem.m > SMALL and _entries(W) < SPARSE_BELOW * problem.m**2
+    sparse = problem.m > SMALL and entries < SPARSE_BELOW * problem.m**2
     if sparse and sp.issparse(W) and W.format == "bsr":
         # a copy even of block rows: a factorisation would sort the caller's in place, and later products would differ in the last bits
         W = sp.bsr_array(W, blocksize=(d, d), copy=True)
@@ -170,10 +175,12 @@ class _Run:
     """One run of the method: the problem, its costs and the stages."""
 
     def __init__(self, problem: LocalProblem, monitor: Monitor, options: AutomaticOptions, warm: bool, joints: BlockRows | None) -> None:
-        self.problem, self.monitor, self.options, self.warm = problem, monitor, options, warm
-        W, m = problem.W, problem.m
-        self.sparse = sp.issparse(W)
-        entries = _entries(W)
+        entries = _entries(problem.W)
+        self.problem = problem if joints is not None else _fitting_storage(problem, entries)
+        self._swept = self.problem if sp.issparse(self.problem.W) else problem  # block rows are made of sparse storage if there is any
+        self.monitor, self.options, self.warm = monitor, options, warm
+        m = problem.m
+        self.sparse = sp.issparse(self.problem.W)
         # seconds on a common processor; only their ratio matters
         share = options.splitting
         self.sweep_cost = 6e-10 * entries + 9e-8 * problem.nc
@@ -186,11 +193,14 @@ class _Run:
             self.newton_cost = 1e-3 + 1.5e-7 * entries
             self.splitting_cost = 1e-3 + 0.4 * self.newton_cost + share * (5e-5 + 1e-9 * entries)
         else:
-            self.newton_cost = 5e-4 + 3e-11 * m**3 + 4e-9 * m**2
+            small = m <= DENSE_UP_TO
+            self.newton_cost = (2.5e-4 + 2.5e-11 * m**3 if small else 5e-4 + 3e-11 * m**3) + 4e-9 * m**2
             self.splitting_cost = 3e-4 + 2e-11 * m**3 + share * (4e-5 + 1e-9 * m**2)
-        diagonal = W.diagonal()
-        self.scale = float(np.mean(np.abs(diagonal))) or 1.0
+        self.proximal_cost = self.newton_cost
+        if self.sparse and joints is None and entries <= SUPERLU_UP_TO:
+            self.proximal_cost = 8e-4 + 3.5e-8 * entries
         self._rows: ContactRows | None = None
+        self._chunk, self._sweeps_left, self._untried = options.probe, 0.0, options.splitting > 0
 
     def _limit(self, count: int) -> int:
         return min(self.monitor.iterations + count, self.options.max_iterations)
@@ -198,30 +208,36 @@ class _Run:
     def _sweeps(self, r: FloatArray, count: int) -> Iterate:
         options = GaussSeidelOptions(max_iterations=self._limit(count))
         if self._rows is None:
-            self._rows = ContactRows.of(self.problem, ONE_CONTACT[options.one_contact].rho)
+            self._rows = ContactRows.of(self._swept, ONE_CONTACT[options.one_contact].rho)
         return nsgs(self.problem, r, self.monitor, options, rows=self._rows)
 
     def race(self, r: FloatArray) -> Iterate:
         """Gauss-Seidel in chunks that double, while it is predicted to arrive before Newton."""
-        monitor, chunk, untried = self.monitor, self.options.probe, self.options.splitting > 0
+        return self._race(r, NEWTON_FROM_FAR * self.newton_cost, NEWTON_FROM_NEAR * self.newton_cost)
+
+    def second_race(self, r: FloatArray) -> Iterate:
+        """The same after Newton has failed, against the proximal stage: nothing far from a solution, where Gauss-Seidel slows down."""
+        return self._race(r, 0.0, PROXIMAL_FROM_NEAR * self.proximal_cost)
+
+    def _race(self, r: FloatArray, from_far: float, from_near: float) -> Iterate:
+        """from_far, from_near: what the rival costs from errors above and below FAR."""
+        monitor = self.monitor
         iterate = Iterate(r, Status.MAX_ITERATIONS)
-        while chunk:
+        while self._chunk and self._sweeps_left * self.sweep_cost <= (from_far if monitor.best > FAR else from_near):
             before, begun = monitor.best, monitor.iterations
-            iterate = self._sweeps(r, chunk)
+            iterate = self._sweeps(r, self._chunk)
             if iterate.status is not Status.MAX_ITERATIONS or monitor.iterations >= self.options.max_iterations:
                 return iterate
             r = iterate.r
             swept = monitor.iterations - begun
             gain = np.log(before / monitor.best) / max(swept, 1) if monitor.best < before else 0.0
-            remaining = np.log(monitor.best / monitor.tol) / gain if gain > 0 else np.inf
-            if untried and monitor.best > FAR and SLOWING * remaining * self.sweep_cost > self.splitting_cost:
-                untried, iterate = False, self.splitting()
+            self._sweeps_left = np.log(monitor.best / monitor.tol) / gain if gain > 0 else np.inf
+            if self._untried and monitor.best > FAR and SLOWING * self._sweeps_left * self.sweep_cost > self.splitting_cost:
+                self._untried, iterate = False, self.splitting()
                 if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
                     return iterate
                 r = _best(monitor)[0]
-            if remaining * self.sweep_cost > (NEWTON_FROM_FAR if monitor.best > FAR else NEWTON_FROM_NEAR) * self.newton_cost:
-                return iterate
-            chunk *= 2
+            self._chunk *= 2
         return iterate
 
     def splitting_leads(self) -> bool:
@@ -244,7 +260,11 @@ class _Run:
             return Iterate(r, Status.STAGNATED)
         factor = 1.0 if self.warm else COLD_RHO
         options = replace(PLAIN_NEWTON, rho_factor=factor, max_iterations=self.options.max_iterations, patience=self.options.patience)
-        return newton(self.problem, r, self.monitor, options)
+        system = None if self.joints is not None else shifted_matrix(self.problem)
+        if system is None:
+            return newton(self.problem, r, self.monitor, options)
+        space = ShiftedSpace(system, self.problem.q, r)
+        return newton_iterations(space, r, system.diagonal_blocks, self.problem.mu, self.monitor, options)
 
     def proximal(self, r: FloatArray) -> Iterate:
         """Proximal point with Newton inside; where it stagnates, again from ADMM's iterate, from r with another schedule, and nearby."""
@@ -298,7 +318,7 @@ class _Run:
         inner = RegularisedNewton(problem)
         alpha, formulation, floor = schedule.alpha * self.options.alpha, "AC", 0.0
         error = least = monitor.record(r, W @ r + problem.q)
-        best, waited = r, 0
+        best, waited, retries = r, 0, 0
         while waited < schedule.outer * self.options.outer:
             if monitor.out_of_time():
                 return Iterate(r, Status.TIME_LIMIT)
@@ -307,6 +327,13 @@ class _Run:
             target = schedule.accuracy * max(monitor.tol, min(error, 1.0))
             found, watch = inner.solve(r, alpha, target, formulation, monitor)
             monitor.iterations += max(watch.iterations, 1)
+            if found.status is not Status.SOLVED and error <= FAR and retries < RETRIES:
+                again, second = inner.solve(r, alpha, target, formulation, monitor, adaptive=True)
+                monitor.iterations += max(second.iterations, 1)
+                if again.status is Status.SOLVED:
+                    found, watch = again, second
+                else:
+                    retries += 1
             waited += 1
             solved = found.status is Status.SOLVED
             new = found.r if solved or watch.best_r is None else watch.best_r

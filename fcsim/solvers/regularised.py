@@ -1,12 +1,12 @@
-"""Newton on regularised problems (W + alpha D, q - alpha D r_k) of one block-sparse W, alpha and r_k changing all the time.
+"""Newton on regularised problems (W + alpha D, q - alpha D r_k) of one W, alpha and r_k changing all the time.
 
-The matrix of a Newton iteration on the contacts that are not open is filled by one pass over the blocks of W, in the storage that
-SuperLU reads: for the many small factorisations of a proximal method selecting rows and columns costs more than the factorisation.
+The matrix of a Newton iteration on the contacts that are not open is filled by one pass over W, in the storage that SuperLU or LAPACK
+reads: for the many small factorisations of a proximal method selecting rows and columns costs more than the factorisation.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,10 +14,11 @@ import scipy.sparse.linalg as spla
 from numba import njit
 from numpy.typing import NDArray
 
-from fcsim.linear import SingularMatrix
-from fcsim.problem import LocalProblem
+from fcsim.linear import DenseLU, SingularMatrix
+from fcsim.problem import LocalProblem, diagonal_blocks
 from fcsim.solvers.base import Iterate, Monitor
 from fcsim.solvers.newton import NewtonOptions, newton, newton_iterations
+from fcsim.solvers.newton_system import without_open
 from fcsim.solvers.scaling import contact_compliance
 
 FloatArray = NDArray[np.float64]
@@ -25,6 +26,10 @@ IntArray = NDArray[np.int32]
 
 SUPERLU_UP_TO = 500_000
 """Entries of a sparse W up to which the system is filled here and factored by SuperLU."""
+DENSE_UP_TO = 400
+"""Unknowns of a dense W up to which the LU of the whole costs less than a condensed elimination that serves one alpha only."""
+ADAPTED = {"AC": "adaptive", "NM": "spectral norm"}
+"""The rule for rho by formulation where a constant one has failed."""
 INNER_ITERATIONS = 15
 """Newton iterations after which a regularised problem counts as too hard."""
 RHO_FACTOR = 10.0
@@ -69,8 +74,74 @@ def _active_rows(
     return n
 
 
+@njit(cache=True)
+def _active_matrix(W: FloatArray, shift: FloatArray, A: FloatArray, B: FloatArray, active: IntArray, J: FloatArray) -> None:
+    """Fill J = A (W + shift I) + B on the active contacts, of a dense W."""
+    d = A.shape[1]
+    for row in range(len(active)):
+        a = active[row]
+        for i in range(d):
+            line = J[row * d + i]
+            line[:] = 0.0
+            for l in range(d):
+                factor = A[a, i, l]
+                if factor != 0.0:
+                    own = W[a * d + l]
+                    for column in range(len(active)):
+                        for j in range(d):
+                            line[column * d + j] += factor * own[active[column] * d + j]
+            for j in range(d):
+                line[row * d + j] += A[a, i, j] * shift[a] + B[a, i, j]
+
+
+class ShiftedMatrix(Protocol):
+    """W + diag(shift), one number a contact (nc,), and Newton's linear system with it."""
+
+    @property
+    def diagonal_blocks(self) -> FloatArray:
+        """The contacts' own blocks (nc, d, d)."""
+        ...
+
+    def regularise(self, shift: FloatArray) -> None:
+        """Go on with another shift (nc,)."""
+        ...
+
+    def __matmul__(self, r: FloatArray) -> FloatArray: ...
+
+    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return dr with (A (W + diag(shift)) + B) dr = rhs, A, B, rhs as in `NewtonSystem`, and (W + diag(shift)) dr; SingularMatrix."""
+        ...
+
+
+class DenseShiftedSystem:
+    """Of a dense W: LU on the contacts that are not open."""
+
+    def __init__(self, W: FloatArray, dimension: int) -> None:
+        self._W, self._d = np.ascontiguousarray(W), dimension
+        self._blocks = diagonal_blocks(self._W, dimension)
+        self.regularise(np.zeros(len(W) // dimension))
+
+    def regularise(self, shift: FloatArray) -> None:
+        self._shift, self._by_dof = shift, np.repeat(shift, self._d)
+
+    @property
+    def diagonal_blocks(self) -> FloatArray:
+        return self._blocks + self._shift[:, None, None] * np.eye(self._d)
+
+    def __matmul__(self, r: FloatArray) -> FloatArray:
+        return self._W @ r + self._by_dof * r
+
+    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        active, rhs, dr = without_open(self, A, rhs)
+        if len(active):
+            J = np.empty((rhs.size, rhs.size))
+            _active_matrix(self._W, self._shift, A, B, active, J)
+            dr[active] = DenseLU(J.T, overwrite=True).solve_transposed(rhs.ravel()).reshape(rhs.shape)
+        return dr.ravel(), self @ dr.ravel()
+
+
 class ShiftedSystem:
-    """Solves (A (W + diag(shift)) + B) dr = rhs; shift (nc,), one number a contact; A, B, rhs as in `NewtonSystem`."""
+    """Of a sparse W: SuperLU on the contacts that are not open."""
 
     def __init__(self, W: Any, dimension: int) -> None:
         d = self._d = dimension
@@ -89,7 +160,6 @@ class ShiftedSystem:
         self.regularise(np.zeros(n))
 
     def regularise(self, shift: FloatArray) -> None:
-        """Go on with another shift (nc,)."""
         self._shift = shift
         blocks = self._blocks.copy()
         blocks[self._own] += shift[:, None, None] * np.eye(self._d)
@@ -98,7 +168,6 @@ class ShiftedSystem:
 
     @property
     def diagonal_blocks(self) -> FloatArray:
-        """The contacts' own blocks of W + diag(shift), (nc, d, d)."""
         blocks: FloatArray = self._operator.data[self._own]
         return blocks
 
@@ -107,15 +176,10 @@ class ShiftedSystem:
         return product
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return dr and (W + diag(shift)) dr; raises SingularMatrix."""
         d = self._d
-        is_active = A.any(axis=(1, 2))
-        active = np.flatnonzero(is_active).astype(np.int32)
-        dr = np.where(is_active[:, None], 0.0, rhs)  # an open contact has A = 0, B = 1
-        if dr.any():
-            rhs = rhs - np.einsum("aij,aj->ai", A, (self @ dr.ravel()).reshape(rhs.shape))
+        active, rhs, dr = without_open(self, A, rhs)
         if len(active):
-            place = np.full(len(rhs), -1, dtype=np.int32)
+            place = np.full(len(A), -1, dtype=np.int32)
             place[active] = np.arange(len(active))
             k = len(active) * d
             pointers = np.empty(k + 1, dtype=np.int32)
@@ -128,14 +192,14 @@ class ShiftedSystem:
                 factor = spla.splu(transposed, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options=options)
             except RuntimeError as error:
                 raise SingularMatrix(f"matrix of size {k} is singular: {error}") from None
-            dr[active] = factor.solve(rhs[active].ravel(), trans="T").reshape(-1, d)
+            dr[active] = factor.solve(rhs.ravel(), trans="T").reshape(-1, d)
         return dr.ravel(), self @ dr.ravel()
 
 
 class ShiftedSpace:
     """A Newton space with u = (W + diag(shift)) r + q."""
 
-    def __init__(self, system: ShiftedSystem, q: FloatArray, r: FloatArray) -> None:
+    def __init__(self, system: ShiftedMatrix, q: FloatArray, r: FloatArray) -> None:
         self._system = system
         self.u = system @ r + q
 
@@ -150,6 +214,14 @@ class ShiftedSpace:
         self.u = self.u + t * self._du
 
 
+def shifted_matrix(problem: LocalProblem) -> ShiftedMatrix | None:
+    """The system on which Newton's iterations on regularised problems are cheapest; None where W is too large for it."""
+    W, d = problem.W, problem.dimension
+    if sp.issparse(W):
+        return ShiftedSystem(W, d) if W.nnz <= SUPERLU_UP_TO else None
+    return DenseShiftedSystem(W, d) if problem.m <= DENSE_UP_TO else None
+
+
 class RegularisedNewton:
     """Solves the problems (W + alpha D, q - alpha D r_k), D the contacts' own compliances tr(W_aa) / d, by nonsmooth Newton.
 
@@ -158,18 +230,23 @@ class RegularisedNewton:
     """
 
     def __init__(self, problem: LocalProblem) -> None:
-        self._problem, d = problem, problem.dimension
+        self._problem = problem
         self._D = contact_compliance(problem)
         self._norm = float(np.linalg.norm(problem.q))
-        sparse = sp.issparse(problem.W) and problem.W.nnz <= SUPERLU_UP_TO
-        self._system = ShiftedSystem(problem.W, d) if sparse else None
+        self._system = shifted_matrix(problem)
 
-    def solve(self, r: FloatArray, alpha: float, tol: float, formulation: str, outer: Monitor) -> tuple[Iterate, Monitor]:
-        """Return Newton's iterate from the centre r and its monitor, whose errors are relative to ||q|| of the problem itself."""
+    def solve(
+        self, r: FloatArray, alpha: float, tol: float, formulation: str, outer: Monitor, adaptive: bool = False
+    ) -> tuple[Iterate, Monitor]:
+        """Return Newton's iterate from the centre r and its monitor, whose errors are relative to ||q|| of the problem itself.
+
+        adaptive: rho is found out on the way; slower than what suits most contacts, but with that one single contacts may cycle.
+        """
         problem, shift, d = self._problem, alpha * self._D, self._problem.dimension
         q = problem.q - np.repeat(shift, d) * r
         watch = Monitor(q, problem.mu, d, tol, floor=self._norm, time_limit=outer.time_limit, start=outer.start)
-        options = NewtonOptions(formulation=formulation, rho_factor=RHO_FACTOR, max_iterations=INNER_ITERATIONS)
+        rho = {"rho": ADAPTED[formulation]} if adaptive else {"rho_factor": RHO_FACTOR}
+        options = NewtonOptions(formulation=formulation, max_iterations=INNER_ITERATIONS, **rho)
         if self._system is None:
             if sp.issparse(problem.W):
                 W: Any = sp.bsr_array(problem.W + sp.diags_array(np.repeat(shift, d)), blocksize=(d, d))

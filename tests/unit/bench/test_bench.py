@@ -22,10 +22,13 @@ from fcsim.bench.problems import entries
 from fcsim.bench.results import Measurement, read_results
 from fcsim.bench.siconos_client import siconos_version
 from fcsim.bench.siconos_worker import CONFIGURATIONS
+from fcsim.bench.solves import chain_like
 from fcsim.cli import main
 from fcsim.export_fclib import GlobalRollingProblem, write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.solvers import SOLVERS
+from fcsim.reduction import reduce
+from fcsim.solvers import SOLVERS, solve
+from fcsim.solvers.joints import FRONTS_FROM, joint_rows
 
 ROOT = Path(__file__).parents[3]
 SYSTEM_PYTHON = Path("/usr/bin/python3")
@@ -38,6 +41,7 @@ from fcsim.solvers import SOLVERS
 from fcsim.solvers.base import Iterate, Method, Options, Status
 from pathlib import Path
 
+loaded = []
 NOTES = Path(os.environ.get("BENCH_NOTES", os.devnull))
 
 def method(name):
@@ -111,6 +115,14 @@ def lies(problem, r, monitor, options):
         monitor.error = lambda r, u: 0.0
     return Iterate(r, Status.SOLVED)
 
+@method("SLOW-AT-FIRST")
+def slow_at_first(problem, r, monitor, options):
+    """As where code is loaded, or compiled, on the first use of a large problem."""
+    if real(problem, r) and not loaded:
+        loaded.append(True)
+        time.sleep(1.0)
+    return Iterate(exact(problem), Status.SOLVED)
+
 @method("NOT-A-NUMBER")
 def not_a_number(problem, r, monitor, options):
     monitor.error = lambda r, u: 0.0 if real(problem, r) else 1.0
@@ -118,10 +130,10 @@ def not_a_number(problem, r, monitor, options):
 
 @method("EXACT")
 def solves(problem, r, monitor, options):
-    """Notes that it ran, then takes its time."""
+    """Notes that it ran and in which process, then takes its time."""
     if real(problem, r):
         with NOTES.open("a") as file:
-            file.write(f"{monitor.tol:g}\\\\n")
+            file.write(f"{monitor.tol:g} {os.getpid()}\\\\n")
         time.sleep(float(os.environ.get("BENCH_LONG", "0.15")) if monitor.tol < 2e-4 else 0.15)
     return Iterate(exact(problem), Status.SOLVED)
 
@@ -129,6 +141,11 @@ def exact(problem):
     """The sliding block with its friction coefficient."""
     return np.array([10.0, -10.0 * problem.mu[0], 0.0]) if len(problem.q) == 3 else np.zeros_like(problem.q)
 '''.replace("\\\\n", "\\n")
+
+
+def noted(notes: Path) -> list[str]:
+    """The tolerances of the measurements that EXACT noted: a process each, in which it runs several times."""
+    return sorted(line.split()[0] for line in set(notes.read_text(encoding="utf-8").splitlines()))
 
 
 def sliding_block(mu: float = 0.3) -> GlobalProblem:
@@ -228,7 +245,38 @@ def test_limits_that_are_looser_measure_again_what_they_stopped(
     last = by(read_results(out))
     assert all(last[name, tol].solved for name in ("SLEEPS-SOME", "USES-MEMORY", "EXACT") for tol in (1e-2, 1e-4))
     assert last["EXACT", 1e-2] == first["EXACT", 1e-2]
-    assert sorted(notes.read_text(encoding="utf-8").split()) == ["0.0001", "0.01"]
+    assert noted(notes) == ["0.0001", "0.01"]
+
+
+def test_loading_is_not_measured(block: Path, plugin: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert bench(block, "--plugin", plugin, "--out", out, "--tols", "1e-2,1e-4", "--solvers", "SLOW-AT-FIRST", "--time-limit", 0.5) == 0
+    rows = read_results(out)
+    assert len(rows) == 2
+    assert all(row.solved and row.seconds is not None and row.seconds < 0.5 for row in rows)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("constrained", [False, True])
+@pytest.mark.parametrize("storage", [sp.csc_array, sp.csr_array])
+def test_methods_are_warmed_on_joints_as_large_problems_have_them(storage: type, constrained: bool, dimension: int) -> None:
+    """In the form and storage of the problem; without constraints the joints are those that fronts are made of, and r = 0 is no answer."""
+    d = dimension
+    eye, G = storage(sp.eye_array(d)), storage(np.ones((d, 1))) if constrained else None
+    like = GlobalProblem(eye, eye, np.zeros(d), -np.ones(d), np.ones(1), G, np.zeros(1) if constrained else None, d)
+    chain = chain_like(like)
+    assert isinstance(chain, GlobalProblem)
+    assert type(chain.M) is type(chain.H) is storage and (chain.G is not None) == constrained and chain.dimension == d
+    assert chain.m >= FRONTS_FROM
+    local = reduce(chain).local
+    if not constrained:
+        assert joint_rows(sp.csr_array(local.W), d) is not None
+    result = solve(chain, "auto", tol=1e-8)
+    assert result.solved and result.iterations > 0
+    given = chain_like(LocalProblem(storage(np.eye(d)), -np.ones(d), np.ones(1), dimension=d))
+    assert isinstance(given, LocalProblem) and type(given.W) is storage
+    if not constrained:
+        assert abs(given.W - local.W).max() <= 1e-10 * abs(given.W).max()
 
 
 def processes_in(folder: Path) -> list[int]:
@@ -298,9 +346,8 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
     assert {(row.problem, row.tol) for row in rows} == {(p.stem, tol) for p in block.glob("*.hdf5") for tol in tols}
     assert len(rows) == (out / "results.csv").read_bytes().count(b"\n") - 1 == 8  # none twice
     assert all(row.solved for row in rows)
-    # each ran once, those cut off twice
-    runs = len(notes.read_text(encoding="utf-8").split())
-    assert 8 <= runs <= 8 + jobs
+    # each was measured once, those cut off twice
+    assert 8 <= len(noted(notes)) <= 8 + jobs
 
 
 def test_a_problem_that_cannot_be_read_does_not_end_the_bench(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 
 from fcsim.problem import LocalProblem
 from fcsim.solvers import solve
-from fcsim.solvers.automatic import _fitting_storage, _SplittingWatch
+from fcsim.solvers.automatic import FAR, AutomaticOptions, _fitting_storage, _Run, _SplittingWatch
 from fcsim.solvers.base import Monitor, Status
 
 
@@ -34,7 +34,7 @@ def test_a_large_sparse_matrix_is_stored_by_sorted_block_rows(kind: type, d: int
     nc = 120
     W = chain(nc, d)
     given = kind(W)
-    fitting = _fitting_storage(LocalProblem(given, np.ones(nc * d), np.ones(nc), dimension=d)).W
+    fitting = _fitting_storage(LocalProblem(given, np.ones(nc * d), np.ones(nc), dimension=d), int(np.count_nonzero(W))).W
     assert fitting.format == "bsr" and fitting.blocksize == (d, d)
     assert_array_equal(fitting.toarray(), W)
     for a in range(nc):
@@ -47,7 +47,7 @@ def test_a_large_sparse_matrix_is_stored_by_sorted_block_rows(kind: type, d: int
 @pytest.mark.parametrize("kind", [np.asarray, sp.csr_array, sp.bsr_array])
 def test_a_small_matrix_is_dense(kind: type) -> None:
     W = chain(10, 3)
-    fitting = _fitting_storage(LocalProblem(kind(W), np.ones(30), np.ones(10))).W
+    fitting = _fitting_storage(LocalProblem(kind(W), np.ones(30), np.ones(10)), int(np.count_nonzero(W))).W
     assert isinstance(fitting, np.ndarray)
     assert_array_equal(fitting, W)
 
@@ -99,3 +99,15 @@ def test_storage_does_not_change_the_answer(nc: int, storage: type) -> None:
     reference = solve(LocalProblem(W, q, np.full(nc, 0.4)), "NSGS-AC", tol=1e-12)
     assert result.solved and reference.solved
     assert np.linalg.norm(result.r - reference.r) <= 1e-8 * np.linalg.norm(reference.r)
+
+
+@pytest.mark.parametrize(("error", "left", "sweeps"), [(0.1 * FAR, 1.0, True), (0.1 * FAR, 1e9, False), (10 * FAR, 1.0, False)])
+def test_gauss_seidel_goes_on_after_newton_where_it_is_near_and_quicker(error: float, left: float, sweeps: bool) -> None:
+    nc = 8
+    problem = LocalProblem(chain(nc, 3), -np.ones(3 * nc), np.full(nc, 0.4))
+    monitor = Monitor(problem.q, problem.mu, 3, 1e-8)
+    run = _Run(problem, monitor, AutomaticOptions(), warm=False, joints=None)
+    monitor.record(np.zeros(3 * nc), problem.q)
+    monitor.best, run._sweeps_left = error, left
+    run.second_race(np.zeros(3 * nc))
+    assert (monitor.iterations > 0) == sweeps
