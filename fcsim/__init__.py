@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from fcsim import runtime as _runtime
 
 _runtime.limit_threads()
+_runtime.keep_freed_memory()
 
 __version__ = "0.1.0"
 
