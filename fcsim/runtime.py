@@ -51,6 +51,12 @@ def keep_freed_memory() -> None:
         mallopt(M_TRIM_THRESHOLD, KEPT_MEMORY)
 
 
+def release_freed_memory() -> None:
+    """Return what malloc keeps to the system: before a fork, so that what the child takes shows in its resident memory."""
+    if platform.libc_ver()[0] == "glibc":
+        ctypes.CDLL(None).malloc_trim(ctypes.c_size_t(0))
+
+
 def _import(name: str) -> ModuleType:
     if find_spec("dolfinx_solver") is not None:  # the wheel that brings dolfinx, petsc4py and MPI must be loaded before them
         import_module("dolfinx_solver")

@@ -33,6 +33,7 @@ from fcsim.bench.results import SLACK, Measurement
 from fcsim.bench.siconos_client import solve_by_siconos
 from fcsim.bench.solves import chain_like, run, small_problem_like, warm_on, warm_up
 from fcsim.errors import InputError
+from fcsim.runtime import release_freed_memory
 from fcsim.solvers.joints import FRONTS_FROM
 
 SICONOS = "Siconos:"
@@ -188,6 +189,7 @@ class Worker:
                 total = counters.total()
             yield row | {"flops": None if total is None else total / row["repeats"]}
 
+        release_freed_memory()
         ended = next(run_killable([Task(None, items, seconds, request.memory_limit)], quiet=True))
         if ended.how != FINISHED:
             return replace(result, status=killed(ended.how, seconds))

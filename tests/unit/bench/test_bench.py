@@ -222,7 +222,7 @@ def test_limits_that_are_looser_measure_again_what_they_stopped(
     out, notes = tmp_path / "out", tmp_path / "notes"
     monkeypatch.setenv("BENCH_NOTES", str(notes))
     base = [block, "--plugin", plugin, "--out", out, "--tols", "1e-2,1e-4"]
-    assert bench(*base, "--solvers", "SLEEPS-SOME,USES-MEMORY,EXACT", "--time-limit", 0.3, "--memory-limit", 20) == 0
+    assert bench(*base, "--solvers", "SLEEPS-SOME,USES-MEMORY,EXACT", "--time-limit", 0.6, "--memory-limit", 20) == 0
     first = by(read_results(out))
     assert first["SLEEPS-SOME", 1e-2].outcome == "TIME_LIMIT" or first["SLEEPS-SOME", 1e-2].outcome == "KILLED_TIME"
     assert first["SLEEPS-SOME", 1e-4].status == "TIME_LIMIT: not tried: 0.01 not met in time"
@@ -230,14 +230,14 @@ def test_limits_that_are_looser_measure_again_what_they_stopped(
     assert {first["USES-MEMORY", tol].outcome for tol in (1e-2, 1e-4)} == {"KILLED_MEMORY"}
     assert {first["EXACT", tol].outcome for tol in (1e-2, 1e-4)} == {"SOLVED"}
     before = (out / "results.csv").read_bytes()
-    for time_limit, memory_limit in ((0.3, 20), (0.2, 10)):
+    for time_limit, memory_limit in ((0.6, 20), (0.5, 10)):
         limits = ["--time-limit", time_limit, "--memory-limit", memory_limit]
         assert bench(*base, "--solvers", "SLEEPS-SOME,USES-MEMORY,EXACT", *limits) == 0
         assert (out / "results.csv").read_bytes() == before
     # a new tolerance is hopeless too; what was not tried is tried on demand
-    assert bench(*base, "--solvers", "SLEEPS-SOME", "--tols", "1e-6", "--time-limit", 0.3) == 0
+    assert bench(*base, "--solvers", "SLEEPS-SOME", "--tols", "1e-6", "--time-limit", 0.6) == 0
     assert by(read_results(out))["SLEEPS-SOME", 1e-6].outcome == "TIME_LIMIT"
-    assert bench(*base, "--solvers", "SLEEPS-SOME", "--time-limit", 0.3, "--no-skip-hopeless") == 0
+    assert bench(*base, "--solvers", "SLEEPS-SOME", "--time-limit", 0.6, "--no-skip-hopeless") == 0
     tried = by(read_results(out))["SLEEPS-SOME", 1e-4]
     assert "not tried" not in tried.status and tried.outcome in ("TIME_LIMIT", "KILLED_TIME")
     # looser limits
