@@ -3,8 +3,9 @@
     python benchmarks/compare.py                  measures and compares with benchmarks/ratios.json; exit code 1 where something is slower
     python benchmarks/compare.py --record         measures and writes benchmarks/ratios.json
 
-What is recorded is no time but its ratio to a fixed piece of NumPy work done in the same process (a Cholesky factor, products with a
-large matrix), so that records hold, roughly, from machine to machine. Processor time; medians. Linear algebra on one thread.
+What is recorded is no time but its ratio to a fixed piece of NumPy work done in the same process, before and after it (a Cholesky factor,
+products with a large matrix), so that records hold, roughly, from machine to machine and from hour to hour. Processor time; medians.
+Linear algebra on one thread.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def measurements() -> Iterator[tuple[str, float]]:
     rng = np.random.default_rng(1)
     root = rng.standard_normal((90, 90))
     small = replace(local, W=root @ root.T + np.eye(90), q=rng.standard_normal(90), mu=np.full(30, 0.5), kept=None)
-    yield "30 contacts: auto to 1e-8", median_seconds(lambda: solve(small, "auto", tol=1e-8))
+    yield "30 contacts: auto to 1e-8", median_seconds(lambda: solve(small, "auto", tol=1e-8), 100)
 
 
 def main() -> int:
@@ -99,21 +100,24 @@ def main() -> int:
         if not RATIOS.is_file():
             raise InputError(f"{RATIOS.name}: expected the recorded ratios beside this script, found none; make them with --record")
         recorded = json.loads(RATIOS.read_text(encoding="utf-8"))
-    unit = median_seconds(reference_work())
-    table = Table(title=f"ratios to {1e3 * unit:.1f} ms of NumPy work, load {os.getloadavg()[0]:.1f}")
+    work = reference_work()
+    units = [median_seconds(work)]
+    table = Table()
     table.add_column("what")
     for heading in ("now", "recorded", "now / recorded"):
         table.add_column(heading, justify="right")
     table.add_column("")
     ratios, slower = {}, []
     for name, seconds in measurements():
-        ratios[name] = ratio = seconds / unit
+        units.append(median_seconds(work))
+        ratios[name] = ratio = seconds / statistics.fmean(units[-2:])
         before = recorded.get(name)
         change = ratio / before if before else None
         if change is not None and change > SLOWER:
             slower.append(name)
         verdict = "" if change is None else "slower" if change > SLOWER else "faster" if change < 1 / SLOWER else "as before"
         table.add_row(name, f"{ratio:.3g}", f"{before:.3g}" if before else "", f"{change:.2f}" if change else "", verdict)
+    table.title = f"ratios to {1e3 * min(units):.1f} to {1e3 * max(units):.1f} ms of NumPy work, load {os.getloadavg()[0]:.1f}"
     console = Console(width=110)
     console.print(table)
     if options.record:
