@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim._kernels import add_bodies, add_diagonal_bodies, entries_by_body, union_of_neighbours
+from fcsim._delassus_kernels import add_bodies, add_diagonal_bodies, entries_by_body, union_of_neighbours
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -12,10 +12,10 @@ import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from numba import njit
 from numpy.typing import NDArray
 
 from fcsim import runtime
-from fcsim._kernels import mirror
 from fcsim.errors import FcsimError
 
 FloatArray = NDArray[np.float64]
@@ -66,6 +66,16 @@ class DenseCholesky:
         inverse: FloatArray = lower.T  # C-ordered
         mirror(inverse)
         return inverse
+
+
+@njit(cache=True)
+def mirror(A: FloatArray) -> None:
+    """Copy the upper triangle of A (n, n) to the lower one, in place."""
+    step = 32  # rows that stay in the cache while they are written as columns
+    for begin in range(0, len(A), step):
+        for p in range(begin, len(A)):
+            for q in range(begin, min(begin + step, p)):
+                A[p, q] = A[q, p]
 
 
 class DenseLU:

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim._component_kernels import asymmetry, block_of, connected_components, equal_blocks, equilibrating_scale
-from fcsim._kernels import alike_in_contacts
+from fcsim._delassus_kernels import alike_in_contacts
 from fcsim.delassus import DelassusSum
 from fcsim.linear import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on, probes
 from fcsim.problem import GlobalProblem, LocalProblem

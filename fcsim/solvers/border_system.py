@@ -103,6 +103,7 @@ class BorderSystem:
     def __init__(self) -> None:
         self._factored: _Factored | None = None
         self._J: FloatArray | None = None  # None where the factor has taken its place
+        self._own = np.empty((0, 0, 0))  # the contacts' own blocks of J
         self._approximate: _Updated | None = None
 
     def complete(

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim import delassus
-from fcsim._kernels import alike_in_contacts, mirror, union_of_neighbours
+from fcsim._delassus_kernels import alike_in_contacts, union_of_neighbours
 from fcsim.delassus import DelassusSum
 
 

@@ -241,13 +241,3 @@ def add_diagonal_bodies(starts, columns, values, first, contacts, begins, unknow
                     product[unknowns[e], d * p + i] = C[group[g] + unknowns[e]] * weights[e, i]
         at, rows = np.empty(len(own), dtype=np.int64), np.empty((3, m))
         add_body(starts, columns, values, own, begins, unknowns, weights, pair, product, True, axes, nc, at, rows)
-
-
-@njit(cache=True)
-def mirror(A):
-    """Copy the upper triangle of A (n, n) to the lower one, in place."""
-    step = 32  # rows that stay in the cache while they are written as columns
-    for begin in range(0, len(A), step):
-        for p in range(begin, len(A)):
-            for q in range(begin, min(begin + step, p)):
-                A[p, q] = A[q, p]
