@@ -32,16 +32,16 @@ from typing import Any
 
 from report import Record, circumstances, table, write_markdown
 
-from fcsim.bench import solves
 from fcsim.bench.judge import FclibProblem, read_problems
-from fcsim.bench.killable import Task, run_killable
-from fcsim.bench.siconos_client import Siconos, siconos_on, siconos_version
-from fcsim.bench.siconos_worker import REPEAT_AT_MOST, REPEAT_WITHIN
-from fcsim.bench.summary import duration, geometric_mean
-from fcsim.bench.time_table import CLOCKS
+from fcsim.bench.reporting.summary import duration, geometric_mean
+from fcsim.bench.reporting.time_table import CLOCKS
+from fcsim.bench.workers import solves
+from fcsim.bench.workers.killable import Task, run_killable
+from fcsim.bench.workers.siconos_client import Siconos, siconos_on, siconos_version
+from fcsim.bench.workers.siconos_worker import REPEAT_AT_MOST, REPEAT_WITHIN
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
-from fcsim.reduction import reduce
+from fcsim.problem.reduction import reduce
 from fcsim.solvers import SOLVERS, solve
 
 FIELDS = ("problem", "form", "dimension", "nc", "n", "what", "program", "configuration", "storage", "tol", "time_limit", "status", "solved")

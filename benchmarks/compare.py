@@ -28,10 +28,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from fcsim.case import load_case, parse_parameters
 from fcsim.errors import InputError
 from fcsim.files import replacing
-from fcsim.reduction import reduce
+from fcsim.problem.reduction import reduce
+from fcsim.running.case import load_case, parse_parameters
 from fcsim.solvers import solve
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"

@@ -12,9 +12,9 @@ from typing import get_args
 
 import numpy as np
 
-from fcsim.case import load_case
 from fcsim.contact_detection import contact_matrix
-from fcsim.contact_detection.surface import CandidateRule
+from fcsim.contact_detection.surfaces.surface import CandidateRule
+from fcsim.running.case import load_case
 
 REPEAT = 20
 

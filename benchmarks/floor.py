@@ -28,9 +28,10 @@ import scipy.sparse as sp
 from rich.console import Console
 from rich.table import Table
 
-from fcsim.case import load_case, parse_parameters
-from fcsim.solvers import border_system, condensed_system
-from fcsim.solvers.multifrontal import MultifrontalCholesky
+from fcsim.linear.fronts import MultifrontalCholesky
+from fcsim.running.case import load_case, parse_parameters
+from fcsim.solvers.newton.systems import border as border_system
+from fcsim.solvers.newton.systems import condensed as condensed_system
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
 SIZE = 700

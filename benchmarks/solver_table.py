@@ -23,10 +23,10 @@ from typing import Any
 
 from report import Record, circumstances, table, write_markdown
 
-from fcsim.bench import solves
 from fcsim.bench.judge import read_problems
-from fcsim.bench.summary import duration, geometric_mean
-from fcsim.bench.time_table import CLOCKS
+from fcsim.bench.reporting.summary import duration, geometric_mean
+from fcsim.bench.reporting.time_table import CLOCKS
+from fcsim.bench.workers import solves
 from fcsim.errors import InputError
 from fcsim.solvers import SOLVERS
 

@@ -19,8 +19,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fcsim.case import load_case, parse_parameters
 from fcsim.errors import NotConverged
+from fcsim.running.case import load_case, parse_parameters
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
 PHASES = ("detection", "assembly", "solve")

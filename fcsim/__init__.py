@@ -14,68 +14,123 @@ _runtime.keep_freed_memory()
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from fcsim.assembly.model import build_model
+    from fcsim.arrays import FloatArray
+    from fcsim.assembly.model import Model, build_model
+    from fcsim.assembly.nodal_area import nodal_area
     from fcsim.assembly.supports import Support
-    from fcsim.contact_detection import Detector, SurfacePair, two_pass
-    from fcsim.contact_detection.model_surfaces import contact_surface
+    from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
+    from fcsim.command_line.main import main
+    from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, two_pass
+    from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+    from fcsim.errors import FcsimError, InputError
     from fcsim.export_fclib import read_fclib, write_fclib
     from fcsim.mesh.part import Body, Material, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
-    from fcsim.solvers import SOLVERS, solve
+    from fcsim.running.case import Case, History, Sensor, load_case
+    from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force
+    from fcsim.solvers import SOLVERS
+    from fcsim.solvers.solve import solve
     from fcsim.timestep.generalised_alpha import GeneralisedAlpha
     from fcsim.timestep.quasi_static import QuasiStatic
-    from fcsim.timestep.scheme import Gap, Velocity
-    from fcsim.timestep.simulation import Simulation, SolverSettings
+    from fcsim.timestep.scheme import Gap, Scheme, Velocity
+    from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+    from fcsim.timestep.state import State, at_rest
     from fcsim.timestep.theta import Theta
 
 _HOME = {
+    "AccelerationRecord": "assembly.time_functions",
     "Body": "mesh.part",
+    "Case": "running.case",
+    "ContactSurface": "contact_detection",
+    "Contacts": "contact_detection",
     "Detector": "contact_detection",
+    "FcsimError": "errors",
+    "FloatArray": "arrays",
     "Gap": "timestep.scheme",
     "GeneralisedAlpha": "timestep.generalised_alpha",
     "GlobalProblem": "problem",
+    "GravityRamp": "assembly.time_functions",
+    "History": "running.case",
+    "InputError": "errors",
     "LocalProblem": "problem",
     "Material": "mesh.part",
+    "Model": "assembly.model",
     "Part": "mesh.part",
     "QuasiStatic": "timestep.quasi_static",
     "RigidBody": "mesh.part",
     "SOLVERS": "solvers",
+    "Scheme": "timestep.scheme",
+    "Sensor": "running.case",
     "Simulation": "timestep.simulation",
     "SolverSettings": "timestep.simulation",
+    "State": "timestep.state",
+    "Step": "timestep.simulation",
     "Support": "assembly.supports",
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
     "Velocity": "timestep.scheme",
+    "at_rest": "timestep.state",
     "build_model": "assembly.model",
-    "contact_surface": "contact_detection.model_surfaces",
+    "contact_force": "running.sensors",
+    "contact_surface": "contact_detection.surfaces.model_surfaces",
+    "displacement": "running.sensors",
+    "joint_opening": "running.sensors",
+    "load_case": "running.case",
+    "main": "command_line.main",
+    "nodal_area": "assembly.nodal_area",
+    "read_acceleration_record": "assembly.time_functions",
     "read_fclib": "export_fclib",
-    "solve": "solvers",
+    "solve": "solvers.solve",
+    "support_force": "running.sensors",
     "two_pass": "contact_detection",
     "write_fclib": "export_fclib",
 }
 
 __all__ = [
     "SOLVERS",
+    "AccelerationRecord",
     "Body",
+    "Case",
+    "ContactSurface",
+    "Contacts",
     "Detector",
+    "FcsimError",
+    "FloatArray",
     "Gap",
     "GeneralisedAlpha",
     "GlobalProblem",
+    "GravityRamp",
+    "History",
+    "InputError",
     "LocalProblem",
     "Material",
+    "Model",
     "Part",
     "QuasiStatic",
     "RigidBody",
+    "Scheme",
+    "Sensor",
     "Simulation",
     "SolverSettings",
+    "State",
+    "Step",
     "Support",
     "SurfacePair",
     "Theta",
     "Velocity",
+    "at_rest",
     "build_model",
+    "contact_force",
     "contact_surface",
+    "displacement",
+    "joint_opening",
+    "load_case",
+    "main",
+    "nodal_area",
+    "read_acceleration_record",
     "read_fclib",
     "solve",
+    "support_force",
     "two_pass",
     "write_fclib",
 ]

@@ -13,19 +13,25 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.supports import Support
-from fcsim.case import Case, Sensor
-from fcsim.cli import main
-from fcsim.contact_detection import ContactSurface, Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.mesh.arch import SemicircularArch, semicircular_arch
-from fcsim.mesh.blocks import rigid_box
-from fcsim.mesh.part import Material
-from fcsim.mesh.rigid import BlockKind, blocks_that_are
-from fcsim.timestep.scheme import Gap
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
-from fcsim.timestep.theta import Theta
+from fcsim import (
+    Case,
+    ContactSurface,
+    Detector,
+    Gap,
+    Material,
+    Model,
+    Sensor,
+    Simulation,
+    SolverSettings,
+    Step,
+    Support,
+    SurfacePair,
+    Theta,
+    build_model,
+    contact_surface,
+    main,
+)
+from fcsim.mesh import BlockKind, SemicircularArch, blocks_that_are, rigid_box, semicircular_arch
 
 GRAVITY = 9.81  # [m/s^2]
 HELD = ("x", "y", "z", "rx", "ry", "rz")

@@ -10,22 +10,29 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.nodal_area import nodal_area
-from fcsim.assembly.supports import Support
-from fcsim.case import Case, Sensor
-from fcsim.cli import main
-from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.errors import InputError
-from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
-from fcsim.mesh.part import Body, Material
-from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+from fcsim import (
+    Body,
+    Case,
+    Detector,
+    FloatArray,
+    InputError,
+    Material,
+    Model,
+    QuasiStatic,
+    Sensor,
+    Simulation,
+    SolverSettings,
+    Step,
+    Support,
+    SurfacePair,
+    build_model,
+    contact_surface,
+    main,
+    nodal_area,
+)
+from fcsim.mesh import graded_brick, graded_rectangle, half_ball, half_disk
 
-FloatArray = NDArray[np.float64]
 DEPTH = 2.0  # depth and half-width of the block, in radii
 
 

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcsim.case import CaseScript, load_case
-from fcsim.errors import FcsimError
+from fcsim import FcsimError, load_case
+from fcsim.running.case import CaseScript
 from fcsim.view.style import BLUE, GREEN, GREY, ORANGE, RED, STYLE, figure, matplotlib, save
 
 APPROACHES = (4e-3, 1e-3, 2.5e-4, 6.25e-5)  # [m]; the first is SSNV104's, each next one has half the a/R

@@ -10,24 +10,31 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.nodal_area import nodal_area
-from fcsim.assembly.supports import Support
-from fcsim.case import Case, Sensor
-from fcsim.cli import main
-from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.errors import InputError
-from fcsim.mesh.blocks import rigid_box, rigid_rectangle
-from fcsim.mesh.graded import half_ball, half_disk
-from fcsim.mesh.part import Body, Material, Part, RigidBody
-from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
-
-FloatArray = NDArray[np.float64]
+from fcsim import (
+    Body,
+    Case,
+    Detector,
+    FloatArray,
+    InputError,
+    Material,
+    Model,
+    Part,
+    QuasiStatic,
+    RigidBody,
+    Sensor,
+    Simulation,
+    SolverSettings,
+    Step,
+    Support,
+    SurfacePair,
+    build_model,
+    contact_surface,
+    main,
+    nodal_area,
+)
+from fcsim.mesh import half_ball, half_disk, rigid_box, rigid_rectangle
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fcsim.case import CaseScript, parse_parameters
-from fcsim.refinement import refinement_command
+from fcsim import FloatArray
+from fcsim.running.case import CaseScript, parse_parameters
+from fcsim.running.refinement import refinement_command
 from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, STYLE, figure, matplotlib, prefixed, save
 
-FloatArray = NDArray[np.float64]
 MARKS = (("s", 9, ORANGE), ("o", 7, BLUE), (".", 4, RED))  # coarse to fine, all visible where they coincide
 
 

@@ -13,19 +13,30 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.supports import Support
-from fcsim.case import Case, History, Sensor
-from fcsim.cli import main
-from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.mesh.blocks import brick, rigid_box
-from fcsim.mesh.part import Body, Material
-from fcsim.timestep.generalised_alpha import GeneralisedAlpha
-from fcsim.timestep.scheme import Gap, Scheme, Velocity
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
-from fcsim.timestep.state import at_rest
-from fcsim.timestep.theta import Theta
+from fcsim import (
+    Body,
+    Case,
+    Detector,
+    Gap,
+    GeneralisedAlpha,
+    History,
+    Material,
+    Model,
+    Scheme,
+    Sensor,
+    Simulation,
+    SolverSettings,
+    Step,
+    Support,
+    SurfacePair,
+    Theta,
+    Velocity,
+    at_rest,
+    build_model,
+    contact_surface,
+    main,
+)
+from fcsim.mesh import brick, rigid_box
 
 
 @dataclass(frozen=True)

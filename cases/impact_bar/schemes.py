@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from impact_bar import ExactSolution, Parameters, build
 
-from fcsim.timestep.simulation import Step
+from fcsim import Step
 from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STYLE, figure, matplotlib, save
 
 VARIANTS = {

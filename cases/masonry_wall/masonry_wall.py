@@ -13,19 +13,25 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.supports import Support
-from fcsim.case import Case, Sensor
-from fcsim.cli import main
-from fcsim.contact_detection import ContactSurface, Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.mesh.blocks import rigid_box
-from fcsim.mesh.masonry import RunningBond, running_bond
-from fcsim.mesh.part import Material
-from fcsim.mesh.rigid import BlockKind, blocks_that_are
-from fcsim.timestep.scheme import Gap
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
-from fcsim.timestep.theta import Theta
+from fcsim import (
+    Case,
+    ContactSurface,
+    Detector,
+    Gap,
+    Material,
+    Model,
+    Sensor,
+    Simulation,
+    SolverSettings,
+    Step,
+    Support,
+    SurfacePair,
+    Theta,
+    build_model,
+    contact_surface,
+    main,
+)
+from fcsim.mesh import BlockKind, RunningBond, blocks_that_are, rigid_box, running_bond
 
 GRAVITY = 9.81  # [m/s^2]
 FRICTION = {"scripts": (0.53, 0.83), "paper": (0.83, 0.53)}  # between blocks, at the platens

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fcsim.case import load_case
+from fcsim import load_case
 from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, SKY, STYLE, figure, matplotlib, save
 
 # nodes: divisions of the bottom and of the top block

@@ -11,16 +11,24 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.supports import Support
-from fcsim.case import Case, Sensor
-from fcsim.cli import main
-from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.mesh.blocks import brick
-from fcsim.mesh.part import Body, Material
-from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+from fcsim import (
+    Body,
+    Case,
+    Detector,
+    Material,
+    Model,
+    QuasiStatic,
+    Sensor,
+    Simulation,
+    SolverSettings,
+    Step,
+    Support,
+    SurfacePair,
+    build_model,
+    contact_surface,
+    main,
+)
+from fcsim.mesh import brick
 
 
 @dataclass(frozen=True)

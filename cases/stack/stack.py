@@ -11,19 +11,27 @@ from itertools import pairwise
 
 import numpy as np
 
-from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.supports import DIRECTIONS, Support
-from fcsim.case import Case, Sensor
-from fcsim.cli import main
-from fcsim.contact_detection import Detector, SurfacePair, two_pass
-from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.errors import InputError
-from fcsim.mesh.blocks import brick, rigid_box
-from fcsim.mesh.part import Body, Material
-from fcsim.mesh.rigid import BlockKind, blocks_that_are
-from fcsim.timestep.scheme import Gap
-from fcsim.timestep.simulation import Simulation, SolverSettings
-from fcsim.timestep.theta import Theta
+from fcsim import (
+    Body,
+    Case,
+    Detector,
+    Gap,
+    InputError,
+    Material,
+    Model,
+    Sensor,
+    Simulation,
+    SolverSettings,
+    Support,
+    SurfacePair,
+    Theta,
+    build_model,
+    contact_surface,
+    main,
+    two_pass,
+)
+from fcsim.assembly.supports import DIRECTIONS
+from fcsim.mesh import BlockKind, blocks_that_are, brick, rigid_box
 
 GRAVITY = 9.81  # [m/s^2]
 

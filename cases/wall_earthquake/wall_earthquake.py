@@ -14,22 +14,34 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.supports import Support
-from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
-from fcsim.case import Case, History, Sensor
-from fcsim.cli import main
-from fcsim.contact_detection import ContactSurface, Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.mesh.blocks import rigid_box
-from fcsim.mesh.masonry import RunningBond, running_bond
-from fcsim.mesh.part import Material
-from fcsim.sensors import contact_force, displacement, joint_opening
-from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.scheme import Gap
-from fcsim.timestep.simulation import Simulation, SolverSettings
-from fcsim.timestep.state import State, at_rest
-from fcsim.timestep.theta import Theta
+from fcsim import (
+    AccelerationRecord,
+    Case,
+    ContactSurface,
+    Detector,
+    Gap,
+    GravityRamp,
+    History,
+    Material,
+    Model,
+    QuasiStatic,
+    Sensor,
+    Simulation,
+    SolverSettings,
+    State,
+    Support,
+    SurfacePair,
+    Theta,
+    at_rest,
+    build_model,
+    contact_force,
+    contact_surface,
+    displacement,
+    joint_opening,
+    main,
+    read_acceleration_record,
+)
+from fcsim.mesh import RunningBond, rigid_box, running_bond
 
 GRAVITY = 9.81  # [m/s^2]
 

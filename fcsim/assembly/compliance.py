@@ -14,24 +14,22 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim import linear
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.groups import Group
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import inverse_on
-from fcsim.delassus import DelassusSum
 from fcsim.errors import InputError
-from fcsim.linear import Factor, SingularMatrix, factorise
-from fcsim.reduction import refuse_singular
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from fcsim.linear import factors as linear
+from fcsim.linear.factors import Factor, SingularMatrix, factorise
+from fcsim.problem.delassus import DelassusSum
+from fcsim.problem.reduction import refuse_singular
 
 
 class SystemFactor:
     """Factor of the free part of A = mass M + stiffness K; driven dofs are rows of the identity.
 
     contact_nodes: global numbers of the nodes that contacts can touch (candidates' and master facets' nodes).
-    Implements `fcsim.reduction.MassFactor` on the unknowns of the model's problems (without the driven dofs where eliminated).
+    Implements `fcsim.problem.reduction.MassFactor` on the unknowns of the model's problems (without the driven dofs where eliminated).
     """
 
     def __init__(self, model: Model, mass: float, stiffness: float, contact_nodes: IntArray) -> None:

@@ -20,8 +20,9 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array, kron
 
 from fcsim import runtime
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError, MissingDependency
-from fcsim.mesh.part import FloatArray, IntArray, Part
+from fcsim.mesh.part import Part
 
 # Polynomial degree integrated exactly, in each direction for hexahedra and quadrilaterals: 3 = two Gauss points a direction.
 # Exact for simplices; for trilinear cells exact for nodal volumes, pressures and mass, and the full 2 x 2 x 2 rule for stiffness.

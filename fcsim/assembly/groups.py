@@ -9,14 +9,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly import elasticity
 from fcsim.mesh.part import Part
 
 if TYPE_CHECKING:
     from fcsim.assembly.model import Model
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly import elasticity
 from fcsim.assembly.supports import DIRECTIONS, TimeFunction
 from fcsim.errors import InputError
@@ -15,8 +15,6 @@ from fcsim.mesh.part import Body, RigidBody
 
 if TYPE_CHECKING:
     from fcsim.assembly.model import Model
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

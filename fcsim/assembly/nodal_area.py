@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly import elasticity
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body
-
-FloatArray = NDArray[np.float64]
 
 
 def nodal_area(model: Model, body: str, surface: str) -> FloatArray:

@@ -17,14 +17,11 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.supports import DIRECTIONS
 from fcsim.mesh.part import RigidBody
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 _MAX_ITERATIONS = 50
 _ROUND = 1e-15

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly.elasticity import lame, once_per_part
 from fcsim.errors import InputError
-from fcsim.mesh.part import FloatArray, Part
+from fcsim.mesh.part import Part
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
 

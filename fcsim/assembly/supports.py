@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 
 if TYPE_CHECKING:
     from fcsim.assembly.model import Model
 
-IntArray = NDArray[np.int64]
 TimeFunction = Callable[[float], float]
 
 DIRECTIONS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}

@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
-
-FloatArray = NDArray[np.float64]
 
 
 def project_on_cones(x: FloatArray, mu: FloatArray) -> FloatArray:

@@ -17,11 +17,11 @@ from pathlib import Path
 from statistics import mean
 from time import monotonic
 
-from fcsim.bench.launch import Launcher
 from fcsim.bench.problems import Entry
 from fcsim.bench.results import FILE, NOT_TRIED, Measurement, append, read_results
-from fcsim.bench.siconos_worker import GLOBAL_3D, LOCAL_2D, LOCAL_3D
-from fcsim.bench.worker import SICONOS, Request, Settings, blank, grace
+from fcsim.bench.workers.launch import Launcher
+from fcsim.bench.workers.siconos_worker import GLOBAL_3D, LOCAL_2D, LOCAL_3D
+from fcsim.bench.workers.worker import SICONOS, Request, Settings, blank, grace
 from fcsim.errors import InputError
 from fcsim.solvers import SOLVERS
 

@@ -12,21 +12,21 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.bench.judge import FclibProblem
-from fcsim.case import Case, load_case
 from fcsim.collection.folder import members, parse_name, refuse_folder, whole_folder
 from fcsim.collection.manifest import AT_REST, Entry, sha256, write_manifest
 from fcsim.collection.plots import write_distributions
 from fcsim.collection.properties import Properties, properties
 from fcsim.collection.readme import facts, write_readme
 from fcsim.collection.run_about import RunAbout, notes_on
-from fcsim.delassus import DENSE_W_UP_TO
 from fcsim.errors import InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, Solution, file_name, read_fclib, write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.reduction import reduce
-from fcsim.run import RunOptions, run_case
+from fcsim.problem.delassus import DENSE_W_UP_TO
+from fcsim.problem.reduction import reduce
+from fcsim.running.case import Case, load_case
+from fcsim.running.folder import RunFolder, open_run
+from fcsim.running.run import RunOptions, run_case
 from fcsim.timestep.simulation import Step
-from fcsim.view.run_folder import RunFolder, open_run
 
 Progress = Callable[[str, int, int], None]
 """Called with (what, done, total)."""

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from fcsim.arrays import FloatArray
 from fcsim.bench.judge import FclibProblem
 from fcsim.collection.folder import members, parse_name
 from fcsim.collection.manifest import AT_REST, MANIFEST, Entry, read_manifest, sha256
 from fcsim.errors import InputError
 from fcsim.export_fclib import Solution, read_fclib
-from fcsim.problem import FloatArray, GlobalProblem, LocalProblem, check
+from fcsim.problem import GlobalProblem, LocalProblem, check
 
 Progress = Callable[[str, int, int], None]
 

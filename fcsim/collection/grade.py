@@ -6,10 +6,8 @@ Stratified systematic sampling (Cochran, Sampling Techniques, 3rd ed., 1977, cha
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
+from fcsim.arrays import BoolArray, IntArray
 
 
 def choose(iterations: IntArray, solved: BoolArray, count: int, seed: int = 0) -> IntArray:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fcsim.collection.manifest import AT_REST, Entry
-from fcsim.view.run_folder import RunFolder
+from fcsim.running.folder import RunFolder
 
 
 @dataclass(frozen=True)

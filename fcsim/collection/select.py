@@ -16,12 +16,12 @@ from fcsim.collection.manifest import AT_REST, MANIFEST, Entry, read_manifest, s
 from fcsim.collection.plots import write_distributions, write_selection
 from fcsim.collection.properties import Properties, properties
 from fcsim.collection.readme import facts, write_readme
-from fcsim.delassus import DENSE_W_UP_TO
 from fcsim.errors import FcsimError, InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, file_name, read_fclib
-from fcsim.linear import SingularMatrix
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.reduction import eliminate_equalities, reduce
+from fcsim.problem.delassus import DENSE_W_UP_TO
+from fcsim.problem.reduction import eliminate_equalities, reduce
 from fcsim.solvers import method, solve
 
 Progress = Callable[[str, int, int], None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csc_array
 
-from fcsim.contact_detection._kernels import fill_contact_matrix
+from fcsim.contact_detection._contact_matrix_kernels import fill_contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
 

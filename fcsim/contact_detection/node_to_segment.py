@@ -6,20 +6,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fcsim.contact_detection import candidates as candidate_points
-from fcsim.contact_detection import facets as contact_facets
-from fcsim.contact_detection.broad_phase import near_pairs
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_detection.facets import FacetGeometry
 from fcsim.contact_detection.frames import frames
-from fcsim.contact_detection.projection import closest_on_boundary, project_on_facets
-from fcsim.contact_detection.surface import OPPOSING, SurfacePair
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from fcsim.contact_detection.surfaces import candidates as candidate_points
+from fcsim.contact_detection.surfaces import facets as contact_facets
+from fcsim.contact_detection.surfaces.broad_phase import near_pairs
+from fcsim.contact_detection.surfaces.facets import FacetGeometry
+from fcsim.contact_detection.surfaces.projection import closest_on_boundary, project_on_facets
+from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99

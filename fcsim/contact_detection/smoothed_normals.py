@@ -19,14 +19,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.node_to_segment import ROUND, Configuration, Feet, NodeToSegment
-from fcsim.contact_detection.surface import OPPOSING
+from fcsim.contact_detection.surfaces.surface import OPPOSING
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 Shape = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 _MAX_NEWTON = 25

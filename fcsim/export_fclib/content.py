@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from fcsim.arrays import FloatArray
 from fcsim.export_fclib.rolling import GlobalRollingProblem
-from fcsim.problem import FloatArray, GlobalProblem, LocalProblem
+from fcsim.problem import GlobalProblem, LocalProblem
 
 Problem = GlobalProblem | LocalProblem | GlobalRollingProblem
 Storage = Literal["csc", "csr", "triplet"]

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.problem import FloatArray, Matrix, _matrix, _vector
+from fcsim.problem.problem import Matrix, _matrix, _vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,10 @@ from fcsim.mesh.io import read_mesh, read_parts, write_mesh
 from fcsim.mesh.masonry import RunningBond, running_bond
 from fcsim.mesh.part import Body, Material, Part, RigidBody
 from fcsim.mesh.quality import check_quality
-from fcsim.mesh.rigid import blocks_that_are, mass_properties, rigid_body
+from fcsim.mesh.rigid import BlockKind, blocks_that_are, mass_properties, rigid_body
 
 __all__ = [
+    "BlockKind",
     "Body",
     "Material",
     "Part",

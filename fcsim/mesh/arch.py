@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fcsim.arrays import IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
-from fcsim.mesh.part import Body, IntArray, Material
+from fcsim.mesh.part import Body, Material
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.named_mesh import NamedMesh, from_gmsh
-from fcsim.mesh.part import CELL_DIMENSION, FloatArray, IntArray, Material, Part, RigidBody
+from fcsim.mesh.part import CELL_DIMENSION, Material, Part, RigidBody
 from fcsim.runtime import gmsh_model
 
 AXES = "xyz"

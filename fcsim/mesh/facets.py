@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from fcsim.arrays import IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.part import FACET_NODES, IntArray
+from fcsim.mesh.part import FACET_NODES
 
 # Local nodes of each cell's facets, outwards for a cell of positive Jacobian: counter-clockwise seen from outside in 3D; in 2D the
 # cell lies on the left of (a, b). VTK's numbering of the nodes.

@@ -12,16 +12,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
 from fcsim.mesh.facets import CELL_FACETS
-from fcsim.mesh.part import FACET_NODES, FloatArray, IntArray, Material, Part
+from fcsim.mesh.part import FACET_NODES, Material, Part
 from fcsim.mesh.quality import check_quality
 
 Side = Literal["above", "below"]
-BoolArray = NDArray[np.bool_]
 
 _REACHED = 1e-9  # relative: coordinates of the layers are products of a few roundings
 

@@ -19,10 +19,11 @@ from urllib.parse import quote, unquote
 
 import numpy as np
 
+from fcsim.arrays import IntArray
 from fcsim.errors import InputError, MissingDependency
 from fcsim.files import replacing
 from fcsim.mesh.named_mesh import FACET_TYPE, GMSH_TYPES, Block, NamedMesh, from_gmsh, named_mesh
-from fcsim.mesh.part import IntArray, Material, Part
+from fcsim.mesh.part import Material, Part
 from fcsim.runtime import gmsh_model
 
 KEEPS_SURFACES = (".msh", ".vtu", ".vtk", ".xdmf")

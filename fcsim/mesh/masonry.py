@@ -8,9 +8,10 @@ from typing import Literal
 
 import numpy as np
 
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
-from fcsim.mesh.part import Body, FloatArray, IntArray, Material, Part
+from fcsim.mesh.part import Body, Material, Part
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.facets import match_facets, refuse_repeated
-from fcsim.mesh.part import CELL_DIMENSION, CELL_NODES, FloatArray, IntArray, Material, Part
+from fcsim.mesh.part import CELL_DIMENSION, CELL_NODES, Material, Part
 from fcsim.mesh.quality import check_quality
 
 FACET_TYPE = {"hexahedron": "quadrilateral", "tetrahedron": "triangle", "quadrilateral": "line", "triangle": "line"}

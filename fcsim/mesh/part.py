@@ -16,10 +16,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 CELL_NODES = {"hexahedron": 8, "tetrahedron": 4, "quadrilateral": 4, "triangle": 3}
 CELL_DIMENSION = {"hexahedron": 3, "tetrahedron": 3, "quadrilateral": 2, "triangle": 2}

@@ -6,8 +6,9 @@ from itertools import product
 
 import numpy as np
 
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.part import CELL_DIMENSION, FloatArray, IntArray, Part
+from fcsim.mesh.part import CELL_DIMENSION, Part
 
 SMALLEST_SCALED_JACOBIAN = 1e-3
 

@@ -9,8 +9,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.mesh.part import Body, FloatArray, Part, RigidBody
+from fcsim.mesh.part import Body, Part, RigidBody
 
 BlockKind = Literal["deformable", "rigid", "mixed"]
 

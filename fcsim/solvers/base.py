@@ -9,12 +9,10 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.problem import Checks, LocalProblem, natural_map_residual
-
-FloatArray = NDArray[np.float64]
 
 
 class Status(Enum):

@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Run, Status, override
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

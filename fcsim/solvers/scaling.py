@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.problem import LocalProblem
-from fcsim.solvers._formulation_kernels import split_compliances
-
-FloatArray = NDArray[np.float64]
+from fcsim.solvers.newton._formulation_kernels import split_compliances
 
 
 def spectral_norm(W: FloatArray) -> FloatArray:

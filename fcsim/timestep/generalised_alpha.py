@@ -27,8 +27,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
@@ -36,8 +36,6 @@ from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
 from fcsim.timestep.scheme import Gap, Velocity, law_contacts, law_velocity, positive
 from fcsim.timestep.state import State
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

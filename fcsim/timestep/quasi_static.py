@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
@@ -19,8 +19,6 @@ from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

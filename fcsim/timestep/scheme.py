@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.state import State
-
-FloatArray = NDArray[np.float64]
 
 
 class Scheme(Protocol):

@@ -12,21 +12,20 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detector, contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError, NotConverged
 from fcsim.problem import GlobalProblem, contact_status
-from fcsim.reduction import Reduction
+from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result, Status, method, solve
 from fcsim.solvers.base import override
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.warm_start import MEMORY, Reactions, warm_start
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import LocalProblem, natural_map_residual
-
-FloatArray = NDArray[np.float64]
 
 MEMORY = 3
 """How many past steps a warm start looks at."""

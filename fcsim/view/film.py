@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.files import replacing
+from fcsim.running.folder import Instant, RunFolder
 from fcsim.view.pictures import stress_figure
-from fcsim.view.run_folder import Instant, RunFolder
 from fcsim.view.scene import Scene, Survey
 from fcsim.view.style import STYLE, matplotlib
 

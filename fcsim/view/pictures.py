@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fcsim.view.run_folder import Instant, RunFolder
+from fcsim.running.folder import Instant, RunFolder
 from fcsim.view.scene import Scene, Survey, colour_map, read
 from fcsim.view.style import BLUE, GREY, RED, STYLE, figure, matplotlib, prefixed, save
 

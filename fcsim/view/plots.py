@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.errors import InputError
-from fcsim.view.run_folder import RunFolder
+from fcsim.running.folder import RunFolder
 from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE, figure, matplotlib, prefixed, save
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Literal
 
 from fcsim.errors import InputError
+from fcsim.running.folder import open_run
 from fcsim.view.film import FORMATS, film_instants, write_film
 from fcsim.view.pictures import write_pictures
 from fcsim.view.plots import write_plots
-from fcsim.view.run_folder import open_run
 from fcsim.view.scene import survey
 
 Progress = Callable[[str, int, int], None]

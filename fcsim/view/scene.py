@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.errors import InputError, MissingDependency
-from fcsim.view.run_folder import Instant, RunFolder
+from fcsim.running.folder import Instant, RunFolder
 
 # Automatic exaggeration: the largest displacement is shown as at most this share of the size of the whole, with a round factor.
 # The factors below differ by at most 1.5, so it is at least two thirds of it.

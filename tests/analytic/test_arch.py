@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, linprog
 
-from fcsim.case import Case, load_case
+from fcsim.running.case import Case, load_case
 from fcsim.timestep.simulation import Step
 
 CASE = Path(__file__).parents[2] / "cases" / "arch"

@@ -14,10 +14,10 @@ from numpy.testing import assert_allclose
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.assembly.time_functions import AccelerationRecord, read_acceleration_record
-from fcsim.case import load_case
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rigid_box
+from fcsim.running.case import load_case
 from fcsim.timestep.simulation import Simulation, SolverSettings, Step
 from fcsim.timestep.theta import Theta
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.part import Body, Material, RigidBody
 from fcsim.timestep.scheme import Gap, Velocity

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from fcsim.assembly.elasticity import pressure as pressure_load
-from fcsim.case import CaseScript, load_case
+from fcsim.running.case import CaseScript, load_case
 
 R, E, NU, MU, A = 0.05, 20e9, 0.3, 0.3, 1e-3
 CORE = 1.25

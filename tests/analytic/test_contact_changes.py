@@ -10,7 +10,7 @@ from fcsim.assembly.loads import Force
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair, split_at_sharp_edges, two_pass
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.part import Body, Material, RigidBody
 from fcsim.timestep.quasi_static import QuasiStatic

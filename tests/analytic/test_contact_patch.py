@@ -15,8 +15,8 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.stress import stress_operator
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair, contact_matrix, two_pass
-from fcsim.contact_detection.model_surfaces import contact_surface
-from fcsim.contact_detection.surface import CandidateRule
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.surface import CandidateRule
 from fcsim.mesh.blocks import brick, rectangle
 from fcsim.mesh.part import CELL_DIMENSION, Body, Material, Part
 from fcsim.timestep.quasi_static import QuasiStatic

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fcsim.case import CaseScript, load_case
+from fcsim.running.case import CaseScript, load_case
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Gap

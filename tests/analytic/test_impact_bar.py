@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim.case import load_case
+from fcsim.running.case import load_case
 
 SCRIPT = load_case(Path(__file__).parents[2] / "cases" / "impact_bar")
 MODULE = sys.modules[SCRIPT.build.__module__]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim.case import CaseScript, load_case
+from fcsim.running.case import CaseScript, load_case
 from fcsim.timestep.simulation import Simulation, Step
 
 CASE = Path(__file__).parents[2] / "cases" / "masonry_wall"

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fcsim.case import load_case
+from fcsim.running.case import load_case
 
 CASE = Path(__file__).parents[2] / "cases" / "press_and_shear"
 MESHES = {123: ((4, 4, 2), (3, 3, 2)), 596: ((9, 9, 3), (6, 6, 3))}

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rigid_rectangle
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
 from fcsim.timestep.scheme import Velocity

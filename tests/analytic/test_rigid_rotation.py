@@ -18,7 +18,7 @@ from fcsim.assembly.loads import Force
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rigid_box
 from fcsim.mesh.part import RigidBody
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha

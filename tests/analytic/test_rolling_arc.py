@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rectangle
 from fcsim.mesh.part import Body, Material, RigidBody
 from fcsim.timestep.quasi_static import QuasiStatic

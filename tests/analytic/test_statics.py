@@ -13,7 +13,7 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.stress import stress_operator
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box
 from fcsim.mesh.part import Body, Material
 from fcsim.mesh.rigid import BlockKind, blocks_that_are

@@ -19,9 +19,9 @@ from numpy.testing import assert_allclose
 
 from fcsim.assembly.elasticity import pressure as pressure_load
 from fcsim.assembly.stress import stress_operator
-from fcsim.case import CaseScript, load_case
 from fcsim.export_fclib import read_fclib
-from fcsim.export_fclib.steps import write_step
+from fcsim.running.case import CaseScript, load_case
+from fcsim.running.fclib_series import write_step
 from fcsim.timestep.simulation import Simulation, Step
 
 CASE = Path(__file__).parents[2] / "cases" / "two_cubes"

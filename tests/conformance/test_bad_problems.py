@@ -15,10 +15,10 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
-from fcsim import cli
+from fcsim.command_line import main as cli
 from fcsim.errors import FcsimError, InputError
 from fcsim.export_fclib import read_fclib, write_fclib
-from fcsim.linear import SingularMatrix
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Status, solve
 

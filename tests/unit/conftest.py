@@ -15,10 +15,10 @@ import numpy as np
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.case import Case, Sensor
-from fcsim.cli import main
+from fcsim.running.case import Case, Sensor
+from fcsim.command_line.main import main
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.part import Body, Material
 from fcsim.timestep.simulation import Simulation, SolverSettings

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fcsim.bench import siconos_client, solves
 from fcsim.bench.judge import FclibProblem
-from fcsim.bench.killable import Task, run_killable
+from fcsim.bench.workers import siconos_client, solves
+from fcsim.bench.workers.killable import Task, run_killable
 from fcsim.export_fclib import GlobalRollingProblem, read_fclib, write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import solve

@@ -8,13 +8,13 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from fcsim import linear
 from fcsim.assembly import compliance
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.errors import InputError
-from fcsim.linear import Factor
+from fcsim.linear import factors as linear
+from fcsim.linear.factors import Factor
 from fcsim.mesh.part import Body, Material, Part, RigidBody
 
 SOFT = Material(1e6, 0.3, 1000.0)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from fcsim.assembly.loads import FollowerForce, FollowerPressure, Force
 from fcsim.assembly.model import build_model
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
 from fcsim.mesh.part import Body, Material, RigidBody

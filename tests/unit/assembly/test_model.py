@@ -12,7 +12,7 @@ from fcsim.assembly import elasticity
 from fcsim.assembly.loads import BodyForce, Force, Traction
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, Material, Part, RigidBody
 

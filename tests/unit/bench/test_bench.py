@@ -16,19 +16,19 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fcsim.bench.command import SICONOS_BEST
-from fcsim.bench.launch import cores
 from fcsim.bench.problems import entries
 from fcsim.bench.results import Measurement, read_results
-from fcsim.bench.siconos_client import siconos_version
-from fcsim.bench.siconos_worker import CONFIGURATIONS
-from fcsim.bench.solves import chain_like
-from fcsim.cli import main
+from fcsim.bench.workers.launch import cores
+from fcsim.bench.workers.siconos_client import siconos_version
+from fcsim.bench.workers.siconos_worker import CONFIGURATIONS
+from fcsim.bench.workers.solves import chain_like
+from fcsim.command_line.bench import SICONOS_BEST
+from fcsim.command_line.main import main
 from fcsim.export_fclib import GlobalRollingProblem, write_fclib
+from fcsim.linear.joints import FRONTS_FROM, joint_rows
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.reduction import reduce
+from fcsim.problem.reduction import reduce
 from fcsim.solvers import SOLVERS, solve
-from fcsim.solvers.joints import FRONTS_FROM, joint_rows
 
 ROOT = Path(__file__).parents[3]
 SYSTEM_PYTHON = Path("/usr/bin/python3")
@@ -430,7 +430,7 @@ def test_two_benches_do_not_write_one_table(block: Path, plugin: Path, tmp_path:
 
 
 def test_places_have_processors_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fcsim.bench.launch.os.sched_getaffinity", lambda pid: {8, 2, 4, 6}, raising=False)
+    monkeypatch.setattr("fcsim.bench.workers.launch.os.sched_getaffinity", lambda pid: {8, 2, 4, 6}, raising=False)
     assert [cores(place, 4, 1) for place in range(4)] == [(2,), (4,), (6,), (8,)]
     assert [cores(place, 2, 2) for place in range(2)] == [(2, 4), (6, 8)]
     assert sorted(cores(rank, 4, 1) for rank in range(1, 5)) == [(2,), (4,), (6,), (8,)]  # MPI: rank 0 does not measure

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fcsim.case import load_case
-from fcsim.cli import main
 from fcsim.collection import Built, build_collection, read_manifest
 from fcsim.collection.manifest import AT_REST
+from fcsim.command_line.main import main
 from fcsim.errors import InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, read_fclib
-from fcsim.run import RunOptions, run_case
+from fcsim.running.case import load_case
+from fcsim.running.run import RunOptions, run_case
 
 FILES = {"README.md", "distributions.png", "global", "local", "manifest.csv", "picture.png"}
 

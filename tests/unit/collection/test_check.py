@@ -9,8 +9,8 @@ from pathlib import Path
 import h5py
 import pytest
 
-from fcsim.cli import main
 from fcsim.collection import Built, check_collection, read_manifest, write_manifest
+from fcsim.command_line.main import main
 
 Damage = Callable[[Path], None]
 

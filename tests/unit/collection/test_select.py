@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fcsim.cli import main
 from fcsim.collection import Built, check_collection, read_manifest, select_problems
 from fcsim.collection.folder import Name, members, parse_name
+from fcsim.command_line.main import main
 from fcsim.errors import InputError
 from fcsim.export_fclib import GlobalRollingProblem, Solution, read_fclib, write_fclib
 from fcsim.problem import LocalProblem

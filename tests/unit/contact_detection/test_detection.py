@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix
-from fcsim.contact_detection.broad_phase import near_pairs
-from fcsim.contact_detection.surface import CandidateRule
+from fcsim.contact_detection.surfaces.broad_phase import near_pairs
+from fcsim.contact_detection.surfaces.surface import CandidateRule
 
 DOWN = np.array([[0.0, 0, 0], [0, 1, 0], [1, 0, 0]])  # a triangle that looks down
 

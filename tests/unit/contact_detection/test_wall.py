@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fcsim.contact_detection import ContactSurface, Detector, SurfacePair, contact_matrix
-from fcsim.contact_detection.surface import CandidateRule
+from fcsim.contact_detection.surfaces.surface import CandidateRule
 
 ELEMENT = 0.025  # m
 # element coordinates (0 or 1) of a face's corners, counter-clockwise seen from outside

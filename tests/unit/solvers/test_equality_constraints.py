@@ -13,12 +13,12 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
-from fcsim import cli
+from fcsim.command_line import main as cli
 from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib, write_fclib
-from fcsim.linear import SingularMatrix
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.reduction import Elimination, reduce
+from fcsim.problem.reduction import Elimination, reduce
 from fcsim.solvers import Status, solve
 
 WAYS: list[tuple[str, dict[str, Any]]] = [

@@ -12,7 +12,7 @@ from fcsim.problem import LocalProblem
 from fcsim.solvers import SOLVERS, solve
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
-from fcsim.solvers.newton import newton
+from fcsim.solvers.newton.iterations import newton
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,10 +13,10 @@ from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Method, Result, Status, solve
 from fcsim.solvers.base import Iterate, Monitor, override
-from fcsim.solvers.gauss_seidel import GaussSeidelOptions, nsgs
+from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
-from fcsim.solvers.line_search import armijo, goldstein_price
-from fcsim.solvers.newton import NewtonOptions, newton
+from fcsim.solvers.newton.iterations import NewtonOptions, newton
+from fcsim.solvers.newton.line_search import armijo, goldstein_price
 
 
 def problem(seed: int = 0, nc: int = 10, d: int = 3) -> LocalProblem:
@@ -156,7 +156,7 @@ def test_gauss_seidel_out_of_time_returns_its_last_sweep(monkeypatch: pytest.Mon
     p, calls = problem(1), iter([False] * 5 + [True])
     expected = solve(p, "NSGS-AC", tol=1e-14, max_iterations=5)
     monkeypatch.setattr(Monitor, "out_of_time", lambda self: next(calls))
-    monkeypatch.setattr("fcsim.solvers.gauss_seidel.UNWATCHED", 0)  # a look at the clock before each sweep
+    monkeypatch.setattr("fcsim.solvers.gauss_seidel.sweeps.UNWATCHED", 0)  # a look at the clock before each sweep
     result = solve(p, "NSGS-AC", tol=1e-14)
     assert result.status is Status.TIME_LIMIT and result.iterations == 5
     assert expected.error < 0.1

@@ -10,7 +10,7 @@ from fcsim.assembly.loads import Force, Traction
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.part import Body, Material
 from fcsim.timestep.quasi_static import QuasiStatic

@@ -11,12 +11,12 @@ from scipy.linalg import eigh, expm
 from fcsim.assembly.loads import Force, Traction
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
-from fcsim.checkpoint import read_checkpoint, write_checkpoint
 from fcsim.contact_detection import Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import rectangle, rigid_rectangle
 from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.running.checkpoint import read_checkpoint, write_checkpoint
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
 from fcsim.timestep.scheme import Gap, Scheme, Velocity
 from fcsim.timestep.simulation import Moment, Simulation, SolverSettings, Step

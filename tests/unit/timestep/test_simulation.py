@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Contacts, Detector, SurfacePair
-from fcsim.contact_detection.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError, NotConverged
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.part import Body, Material

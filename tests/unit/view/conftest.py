@@ -13,7 +13,7 @@ import pytest
 
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.mesh.part import Body, Material, Part, RigidBody
-from fcsim.view.vtk import SeriesWriter
+from fcsim.running.vtk_series import SeriesWriter
 
 STONE = Material(E=2.2e9, nu=0.2, density=2000.0)
 FULL, THICKNESS, COURSE = 0.2, 0.1, 0.1

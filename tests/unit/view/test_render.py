@@ -16,11 +16,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from fcsim.errors import InputError, MissingDependency
+from fcsim.running.folder import Instant, RunFolder, open_run
 from fcsim.view import SeriesWriter, render, scene
 from fcsim.view.film import film_instants, write_film
 from fcsim.view.pictures import contact_figure, instants_figure, stress_figure
 from fcsim.view.plots import contact_plot, convergence_plot, energy_plot, history_plot, phase_plot, reaction_plot, write_plots
-from fcsim.view.run_folder import Instant, RunFolder, open_run
 from fcsim.view.style import BLUE, RED, prefixed
 
 

@@ -1,0 +1,1 @@
+"""What a bench says: tables, profiles, convergence, one page."""

@@ -1,0 +1,211 @@
+"""fcsim bench: measure solvers on a folder of FCLIB problems."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import shlex
+import signal
+import sys
+from contextlib import AbstractContextManager
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fcsim import __version__
+from fcsim.errors import InputError
+from fcsim.files import replacing
+
+if TYPE_CHECKING:
+    from fcsim.bench.workers.launch import Launcher
+    from fcsim.bench.workers.worker import Settings
+
+SOLVERS = "NSN-AC-NLS,NSN-JM-NLS,NSN-NM-NLS,NSN-AC-NLS-HYBRID,NSGS-AC,NSGS-FP-VI-UPK"
+"""Those of the comparison of Acary, Brémond, Huber 2018 that the masonry wall is measured by."""
+TOLERANCES = "1e-2,1e-3,1e-4,1e-6"
+SICONOS_BEST = ("NSGS", "NSN_AC", "ADMM", "PROX NSN_AC", "PROX regularisation", "2D NSGS")
+"""Different methods, among those of Siconos that solve most problems of the FCLIB collection."""
+
+DESCRIPTION = """\
+Measure each solver on each problem to each tolerance, every measurement in a process of its own with limits on time and memory: a
+hang, a crash, a leak or a false claim is a result. Rows go to results.csv in --out as they are made, and a bench that was ended
+by whatever goes on where it was when the same command is given again.
+
+What results.csv has is not measured again, except what was stopped by a time or memory limit that is looser now. Machine and version are
+noted with each row and not compared; delete rows, or choose another --out, to measure anew.
+
+Time is that of the whole solve, a global problem's reduction included, reading not. What is measured is warm: an unmeasured run of about 2
+s at most comes first in each process, since compiled code is loaded in it. Every run starts from r = 0 with nothing known of the problem;
+solves shorter than 0.5 s are repeated and the median taken. Siconos needs no loading: its runs are measured within its own process after
+that has started and read the problem. A solution found after the time limit is recorded as TIME_LIMIT. The memory limit is on what a solve
+adds to the process that has read the problem (its resident memory is watched). The error is recomputed outside the solver; a solver that
+says to be solved above 1.01 times the tolerance is recorded as WRONG. flops are counted where the processor's counters may be read (Linux
+on x86-64, /proc/sys/kernel/perf_event_paranoid <= 2, rarely in virtual machines), for fcsim's own solvers; the column is empty elsewhere.
+
+Over MPI: mpiexec -n N python -m mpi4py.futures -m fcsim bench ... --launcher mpi; rank 0 hands out, the others measure.
+"""
+
+
+def add_parsers(commands: argparse._SubParsersAction) -> None:
+    """Add the command `bench`."""
+    bench = commands.add_parser(
+        "bench",
+        help="measure solvers on a folder of problems",
+        description=DESCRIPTION,
+        epilog="Exit codes: 0 all measurements are made, whatever they say; 2 bad input; 130 interrupted, the same command goes on.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    bench.add_argument("paths", type=Path, nargs="+", metavar="DIR", help="folders of FCLIB files, or such files")
+    bench.add_argument("--solvers", default=SOLVERS, metavar="NAME,...", help=f"see fcsim solvers; Siconos:NAME; default {SOLVERS}")
+    bench.add_argument("--tols", default=TOLERANCES, metavar="TOL,...", help=f"default {TOLERANCES}")
+    bench.add_argument("--time-limit", type=float, default=100.0, metavar="SECONDS", help="of one solve (default 100)")
+    bench.add_argument("--memory-limit", type=float, metavar="MIB", help="of one solve, beyond the problem (default: none)")
+    bench.add_argument("--jobs", type=int, default=1, metavar="N", help="measurements at a time (default 1; --launcher local)")
+    bench.add_argument("--threads", type=int, default=1, metavar="N", help="of each measurement (default 1)")
+    bench.add_argument("--launcher", choices=("local", "mpi"), default="local", help="processes of this machine, or of MPI ranks")
+    bench.add_argument("--form", choices=("global", "local", "all"), default="all", help="problems in this form only (default all)")
+    bench.add_argument("--dimension", type=int, choices=(2, 3), help="problems of this dimension only (default both)")
+    bench.add_argument(
+        "--siconos",
+        default="none",
+        metavar="none|best|NAME,...",
+        help=f"configurations of Siconos as further solvers, as NSGS or NSGS/dense; best: {', '.join(SICONOS_BEST)}",
+    )
+    bench.add_argument("--siconos-python", type=Path, default=Path("/usr/bin/python3"), metavar="PYTHON", help="that has siconos.numerics")
+    bench.add_argument("--plugin", type=Path, action="append", default=[], metavar="FILE", help="Python file that adds to SOLVERS")
+    bench.add_argument(
+        "--skip-hopeless",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="record tolerances tighter than one not met in time as TIME_LIMIT without a try (default on)",
+    )
+    bench.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/bench/NAME of the first DIR)")
+    bench.set_defaults(act=_bench)
+
+
+def _positive(option: str, value: float) -> None:
+    if not (value > 0 and math.isfinite(value)):
+        raise InputError(f"{option}: expected a number > 0, got {value:g}")
+
+
+def _tolerances(text: str) -> list[float]:
+    try:
+        tols = [float(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise InputError(f"--tols: expected numbers with commas between, got {text!r}") from None
+    for tol in tols:
+        _positive("--tols", tol)
+    if not tols:
+        raise InputError("--tols: expected at least one tolerance, got none")
+    return tols
+
+
+def _solvers(options: argparse.Namespace) -> list[str]:
+    from fcsim.bench.workers.siconos_worker import CONFIGURATIONS, GLOBAL_3D
+    from fcsim.bench.workers.worker import SICONOS
+    from fcsim.solvers import method
+
+    names = [name.strip() for name in options.solvers.split(",") if name.strip()]
+    if options.siconos != "none":
+        theirs = SICONOS_BEST if options.siconos == "best" else [name.strip() for name in options.siconos.split(",") if name.strip()]
+        names += [SICONOS + name.removeprefix(SICONOS) for name in theirs]
+    for name in names:
+        if not name.startswith(SICONOS):
+            method(name)
+            continue
+        configuration, _, storage = name.removeprefix(SICONOS).partition("/")
+        if configuration not in CONFIGURATIONS:
+            raise InputError(f"solver {name!r}: expected {SICONOS} and one of {', '.join(CONFIGURATIONS)}")
+        storages = ("global",) if configuration in GLOBAL_3D else CONFIGURATIONS[configuration]["storages"]
+        if storage and storage not in storages:
+            raise InputError(f"solver {name!r}: expected the storage {' or '.join(storages)}, got {storage!r}")
+    if not names:
+        raise InputError("--solvers: expected at least one solver, got none")
+    return list(dict.fromkeys(names))
+
+
+def _settings(options: argparse.Namespace, solvers: list[str]) -> Settings:
+    from fcsim.bench.workers.siconos_client import siconos_version
+    from fcsim.bench.workers.worker import SICONOS, Settings
+
+    version = ""
+    if any(name.startswith(SICONOS) for name in solvers):
+        version = siconos_version(options.siconos_python) or ""
+        if not version:
+            raise InputError(f"--siconos-python {options.siconos_python}: expected a Python that can import siconos.numerics, it cannot")
+    plugins = [str(path.resolve()) for path in options.plugin]
+    return Settings(options.threads, plugins, str(options.siconos_python), version)
+
+
+def _circumstances(options: argparse.Namespace, solvers: list[str], tols: list[float], settings: Settings, problems: int) -> str:
+    """How the bench was called, for those who repeat it."""
+    about = {
+        "command": shlex.join(["fcsim", *sys.argv[1:]]),
+        "paths": list(map(str, options.paths)),
+        "form": options.form,
+        "dimension": options.dimension,
+        "problems": problems,
+        "solvers": solvers,
+        "tols": tols,
+        "time_limit": options.time_limit,
+        "memory_limit": options.memory_limit,
+        "skip_hopeless": options.skip_hopeless,
+        "jobs": options.jobs,
+        "launcher": options.launcher,
+        **asdict(settings),
+        "version": __version__,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    return json.dumps(about, indent=1)
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from fcsim.bench.bench_progress import Bar, print_summary
+    from fcsim.bench.problems import entries
+    from fcsim.bench.results import FILE, read_results
+    from fcsim.bench.run import Limits, bench
+    from fcsim.bench.workers.launch import local, over_mpi
+    from fcsim.bench.workers.worker import load_plugins
+    from fcsim.command_line.main import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK
+
+    for option in ("time_limit", "memory_limit", "jobs", "threads"):
+        if getattr(options, option) is not None:
+            _positive("--" + option.replace("_", "-"), getattr(options, option))
+    load_plugins([str(path) for path in options.plugin])
+    tols, solvers = _tolerances(options.tols), _solvers(options)
+    settings = _settings(options, solvers)
+    problems, notes = entries(options.paths, options.form, options.dimension)
+    directory = options.out or Path("results") / "bench" / options.paths[0].resolve().stem
+    limits = Limits(options.time_limit, options.memory_limit, options.skip_hopeless)
+
+    def launch() -> AbstractContextManager[Launcher | None]:
+        return over_mpi(settings) if options.launcher == "mpi" else local(settings, options.jobs)
+
+    # a polite kill ends the bench as Ctrl-C does, also where Ctrl-C itself is ignored, as under nohup
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with Bar() as bar:
+            text = _circumstances(options, solvers, tols, settings, len(problems))
+
+            def started() -> None:
+                with replacing(directory / "bench.json") as temporary:
+                    temporary.write_text(text + "\n", encoding="utf-8")
+
+            progress = bench(problems, solvers, tols, limits, settings, directory, launch, bar.update, started)
+    except KeyboardInterrupt:
+        made = len(read_results(directory)) if (directory / FILE).exists() else 0
+        print(f"fcsim: interrupted; {directory / FILE} has {made} measurements, the same command goes on with the rest", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    if progress is None:  # an MPI rank that served
+        return EXIT_OK
+    names = {problem.name for problem in problems}
+    print_summary([m for m in read_results(directory) if m.problem in names and m.solver in solvers and m.tol in tols])
+    for note in [*notes, *progress.notes]:
+        print(note, file=sys.stderr)
+    print(f"{progress.measured} measurements made, {progress.done} of {progress.total} in {directory / FILE}")
+    print(f"profiles: fcsim profile {directory}")
+    return EXIT_BAD_INPUT if progress.notes else EXIT_OK

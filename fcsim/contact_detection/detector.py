@@ -1,0 +1,121 @@
+"""Detection: from positions to contacts, for all surface pairs at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.contact_detection.contacts import Contacts, join
+from fcsim.contact_detection.integral.mortar import FaceMortar, Mortar
+from fcsim.contact_detection.integral.segment_points import SegmentPoints
+from fcsim.contact_detection.node_to_segment import NodeToSegment
+from fcsim.contact_detection.smoothed_normals import SmoothedNodeToSegment
+from fcsim.contact_detection.surfaces.broad_phase import PairList
+from fcsim.contact_detection.surfaces.surface import SurfacePair
+from fcsim.errors import InputError
+
+Method = NodeToSegment | Mortar | SegmentPoints
+
+
+def method_of(pair: SurfacePair) -> type[Method]:
+    """The class that detects the contacts of a pair."""
+    integral: dict[str, type[Method]] = {"mortar": Mortar, "mortar-faces": FaceMortar, "segments": SegmentPoints}
+    if pair.candidates in integral:
+        return integral[pair.candidates]
+    return SmoothedNodeToSegment if pair.normals == "smooth" else NodeToSegment
+
+
+@dataclass(frozen=True, eq=False)
+class Detector:
+    """Contact detection between the surfaces of `pairs`, in a model of n_nodes nodes.
+
+    What does not depend on positions is computed here once. `detector(positions)` returns the Contacts at positions (n_nodes, d) [m],
+    sorted by pair. Pairs with candidates "nodes", "faces" or "gauss" are node-to-segment (3D: node-to-facet), sorted by (candidate,
+    master body):
+
+    * A candidate has at most one contact per master body: its nearest foot on facets that face it. A foot outside a facet by
+      less than edge_tolerance (relative to the smaller of the two facets' sizes), beyond the outer boundary, is moved onto it; farther
+      out there is no contact.
+    * On an edge or vertex shared by facets, above a convex one (or below a concave one), the normal is along the line to the
+      candidate; where they coincide it is the mean of the facets' normals.
+    * Feet on several bodies that coincide, with parallel normals (a node above the joint of two blocks), are one contact: the
+      smallest gap, then the lowest body number. Feet count as one within twice the distance that edge_tolerance allows.
+    * Contacts are kept while -penetration * size <= gap <= alert, size the square root (2D: itself) of the smaller of the
+      two facets: deeper is another side of the body.
+
+    With normals "smooth" the second rule does not apply: the foot is along the interpolated normal, which is continuous (see
+    `smoothed_normals`). Pairs with candidates "mortar", "mortar-faces" or "segments" are integrated over the overlaps of the two
+    surfaces: see `mortar` and `segment_points`.
+
+    `search` makes a list of possible pairs that can be passed again while `PairList.covers(positions)`; the contacts are the same.
+    InputError: no pairs, 2D with 3D, node numbers not below n_nodes, positions of wrong shape or not finite, facets without area.
+    """
+
+    pairs: Sequence[SurfacePair]
+    n_nodes: int
+    edge_tolerance: float = 1e-2
+    penetration: float = 0.5
+    methods: tuple[Any, ...] = field(init=False, repr=False)
+    numbers: tuple[IntArray, ...] = field(init=False, repr=False)
+    first_identity: IntArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        pairs = tuple(self.pairs)
+        if not pairs or len({pair.slave.dimension for pair in pairs}) > 1:
+            raise InputError(f"Detector: expected one or more surface pairs, all 2D or all 3D, got {len(pairs)} pairs")
+        for pair in pairs:
+            for role, surface in (("slave", pair.slave), ("master", pair.master)):
+                if surface.facets.max(initial=-1) >= self.n_nodes:
+                    raise InputError(
+                        f"Detector, pair {pair.name!r}, {role}: expected node numbers below n_nodes = {self.n_nodes}, "
+                        f"got {surface.facets.max()}"
+                    )
+        for name in ("edge_tolerance", "penetration"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
+                raise InputError(f"Detector, {name}: expected a number >= 0, relative to the facet size, got {getattr(self, name)}")
+        wanted = [method_of(pair) for pair in pairs]
+        methods, numbers, identities = [], [], np.zeros(len(pairs), dtype=np.int64)
+        for method in dict.fromkeys(wanted):
+            numbers.append(np.array([k for k, its in enumerate(wanted) if its is method]))
+            methods.append(method([pairs[k] for k in numbers[-1]], self.edge_tolerance, self.penetration))
+            identities[numbers[-1]] = methods[-1].identities
+        first = np.concatenate([[0], np.cumsum(identities)[:-1]])
+        for name, value in (("pairs", pairs), ("methods", tuple(methods)), ("numbers", tuple(numbers)), ("first_identity", first)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def dimension(self) -> int:
+        return self.pairs[0].slave.dimension
+
+    def __call__(self, positions: FloatArray, near: PairList | None = None) -> Contacts:
+        """Contacts at `positions` (n_nodes, d) [m]; `near` is used instead of a new search where it covers them."""
+        x = self._checked(positions)
+        listed = near.pairs if near is not None and near.covers(x) else [None] * len(self.methods)
+        found, pair_of_contact = [], []
+        for method, numbers, possible in zip(self.methods, self.numbers, listed, strict=True):
+            now = method.configuration(x)
+            contacts, pair = method.contacts(now, *(method.search(now, 0.0) if possible is None else possible))
+            pair_of_contact.append(numbers[pair])
+            found.append(replace(contacts, identity=contacts.identity + self.first_identity[numbers[pair]]))
+        if len(found) == 1:
+            return found[0]
+        return join(found).take(np.argsort(np.concatenate(pair_of_contact), kind="stable"))
+
+    def search(self, positions: FloatArray, skin: float = 0.0) -> PairList:
+        """Possible pairs at `positions` (n_nodes, d) [m], with `skin` [m] to spare for later positions."""
+        if not (np.isfinite(skin) and skin >= 0):
+            raise InputError(f"Detector.search, skin: expected a distance >= 0 in m, got {skin}")
+        x = self._checked(positions)
+        return PairList(tuple(method.search(method.configuration(x), skin) for method in self.methods), x.copy(), skin)
+
+    def _checked(self, positions: FloatArray) -> FloatArray:
+        x = np.asarray(positions, dtype=np.float64)
+        if x.shape != (self.n_nodes, self.dimension):
+            raise InputError(f"Detector, positions: expected shape {(self.n_nodes, self.dimension)}, got {x.shape}")
+        if not np.isfinite(x).all():
+            raise InputError("Detector, positions: expected finite numbers, got NaN or infinity")
+        return x

@@ -1,0 +1,1 @@
+"""Contact integrated over the overlaps of two surfaces: mortar and segments."""

@@ -1,0 +1,64 @@
+"""The segment Gauss point rule: each Gauss point of an overlap of two facets is a contact of its own.
+
+Its frame is that of the slave facet, N = - n, its weights phi_k and - psi_l at the point (see `segment_to_segment`): 2 points a
+segment in 2D; in 3D 3 in each triangle of the overlap, the centre alone where all facets are triangles. That is exact for the forces of
+a uniform pressure on triangles and parallelograms, so that the contact patch test is passed on any two meshes.
+
+Hyperstaticity: the points are many more than the nodes can tell apart. W is singular, the reactions at the points are not unique, though
+what they do to the nodes is; methods that need W regular fail. Its rank is at most d (slave + master nodes in contact - fields that both
+sides have, such as 1, x, y), see docs/contact_rules.md.
+
+Balance: action and reaction are on one line along n, g apart: no resultant, and the moment g N x r, which is zero for closed contacts.
+
+Source: K. A. Fischer and P. Wriggers 2005; G. Zavarise and P. Wriggers, A segment-to-segment contact strategy, Math. Comput. Modelling
+28, 1998.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fcsim.arrays import IntArray
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.frames import frames
+from fcsim.contact_detection.integral.segment_to_segment import CENTRE, POINTS_A_SEGMENT, THREE_POINTS, Configuration, SegmentToSegment
+from fcsim.contact_detection.surfaces.surface import SurfacePair
+
+
+class SegmentPoints(SegmentToSegment):
+    """Contacts at Gauss points, sorted by (pair, slave facet, master facet, point); see `Detector`.
+
+    Contacts are kept while -penetration * size <= gap <= alert, on segments of more than least_share of the smaller facet.
+    identities (pairs,): how many different numbers the contacts of each pair can have.
+    """
+
+    def __init__(self, pairs: Sequence[SurfacePair], edge_tolerance: float, penetration: float) -> None:
+        super().__init__(pairs, edge_tolerance, penetration)
+        self.rule = CENTRE if self.slaves.width == self.masters.width == 3 else THREE_POINTS
+        self.n_masters = np.diff(self.masters.offsets)
+        self.identities = np.diff(self.slaves.offsets) * self.n_masters * POINTS_A_SEGMENT
+
+    def contacts(self, now: Configuration, slave: IntArray, master: IntArray) -> tuple[Contacts, IntArray]:
+        """Contacts among the possible pairs of facets, and their surface pairs."""
+        found = self.segments(now, slave, master)
+        smaller = np.minimum(now.slave.size[found.slave], now.master.size[found.master])
+        wide = found.area > self.least_share * self.area(smaller)
+        keep = wide[found.row] & (found.gap <= self.alert[self.pair_of_slave[found.slave]][found.row])
+        keep &= found.gap >= -self.penetration * smaller[found.row]
+        row = found.row[keep]
+        slave, master = found.slave[row], found.master[row]
+        pair = self.pair_of_slave[slave]
+        local = (slave - self.slaves.offsets[pair]) * self.n_masters[pair] + master - self.masters.offsets[pair]
+        contacts = Contacts(
+            point=np.einsum("nk,nkd->nd", found.psi[keep], now.master.corners[master]),
+            frame=frames(-now.slave.normal[slave]),
+            gap=found.gap[keep],
+            mu=self.mu[pair],
+            nodes=np.concatenate([self.slaves.nodes[slave], self.masters.nodes[master]], axis=1),
+            weights=np.concatenate([found.phi[keep], -found.psi[keep]], axis=1),
+            bodies=np.stack([self.slaves.bodies[slave], self.masters.bodies[master]], axis=1),
+            identity=local * POINTS_A_SEGMENT + found.number[keep],
+        )
+        return contacts, pair

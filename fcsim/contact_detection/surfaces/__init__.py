@@ -1,0 +1,1 @@
+"""Surfaces of contact: their facets, candidate points, projections and possible neighbours."""

@@ -1,0 +1,123 @@
+"""Facets of several surfaces in one set of arrays: geometry in a configuration, and which edges lie inside a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.surfaces.surface import ContactSurface
+from fcsim.errors import InputError
+
+
+class Facets(NamedTuple):
+    """nf facets of width k (the largest in use), surface after surface.
+
+    nodes   (nf, k) -1 = none
+    closed  (nf, k) the same with a triangle's missing node replaced by its first, so that its corners close a polygon
+    bodies  (nf,)
+    offsets (surfaces + 1,) facets of surface s are offsets[s] ... offsets[s + 1] - 1
+    """
+
+    nodes: IntArray
+    closed: IntArray
+    bodies: IntArray
+    offsets: IntArray
+
+    @property
+    def width(self) -> int:
+        return self.nodes.shape[1]
+
+
+class Topology(NamedTuple):
+    """Neighbourhood on the surfaces: edge l of a facet joins its nodes l and l + 1; in 2D a facet has vertices only.
+
+    interior_edge   (nf, k) the edge is shared by two facets of the surface
+    interior_vertex (nf, k) no edge of the surface's outer boundary ends there (2D: two segments share it)
+    vertex          (nf, k) numbers of vertices within the surfaces
+    averaging       (nv, nf) mean over the facets around a vertex
+    """
+
+    interior_edge: BoolArray
+    interior_vertex: BoolArray
+    vertex: IntArray
+    averaging: csr_array
+
+
+class FacetGeometry(NamedTuple):
+    """corners (nf, k, d) [m]; centre (nf, d) [m]; radius (nf,) [m] around it; unit normal (nf, d) at the centre; size (nf,) [m],
+    the square root of the area (2D: the length)."""
+
+    corners: FloatArray
+    centre: FloatArray
+    radius: FloatArray
+    normal: FloatArray
+    size: FloatArray
+
+
+def join(surfaces: Sequence[ContactSurface], *, sort: bool = False) -> Facets:
+    """Concatenate surfaces of one dimension; `sort` numbers the facets of each by their nodes, whatever order they came in."""
+    width = max(surface.facets.shape[1] for surface in surfaces)
+    nodes = [np.pad(s.facets, ((0, 0), (0, width - s.facets.shape[1])), constant_values=-1) for s in surfaces]
+    bodies = [s.bodies for s in surfaces]
+    if sort:
+        orders = [np.lexsort(np.sort(n, axis=1).T[::-1]) for n in nodes]
+        nodes = [n[order] for n, order in zip(nodes, orders, strict=True)]
+        bodies = [b[order] for b, order in zip(bodies, orders, strict=True)]
+    joined = np.concatenate(nodes)
+    offsets = np.cumsum([0] + [len(n) for n in nodes])
+    return Facets(joined, np.where(joined < 0, joined[:, :1], joined), np.concatenate(bodies), offsets)
+
+
+def averaging_at_nodes(nodes: IntArray) -> tuple[IntArray, IntArray, csr_array]:
+    """Nodes of the facets (nf, k), each once: sorted numbers (nv,), places (nf, k) in them, matrix (nv, nf) of the mean around each."""
+    real = nodes >= 0
+    facet = np.broadcast_to(np.arange(len(nodes))[:, None], nodes.shape)[real]
+    numbers, place = np.unique(nodes[real], return_inverse=True)
+    vertex = np.zeros_like(nodes)
+    vertex[real] = place
+    valence = np.bincount(place, minlength=len(numbers))
+    return numbers, vertex, csr_array((1.0 / valence[place], (place, facet)), shape=(len(numbers), len(nodes)))
+
+
+def topology(facets: Facets) -> Topology:
+    """Find edges and vertices inside each surface, which a foot point may rest on, and those on its outer boundary."""
+    surface = np.repeat(np.arange(len(facets.offsets) - 1), np.diff(facets.offsets))[:, None]
+    stride = facets.nodes.max(initial=0) + 1
+    _, vertex, averaging = averaging_at_nodes(np.where(facets.nodes < 0, -1, facets.nodes + stride * surface))
+    vertex = np.where(facets.nodes < 0, vertex[:, :1], vertex)
+    if facets.width == 2:
+        interior_vertex = np.bincount(vertex.ravel(), minlength=1)[vertex] >= 2
+        return Topology(np.zeros_like(interior_vertex), interior_vertex, vertex, averaging)
+    ends = np.stack([vertex, np.roll(vertex, -1, axis=1)])
+    key = ends.min(axis=0) * len(vertex) * facets.width + ends.max(axis=0)
+    real = ends[0] != ends[1]  # a padded triangle has an edge of no length
+    _, edge, count = np.unique(key[real], return_inverse=True, return_counts=True)
+    interior_edge = np.zeros(vertex.shape, dtype=bool)
+    interior_edge[real] = count[edge] >= 2
+    on_boundary = np.zeros(averaging.shape[0], dtype=bool)
+    on_boundary[ends[:, real & ~interior_edge]] = True
+    return Topology(interior_edge, ~on_boundary[vertex], vertex, averaging)
+
+
+def geometry(facets: Facets, positions: FloatArray) -> FacetGeometry:
+    """Centres, normals and sizes of the facets for node positions (nodes, d) [m]; InputError on a facet without area."""
+    corners = positions[facets.closed]
+    centre = np.einsum("nkd->nd", corners) / facets.width
+    arm = corners - centre[:, None]
+    radius = np.sqrt(reduce(np.maximum, np.einsum("nkd,nkd->kn", arm, arm)))
+    if facets.width == 2:
+        tangent = corners[:, 1] - corners[:, 0]
+        area = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
+    else:  # half the cross product of the diagonals: exact mean normal of a bilinear facet; a triangle's last corner is its first
+        area = 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3 % facets.width] - corners[:, 1])
+    measure = np.sqrt(np.einsum("nd,nd->n", area, area))
+    if not (measure > 0).all():
+        bad = int(np.argmin(measure > 0))
+        raise InputError(f"contact detection: expected facets of positive area, got area 0 at nodes {facets.nodes[bad].tolist()}")
+    size = measure if facets.width == 2 else np.sqrt(measure)
+    return FacetGeometry(corners, centre, radius, area / measure[:, None], size)

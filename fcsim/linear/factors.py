@@ -1,0 +1,265 @@
+"""Factorisations behind one small interface: `factorise(A).solve(rhs)` for vectors and for many right-hand sides.
+
+Small matrices are factored dense (LAPACK), larger ones by MUMPS where petsc4py is there, by SuperLU (SciPy) otherwise.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numba import njit
+
+from fcsim import runtime
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.errors import FcsimError
+
+DENSE_UP_TO = 1000
+"""Up to this size a dense factorisation is as fast as a sparse one for the blocks met here and solves many right-hand sides faster."""
+
+SOLVED_AT_ONCE = 8_000_000
+"""Numbers of right-hand sides that are solved for together (64 MB, of which a factor's solution takes a few copies)."""
+
+
+class SingularMatrix(FcsimError, ArithmeticError):
+    """A matrix that cannot be factored."""
+
+
+class Factor(Protocol):
+    """A factored matrix: `solve(rhs)` for rhs (n,) or (n, k), and the name of the method for reports."""
+
+    name: str
+
+    def solve(self, rhs: FloatArray) -> FloatArray: ...
+
+
+class DenseCholesky:
+    """Cholesky factorisation of a dense symmetric positive definite matrix."""
+
+    name = "dense Cholesky (LAPACK)"
+
+    def __init__(self, A: FloatArray, overwrite: bool = False) -> None:
+        """overwrite: a Fortran-ordered A is factored in place."""
+        potrf, self._potrs = sla.lapack.get_lapack_funcs(("potrf", "potrs"), (A,))
+        self._factor, info = potrf(A, lower=True, clean=False, overwrite_a=overwrite)
+        if info != 0:
+            raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: pivot {info}")
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        if not rhs.size:  # LAPACK's wrapper takes no empty arrays
+            return rhs.copy()
+        solution: FloatArray = self._potrs(self._factor, rhs, lower=True)[0]
+        return solution
+
+    def inverse_on_last(self, count: int) -> FloatArray:
+        """The rows and columns of A^-1 of the last unknowns: (L_ll L_ll^T)^-1 of the factor's last block, whatever comes before it."""
+        if not count:
+            return np.empty((0, 0))
+        lower = sla.lapack.dpotri(self._factor[-count:, -count:], lower=True)[0]
+        inverse: FloatArray = lower.T  # C-ordered
+        mirror(inverse)
+        return inverse
+
+
+@njit(cache=True)
+def mirror(A: FloatArray) -> None:
+    """Copy the upper triangle of A (n, n) to the lower one, in place."""
+    step = 32  # rows that stay in the cache while they are written as columns
+    for begin in range(0, len(A), step):
+        for p in range(begin, len(A)):
+            for q in range(begin, min(begin + step, p)):
+                A[p, q] = A[q, p]
+
+
+class DenseLU:
+    """LU factorisation with partial pivoting of a dense matrix, in its precision: single for a preconditioner takes half the time."""
+
+    name = "dense LU (LAPACK)"
+
+    def __init__(self, A: Any, overwrite: bool = False) -> None:
+        getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), (A,))
+        self._lu, self._pivots, info = getrf(A, overwrite_a=overwrite)
+        if info != 0:
+            raise SingularMatrix(f"matrix of size {len(A)} is singular: zero pivot {info}")
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs)[0]
+        return solution
+
+    def solve_transposed(self, rhs: FloatArray) -> FloatArray:
+        """Return A^-T rhs: with DenseLU(J.T, overwrite=True) a C-ordered J is factored in place, and this solves J x = rhs."""
+        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs, trans=1)[0]
+        return solution
+
+
+MUMPS_FROM = 300_000
+"""Entries of a contact problem's matrix above which MUMPS' analysis pays off against SuperLU."""
+
+
+class SuperLU:
+    """Sparse LU factorisation by SuperLU (SciPy)."""
+
+    name = "SuperLU (SciPy)"
+
+    def __init__(self, A: Any, symmetric_pattern: bool = False) -> None:
+        """symmetric_pattern: order on the graph of A + A^T and prefer the diagonal as pivot, for matrices like a stiffness or W."""
+        options: dict[str, Any] = {}
+        if symmetric_pattern:
+            options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
+        try:
+            self._factor = spla.splu(sp.csc_matrix(A), **options)
+        except RuntimeError as error:
+            raise SingularMatrix(f"matrix of size {A.shape[0]} is singular: {error}") from None
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        return self._factor.solve(np.ascontiguousarray(rhs))
+
+
+class Mumps:
+    """Sparse LU factorisation by MUMPS through petsc4py, Cholesky for a symmetric positive definite matrix: half the work and memory.
+
+    Of a symmetric matrix the upper triangle alone is read; given by square blocks (bsr) it is handed over so. `compression` > 0 keeps
+    the factors of large fronts as products of low rank to that relative accuracy (block low rank: P. Amestoy, A. Buttari, J.-Y.
+    L'Excellent, T. Mary, ACM Trans. Math. Softw. 45, 2019): less work and memory, and solutions of about that accuracy.
+    `refactor` takes new values on the same pattern and keeps the symbolic analysis. The options that choose the ordering are set
+    under a prefix of this factor's own and removed once read.
+    """
+
+    name = "MUMPS (PETSc)"
+    _count = 0
+
+    def __init__(self, A: Any, ordering: int = 7, *, positive_definite: bool = False, compression: float = 0.0) -> None:
+        PETSc = runtime.petsc()
+        self._shape, self._positive_definite = A.shape, positive_definite
+        Mumps._count += 1
+        prefix = f"fcsim_mumps_{Mumps._count}_"
+        rows, block = self._rows(A)
+        if positive_definite:
+            self._matrix = PETSc.Mat().createSBAIJ(A.shape, block, csr=rows, comm=PETSc.COMM_SELF)
+            self._matrix.setOption(PETSc.Mat.Option.SPD, True)
+        else:
+            self._matrix = PETSc.Mat().createAIJ(A.shape, csr=rows, comm=PETSc.COMM_SELF)
+        del rows  # PETSc has its own copy
+        self._solver = PETSc.PC().create(comm=PETSc.COMM_SELF)
+        self._solver.setOptionsPrefix(prefix)
+        self._solver.setType("cholesky" if positive_definite else "lu")
+        self._solver.setFactorSolverType("mumps")
+        options = PETSc.Options()
+        more_space = 5 if positive_definite else 50  # [%] over MUMPS' estimate; pivoting makes the estimate of an LU a guess
+        chosen: dict[str, float] = {f"{prefix}mat_mumps_icntl_7": ordering, f"{prefix}mat_mumps_icntl_14": more_space}
+        if compression:
+            chosen |= {f"{prefix}mat_mumps_icntl_35": 2, f"{prefix}mat_mumps_cntl_7": compression}
+        for key, value in chosen.items():
+            options[key] = value
+        try:
+            self._solver.setOperators(self._matrix)
+            self._solver.setFromOptions()
+            self._set_up(PETSc)
+        finally:
+            for key in chosen:
+                options.delValue(key)
+
+    def _rows(self, A: Any) -> tuple[tuple[Any, Any, FloatArray], int]:
+        """Row starts, columns, values in PETSc's types, and the size of their blocks."""
+        integer = runtime.petsc().IntType
+        if self._positive_definite and getattr(A, "format", "") == "bsr" and A.blocksize[0] == A.blocksize[1]:
+            row = np.repeat(np.arange(len(A.indptr) - 1, dtype=A.indices.dtype), np.diff(A.indptr))
+            upper = np.flatnonzero(A.indices >= row)
+            starts = np.searchsorted(row[upper], np.arange(len(A.indptr)))
+            return (starts.astype(integer), A.indices[upper].astype(integer), A.data[upper].ravel()), A.blocksize[0]
+        A = sp.csr_array(sp.triu(A) if self._positive_definite else A)
+        A.sort_indices()
+        return (A.indptr.astype(integer), A.indices.astype(integer), A.data), 1
+
+    def _set_up(self, PETSc: Any) -> None:
+        try:
+            self._solver.setUp()
+        except PETSc.Error as error:
+            raise SingularMatrix(f"MUMPS could not factor a matrix of size {self._shape[0]}: PETSc error {error.ierr}") from None
+        factor = self._solver.getFactorMatrix()
+        if factor.getMumpsInfog(1) != 0:
+            raise SingularMatrix(
+                f"MUMPS could not factor a matrix of size {self._shape[0]}: INFOG(1) = {factor.getMumpsInfog(1)}, "
+                f"INFOG(2) = {factor.getMumpsInfog(2)}"
+            )
+        if self._positive_definite and factor.getMumpsInfog(12) > 0:  # MUMPS itself goes on
+            raise SingularMatrix(f"matrix of size {self._shape[0]} is not positive definite: {factor.getMumpsInfog(12)} negative pivots")
+
+    def refactor(self, A: Any) -> None:
+        """Factor new values on the pattern given at construction."""
+        PETSc = runtime.petsc()
+        rows, _ = self._rows(A)
+        if self._positive_definite:
+            self._matrix.setPreallocationCSR(rows)  # setValuesCSR knows no blocks
+        else:
+            self._matrix.setValuesCSR(*rows)
+        self._matrix.assemble()
+        self._solver.setOperators(self._matrix)
+        self._set_up(PETSc)
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        PETSc = runtime.petsc()
+        rhs = np.asarray(rhs, dtype=np.float64)
+        if rhs.ndim == 1:
+            b = PETSc.Vec().createWithArray(np.ascontiguousarray(rhs), comm=PETSc.COMM_SELF)
+            x = b.duplicate()
+            self._solver.apply(b, x)
+            solution = x.getArray().copy()
+            b.destroy()
+            x.destroy()
+            return solution
+        dense = np.asfortranarray(rhs)
+        B = PETSc.Mat().createDense(dense.shape, array=dense.ravel(order="F").copy(), comm=PETSc.COMM_SELF)
+        X = PETSc.Mat().createDense(dense.shape, comm=PETSc.COMM_SELF)
+        X.setUp()
+        for matrix in (B, X):
+            matrix.assemble()
+        self._solver.getFactorMatrix().matSolve(B, X)
+        solution = X.getDenseArray().copy()
+        B.destroy()
+        X.destroy()
+        return solution
+
+    def __del__(self) -> None:
+        for name in ("_solver", "_matrix"):
+            handle = self.__dict__.pop(name, None)
+            if handle is not None:
+                handle.destroy()
+
+
+def factorise(A: Any, *, positive_definite: bool = False) -> Factor:
+    """Factor a square matrix A (sparse or dense) by the method that fits its size; `SingularMatrix` where that fails."""
+    n = A.shape[0]
+    if n <= DENSE_UP_TO or not sp.issparse(A):
+        dense = A.toarray() if sp.issparse(A) else np.asarray(A)
+        return DenseCholesky(dense) if positive_definite else DenseLU(dense)
+    return Mumps(A, positive_definite=positive_definite) if runtime.has_petsc() else SuperLU(A)
+
+
+def inverse_on(unknowns: IntArray, factor: Factor, size: int) -> FloatArray:
+    """The rows and columns `unknowns` (k,) of A^-1 (k, k), A of that size, a few columns at a time: all would be k size numbers."""
+    inverse = np.empty((len(unknowns), len(unknowns)))
+    count = max(1, SOLVED_AT_ONCE // max(size, 1))
+    for first in range(0, len(unknowns), count):
+        own = unknowns[first : first + count]
+        units = np.zeros((size, len(own)))
+        units[own, np.arange(len(own))] = 1
+        inverse[:, first : first + count] = factor.solve(units)[unknowns]
+    return inverse
+
+
+@lru_cache(maxsize=4)
+def probes(size: int) -> FloatArray:
+    """Two random vectors (2, size)."""
+    return np.random.default_rng(0).standard_normal((2, size))
+
+
+def is_symmetric(W: Any) -> bool:
+    """Whether y.W x = x.W y for random x and y, to round-off: an asymmetry would have to be orthogonal to both to hide."""
+    x, y = probes(W.shape[0])
+    Wx, Wy = W @ x, W @ y  # no product with W^T, for which block rows would be transposed
+    return abs(float(y @ Wx - x @ Wy)) <= 1e-10 * float(max(np.linalg.norm(Wx), np.linalg.norm(Wy)))

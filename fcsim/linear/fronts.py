@@ -1,0 +1,159 @@
+"""Multifrontal elimination on the graph of the joints: LU of A W + B, with A and B block diagonal over contacts, and Cholesky of W.
+
+In the order of `joints.EliminationTree` a joint's rows and columns are assembled in a dense front, eliminated with pivoting inside the
+joint, and the complement on the joints next to it is passed on to the parent: LAPACK on fronts. A general sparse LU has to find this
+structure among millions of entries (W of the refined wall has 14 million: MUMPS takes 2.7 s). The wall's LU takes 0.6 Gflop instead of
+5.9, and fronts in single precision half the time of double ones, for a solve that is corrected by the defect.
+
+`fcsim.linear.block_cholesky` is for the opposite case: contacts of small bodies, each with neighbours of its own.
+
+Sources: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9, 1983; J. W. H. Liu, SIAM Review 34, 1992.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.linear._front_kernels import extend_add, extend_add_upper, fill, fill_symmetric
+from fcsim.linear.factors import SingularMatrix
+from fcsim.linear.joints import BlockRows, EliminationTree
+from fcsim.solvers.newton.systems.direct import dofs_of
+
+
+class _Assembly:
+    """Goes through the fronts with the contacts that take part (nc,) and keeps the complements that wait for their parents."""
+
+    def __init__(self, tree: EliminationTree, taking_part: BoolArray) -> None:
+        self._fronts, self._part = tree.fronts, taking_part
+        self.contacts = tree.order[taking_part[tree.order]]
+        self._number = np.empty(len(taking_part), dtype=np.int64)
+        self._number[self.contacts] = np.arange(len(self.contacts))
+        self._waiting: dict[int, list[tuple[IntArray, Any]]] = {}
+
+    def __iter__(self) -> Iterator[tuple[int, IntArray, IntArray, IntArray, list[tuple[IntArray, Any]]]]:
+        """Yield for each front: the number of its first contact, own and border contacts, the latter's numbers, and the children's
+        complements with the places of their rows among own and border."""
+        begin = 0
+        for f, front in enumerate(self._fronts):
+            own, border = front.own[self._part[front.own]], front.border[self._part[front.border]]
+            n, beyond = len(own), self._number[border]
+            children = [
+                (np.where(below < begin + n, below - begin, n + np.searchsorted(beyond, below)), S) for below, S in self._waiting.pop(f, ())
+            ]
+            self._parent, self._beyond = front.parent, beyond
+            yield begin, own, border, beyond, children
+            begin += n
+
+    def pass_on(self, complement: Any) -> None:
+        """Leave the present front's complement for its parent."""
+        if len(self._beyond):
+            self._waiting.setdefault(self._parent, []).append((self._beyond, complement))
+
+
+class Multifrontal:
+    """LU of A W + B on the active contacts (nc,) of `rows`; fronts of the given precision.
+
+    They are filled by rows of W, without gaps, and LAPACK, for which matrices are stored by columns, factors their transposes."""
+
+    def __init__(self, rows: BlockRows, A: FloatArray, B: FloatArray, active: BoolArray, dtype: Any = np.float64) -> None:
+        d = A.shape[1]
+        getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), dtype=dtype)
+        gemm = sla.blas.get_blas_funcs("gemm", dtype=dtype)
+        self._dtype = dtype
+        local = np.full(len(active), -1)
+        W, A, B = rows.blocks.ravel(), A.ravel(), B.ravel()
+        assembly = _Assembly(rows.tree, active)
+        self.contacts = assembly.contacts
+        self._fronts = []
+        for begin, own, border, beyond, children in assembly:
+            n, b = len(own), len(border)
+            F11, F12, F21, F22 = (np.zeros((d * k, d * m), dtype=dtype) for k, m in ((n, n), (n, b), (b, n), (b, b)))
+            fill(own, border, local, rows.indptr, rows.indices, W, A, B, d, F11, F12, F21)
+            for place, S in children:
+                extend_add(S, place, n, d, F11, F12, F21, F22)
+            if n:
+                lu, pivots, info = getrf(F11.T, overwrite_a=True)
+                if info != 0:
+                    raise SingularMatrix(f"the block of {n} contacts is singular: zero pivot {info}")
+                if b:
+                    F21 = self._getrs(lu, pivots, F21.T, overwrite_b=True)[0].T
+                    F22 = gemm(-1.0, F12.T, F21.T, 1.0, F22.T, overwrite_c=True).T
+                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), lu, pivots, F21, F12))
+            assembly.pass_on(F22)
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Return x (k, d) of the active contacts for rhs (k, d), both in the order of `contacts`."""
+        x = rhs.astype(self._dtype).ravel()
+        for own, border, _, _, left, _ in self._fronts:
+            x[border] -= left @ x[own]
+        for own, border, lu, pivots, _, right in reversed(self._fronts):
+            x[own] = self._getrs(lu, pivots, x[own] - right @ x[border], trans=1)[0]
+        return x.reshape(rhs.shape)
+
+
+class MultifrontalCholesky:
+    """L L^T of a symmetric W on the held contacts (nc,) of `rows`, unknowns in the order of `contacts`; fronts of the given precision.
+
+    conditioning: the least pivot over the largest.
+    """
+
+    def __init__(self, rows: BlockRows, held: BoolArray, dtype: Any = np.float64) -> None:
+        d = rows.blocks.shape[1]
+        potrf = sla.lapack.get_lapack_funcs("potrf", dtype=dtype)
+        self._trsm, self._trsv, syrk = sla.blas.get_blas_funcs(("trsm", "trsv", "syrk"), dtype=dtype)
+        local = np.full(len(held), -1)
+        assembly = _Assembly(rows.tree, held)
+        self.contacts = assembly.contacts
+        self._fronts = []
+        pivots = [np.empty(0)]
+        for begin, own, border, beyond, children in assembly:
+            n, b = len(own), len(border)
+            F11, F12, F22 = (np.zeros((d * k, d * m), dtype=dtype) for k, m in ((n, n), (n, b), (b, b)))
+            fill_symmetric(own, border, local, rows.indptr, rows.indices, rows.blocks, F11, F12)
+            for place, S in children:
+                extend_add_upper(S, place, n, d, F11, F12, F22)
+            if n:
+                L, info = potrf(F11.T, lower=True, overwrite_a=True, clean=False)
+                if info != 0:
+                    raise SingularMatrix(f"W of {len(self.contacts)} held contacts is not positive definite")
+                F21 = F12.T
+                if b:
+                    F21 = self._trsm(1.0, L, F21, side=1, lower=True, trans_a=True, overwrite_b=True)
+                    F22 = syrk(-1.0, F21, 1.0, F22.T, lower=True, overwrite_c=True).T
+                pivots.append(L.diagonal().astype(float) ** 2)
+                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), L, F21))
+            assembly.pass_on(F22)
+        every = np.concatenate(pivots)
+        self.conditioning = float(every.min() / every.max()) if len(every) else 1.0
+
+    def forward(self, X: FloatArray) -> FloatArray:
+        """Overwrite X (n, k), in C order, with L^-1 X and return it; columns that are zero so far cost nothing."""
+        for own, border, L, F21 in self._fronts:
+            part = X[own]
+            columns = np.flatnonzero(part.any(axis=0))
+            if not len(columns):
+                continue
+            whole = len(columns) > 0.8 * X.shape[1]
+            part = part if whole else part[:, columns]
+            part = self._trsm(1.0, L, part.T, side=1, lower=True, trans_a=True, overwrite_b=True).T
+            if whole:
+                X[own] = part
+                if len(border):
+                    X[border] -= F21 @ part
+            else:
+                X[own, columns] = part
+                if len(border):
+                    X[np.ix_(border, columns)] -= F21 @ part
+        return X
+
+    def backward(self, z: FloatArray) -> FloatArray:
+        """Return L^-T z for z (n,)."""
+        x = z.copy()
+        for own, border, L, F21 in reversed(self._fronts):
+            x[own] = self._trsv(L, x[own] - F21.T @ x[border], lower=True, trans=True)
+        return x

@@ -1,0 +1,71 @@
+"""Loops over contacts, compiled by numba, behind `fcsim.problem.problem`: error, checks, diagonal blocks; d components a contact."""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def squared_natural_residual(r, u, mu, d):
+    """||r - P_K(r - (u + g(u)))||^2, written as u + g(u) + (z - P_K(z)) with z = r - (u + g(u)): see `natural_map_residual`."""
+    total = 0.0
+    for a in range(len(mu)):
+        i, m = d * a, mu[a]
+        u1, u2 = u[i + 1], u[i + 2] if d == 3 else 0.0
+        f0 = u[i] + m * np.sqrt(u1 * u1 + u2 * u2)
+        r0, r1, r2 = r[i], r[i + 1], r[i + 2] if d == 3 else 0.0
+        z0, z1, z2 = r0 - f0, r1 - u1, r2 - u2
+        norm = np.sqrt(z1 * z1 + z2 * z2)
+        if m * norm <= -z0:  # polar cone: P_K(z) = 0
+            total += r0 * r0 + r1 * r1 + r2 * r2
+            continue
+        # z - P_K(z) is c (-mu, t), with t the direction of z_T; c = 0 inside K, and NaN stays NaN
+        excess = norm - m * z0
+        c = 0.0 if excess <= 0.0 else excess / (1.0 + m * m)
+        s = c / norm if norm > 0.0 else 0.0
+        f0, f1, f2 = f0 - m * c, u1 + s * z1, u2 + s * z2
+        total += f0 * f0 + f1 * f1 + f2 * f2
+    return total
+
+
+@njit(cache=True)
+def violations(r, u, q, mu, d):
+    """Largest violations of K by r, of K* by u + g(u) and of u_N >= 0 (none negative), r.(u + g(u)); max and norm of r, and of u or q.
+
+    Of u and q the larger counts, for max and norm each.
+    """
+    cone = dual_cone = penetration = product = r_max = u_max = r_square = u_square = q_square = 0.0
+    for a in range(len(mu)):
+        i, m = d * a, mu[a]
+        r0, r1, r2 = r[i], r[i + 1], r[i + 2] if d == 3 else 0.0
+        u0, u1, u2 = u[i], u[i + 1], u[i + 2] if d == 3 else 0.0
+        q0, q1, q2 = q[i], q[i + 1], q[i + 2] if d == 3 else 0.0
+        sliding = m * np.sqrt(u1 * u1 + u2 * u2)
+        modified = u0 + sliding
+        cone = np.maximum(cone, np.sqrt(r1 * r1 + r2 * r2) - m * r0)  # np.maximum hands NaN on
+        dual_cone = np.maximum(dual_cone, sliding - modified)
+        penetration = np.maximum(penetration, -u0)
+        product += r0 * modified + r1 * u1 + r2 * u2
+        r_max = np.maximum(r_max, np.maximum(abs(r0), np.maximum(abs(r1), abs(r2))))
+        u_max = np.maximum(u_max, np.maximum(abs(u0), np.maximum(abs(u1), abs(u2))))
+        u_max = np.maximum(u_max, np.maximum(abs(q0), np.maximum(abs(q1), abs(q2))))
+        r_square += r0 * r0 + r1 * r1 + r2 * r2
+        u_square += u0 * u0 + u1 * u1 + u2 * u2
+        q_square += q0 * q0 + q1 * q1 + q2 * q2
+    return cone, dual_cone, penetration, product, r_max, u_max, np.sqrt(r_square), np.sqrt(np.maximum(u_square, q_square))
+
+
+@njit(cache=True)
+def diagonal_blocks_of_rows(starts, columns, values, d):
+    """The blocks (nc, d, d) on the diagonal of a matrix by compressed rows, repeated entries added; of columns, each block transposed."""
+    nc = (len(starts) - 1) // d
+    blocks = np.zeros((nc, d, d))
+    for a in range(nc):
+        for i in range(d):
+            for k in range(starts[d * a + i], starts[d * a + i + 1]):
+                j = columns[k] - d * a
+                if 0 <= j < d:
+                    blocks[a, i, j] += values[k]
+    return blocks

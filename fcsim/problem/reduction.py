@@ -1,0 +1,319 @@
+"""From the global to the local form: W = H^T M^-1 H, q = w + H^T M^-1 f, body by body.
+
+A global FCLIB file knows nothing of bodies, but its M is block diagonal over them: the blocks are the connected components of M's
+graph. Blocks that are equal up to round-off are recognised and factored once, and a block's compliance is formed only on the degrees
+of freedom that H touches.
+Equality constraints G^T v + b = 0 are part of the factored matrix [[M, -G], [-G^T, 0]].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.linear.factors import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on, probes
+from fcsim.problem._delassus_kernels import alike_in_contacts
+from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks, equilibrating_scale
+from fcsim.problem.delassus import DelassusSum
+from fcsim.problem.problem import GlobalProblem, LocalProblem
+
+EQUAL = 1e-13
+"""Blocks of M whose entries differ by less, relative to the largest, are one body's (5e-15 to 1e-14 between the blocks of a wall)."""
+
+
+class MassFactor(Protocol):
+    """What stands for M^-1: by blocks of M for a file, by the parts' factors in a simulation."""
+
+    def solve(self, rhs: FloatArray) -> FloatArray: ...
+
+    def delassus(self, H: Any, dimension: int) -> Any: ...
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Degrees of freedom of the components that share one factor: dofs (copies, size), in the factor's order."""
+
+    dofs: IntArray
+    factor: Factor
+
+
+class BlockFactor:
+    """Factor of a block diagonal sparse matrix A whose blocks are found as connected components; equal blocks are factored once.
+
+    Copies of a body that stand elsewhere were assembled with other round-off: blocks that differ by no more than that (`EQUAL`) share
+    a factor too, and `solve` then corrects x by the residual of A itself.
+    """
+
+    def __init__(self, A: Any, touched: BoolArray | None = None) -> None:
+        """touched (n,): degrees of freedom on which A^-1 will be asked for by `delassus`; it is the cheaper for knowing them."""
+        if getattr(A, "format", "") not in ("csr", "csc"):
+            A = sp.csr_array(A)
+        if not A.has_sorted_indices:
+            A = A.sorted_indices()
+        self.n = A.shape[0]
+        arrays = A.indptr, A.indices, A.data  # by rows or by columns, which is all the same up to the blocks' storage
+        dofs, start, place = connected_components(A.indptr, A.indices)
+        size = np.diff(start)
+        self._single = dofs[start[:-1][size == 1]]
+        self._inverse_diagonal = 1 / _diagonal(A, self._single)
+        kind, exact = equal_blocks(*arrays, dofs, start, place, EQUAL)
+        self.blocks = []
+        for k in range(kind.max(initial=-1) + 1):
+            copies = np.flatnonzero(kind == k)
+            own = dofs[start[copies, None] + np.arange(size[copies[0]])]
+            if touched is not None:
+                last = touched[own].any(axis=0)  # eliminated last: see inverse_on_last
+                own = np.take(own, np.argsort(last, kind="stable"), axis=1)
+            starts, indices, values = block_of(*arrays, own[0], place)
+            self.blocks.append(_Block(own, _factor(type(A)((values, indices, starts), shape=(len(own[0]), len(own[0]))))))
+        self._refined = None if exact else A
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Return A^-1 rhs for rhs (n,) or (n, k)."""
+        x = self._solve(rhs)
+        if self._refined is not None:
+            x += self._solve(rhs - self._refined @ x)
+        return x
+
+    def _solve(self, rhs: FloatArray) -> FloatArray:
+        columns = rhs.reshape(self.n, -1)
+        x = np.empty_like(columns)
+        x[self._single] = self._inverse_diagonal[:, None] * columns[self._single]
+        for block in self.blocks:
+            copies, size = block.dofs.shape
+            stacked = columns[block.dofs].transpose(0, 2, 1).reshape(-1, size).T  # (size, copies k) in LAPACK's order
+            x[block.dofs] = block.factor.solve(stacked).T.reshape(copies, -1, size).transpose(0, 2, 1)
+        return x.reshape(rhs.shape)
+
+    def delassus(self, H: Any, dimension: int) -> Any:
+        """Return W = H^T A^-1 H (m, m) for sparse H (n, m)."""
+        H, d = H.tocsc(), dimension
+        touched = np.zeros(self.n, dtype=bool)
+        touched[H.indices] = True
+        body, column = np.empty(self.n, dtype=np.int64), np.empty(self.n, dtype=np.int64)  # where H touches them
+        compliances, count = [], 0
+        for block in self.blocks:
+            copies, size = block.dofs.shape
+            surface = np.flatnonzero(touched[block.dofs].any(axis=0))
+            if len(surface):
+                if isinstance(block.factor, DenseCholesky):
+                    surface = np.arange(surface[0], size)
+                body[block.dofs] = np.arange(count, count + copies)[:, None]
+                column[block.dofs[:, surface]] = np.arange(len(surface))
+                compliances.append((count, block, surface))
+                count += copies
+        # dofs that M couples to nothing are taken together where they touch the same contacts: a rigid body's
+        group = alike_in_contacts(H.indptr, H.indices, self.n, self._single, d)
+        sizes = np.diff(group)
+        body[self._single] = count + np.repeat(np.arange(len(sizes)), sizes)
+        column[self._single] = np.arange(len(self._single)) - np.repeat(group[:-1], sizes)
+        W = DelassusSum(H, body, column, count + len(sizes), d)
+        for begin, block, surface in compliances:
+            factor, copies = block.factor, np.zeros(len(block.dofs), dtype=np.int64)
+            if isinstance(factor, DenseCholesky):
+                W.add(begin, factor.inverse_on_last(len(surface))[None], copies)
+            else:
+                W.add(begin, inverse_on(surface, factor, block.dofs.shape[1])[None], copies, symmetric=False)
+        if len(self._single):
+            W.add_diagonal(count, self._inverse_diagonal, group)
+        return W.matrix()
+
+
+def _diagonal(A: Any, single: IntArray) -> FloatArray:
+    """The diagonal of the matrix A (csr or csc) on unknowns that it couples to nothing; SingularMatrix where it is zero."""
+    first = A.indptr[single]
+    diagonal = A.data[first] if np.array_equal(A.indptr[single + 1], first + 1) else A.diagonal()[single]
+    if np.any(diagonal == 0):
+        raise SingularMatrix(f"M is singular: zero rows, the first is degree of freedom {int(single[diagonal == 0][0])}")
+    return diagonal
+
+
+def _factor(block: Any) -> Factor:
+    try:
+        factor = _fitting_factor(block)
+    except SingularMatrix as error:
+        raise SingularMatrix(f"M is singular in a block of {block.shape[0]} degrees of freedom: {error}") from None
+    refuse_singular(block, factor)
+    return factor
+
+
+def _fitting_factor(block: Any) -> Factor:
+    if block.shape[0] > DENSE_UP_TO:
+        return factorise(block)
+    dense = block.toarray(order="C" if block.format == "csr" else "F")
+    by_rows = dense if block.format == "csr" else dense.T
+    if asymmetry(block.indptr, block.indices, block.data, by_rows) <= 1e-12:
+        try:
+            return DenseCholesky(by_rows.T, overwrite=True)
+        except SingularMatrix:  # indefinite, as with equality constraints
+            dense = block.toarray()
+    return DenseLU(dense)
+
+
+def refuse_singular(block: Any, factor: Factor) -> None:
+    """Raise SingularMatrix where the factor does not find a known solution of the matrix (csr or csc) again.
+
+    Round-off hides the zero pivot of most singular matrices, such as the stiffness of a body without supports. The known solution
+    is random in the scaling that makes the rows' largest entries equal (Ruiz 2001), so that units and multipliers do not matter.
+    """
+    size = block.shape[0]
+    scale = equilibrating_scale(block.indptr, block.indices, block.data, 5)[:, None]
+    known = scale * probes(size).T
+    found = factor.solve(block @ known)
+    if not np.abs((found - known) / scale).max() <= 1e-2:
+        raise SingularMatrix(f"M is singular to working precision: a block of {size} degrees of freedom (a body without supports?)")
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A global problem with what stands for its M^-1: its local form, and v, l from r. `kept` as in `LocalProblem`."""
+
+    problem: GlobalProblem
+    factor: MassFactor
+    kept: dict[str, Any] | None = None
+
+    @cached_property
+    def _H(self) -> Any:
+        p = self.problem
+        H = p.H if sp.issparse(p.H) else sp.csr_array(p.H)
+        return H if p.G is None else sp.csr_array(sp.vstack([H, sp.csr_array((p.G.shape[1], p.m))]))
+
+    @cached_property
+    def _free(self) -> FloatArray:
+        p = self.problem
+        rhs = p.f if p.G is None or p.b is None else np.concatenate([p.f, p.b])
+        return self.factor.solve(rhs)
+
+    @cached_property
+    def q(self) -> FloatArray:
+        """q = w + H^T M^-1 f (m,)."""
+        return self.problem.w + self._H.T @ self._free
+
+    @property
+    def diagonal_blocks(self) -> FloatArray:
+        """The contacts' own blocks W_aa (nc, d, d)."""
+        return self.local.diagonal_blocks
+
+    @cached_property
+    def local(self) -> LocalProblem:
+        """The local form W, q, mu."""
+        p = self.problem
+        return LocalProblem(self.factor.delassus(self._H, p.dimension), self.q, p.mu, dimension=p.dimension, kept=self.kept)
+
+    def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+        """Return v (n,) = M^-1 (H r + G l + f) and the multiplier l (p,), None without equality constraints."""
+        x = self._free + self.factor.solve(self._H @ r)
+        return (x, None) if self.problem.G is None else (x[: self.problem.n], x[self.problem.n :])
+
+    def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None) -> float:
+        """Return ||M v - H r - G l - f|| / ||f||."""
+        p = self.problem
+        residual = p.M @ v - p.H @ r - p.f
+        if p.G is not None:
+            residual = residual - p.G @ multiplier
+        scale = float(np.linalg.norm(p.f))
+        return float(np.linalg.norm(residual)) / (scale or 1.0)
+
+
+def _touched(H: Any) -> BoolArray:
+    """Which rows of H (n, m), dense or sparse, have entries (n,)."""
+    if getattr(H, "format", "") == "csc":
+        touched = np.zeros(H.shape[0], dtype=bool)
+        touched[H.indices] = True
+        return touched
+    return np.diff(sp.csr_array(H).indptr) > 0
+
+
+def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reduction:
+    """Return the reduction of a global problem; `factor` is given by a simulation that has factored its parts already."""
+    if factor is None:
+        matrix = problem.M
+        if problem.G is not None:
+            matrix = sp.csr_array(sp.block_array([[matrix, -sp.csr_array(problem.G)], [-sp.csr_array(problem.G).T, None]]))
+        touched = np.zeros(matrix.shape[0], dtype=bool)
+        touched[: problem.n] = _touched(problem.H)
+        factor = BlockFactor(matrix, touched)
+    return Reduction(problem, factor)
+
+
+class Elimination:
+    """A mixed local problem u = W r + V l + q, V^T r + R l + s = 0 with what stands for R^-1: its multiplier l and its form without l.
+
+    R is singular where constraints are redundant. As long as s and the rows of V^T are in its range, which is so where
+    [[W, V], [V^T, R]] comes from one positive semidefinite M^-1, V l is unique all the same; otherwise SingularMatrix is raised.
+    """
+
+    def __init__(self, problem: LocalProblem) -> None:
+        if problem.V is None or problem.R is None or problem.s is None:
+            raise ValueError("expected a problem with V, R and s")
+        self.problem = problem
+        V = sp.csr_array(problem.V)
+        self._touched = np.flatnonzero(np.diff(V.indptr))  # the contact unknowns that the constraints meet
+        self._V: FloatArray = V[self._touched].toarray()
+        rhs = np.column_stack([self._V.T, problem.s])
+        R = problem.R.toarray() if sp.issparse(problem.R) else problem.R
+        solved = _solve_consistent(R, rhs)
+        self._RV, self._Rs = solved[:, :-1], solved[:, -1]
+
+    @cached_property
+    def q(self) -> FloatArray:
+        """q - V R^-1 s (m,): u without reactions."""
+        q = self.problem.q.copy()
+        q[self._touched] -= self._V @ self._Rs
+        return q
+
+    def multiplier(self, r: FloatArray) -> FloatArray:
+        """l (p,) = -R^-1 (V^T r + s)."""
+        return -self._RV @ r[self._touched] - self._Rs
+
+    def velocity(self, r: FloatArray) -> FloatArray:
+        """Return u (m,) = W r + V l + q."""
+        u = self.problem.W @ r + self.problem.q
+        u[self._touched] += self._V @ self.multiplier(r)
+        return u
+
+    @cached_property
+    def diagonal_blocks(self) -> FloatArray:
+        """The contacts' own blocks (nc, d, d) of W - V R^-1 V^T."""
+        p, d = self.problem, self.problem.dimension
+        V, RV = np.zeros((p.m, self._V.shape[1])), np.zeros((self._V.shape[1], p.m))
+        V[self._touched], RV[:, self._touched] = self._V, self._RV
+        return p.diagonal_blocks - np.einsum("aik,kaj->aij", V.reshape(p.nc, d, -1), RV.reshape(-1, p.nc, d))
+
+    @cached_property
+    def local(self) -> LocalProblem:
+        """The problem with W - V R^-1 V^T, filled in only among the contact unknowns that the constraints meet, and no constraints."""
+        p, d = self.problem, self.problem.dimension
+        tile = self._V @ self._RV
+        if isinstance(p.W, np.ndarray):
+            W = p.W.copy()
+            W[np.ix_(self._touched, self._touched)] -= tile
+        else:
+            rows, columns = np.repeat(self._touched, len(self._touched)), np.tile(self._touched, len(self._touched))
+            W = sp.bsr_array(p.W - sp.csr_array((tile.ravel(), (rows, columns)), shape=p.W.shape), blocksize=(d, d))
+        return LocalProblem(W, self.q, p.mu, dimension=d)
+
+
+def _solve_consistent(R: FloatArray, rhs: FloatArray) -> FloatArray:
+    """Return R^-1 rhs, or the least solution of a singular R whose range holds rhs; otherwise SingularMatrix."""
+    size = float(np.abs(rhs).max(initial=0.0))
+    try:
+        solved = DenseLU(R).solve(rhs)
+        if np.abs(R @ solved - rhs).max(initial=0.0) <= 1e-10 * size and np.linalg.cond(R) < 1e12:
+            return solved
+    except SingularMatrix:
+        pass
+    solved = np.linalg.lstsq(R, rhs, rcond=1e-10)[0]
+    if not np.abs(R @ solved - rhs).max(initial=0.0) <= 1e-8 * size:
+        raise SingularMatrix(f"R of {len(R)} equality constraints is singular, and V and s are not in its range: l is not determined by r")
+    return solved
+
+
+def eliminate_equalities(problem: LocalProblem) -> LocalProblem:
+    """Return the local problem without V, R, s: l = -R^-1 (V^T r + s), so W - V R^-1 V^T and q - V R^-1 s."""
+    return problem if problem.V is None else Elimination(problem).local

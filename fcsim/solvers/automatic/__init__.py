@@ -1,0 +1,1 @@
+"""`auto`: chooses and chains methods from the problem itself."""

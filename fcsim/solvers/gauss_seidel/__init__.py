@@ -1,0 +1,1 @@
+"""Nonsmooth Gauss-Seidel: sweeps over the contacts, each solved alone."""

@@ -1,0 +1,1 @@
+"""Linear complementarity: in the plane and with faceted cones."""

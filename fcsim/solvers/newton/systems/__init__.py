@@ -1,0 +1,1 @@
+"""Ways to solve A (W + D) + B, the linear system of a Newton step."""

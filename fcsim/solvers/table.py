@@ -1,0 +1,162 @@
+"""The solver table: one visible place with the published names; a variant is a line of data.
+
+Names: Acary, Brémond, Huber, "On solving contact problems with Coulomb friction: formulations and numerical comparisons", 2018.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fcsim.errors import InputError
+from fcsim.solvers.automatic.stages import AutomaticOptions, automatic
+from fcsim.solvers.base import Method
+from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
+from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
+from fcsim.solvers.gauss_seidel.velocity import VelocityOptions, nsgsv
+from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
+from fcsim.solvers.lcp.faceted import FacetedOptions, faceted_cone
+from fcsim.solvers.lcp.planar import (
+    ConjugateGradientOptions,
+    EnumerationOptions,
+    LemkeOptions,
+    conjugated_projected_gradient,
+    planar_enumeration,
+    planar_lemke,
+    planar_nsgs,
+)
+from fcsim.solvers.newton.iterations import NewtonOptions, newton
+from fcsim.solvers.newton.whole import newton_global, newton_mixed
+from fcsim.solvers.proximal import ProximalOptions, proximal_point
+from fcsim.solvers.variational.admm import AdmmOptions, admm, admm_global
+from fcsim.solvers.variational.fixed_points import (
+    AlternationOptions,
+    ConeProgramOptions,
+    FixedPointOptions,
+    aclm,
+    aclm_global,
+    panagiotopoulos,
+    soclcp,
+    tresca,
+)
+from fcsim.solvers.variational.projection import HyperplaneOptions, ProjectionOptions, extragradient, fixed_point, hyperplane
+
+_BOOK = "Acary, Brémond, Huber 2018"
+
+
+def _newton(formulation: str, source: str, siconos: str, rho: str = "split spectral norm", line_search: str = "none") -> Method:
+    options = NewtonOptions(formulation=formulation, rho=rho, line_search=line_search)
+    return Method(newton, options, "Newton", source, siconos, run_global=newton_global, run_mixed=newton_mixed)
+
+
+def _nsgs(one_contact: str, source: str, siconos: str = "", **options: Any) -> Method:
+    siconos = siconos or ONE_CONTACT[one_contact].siconos
+    own = GaussSeidelOptions(one_contact=one_contact, **options)
+    return Method(nsgs, own, "Gauss-Seidel", source, f"NSGS + {siconos}" if siconos else "")
+
+
+def _hybrid(stages: tuple[Stage, ...], siconos: str, **options: Any) -> Method:
+    return Method(hybrid, HybridOptions(stages=stages, **options), "hybrid", _BOOK, siconos)
+
+
+_SWEEPS = Stage(nsgs, GaussSeidelOptions(max_iterations=100))
+_PLI = Stage(nsgs, GaussSeidelOptions(one_contact="FP-DS", local_iterations=100, max_iterations=100))
+_NEWTON_GP = Stage(newton, NewtonOptions(line_search="Goldstein-Price", max_iterations=50))
+
+SOLVERS: dict[str, Method] = {
+    "auto": Method(automatic, AutomaticOptions(), "automatic", "this package (see automatic.py)"),
+    # adaptive: on walls from r = 0 an eighth fewer iterations than with the fixed rho of NSN-AC-NLS, and single contacts on which that
+    # one cycles are solved
+    "NSN-AC": _newton("AC", "Alart, Curnier 1991", "NSN_AC", rho="adaptive"),
+    "NSN-JM": _newton("JM", "Jean, Moreau 1987", "NSN_AC (JEANMOREAU)"),
+    "NSN-NM": _newton("NM", _BOOK, "NSN_NM", rho="spectral norm"),
+    "NSN-FB": _newton("FB", "Fukushima, Luo, Tseng 2002", "NSN_FB", "spectral norm", "Goldstein-Price"),
+    "NSN-AC-NLS": _newton("AC", _BOOK, "NSN_AC (LINESEARCH_NO)"),
+    "NSN-JM-NLS": _newton("JM", _BOOK, "NSN_AC (JEANMOREAU, LINESEARCH_NO)"),
+    "NSN-NM-NLS": _newton("NM", _BOOK, "NSN_NM (LINESEARCH_NO)", "spectral norm"),
+    "NSN-FB-NLS": _newton("FB", _BOOK, "NSN_FB (LINESEARCH_NO)", "spectral norm"),
+    "NSN-AC-GP": _newton("AC", _BOOK, "NSN_AC", line_search="Goldstein-Price"),
+    "NSN-JM-GP": _newton("JM", _BOOK, "NSN_AC (JEANMOREAU)", line_search="Goldstein-Price"),
+    "NSN-NM-GP": _newton("NM", _BOOK, "NSN_NM", "spectral norm", "Goldstein-Price"),
+    "NSN-AC-TEST": Method(
+        newton,
+        NewtonOptions(line_search="Goldstein", safeguard=True, max_iterations=1000),
+        "Newton",
+        "De Luca, Facchinei, Kanzow 1996",
+        "NSN_AC_TEST",
+    ),
+    "NSGS-AC": _nsgs("AC", "Jourdan, Alart, Jean 1998"),
+    "NSGS-JM": _nsgs("JM", "Jean, Moreau 1987"),
+    "NSGS-AC-GP": _nsgs("AC-GP", _BOOK),
+    "NSGS-JM-GP": _nsgs("JM-GP", _BOOK),
+    "NSGS-FP-DS-ONE": _nsgs("FP-DS-ONE", "De Saxcé, Feng 1998"),
+    "NSGS-FP-DS": _nsgs("FP-DS", "De Saxcé, Feng 1998", local_iterations=1000),
+    "NSGS-FP-VI-UPK": _nsgs("FP-VI-UPK", _BOOK, local_iterations=1000),
+    "NSGS-PC-REG": _nsgs("FP-DS-ONE", _BOOK, siconos="ONECONTACT_ProjectionOnConeWithRegularization", regularisation=0.1),
+    "NSGS-PC-DIAG": _nsgs("PC-DIAG", _BOOK),
+    "NSGS-CYL": _nsgs("CYL", _BOOK),
+    "NSGS-EXACT": _nsgs("EXACT", "Bonnefon, Daviet 2011"),
+    "NSGS-NCP": _nsgs("NCP-FB", "Glocker 1999", local_iterations=100),
+    "NSGSV": Method(nsgsv, VelocityOptions(), "Gauss-Seidel", _BOOK, "NSGSV"),
+    "PPA-NSN-AC": Method(
+        proximal_point, ProximalOptions(internal="NSN-AC", internal_options={"max_iterations": 30}), "proximal point", _BOOK, "PROX"
+    ),
+    "PPA-NSGS-AC": Method(
+        proximal_point,
+        ProximalOptions(internal="NSGS-AC", internal_options={"max_iterations": 1000}, alpha=1e-2, easy=200),
+        "proximal point",
+        _BOOK,
+        "PROX + NSGS",
+    ),
+    "NSN-AC-HYBRID": _hybrid((_SWEEPS, Stage(newton, NewtonOptions())), "NSN_AC with an NSGS start"),
+    "NSN-AC-NLS-HYBRID": _hybrid((_SWEEPS, Stage(newton, NewtonOptions())), "NSN_AC with an NSGS start"),
+    "NSN-AC-GP-HYBRID": _hybrid((_SWEEPS, _NEWTON_GP), "NSN_AC with an NSGS start"),
+    "NSN-FB-HYBRID": _hybrid((_SWEEPS, Stage(newton, NewtonOptions(formulation="FB", rho="spectral norm"))), "NSN_FB with an NSGS start"),
+    "NSN-AC-EG-HYBRID": _hybrid(
+        (Stage(extragradient, ProjectionOptions(step_rule="Khobotov", max_iterations=100)), Stage(newton, NewtonOptions())),
+        "NSN_AC (VI_EG_NSN)",
+    ),
+    "NSN-AC-PLI-LOOP": _hybrid((_PLI, _NEWTON_GP), "NSN_AC (PLI_NSN_LOOP)", cycles=10),
+    "NSN-AC-NSN-PLI-LOOP": _hybrid((_PLI, _NEWTON_GP), "NSN_AC (NSN_AND_PLI_NSN_LOOP)", cycles=10, first=(_NEWTON_GP,)),
+    "FP-DS": Method(fixed_point, ProjectionOptions(), "projection", "De Saxcé, Feng 1998", "DSFP"),
+    "FP": Method(fixed_point, ProjectionOptions(), "projection", _BOOK, "FPP"),
+    "EG": Method(extragradient, ProjectionOptions(), "projection", "Korpelevich 1976", "EG"),
+    "HP": Method(hyperplane, HyperplaneOptions(), "projection", "Konnov 1993; Solodov, Svaiter 1999", "HP"),
+    "FP-VI-UPK": Method(fixed_point, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_FPP"),
+    "FP-VI-UTK": Method(fixed_point, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_FPP (SOLODOV)"),
+    "EG-VI-UPK": Method(extragradient, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_EG"),
+    "EG-VI-UTK": Method(extragradient, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_EG (SOLODOV)"),
+    "ADMM": Method(admm, AdmmOptions(), "ADMM", "Boyd et al. 2011; Goldstein et al. 2014", "ADMM", run_global=admm_global),
+    "TRESCA": Method(tresca, FixedPointOptions(), "convex programs", "Haslinger 1983", "TFP"),
+    "CYLINDER-QP": Method(tresca, FixedPointOptions(internal="projected gradient"), "convex programs", _BOOK, "CONVEXQP_CYLINDER"),
+    "FP-VI-CYL": Method(tresca, FixedPointOptions(internal="FP-VI-UPK"), "convex programs", _BOOK, "VI_FPP_Cylinder"),
+    "PANA": Method(panagiotopoulos, AlternationOptions(), "convex programs", "Panagiotopoulos 1975", "PFP"),
+    "ACLM": Method(aclm, ConeProgramOptions(), "convex programs", "Acary et al. 2011", "ACLMFP", run_global=aclm_global),
+    "IPM": Method(
+        aclm,
+        ConeProgramOptions(internal="primal-dual"),
+        "convex programs",
+        "Acary, Armand, Nguyen, Shpakovych 2023",
+        "GFC3D IPM",
+        run_global=aclm_global,
+    ),
+    "SOCLCP": Method(
+        soclcp,
+        FixedPointOptions(internal="FP-VI-UPK", max_iterations=20_000),
+        "convex programs",
+        _BOOK,
+        "SOCLCP",
+        limits="the convex relaxation, without g(u): solves the friction problem only where no contact slides",
+    ),
+    "PATH": Method(faceted_cone, FacetedOptions(), "LCP", "Klarbring 1986; Dirkse, Ferris 1995", "GAMS_LCP_PATH"),
+    "2D-NSGS": Method(planar_nsgs, GaussSeidelOptions(one_contact="EXACT"), "2D", "Jean, Moreau 1992", "FRICTION_2D_NSGS", (2,)),
+    "2D-CPG": Method(conjugated_projected_gradient, ConjugateGradientOptions(), "2D", "Renouf, Alart 2005", "FRICTION_2D_CPG", (2,)),
+    "2D-LEMKE": Method(planar_lemke, LemkeOptions(), "2D", "Lemke 1965", "FRICTION_2D_LEMKE", (2,)),
+    "2D-ENUM": Method(planar_enumeration, EnumerationOptions(), "2D", "Murty 1988", "FRICTION_2D_ENUM", (2,)),
+}
+
+
+def method(name: str) -> Method:
+    """Return the method of that name; an unknown one is an InputError that lists the table."""
+    if name not in SOLVERS:
+        raise InputError(f"solver {name!r}: expected one of {', '.join(SOLVERS)}")
+    return SOLVERS[name]

@@ -1,0 +1,1 @@
+"""Methods for the variational inequality: projections, splitting, convex programs and their fixed points."""

@@ -1,0 +1,341 @@
+"""ADMM: alternating direction method of multipliers, in local and in global form, one factorisation for each rho.
+
+Local form: min 0.5 x.W x + (q + g).x + I_K(z), x = z; global form: min 0.5 v.M v - f.v + I_K*(z), x = H^T v + w + g, x = z. Both read,
+with the scaled multiplier zeta (the local form's -zeta rho is the velocity u + g, the global form's is the reaction r):
+
+    1. x = linear step of z - zeta           (W + rho I or M + rho H H^T is factored once)
+    2. x <- alpha x + (1 - alpha) z          (over-relaxation)
+    3. z = P(x + zeta), zeta <- zeta + x - z
+    4. g = (mu ||u_T||, 0, 0) from the present tangential velocity: Coulomb's law instead of the convex relaxation
+
+Sources: Boyd et al., Found. Trends Mach. Learn. 3, 2011 (ADMM, over-relaxation, residual balancing); Wohlberg, arXiv:1704.06209, 2017
+(scaled residuals); Goldstein, O'Donoghue, Setzer, Baraniuk, SIAM J. Imaging Sci. 7, 2014 (acceleration with restart); Ghadimi et al.,
+IEEE Trans. Automat. Control 60, 2015 (rho from the eigenvalues); Kanno 2021 and Siconos 4.4 (friction).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
+from fcsim.linear.factors import SingularMatrix, factorise
+from fcsim.problem import LocalProblem
+from fcsim.problem.reduction import Reduction
+from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
+from fcsim.solvers.variational._set_kernels import splitting_residuals
+from fcsim.solvers.variational.inequality import Cone, Inequality, LightCriterion, Operator, ProblemWatch, Watch, coulomb_term, power_norm
+
+KEPT, STALE = "ADMM", 0.2
+"""Where a simulation keeps the factor; contraction up to which an earlier W's serves."""
+INITIAL_RHO = ("given", "norm", "eigenvalues")
+RHO_UPDATES = ("constant", "residual balancing", "scaled residual balancing")
+ACCELERATIONS = ("none", "accelerated", "accelerated with restart")
+SYMMETRIES = ("check", "assume", "symmetrise", "unsymmetric")
+RESCALINGS = ("none", "scalar", "contacts")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdmmOptions(Options):
+    """initial_rho: "given" (`rho`), "norm" (rho ||W||), "eigenvalues" (rho sqrt(lambda_min lambda_max) of W); of M, H in global form
+    the same for W = H^T M^-1 H. rho_update: constant, or times / over `balancing_factor` where primal and dual residual differ by more
+    than `balancing_ratio`, at most every `balancing_interval` iterations, an interval that doubles with each change.
+    relaxation: alpha in (0, 2); acceleration, `restart_eta`: its factor of decrease. symmetry: check whether W is symmetric, assume
+    it, replace W by its symmetric part, or treat it as unsymmetric. rescaling of r and u: none, by one number, by one for each contact.
+    linear: "kkt" works on the global form without W.
+    """
+
+    max_iterations: int = 20_000
+    initial_rho: str = "eigenvalues"
+    rho: float = 1.0
+    rho_update: str = "scaled residual balancing"
+    balancing_factor: float = 5.0
+    balancing_ratio: float = 5.0
+    balancing_interval: int = 20
+    relaxation: float = 1.0
+    acceleration: str = "accelerated with restart"
+    restart_eta: float = 0.999
+    symmetry: str = "check"
+    rescaling: str = "none"
+    linear: str = "auto"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        choice("initial_rho", self.initial_rho, INITIAL_RHO)
+        choice("rho_update", self.rho_update, RHO_UPDATES)
+        choice("acceleration", self.acceleration, ACCELERATIONS)
+        choice("symmetry", self.symmetry, SYMMETRIES)
+        choice("rescaling", self.rescaling, RESCALINGS)
+        choice("linear", self.linear, ("auto", "kkt"))
+        if not 0 < self.rho < float("inf"):
+            raise InputError(f"option rho: expected a number > 0, got {self.rho}")
+        if not 0 < self.relaxation < 2:
+            raise InputError(f"option relaxation: expected a number between 0 and 2, got {self.relaxation}")
+        if not 0 < self.restart_eta < 1:
+            raise InputError(f"option restart_eta: expected a number between 0 and 1, got {self.restart_eta}")
+        for name in ("balancing_factor", "balancing_ratio"):
+            if not getattr(self, name) > 1:
+                raise InputError(f"option {name}: expected a number > 1, got {getattr(self, name)}")
+        if self.balancing_interval < 1:
+            raise InputError(f"option balancing_interval: expected an integer >= 1, got {self.balancing_interval}")
+
+
+class LocalSplitting:
+    """z = r in C, -rho zeta = u + g in C*; `gain` carries the primal residual over to the natural one.
+
+    With the factor of an earlier W, which a simulation keeps, the linear step is one of iterative refinement from the last x: the fixed
+    point is the same, and where W has changed by less than rho the iterates hardly differ.
+    """
+
+    def __init__(self, vi: Inequality, symmetric: bool, kept: dict[str, Any] | None = None) -> None:
+        self._vi, self._symmetric, self._kept = vi, symmetric, kept
+        self._x: FloatArray | None = None  # the last x where the factor is an earlier W's
+
+    def set_rho(self, rho: float) -> None:
+        self.rho = rho
+        self.gain = self._vi.operator.norm
+        self._x = None
+        if self._kept is not None:
+            self._kept.pop(KEPT, None)  # the old one makes room for the new
+        self._factor = self._vi.operator.factor(rho, self._symmetric)
+        if self._kept is not None:
+            self._kept[KEPT] = rho, self._vi.operator.size, self._factor
+
+    def resume(self, rho: float) -> bool:
+        """Go on with the factor that was kept if it is for about this rho and W has changed little; say whether that is so."""
+        earlier, size, factor = (0.0, 0, None) if self._kept is None else self._kept.get(KEPT, (0.0, 0, None))
+        if factor is None or size != self._vi.operator.size or not 0.9 * rho <= earlier <= 1.1 * rho:
+            return False
+        x = np.random.default_rng(0).standard_normal(size)
+        for _ in range(2):  # x - (W_earlier + rho I)^-1 (W + rho I) x, in its direction of least contraction
+            before = float(np.linalg.norm(x))
+            x = x - factor.solve(self._vi.operator.affine(x, earlier * x))
+            if not np.linalg.norm(x) <= STALE * before:
+                return False
+        self.rho, self.gain, self._factor = earlier, self._vi.operator.norm, factor
+        self._x = np.zeros(size)
+        return True
+
+    def start(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        z = self._vi.project(r)
+        if self._x is not None:
+            self._x = z
+        return z, -self._vi.map(self._vi.velocity(z)) / self.rho
+
+    def linear(self, a: FloatArray, g: FloatArray | float) -> FloatArray:
+        b = self.rho * a - self._vi.q - g
+        if self._x is None:
+            return self._factor.solve(b)
+        self._x = self._x + self._factor.solve(b - self._vi.operator.affine(self._x, self.rho * self._x))
+        return self._x
+
+    def project(self, y: FloatArray) -> FloatArray:
+        return self._vi.project(y)
+
+    def velocity(self, z: FloatArray, zeta: FloatArray) -> FloatArray:
+        return -self.rho * zeta
+
+    def answer(self, z: FloatArray, zeta: FloatArray) -> FloatArray:
+        return z
+
+
+class GlobalSplitting:
+    """z = u + g in K*, -rho zeta = r in K; M + rho H H^T, bordered by G, is factored."""
+
+    def __init__(self, reduction: Reduction) -> None:
+        p = reduction.problem
+        self._problem, self._reduction = p, reduction
+        self._H, self._HT = sp.csr_array(p.H), sp.csr_array(p.H.T)
+        self._M, self._HHT = sp.csr_array(p.M), sp.csr_array(self._H @ self._HT)
+        self._cone = Inequality(Operator(np.empty((0, 0)), p.dimension), p.w, Cone(p.mu))
+
+    def set_rho(self, rho: float) -> None:
+        self.rho = rho
+        self.gain = 1.0
+        A = self._M + rho * self._HHT
+        G = self._problem.G
+        if G is not None:
+            A = sp.block_array([[A, -sp.csr_array(G)], [-sp.csr_array(G).T, None]])
+        self._factor = factorise(sp.csr_array(A))
+
+    def start(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        p = self._problem
+        r = self._cone.project(r)
+        u = self._HT @ self._reduction.velocity(r)[0] + p.w
+        return u + coulomb_term(u, p.mu, p.dimension), -r / self.rho
+
+    def linear(self, a: FloatArray, g: FloatArray | float) -> FloatArray:
+        p = self._problem
+        rhs = p.f + self.rho * (self._H @ (a - p.w - g))
+        v = self._factor.solve(rhs if p.b is None else np.concatenate([rhs, p.b]))[: p.n]
+        return self._HT @ v + p.w + g
+
+    def project(self, y: FloatArray) -> FloatArray:
+        return y + self._cone.project(-y)  # Moreau: P_K*(y) = y + P_K(-y)
+
+    def velocity(self, z: FloatArray, zeta: FloatArray) -> FloatArray:
+        return z
+
+    def answer(self, z: FloatArray, zeta: FloatArray) -> FloatArray:
+        return -self.rho * zeta
+
+
+def admm(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AdmmOptions) -> Iterate:
+    """ADMM on the local form."""
+    vi = Inequality.coulomb(problem)
+    iterated = split(vi, r, ProblemWatch(vi.velocity, monitor, options.max_iterations), options, problem.kept)
+    if problem.kept is not None and not iterated.status.solved:
+        problem.kept.pop(KEPT, None)  # the next attempt begins with a factor of its own
+    return iterated
+
+
+def admm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: AdmmOptions) -> Iterate:
+    """ADMM on the global form: W is not formed."""
+    if options.rescaling != "none":
+        raise InputError(f"option rescaling: expected 'none' with linear='kkt', got {options.rescaling!r}")
+    p = reduction.problem
+    HT = sp.csr_array(p.H.T)
+
+    def velocity(r: FloatArray) -> FloatArray:
+        return HT @ reduction.velocity(r)[0] + p.w
+
+    splitting = GlobalSplitting(reduction)
+    try:
+        splitting.set_rho(options.rho * _global_scale(reduction, options.initial_rho))
+    except SingularMatrix:
+        return Iterate(r, Status.SINGULAR)
+    return iterate(splitting, p.mu, p.dimension, r, ProblemWatch(velocity, monitor, options.max_iterations), options)
+
+
+def _global_scale(reduction: Reduction, initial_rho: str) -> float:
+    """What the option rho is multiplied by: 1, ||M|| / ||H||^2, or 30 / ||W|| as W's least eigenvalue is not at hand."""
+    p = reduction.problem
+    if initial_rho == "given":
+        return 1.0
+    H, HT = sp.csr_array(p.H), sp.csr_array(p.H.T)
+    if initial_rho == "norm":
+        return power_norm(lambda v: p.M @ v, p.n) / (power_norm(lambda v: H @ (HT @ v), p.n) or 1.0)
+    free = reduction.velocity(np.zeros(p.m))[0]
+    return 30 / (power_norm(lambda r: HT @ (reduction.velocity(r)[0] - free), p.m) or 1.0)
+
+
+class _Rescaled:
+    """A watch that sees the scaled unknowns x = r / scale in their own unit."""
+
+    def __init__(self, watch: Watch, scale: FloatArray) -> None:
+        self._watch, self._scale = watch, scale
+        self.target = watch.target * float(scale.min(initial=1.0))
+
+    def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
+        return self._watch.visit(self._scale * r, None if u is None else u / self._scale, due)
+
+    def tick(self) -> None:
+        self._watch.tick()
+
+
+def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, kept: dict[str, Any] | None = None) -> Iterate:
+    """ADMM on a variational inequality in local form; kept: what a simulation keeps from step to step."""
+    operator = vi.operator
+    if options.symmetry == "symmetrise":
+        operator = operator.symmetric_part
+    if options.rescaling != "none":
+        scale = _scales(operator, options.rescaling)
+        if sp.issparse(operator.W):
+            W: Any = sp.csr_array(sp.diags_array(scale) @ operator.W @ sp.diags_array(scale))
+        else:
+            W = scale[:, None] * operator.W * scale
+        scaled = Inequality(Operator(W, operator.dimension), scale * vi.q, vi.convex_set, vi.mu)
+        iterated = split(scaled, r / scale, _Rescaled(watch, scale), replace(options, rescaling="none"))
+        return Iterate(scale * iterated.r, iterated.status)
+    vi = Inequality(operator, vi.q, vi.convex_set, vi.mu)
+    symmetric = options.symmetry in ("assume", "symmetrise") or (options.symmetry == "check" and operator.symmetric)
+    splitting = LocalSplitting(vi, symmetric, kept)
+    rho = options.rho * _local_scale(operator, options.initial_rho)
+    try:
+        if not splitting.resume(rho):
+            splitting.set_rho(rho)
+    except SingularMatrix:
+        return Iterate(r, Status.SINGULAR)
+    return iterate(splitting, vi.mu, operator.dimension, r, watch, options)
+
+
+def _local_scale(operator: Operator, initial_rho: str) -> float:
+    """What the option rho is multiplied by: 1, ||W|| or sqrt(lambda_min lambda_max) of W."""
+    if initial_rho == "given":
+        return 1.0
+    return operator.norm if initial_rho == "norm" else float(np.sqrt(operator.norm * operator.least_singular_value))
+
+
+def _scales(operator: Operator, rescaling: str) -> FloatArray:
+    d = operator.dimension
+    if rescaling == "scalar":
+        return np.full(operator.size, 1 / np.sqrt(operator.norm))
+    diagonal = operator.W.diagonal().reshape(-1, d).max(axis=1)
+    positive = diagonal > 0
+    diagonal = np.where(positive, diagonal, diagonal[positive].mean() if positive.any() else 1.0)
+    return np.repeat(1 / np.sqrt(diagonal), d)
+
+
+def _balancing(primal: float, dual: float, sizes: tuple[float, float], options: AdmmOptions) -> float:
+    """What rho is to be multiplied by: the primal residual falls and the dual one grows with rho."""
+    if options.rho_update == "scaled residual balancing":
+        primal, dual = primal / (sizes[0] or 1.0), dual / (sizes[1] or 1.0)
+    if primal > options.balancing_ratio * dual:
+        return options.balancing_factor
+    return 1 / options.balancing_factor if dual > options.balancing_ratio * primal else 1.0
+
+
+def iterate(
+    splitting: LocalSplitting | GlobalSplitting, mu: FloatArray | None, d: int, r: FloatArray, watch: Watch, options: AdmmOptions
+) -> Iterate:
+    """The iteration of both forms; z_hat, zeta_hat are the accelerated z, zeta."""
+    z, zeta = splitting.start(r)
+    z_hat, zeta_hat, momentum, energy = z, zeta, 1.0, np.inf
+    g: FloatArray | float = 0.0 if mu is None else coulomb_term(splitting.velocity(z, zeta), mu, d)
+    light = LightCriterion(10 * watch.target)
+    since, interval = 0, options.balancing_interval
+    status = watch.visit(splitting.answer(z, zeta), None, True)
+    while status is None:
+        x = splitting.linear(z_hat - zeta_hat, g)  # step 1
+        y = zeta_hat + (x if options.relaxation == 1 else options.relaxation * x + (1 - options.relaxation) * z_hat)  # step 2
+        z_last, zeta_last = z, zeta
+        z = splitting.project(y)  # step 3
+        zeta = y - z
+        if mu is not None:
+            g = coulomb_term(splitting.velocity(z, zeta), mu, d)  # step 4
+        watch.tick()
+        since += 1
+        rho = splitting.rho
+        sums = splitting_residuals(x, z, zeta, z_hat, zeta_hat)
+        primal, dual = math.sqrt(sums[0]), rho * math.sqrt(sums[1])
+        status = watch.visit(splitting.answer(z, zeta), None, light.due(splitting.gain * primal + dual))
+        if primal == 0 and dual == 0 and status is None:
+            status = Status.STAGNATED
+        factor = 1.0
+        if options.rho_update != "constant" and since >= interval and status is None:
+            factor = _balancing(primal, dual, (float(np.linalg.norm(z)), rho * float(np.linalg.norm(zeta))), options)
+        if factor != 1:
+            try:
+                splitting.set_rho(rho * factor)
+            except SingularMatrix:
+                return Iterate(splitting.answer(z, zeta), Status.SINGULAR)
+            zeta = zeta / factor
+            z_hat, zeta_hat, momentum, energy = z, zeta, 1.0, np.inf
+            since, interval = 0, 2 * interval
+        elif options.acceleration == "none":
+            z_hat, zeta_hat = z, zeta
+        else:
+            last, energy = energy, rho * sums[2] + dual**2 / rho
+            if options.acceleration == "accelerated" or energy < options.restart_eta * last:
+                beta = momentum - 1
+                momentum = 0.5 * (1 + math.sqrt(1 + 4 * momentum**2))
+                beta /= momentum
+                z_hat, zeta_hat = z + beta * (z - z_last), zeta + beta * (zeta - zeta_last)
+            else:
+                z_hat, zeta_hat, momentum, energy = z_last, zeta_last, 1.0, last / options.restart_eta
+    return Iterate(splitting.answer(z, zeta), status)

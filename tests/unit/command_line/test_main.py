@@ -1,0 +1,228 @@
+"""The command line: run, solve, info, solvers; exit codes and messages."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fcsim import __version__
+from fcsim.command_line.main import main
+from fcsim.export_fclib import read_fclib
+from fcsim.problem import GlobalProblem, natural_map_residual
+from fcsim.solvers import SOLVERS
+
+ROOT = Path(__file__).parents[2]
+QUIET = ["--export-every", "0", "--vtk-every", "0"]
+
+
+@pytest.fixture
+def problem_file(case_folder: Path, tmp_path: Path) -> Path:
+    """Step 12 of the small case as an FCLIB file."""
+    out = tmp_path / "exported"
+    assert main(["run", str(case_folder), "--out", str(out), "--export-every", "12", "--vtk-every", "0", "--export-form", "both"]) == 0
+    return next((out / "fclib" / "global").iterdir())
+
+
+def test_run_with_options(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    arguments = ["--steps", "4", "--set", "E=3e7", "--set", "size=0.2,0.2,0.2", "--solver", "NSGS-AC", "--tol", "1e-6"]
+    assert main(["run", str(case_folder), "--out", str(out), *QUIET, *arguments]) == 0
+    about = json.loads((out / "run.json").read_text())
+    assert (about["solver"], about["tol"], about["steps"], about["parameters"]["E"]) == ("NSGS-AC", 1e-6, 4, 3e7)
+    assert about["parameters"]["size"] == [0.2, 0.2, 0.2]
+    with (out / "steps.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["solver"] for row in rows] == ["NSGS-AC"] * 4
+    assert sorted(entry.name for entry in out.iterdir()) == ["checkpoint.h5", "run.json", "steps.csv", "steps.h5"]
+    printed = capsys.readouterr().out
+    assert "finished: 4 steps" in printed
+    for phase in ("detection", "assembly", "solve", "output"):
+        assert phase in printed
+    assert str(out) in printed.replace("\n", "")
+
+
+def test_default_folder_and_resume(case_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "two_blocks", "--steps", "3", *QUIET]) == 0
+    assert main(["run", "two_blocks", "--steps", "5", "--resume", *QUIET]) == 0
+    assert json.loads((tmp_path / "results" / "two_blocks" / "run.json").read_text())["steps_done"] == 5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--set", "height=1"], "has the parameters size"),
+        (["--set", "E=stiff"], "expects a number"),
+        (["--set", "E"], "expected NAME=VALUE"),
+        (["--solver", "NSN-XX"], "solver 'NSN-XX': expected one of auto, NSN-AC"),
+        (["--tol", "-1"], "tol: expected a number > 0"),
+        (["--steps", "-1"], "steps: expected"),
+        (["--vtk-every", "-1"], "vtk-every: expected"),
+        (["--resume"], "found no run.json"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_two(
+    case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "out"), *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("fcsim: ") and message in captured.err and captured.err.count("\n") == 1
+    assert captured.out == ""
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_case_and_foreign_folder(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", str(tmp_path / "nothing"), "--out", str(tmp_path / "out")]) == 2
+    assert "nothing" in capsys.readouterr().err
+    assert main(["run", str(case_folder), "--out", str(case_folder)]) == 2
+    assert "found two_blocks.py" in capsys.readouterr().err
+    assert main(["run", str(case_folder), "--out", "/dev/null/out"]) == 2
+    assert capsys.readouterr().err.startswith("fcsim: ")
+
+
+def test_existing_run(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = ["run", str(case_folder), "--out", str(tmp_path / "out"), "--steps", "2", *QUIET]
+    assert main(run) == 0
+    assert main(run) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert main([*run, "--overwrite"]) == 0
+
+
+def test_unconverged_run_has_code_one(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert (
+        main(["run", str(case_folder), "--out", str(tmp_path / "out"), *QUIET, "--set", "max_iterations=0", "--set", "fallback=off"]) == 1
+    )
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "not converged"
+    assert "did not converge" in capsys.readouterr().out
+
+
+def test_fallback_is_reported(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "out"), *QUIET, "--set", "max_iterations=0"]) == 0
+    captured = capsys.readouterr()
+    assert "fallback chain used (NSN-AC from previous steps: maximum number of iterations reached" in " ".join(captured.err.split())
+    with (tmp_path / "out" / "steps.csv").open(newline="") as file:
+        assert max(int(row["attempts"]) for row in csv.DictReader(file)) >= 2
+
+
+def test_parameters_are_listed(case_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", str(case_folder), "--parameters"]) == 0
+    listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert listed["E"] == "10000000.0" and listed["divisions"] == "(2, 2, 1)"
+
+
+def test_solve_prints_json(problem_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    content = read_fclib(problem_file)
+    problem = content.problem
+    assert isinstance(problem, GlobalProblem)
+    for arguments in ([], ["--solver", "NSGS-AC"], ["--start", "guess"], ["--start", "solution"]):
+        assert main(["solve", str(problem_file), "--json", *arguments]) == 0
+        answer = json.loads(capsys.readouterr().out)
+        assert {"status", "error", "iterations", "seconds", "nc", "n"} <= set(answer)
+        assert answer["status"] == "SOLVED" and answer["error"] <= 1e-8 == answer["tol"]
+        assert (answer["nc"], answer["n"], answer["dimension"], answer["form"]) == (problem.nc, problem.n, 3, "global")
+        assert answer["seconds"] == pytest.approx(sum(answer["seconds_by_phase"].values()))
+    local = next((problem_file.parents[1] / "local").iterdir())
+    assert main(["solve", str(local), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["form"], answer["n"], answer["checks"]["momentum"]) == ("local", problem.m, None)
+
+
+def test_unsolved_problem_has_code_one(problem_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert main(["solve", str(problem_file), "--json", "--set", "max_iterations=0"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["status"], answer["iterations"]) == ("MAX_ITERATIONS", 0)
+    assert main(["solve", str(problem_file), "--set", "max_iterations=0"]) == 1
+    assert "maximum number of iterations reached" in capsys.readouterr().out
+
+
+def test_written_solution_is_one(problem_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Checked with M from the file alone, then described and taken as the starting point."""
+    solved = tmp_path / "solved.hdf5"
+    assert main(["solve", str(problem_file), "--tol", "1e-10", "--write-solution", str(solved)]) == 0
+    content = read_fclib(solved)
+    p, s = content.problem, content.solution
+    assert isinstance(p, GlobalProblem) and s is not None and s.v is not None
+    assert np.abs(p.M @ s.v - p.H @ s.r - p.f).max() <= 1e-10 * np.abs(p.f).max()
+    q = p.w + p.H.T @ np.linalg.solve(p.M.toarray(), p.f)
+    assert natural_map_residual(s.r, p.H.T @ s.v + p.w, p.mu) <= 1e-9 * np.linalg.norm(q)
+    capsys.readouterr()
+    assert main(["info", str(solved)]) == 0
+    described = capsys.readouterr().out
+    assert f"contacts     {p.nc} in 3D: {p.m} local unknowns, {p.n} degrees of freedom" in described
+    assert "mu from 0.3 to 0.3" in described and "solution     stored, error" in described
+    assert main(["solve", str(solved), "--start", "solution", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["iterations"] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--solver", "NSN-XX"], "expected one of auto, NSN-AC"),
+        (["--tol", "0"], "tol: expected"),
+        (["--solver", "NSN-AC", "--set", "rho=best"], "option rho: expected one of"),
+        (["--set", "max_iterations=many"], "expects a value of type int"),
+        (["--set", "iterations=3"], "option 'iterations': expected one of"),
+        (["--write-solution", "/nowhere/x.hdf5"], "expected an existing folder"),
+    ],
+)
+def test_solve_refuses(problem_file: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str) -> None:
+    capsys.readouterr()
+    assert main(["solve", str(problem_file), *arguments]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err and captured.err.startswith("fcsim: ")
+
+
+def test_files_that_are_no_problem(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "text.hdf5").write_text("no HDF5")
+    for command in ("solve", "info"):
+        for name in ("text.hdf5", "missing.hdf5"):
+            assert main([command, str(tmp_path / name)]) == 2
+            assert name in capsys.readouterr().err
+
+
+def test_solvers_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["solvers"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert {line.split()[0] for line in lines[1:-1] if not line.startswith(" ")} == set(SOLVERS)
+    assert all(len(line) <= 140 for line in lines)
+    assert "stages=100 nsgs then 200 newton" in " ".join(line.strip() for line in lines)
+
+
+def test_version_and_wrong_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["--version"])
+    assert stop.value.code == 0 and capsys.readouterr().out == f"fcsim {__version__}\n"
+    for arguments in ([], ["walk"], ["run"], ["run", "x", "--steps", "many"]):
+        with pytest.raises(SystemExit) as stop:
+            main(arguments)
+        assert stop.value.code == 2
+
+
+def in_a_process(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run([sys.executable, *command], cwd=cwd, env=environment, capture_output=True, text=True, timeout=120)
+
+
+def test_the_wall_is_an_ordinary_script(tmp_path: Path) -> None:
+    script = ROOT / "cases" / "masonry_wall" / "masonry_wall.py"
+    done = in_a_process(str(script), "--steps", "2", "--out", "wall", "--export-every", "1", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "finished: 2 steps" in done.stdout
+    files = sorted((tmp_path / "wall" / "fclib" / "global").iterdir())
+    assert [read_fclib(path).problem.nc for path in files] == [688, 688]
+    assert all(path.name.startswith("FCSIM_LowWall_FEM-i") for path in files)
+
+
+def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
+    """fcsim solvers | head -1"""
+    command = f"{sys.executable} -m fcsim.command_line.main solvers | head -1; exit ${{PIPESTATUS[0]}}"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(["bash", "-c", command], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")

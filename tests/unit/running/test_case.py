@@ -1,0 +1,86 @@
+"""Case scripts: loading them, reading their parameters, refusals."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from fcsim.errors import InputError
+from fcsim.running.case import History, load_case, parse_parameters
+
+
+def test_folder_and_script_are_the_same_case(case_folder: Path) -> None:
+    for path in (case_folder, case_folder / "two_blocks.py", str(case_folder)):
+        script = load_case(path)
+        assert script.name == "two_blocks"
+        assert script.build(script.parameters()).simulation.steps == 12
+
+
+def test_a_case_in_the_working_folder(case_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(case_folder)
+    assert load_case(".").name == "two_blocks"
+
+
+def test_parameters_are_read_as_their_types(case_folder: Path) -> None:
+    script = load_case(case_folder)
+    texts = {"size": "0.1, 0.2,0.3", "divisions": "(2,1,1)", "E": "2e9", "slow": "On", "rule": "faces", "steps": "7", "solver": "NSGS-AC"}
+    p = parse_parameters(script, texts)
+    assert (p.size, p.divisions, p.E, p.slow, p.rule, p.steps, p.solver) == ((0.1, 0.2, 0.3), (2, 1, 1), 2e9, True, "faces", 7, "NSGS-AC")
+    assert p.tol == 1e-8
+    assert [type(value) for value in p.divisions] == [int, int, int]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("height", "3", "has the parameters size, divisions, E"),
+        ("E", "stiff", r"--set E=stiff: case two_blocks expects a number"),
+        ("steps", "1.5", "expects a whole number"),
+        ("slow", "maybe", "expects on or off"),
+        ("rule", "edges", "expects one of nodes, faces"),
+        ("size", "1,2", "expects 3 values"),
+        ("size", "1,2,x", "expects"),
+    ],
+)
+def test_bad_parameters_are_refused(case_folder: Path, name: str, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        parse_parameters(load_case(case_folder), {name: text})
+
+
+def test_what_is_not_a_case(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"missing.*found no"):
+        load_case(tmp_path / "missing")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=r"holds NAME\.py.*empty/empty\.py"):
+        load_case(tmp_path / "empty")
+    (tmp_path / "data.txt").write_text("x")
+    with pytest.raises(InputError, match="expected a folder"):
+        load_case(tmp_path / "data.txt")
+    (tmp_path / "half.py").write_text("def build(p): return None\n")
+    with pytest.raises(InputError, match="expected a dataclass Parameters and a function build"):
+        load_case(tmp_path / "half.py")
+    (tmp_path / "broken.py").write_text("def build(:\n")
+    with pytest.raises(InputError, match="cannot be loaded as Python"):
+        load_case(tmp_path / "broken.py")
+
+
+def test_sensors_and_plots_are_checked(case_folder: Path) -> None:
+    case = load_case(case_folder).build(load_case(case_folder).parameters())
+    lift, x = case.sensors
+    with pytest.raises(InputError, match="lift more than once"):
+        dataclasses.replace(case, sensors=(lift, x, lift))
+    with pytest.raises(InputError, match="expected columns among lift, x, got 'y'"):
+        dataclasses.replace(case, plots={"imposed": "y"})
+    with pytest.raises(InputError, match="got 'z'"):
+        dataclasses.replace(case, plots={"imposed": "x", "reaction": ("lift", "z")})
+
+
+def test_histories_are_checked(case_folder: Path) -> None:
+    case = load_case(case_folder).build(load_case(case_folder).parameters())
+    dataclasses.replace(case, plots={"histories": (History("lift", ("lift",)), History("path", ("lift",), against="x"))})
+    with pytest.raises(InputError, match="expected columns among lift, x, got 'speed'"):
+        dataclasses.replace(case, plots={"histories": (History("a", ("lift", "speed")),)})
+    with pytest.raises(InputError, match="expected columns among lift, x, got 'y'"):
+        dataclasses.replace(case, plots={"histories": (History("a", ("lift",), against="y"),)})
+    with pytest.raises(InputError, match="history 'a': expected columns of one unit, got lift, x"):
+        dataclasses.replace(case, plots={"histories": (History("a", ("lift", "x")),)})

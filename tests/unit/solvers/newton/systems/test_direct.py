@@ -1,0 +1,256 @@
+"""Newton's linear system: dense, condensed, sparse and saddle-point elimination give the same step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+import scipy.sparse as sp
+from numpy.testing import assert_allclose
+
+from fcsim.linear import factors as linear
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import GlobalProblem
+from fcsim.solvers.newton.iterations import SYSTEMS
+from fcsim.solvers.newton.systems import condensed as condensed_system
+from fcsim.solvers.newton.systems.condensed import ACCURACY, FORCING, CondensedSystem
+from fcsim.solvers.newton.systems.direct import DenseSystem, NewtonSystem, SparseSystem
+from fcsim.solvers.newton.whole import _SaddleMatrix
+
+OPEN, STICK, SLIP = 0, 1, 2
+
+
+def delassus(nc: int, d: int, seed: int) -> np.ndarray:
+    H = np.random.default_rng(seed).standard_normal((d * nc + 5, d * nc))
+    return H.T @ H / nc + 0.1 * np.eye(d * nc)
+
+
+def linearisation(zone: np.ndarray, d: int, rng: np.random.Generator, pure_share: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+    """A and B as the formulations make them: open A = 0, B = 1; sticking A regular, B = 0; sliding both full, in a share of the
+    contacts with the normal row (A_NN, 0, 0) and (0, 0, 0) of Alart and Curnier's."""
+    nc = len(zone)
+    A = 0.3 * rng.standard_normal((nc, d, d)) + 2 * np.eye(d)
+    B = 0.3 * rng.standard_normal((nc, d, d)) + np.eye(d)
+    A[zone == OPEN], B[zone == OPEN] = 0, np.eye(d)
+    B[zone == STICK] = 0
+    pure = (zone == SLIP) & (rng.random(nc) < pure_share)
+    A[pure, 0, 1:] = 0
+    B[pure, 0] = 0
+    return A, B
+
+
+def reference_step(W: np.ndarray, A: np.ndarray, B: np.ndarray, rhs: np.ndarray) -> np.ndarray:
+    return np.linalg.solve(sla.block_diag(*A) @ W + sla.block_diag(*B), rhs.ravel())
+
+
+ZONES: dict[str, list[float]] = {
+    "all open": [1, 0, 0],
+    "all stick": [0, 1, 0],
+    "all slip": [0, 0, 1],
+    "no open": [0, 0.5, 0.5],
+    "no stick": [0.5, 0, 0.5],
+    "no slip": [0.5, 0.5, 0],
+    "mixed": [0.3, 0.4, 0.3],
+}
+
+
+@pytest.mark.parametrize("zones", ZONES)
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_one_step(name: str, d: int, zones: str) -> None:
+    rng = np.random.default_rng(1)
+    W = delassus(12, d, 2)
+    A, B = linearisation(rng.choice(3, 12, p=ZONES[zones]), d, rng)
+    rhs = rng.standard_normal((12, d))
+    before = W.copy(), A.copy(), B.copy(), rhs.copy()
+    system = SYSTEMS[name](sp.bsr_array(W, blocksize=(d, d)) if name == "sparse" else W, d)
+    tolerance = 1e-3 if name == "multifrontal" else 1e-9  # an inexact step, see test_multifrontal
+    assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=tolerance, atol=1e-2 * tolerance)
+    for mine, given in zip((W, A, B, rhs), before, strict=True):
+        assert_allclose(mine, given, atol=0)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("changes", [1, 4, 40])
+@pytest.mark.parametrize("seed", range(4))
+def test_changing_sets(seed: int, changes: int, d: int) -> None:
+    """The condensed system keeps a factor and a border between calls: every step of a long sequence is exact."""
+    rng = np.random.default_rng(seed)
+    nc = 60
+    W = delassus(nc, d, seed)
+    systems: list[NewtonSystem] = [CondensedSystem(W, d), DenseSystem(W, d), SparseSystem(W, d)]
+    zone = rng.choice(3, nc, p=[0.2, 0.6, 0.2])
+    for _ in range(25):
+        moved = rng.choice(nc, changes, replace=False)
+        zone[moved] = rng.choice(3, changes)
+        A, B = linearisation(zone, d, rng)
+        rhs = rng.standard_normal((nc, d))
+        expected = reference_step(W, A, B, rhs)
+        for system in systems:
+            assert_allclose(system.solve(A, B, rhs)[0], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("change", [1e-6, 1e-2, 0.3, 10.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_following_a_changing_operator(seed: int, change: float) -> None:
+    """With the factor of an earlier W the defect of the true system stays below the forcing term, whatever W has become."""
+    rng = np.random.default_rng(seed)
+    nc, d = 60, 3
+    W = delassus(nc, d, seed)
+    system = CondensedSystem(W, d)
+    zone = rng.choice(3, nc, p=[0.2, 0.6, 0.2])
+    for _ in range(10):
+        for _ in range(3):
+            zone[rng.choice(nc, 3, replace=False)] = rng.choice(3, 3)
+            A, B = linearisation(zone, d, rng)
+            rhs = rng.standard_normal((nc, d))
+            dr, Wdr = system.solve(A, B, rhs)
+            assert_allclose(Wdr, W @ dr, rtol=1e-10, atol=1e-10 * np.abs(Wdr).max())
+            defect = rhs - np.einsum("aij,aj->ai", A, (W @ dr).reshape(nc, d)) - np.einsum("aij,aj->ai", B, dr.reshape(nc, d))
+            assert np.linalg.norm(defect) <= 1.01 * FORCING * np.linalg.norm(rhs)
+        root = np.eye(len(W)) + change * rng.standard_normal(W.shape) / len(W)
+        W = root @ W @ root.T
+        assert system.follow(W)
+    assert not system.follow(np.eye(30)), "another number of contacts"
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("seed", range(3))
+def test_single_precision(seed: int, d: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Factor and border in single precision, corrected on the true system: a defect of at most ACCURACY ||rhs||."""
+    monkeypatch.setattr(condensed_system, "SINGLE_FROM", 0)
+    rng = np.random.default_rng(seed)
+    nc = 60
+    W = delassus(nc, d, seed)
+    system = CondensedSystem(W, d)
+    zone = rng.choice(3, nc, p=[0.2, 0.6, 0.2])
+    for _ in range(25):
+        zone[rng.choice(nc, 4, replace=False)] = rng.choice(3, 4)
+        A, B = linearisation(zone, d, rng)
+        rhs = rng.standard_normal((nc, d))
+        dr, Wdr = system.solve(A, B, rhs)
+        defect = rhs.ravel() - sla.block_diag(*A) @ (W @ dr) - sla.block_diag(*B) @ dr
+        assert np.linalg.norm(defect) <= 1.01 * ACCURACY * np.linalg.norm(rhs)
+        assert_allclose(Wdr, W @ dr, rtol=0, atol=1e-10 * np.abs(Wdr).max())
+
+
+def test_double_precision_where_single_is_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compliances over seven orders of magnitude: the factor in single precision does not precondition, that in double does."""
+    monkeypatch.setattr(condensed_system, "SINGLE_FROM", 0)
+    monkeypatch.setattr(CondensedSystem, "_solve_whole", lambda *_: pytest.fail("the condensed factor in double precision is enough"))
+    rng = np.random.default_rng(3)
+    nc, d = 20, 3
+    Q = np.linalg.qr(rng.standard_normal((nc * d, nc * d)))[0]
+    W = Q @ np.diag(np.logspace(0, -7.5, nc * d)) @ Q.T
+    W = 0.5 * (W + W.T)
+    system = CondensedSystem(W, d)
+    A, B = linearisation(np.full(nc, STICK), d, rng)
+    rhs = rng.standard_normal((nc, d))
+    dr, _ = system.solve(A, B, rhs)
+    assert np.linalg.norm(rhs.ravel() - sla.block_diag(*A) @ (W @ dr)) <= 1.01 * ACCURACY * np.linalg.norm(rhs)
+
+
+def test_a_border_that_is_too_large_is_not_carried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(condensed_system, "BORDER_UP_TO", 0)
+    monkeypatch.setattr(CondensedSystem, "_hold", lambda *_: pytest.fail("no factor is to be held"))
+    rng = np.random.default_rng(5)
+    W = delassus(20, 3, 5)
+    A, B = linearisation(np.repeat([STICK, SLIP], 10), 3, rng)
+    rhs = rng.standard_normal((20, 3))
+    assert_allclose(CondensedSystem(W, 3).solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-9, atol=1e-11)
+
+
+def test_sets_that_empty_and_fill_again() -> None:
+    rng = np.random.default_rng(7)
+    W = delassus(50, 3, 8)
+    system = CondensedSystem(W, 3)
+    for kind in (STICK, OPEN, SLIP, STICK, OPEN, STICK, SLIP, SLIP, OPEN):
+        for share in (1.0, 0.7):
+            zone = np.where(rng.random(50) <= share, kind, rng.choice(3, 50))
+            A, B = linearisation(zone, 3, rng)
+            rhs = rng.standard_normal((50, 3))
+            assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-8, atol=1e-10)
+
+
+def test_condensed_system_takes_an_unsymmetric_operator() -> None:
+    rng = np.random.default_rng(9)
+    W = delassus(10, 3, 10) + 0.05 * rng.standard_normal((30, 30))
+    system = CondensedSystem(W, 3)
+    for _ in range(3):
+        A, B = linearisation(rng.choice(3, 10), 3, rng)
+        rhs = rng.standard_normal((10, 3))
+        assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-9, atol=1e-11)
+
+
+def test_condensed_system_takes_an_operator_that_is_not_positive_definite() -> None:
+    """W_SS semi-definite on the sticking contacts, A W + B regular: the dense elimination goes on, at once and later."""
+    rng = np.random.default_rng(11)
+    H = rng.standard_normal((20, 36))
+    W = H.T @ H  # rank 20: 6 sticking contacts fit, 12 do not
+    system = CondensedSystem(W, 3)
+    for count in (5, 6, 4, 6):
+        zone = np.full(12, SLIP)
+        zone[:count] = STICK
+        A, B = linearisation(zone, 3, rng, pure_share=0)
+        rhs = rng.standard_normal((12, 3))
+        assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-7, atol=1e-8)
+    W = delassus(12, 3, 12)
+    W[:3, :3] -= 40 * np.eye(3)  # indefinite, regular
+    system = CondensedSystem(W, 3)
+    for _ in range(3):
+        A, B = linearisation(np.r_[STICK, STICK, rng.choice(3, 10)], 3, rng)
+        rhs = rng.standard_normal((12, 3))
+        assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_singular_system_is_refused(name: str) -> None:
+    """Two sticking contacts at the same point of one body: equal rows, the same number of pivots short."""
+    W = np.kron(np.ones((2, 2)), np.diag([1.0, 2.0, 3.0]))
+    A, B = np.stack([np.eye(3)] * 2), np.zeros((2, 3, 3))
+    with pytest.raises(SingularMatrix):
+        SYSTEMS[name](W, 3).solve(A, B, np.ones((2, 3)))
+
+
+def test_sparse_system_by_the_sparse_factor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(linear, "DENSE_UP_TO", 5)
+    rng = np.random.default_rng(13)
+    W = sla.block_diag(*(delassus(4, 3, seed) for seed in range(5)))
+    system = SparseSystem(sp.bsr_array(W, blocksize=(3, 3)), 3)
+    for _ in range(3):
+        A, B = linearisation(rng.choice(3, 20), 3, rng)
+        rhs = rng.standard_normal((20, 3))
+        assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("constraints", [0, 2])
+@pytest.mark.parametrize("d", [2, 3])
+def test_saddle_point_matrix(d: int, constraints: int) -> None:
+    """[[M, -H, -G], [A H^T, B, 0], [G^T, 0, 0]] entry by entry, and its step is that of A W + B."""
+    rng = np.random.default_rng(14)
+    nc, n = 6, 25
+    X = rng.standard_normal((n, n))
+    M = X @ X.T + n * np.eye(n)
+    H = rng.standard_normal((n, d * nc)) * (rng.random((n, d * nc)) < 0.4)
+    G = rng.standard_normal((n, constraints)) if constraints else None
+    b = np.zeros(constraints) if constraints else None
+    p = GlobalProblem(sp.csc_array(M), sp.csc_array(H), np.zeros(n), np.zeros(d * nc), np.full(nc, 0.3), G, b, d)
+    saddle = _SaddleMatrix(p)
+    H_, M_ = H, M
+    if G is not None:
+        M_ = np.block([[M, -G], [G.T, np.zeros((constraints, constraints))]])
+        H_ = np.vstack([H, np.zeros((constraints, d * nc))])
+    W = H_.T @ np.linalg.solve(M_, H_)
+    for _ in range(2):
+        A, B = linearisation(rng.choice(3, nc), d, rng)
+        AHT = sla.block_diag(*A) @ H.T
+        rows = [[M, -H], [AHT, sla.block_diag(*B)]]
+        if G is not None:
+            zero = np.zeros((constraints, d * nc))
+            rows = [[*rows[0], -G], [*rows[1], zero.T], [G.T, zero, np.zeros((constraints, constraints))]]
+        matrix = saddle(A, B)
+        assert_allclose(matrix.toarray(), np.block(rows), atol=1e-14)
+        rhs = rng.standard_normal((nc, d))
+        full = np.concatenate([np.zeros(n), rhs.ravel(), np.zeros(constraints)])
+        step = linear.SuperLU(matrix).solve(full)[n : n + d * nc]
+        assert_allclose(step, reference_step(W, A, B, rhs), rtol=1e-7, atol=1e-9)

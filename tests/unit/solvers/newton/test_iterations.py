@@ -1,0 +1,230 @@
+"""Options of the nonsmooth Newton methods: line searches against a non-monotone reference, gradient steps, adaptive rho, refusals."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.errors import InputError
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.solvers import SOLVERS, Status, solve
+from fcsim.solvers.base import Monitor
+from fcsim.solvers.newton.formulations import FORMULATIONS
+from fcsim.solvers.newton.iterations import LocalSpace, NewtonOptions, newton, newton_iterations
+from fcsim.solvers.newton.line_search import REFERENCES, armijo, goldstein
+
+
+def random_problem(seed: int, nc: int = 10, d: int = 3, mu: float = 0.5) -> LocalProblem:
+    rng = np.random.default_rng(seed)
+    H = rng.standard_normal((d * nc + 5, d * nc)) / np.sqrt(d * nc)
+    q = rng.standard_normal((nc, d))
+    q[:, 0] -= 0.5
+    return LocalProblem(H.T @ H + 0.1 * np.eye(d * nc), q.ravel(), rng.uniform(0, mu, nc), dimension=d)
+
+
+def true_error(p: LocalProblem, r: np.ndarray) -> float:
+    """Eq. 13 with the projection in polar coordinates, written again."""
+    d, total = p.dimension, 0.0
+    u = (p.W @ r + p.q).reshape(-1, d)
+    for a, mu in enumerate(p.mu):
+        z = r.reshape(-1, d)[a] - u[a]
+        z[0] -= mu * np.linalg.norm(u[a, 1:])
+        length, angle = np.linalg.norm(z[1:]), np.arctan(mu)
+        theta = np.arctan2(length, z[0])
+        if theta <= angle:
+            P = z
+        elif theta >= angle + np.pi / 2:
+            P = np.zeros(d)
+        else:
+            along = np.hypot(z[0], length) * np.cos(theta - angle)
+            P = along * np.r_[np.cos(angle), np.sin(angle) * z[1:] / length]
+        total += float(np.sum((r.reshape(-1, d)[a] - P) ** 2))
+    return np.sqrt(total) / float(np.linalg.norm(p.q))
+
+
+NAMES = [name for name, method in SOLVERS.items() if isinstance(method.options, NewtonOptions)]
+CHOICES: list[dict[str, Any]] = [
+    {"rho": "adaptive"},
+    {"line_search": "Armijo", "reference": "maximum", "memory": 5},
+    {"line_search": "Goldstein", "reference": "mean"},
+    {"line_search": "Goldstein-Price", "reference": "Zhang-Hager"},
+    {"line_search": "Armijo", "safeguard": True},
+]
+
+
+@pytest.mark.parametrize("options", CHOICES, ids=lambda options: ", ".join(map(str, options.values())))
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+def test_options_lead_to_the_same_answer(formulation: str, options: dict[str, Any]) -> None:
+    rho = {} if formulation in ("AC", "JM") else {"rho": "spectral norm"}
+    for seed, d in ((1, 3), (2, 2)):
+        p = random_problem(seed, d=d)
+        expected = solve(p, "NSN-AC", tol=1e-11)
+        result = solve(p, "NSN-AC", tol=1e-11, **{"formulation": formulation, **rho, **options})
+        assert result.solved == (true_error(p, result.r) <= 1e-11)
+        assert result.solved
+        assert_allclose(result.u, expected.u, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_published_names(name: str) -> None:
+    """NLS is Newton as it is, GP the Goldstein-Price search; the name's second part is the formulation."""
+    options = SOLVERS[name].options
+    assert options.formulation == name.split("-")[1]
+    if name.endswith("-NLS"):
+        assert options.line_search == "none"
+    if name.endswith("-GP") or name == "NSN-FB":
+        assert options.line_search == "Goldstein-Price"
+
+
+def test_references() -> None:
+    values = deque([4.0, 1.0, 2.0, 3.0], maxlen=4)
+    assert REFERENCES["none"](values) == 3 and REFERENCES["maximum"](values) == 4 and REFERENCES["mean"](values) == 2.5
+    # Zhang and Hager 2004: Q' = eta Q + 1, C' = (eta Q C + f) / Q'
+    Q, C = 1.0, 4.0
+    for f in (1.0, 2.0, 3.0):
+        Q, C = 0.85 * Q + 1, (0.85 * Q * C + f) / (0.85 * Q + 1)
+    assert_allclose(REFERENCES["Zhang-Hager"](values), C)
+
+
+def test_a_reference_above_the_merit_allows_it_to_rise() -> None:
+    """merit(1) = 1.5 lies above merit(0) = 1 but below the reference 2: the full step is taken, and never one that is too short."""
+
+    def merit(t: float) -> float:
+        return 1 - 2 * t + 2.5 * t**2
+
+    for search in (armijo, goldstein):
+        assert search(merit, 1.0, -2.0, reference=2.0) == 1
+        t = search(merit, 1.0, -2.0)
+        assert t < 1 and merit(t) < 1
+    assert goldstein(merit, 1.0, -2.0, reference=1e9) >= 1
+
+
+def test_searches_end_where_nothing_descends() -> None:
+    """Along an ascent no step helps: the searches return a tiny one, and Newton says that it stagnates."""
+    calls = 0
+
+    def merit(t: float) -> float:
+        nonlocal calls
+        calls += 1
+        return 1 + t
+
+    for search in (armijo, goldstein):
+        calls = 0
+        assert search(merit, 1.0, -1.0) < 1e-15
+        assert calls <= 60
+    assert armijo(merit, 1.0, -1.0, 3) == 0.125
+
+
+class _Singular(LocalSpace):
+    """A Newton system that never has a solution."""
+
+    def step(self, A: np.ndarray, B: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        raise SingularMatrix("on purpose")
+
+
+def test_gradient_steps_replace_newtons() -> None:
+    p = random_problem(3)
+    for safeguard, status in ((False, Status.SINGULAR), (True, Status.MAX_ITERATIONS)):
+        options = NewtonOptions(line_search="Armijo", safeguard=safeguard, max_iterations=50)
+        monitor = Monitor(p.q, p.mu, 3, 1e-12)
+        r = np.zeros(30)
+        iterate = newton_iterations(_Singular(p, r, options), r, p.diagonal_blocks, p.mu, monitor, options)
+        assert iterate.status is status
+    assert monitor.best < 0.3 * monitor.history[0][2]  # steepest descent alone comes closer
+
+
+def test_gradient_is_the_merits() -> None:
+    """The direction of steepest descent and its length against finite differences of 0.5 ||F||^2."""
+    p, rng = random_problem(4), np.random.default_rng(0)
+    r, rho = rng.standard_normal(30), np.full((10, 3), 0.4)
+    space = LocalSpace(p, r, NewtonOptions())
+
+    def merit(r: np.ndarray) -> float:
+        F = FORMULATIONS["AC"]((p.W @ r + p.q).reshape(10, 3), r.reshape(10, 3), p.mu, rho)[0]
+        return 0.5 * float(np.sum(F * F))
+
+    F, A, B = FORMULATIONS["AC"](space.u.reshape(10, 3), r.reshape(10, 3), p.mu, rho)
+    dr, du = space.gradient(A, B, F)
+    numeric = np.array([(merit(r + e) - merit(r - e)) / 2e-6 for e in 1e-6 * np.eye(30)])
+    assert_allclose(dr / np.linalg.norm(dr), -numeric / np.linalg.norm(numeric), atol=1e-6)
+    assert_allclose(du, p.W @ dr, atol=1e-12)
+    J = np.einsum("aij,ajk->aik", A, p.W.reshape(10, 3, 30)).reshape(30, 30)
+    for a in range(10):
+        J[3 * a : 3 * a + 3, 3 * a : 3 * a + 3] += B[a]
+    assert_allclose(J.T @ (J @ dr + F.ravel()) @ dr, 0, atol=1e-9)  # the minimum of the linear model along dr
+
+
+@pytest.mark.parametrize("name", ["NSN-FB", "NSN-AC-GP", "NSN-JM-GP", "NSN-NM-GP"])
+def test_line_search_on_the_global_form_takes_the_same_steps(name: str) -> None:
+    rng = np.random.default_rng(5)
+    X, H = rng.standard_normal((24, 24)), rng.standard_normal((24, 18))
+    p = GlobalProblem(X @ X.T + 24 * np.eye(24), H, -H[:, ::3].sum(axis=1) + rng.standard_normal(24), np.zeros(18), np.full(6, 0.4))
+    local, kkt = (solve(p, name, tol=1e-9, linear=linear) for linear in ("dense", "kkt"))
+    assert local.solved and kkt.solved
+    assert_allclose(kkt.r, local.r, atol=1e-7)
+    if name == "NSN-NM-GP":
+        return  # its derivative by u_T of a sticking contact, u_T = 0 up to round-off, is one of many
+    assert_allclose([row[2] for row in kkt.history], [row[2] for row in local.history], rtol=1e-3, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"line_search_iterations": 0}, "line_search_iterations: expected an integer >= 1"),
+        ({"memory": 0}, "memory: expected an integer >= 1"),
+        ({"reference": "median"}, "reference: expected one of 'none', 'maximum', 'mean', 'Zhang-Hager'"),
+    ],
+)
+def test_bad_options_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        solve(random_problem(0), "NSN-AC", **options)
+
+
+def test_fischer_burmeister_on_a_hyperstatic_problem() -> None:
+    """Rank 12 of 36: where AC's systems are singular, FB's are not always; an answer is an answer."""
+    rng = np.random.default_rng(6)
+    H = rng.standard_normal((12, 36))
+    H[:, ::3] = np.abs(H[:, ::3])
+    p = LocalProblem(H.T @ H, H.T @ -np.abs(rng.standard_normal(12)), np.full(12, 0.4))
+    options = NewtonOptions(formulation="FB", rho="spectral norm")
+    monitor = Monitor(p.q, p.mu, 3, 1e-8)
+    iterate = newton(p, np.zeros(36), monitor, options)
+    assert iterate.status.solved == (true_error(p, iterate.r) <= 1e-8)
+
+
+def test_patience() -> None:
+    """A run that cycles ends after `patience` iterations without a better error; one that converges is not touched by it."""
+    cycling = random_problem(1, mu=5.0)
+    options = NewtonOptions(rho="constant", rho_factor=100.0)
+    endless, watched = (
+        solve(cycling, "NSN-AC-NLS", tol=1e-10, rho=options.rho, rho_factor=options.rho_factor, patience=patience) for patience in (0, 10)
+    )
+    assert endless.status is Status.MAX_ITERATIONS
+    assert watched.status is Status.STAGNATED
+    assert watched.iterations % 10 == 0
+    assert 0 < watched.iterations < 100
+    easy = random_problem(0)
+    without, within = (solve(easy, "NSN-AC", tol=1e-10, patience=patience) for patience in (0, 3))
+    assert without.solved
+    assert_allclose(within.r, without.r, atol=0)
+
+
+def test_adapted_rho_is_kept_from_a_solution() -> None:
+    """What a simulation keeps: the next solve begins with the adapted rho, on another path to the same answer; a failed one leaves none."""
+    p = random_problem(3, nc=30)
+    p = LocalProblem(p.W, p.q, p.mu, dimension=3, kept={})
+    first = solve(p, "NSN-AC", tol=1e-10, rho_factor=50.0)
+    assert first.solved
+    assert p.kept is not None
+    assert p.kept["rho"].shape == (30, 3)
+    again = solve(p, "NSN-AC", tol=1e-10, rho_factor=50.0)
+    assert again.solved
+    assert again.iterations != first.iterations
+    assert_allclose(again.r, first.r, rtol=0, atol=1e-7 * np.abs(first.r).max())
+    assert not solve(p, "NSN-AC", tol=1e-10, max_iterations=1).solved
+    assert "rho" not in p.kept
