@@ -63,7 +63,7 @@ _PLI = Stage(nsgs, GaussSeidelOptions(one_contact="FP-DS", local_iterations=100,
 _NEWTON_GP = Stage(newton, NewtonOptions(line_search="Goldstein-Price", max_iterations=50))
 
 SOLVERS: dict[str, Method] = {
-    "auto": Method(automatic, AutomaticOptions(), "automatic", "this package (see automatic.py)"),
+    "auto": Method(automatic, AutomaticOptions(), "automatic", "this package (see automatic)"),
     # adaptive: on walls from r = 0 an eighth fewer iterations than with the fixed rho of NSN-AC-NLS, and single contacts on which that
     # one cycles are solved
     "NSN-AC": _newton("AC", "Alart, Curnier 1991", "NSN_AC", rho="adaptive"),

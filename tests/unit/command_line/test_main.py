@@ -16,7 +16,7 @@ from fcsim.export_fclib import read_fclib
 from fcsim.problem import GlobalProblem, natural_map_residual
 from fcsim.solvers import SOLVERS
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 QUIET = ["--export-every", "0", "--vtk-every", "0"]
 
 

@@ -8,7 +8,7 @@ import pytest
 from fcsim.errors import InputError
 from fcsim.running.case import load_case
 
-CASES = Path(__file__).parents[2] / "cases"
+CASES = Path(__file__).parents[3] / "cases"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-CASES = Path(__file__).parents[2] / "cases"
+CASES = Path(__file__).parents[3] / "cases"
 # arguments, rows of the table, picture
 SCRIPTS = {
     "hertz/pressure.py": (

@@ -307,7 +307,7 @@ def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_s
     out = tmp_path / "out"
     command = [sys.executable, "-m", "fcsim.command_line.main", "run", str(case_folder), "--out", str(out), "--set", "slow=on"]
     arguments = ["--checkpoint-every", "3", "--export-every", "2", "--vtk-every", "2"]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     process = subprocess.Popen(
         [*command, *arguments],
         env=environment,

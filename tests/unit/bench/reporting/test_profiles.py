@@ -281,4 +281,4 @@ def test_the_command_line_stays_light():
     code = (
         "import sys; from fcsim.command_line.main import _parser; _parser(); sys.exit('matplotlib' in sys.modules or 'rich' in sys.modules)"
     )
-    assert subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[3]).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[4]).returncode == 0
