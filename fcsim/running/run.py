@@ -23,12 +23,13 @@ from typing import Any
 from fcsim.errors import InputError, NotConverged
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.files import replacing
-from fcsim.running.case import Case, CaseScript, parse_parameters
+from fcsim.interrupts import is_interrupt
+from fcsim.running.case import Case, CaseScript
 from fcsim.running.checkpoint import read_checkpoint, write_checkpoint
 from fcsim.running.fclib_series import write_step
+from fcsim.running.parameters import parse_parameters
 from fcsim.running.step_table import StepTable, write_hdf5
 from fcsim.running.vtk_series import SeriesWriter
-from fcsim.runtime import is_interrupt
 from fcsim.timestep.simulation import Step
 from fcsim.version import __version__
 
