@@ -32,6 +32,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--vtk-every", type=int, default=10, metavar="K", help="write VTK files every K steps, 0 = none (default 10)")
     run.add_argument("--checkpoint-every", type=int, default=20, metavar="K", help="steps between checkpoints (default 20)")
     run.add_argument("--resume", action="store_true", help="go on with an interrupted run in the folder of the results")
+    run.add_argument("--accept-changes", action="store_true", help="resume also where script, meshes, tables or versions have changed")
     run.add_argument("--overwrite", action="store_true", help="replace an earlier run's results")
     run.add_argument("--parameters", action="store_true", help="list the case's parameters and stop")
     run.set_defaults(act=_run)
@@ -67,6 +68,7 @@ def _run(options: argparse.Namespace) -> int:
             settings,
             resume=options.resume,
             overwrite=options.overwrite,
+            accept_changes=options.accept_changes,
             watch=lambda case, step: show_step(bar, case, step),
         )
     _print_summary(summary, directory)

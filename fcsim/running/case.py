@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from fcsim.errors import InputError
+from fcsim.files import plain_name, sha256
 from fcsim.timestep.simulation import Simulation, Step
 
 
@@ -32,6 +33,9 @@ class History:
     name: str
     columns: tuple[str, ...]
     against: str = "t"
+
+    def __post_init__(self) -> None:
+        plain_name(self.name, "history")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +77,13 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class CaseScript:
-    """A case script as found on disk: folder/name.py with a frozen dataclass `Parameters` and a function `build`."""
+    """A case script as found on disk: folder/name.py with a frozen dataclass `Parameters` and a function `build`; SHA-256 of its text."""
 
     name: str
     path: Path
     parameters: type
     build: Callable[[Any], Case]
+    sha256: str
 
 
 def load_case(path: str | Path) -> CaseScript:
@@ -91,17 +96,18 @@ def load_case(path: str | Path) -> CaseScript:
     spec = importlib.util.spec_from_file_location(f"fcsim_case_{name}", script)
     if spec is None or spec.loader is None:
         raise InputError(f"case {str(path)!r}: {script} cannot be loaded as Python")
+    digest = sha256(script)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look their module up
     try:
         spec.loader.exec_module(module)
     except SyntaxError as error:
         raise InputError(f"case {str(path)!r}: {script} cannot be loaded as Python: {error}") from None
-    return _checked(module, name, script)
+    return _checked(module, name, script, digest)
 
 
-def _checked(module: ModuleType, name: str, script: Path) -> CaseScript:
+def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseScript:
     parameters, build = getattr(module, "Parameters", None), getattr(module, "build", None)
     if not (dataclasses.is_dataclass(parameters) and isinstance(parameters, type) and callable(build)):
         raise InputError(f"case script {script}: expected a dataclass Parameters and a function build(parameters)")
-    return CaseScript(name, script, parameters, build)
+    return CaseScript(name, script, parameters, build, digest)
