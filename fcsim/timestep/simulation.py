@@ -24,6 +24,7 @@ from fcsim.solvers import Result, Status, method, solve
 from fcsim.solvers.base import override
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.step_compliance import StepCompliance
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.warm_start import MEMORY, Reactions, warm_start
 
@@ -313,7 +314,7 @@ class Simulation:
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
         driven = scheme.driven(model, state)
         problem = self._problem(factor, H, load, scheme.contact_velocity(state, contacts, H), driven, contacts.mu)
-        reduction = Reduction(problem, factor, kept)
+        reduction = Reduction(problem, StepCompliance(factor), kept)
         if len(contacts):
             _ = reduction.local
         clock.lap("assembly")

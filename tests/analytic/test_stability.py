@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.supports import DIRECTIONS, Support
+from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
