@@ -22,6 +22,7 @@ from fcsim.assembly.rigid import inverse_on
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
 from fcsim.linear.factors import Factor, SingularMatrix, factorise
+from fcsim.linear.singularity import refuse_singular
 
 
 class SystemFactor:

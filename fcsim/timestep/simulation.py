@@ -24,8 +24,8 @@ from fcsim.solvers import Result, Status, method, solve
 from fcsim.solvers.base import override
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.scheme import Scheme
-from fcsim.timestep.step_compliance import StepCompliance
 from fcsim.timestep.state import State, at_rest
+from fcsim.timestep.step_compliance import StepCompliance
 from fcsim.timestep.warm_start import MEMORY, Reactions, warm_start
 
 

@@ -16,7 +16,8 @@ from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.timestep.scheme import Gap, Velocity
 from fcsim.timestep.simulation import Simulation, SolverSettings, Step
 from fcsim.timestep.state import State, at_rest
