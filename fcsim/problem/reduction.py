@@ -158,11 +158,10 @@ def _fitting_factor(block: Any) -> Factor:
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A global problem with what stands for its M^-1: its local form, and v, l from r. `kept` as in `LocalProblem`."""
+    """A global problem with what stands for its M^-1: its local form, and v, l from r."""
 
     problem: GlobalProblem
     factor: MassFactor
-    kept: dict[str, Any] | None = None
 
     @cached_property
     def _H(self) -> Any:
@@ -190,7 +189,7 @@ class Reduction:
     def local(self) -> LocalProblem:
         """The local form W, q, mu."""
         p = self.problem
-        return LocalProblem(self.factor.delassus(self._H, p.dimension), self.q, p.mu, dimension=p.dimension, kept=self.kept)
+        return LocalProblem(self.factor.delassus(self._H, p.dimension), self.q, p.mu, dimension=p.dimension)
 
     def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """Return v (n,) = M^-1 (H r + G l + f) and the multiplier l (p,), None without equality constraints."""
