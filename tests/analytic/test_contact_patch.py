@@ -19,8 +19,10 @@ from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_detection.surfaces.surface import CandidateRule
 from fcsim.mesh.blocks import brick, rectangle
 from fcsim.mesh.part import CELL_DIMENSION, Body, Material, Part
+from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 
 E, SIDE, PRESSED = 200e9, 2e-3, 0.2e-3
 P = E * PRESSED / (2 * SIDE)

@@ -31,7 +31,8 @@ from fcsim.mesh.blocks import rigid_box
 from fcsim.mesh.io import read_mesh
 from fcsim.mesh.part import Body, Material
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.simulation import Simulation, SolverSettings
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
 
 
 @dataclass(frozen=True)
