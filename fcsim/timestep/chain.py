@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError, NotConverged
 from fcsim.problem.reduction import Reduction
-from fcsim.solvers import Result, Status, method, solve
+from fcsim.solvers import Memory, Result, Status, method, solve
 from fcsim.solvers.base import override
 from fcsim.timestep.step import Attempt
 
@@ -43,11 +43,18 @@ class SolverSettings:
 
 
 def solve_chain(
-    settings: SolverSettings, reduction: Reduction, warm: FloatArray, tol: float, share: float, attempts: list[Attempt]
-) -> Result | None:
-    """Return the first answer of the chain below `tol`, None where no link reaches it.
+    settings: SolverSettings,
+    reduction: Reduction,
+    warm: FloatArray,
+    tol: float,
+    share: float,
+    attempts: list[Attempt],
+    kept: Memory | None,
+) -> tuple[Result | None, Memory | None]:
+    """Return the first answer of the chain below `tol`, None where no link reaches it, and what the chain leaves for the next problem.
 
-    warm (m,): where the first link begins; share: of the step that is solved. What was tried is added to `attempts`.
+    warm (m,): where the first link begins; share: of the step that is solved; kept: what the problem before left. What was tried is
+    added to `attempts`.
     """
     chain: list[tuple[str, str, Mapping[str, Any]]] = [(settings.name, "previous steps", settings.options)]
     if np.any(warm):
@@ -55,11 +62,12 @@ def solve_chain(
     chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
     for name, start, options in chain:
         r = warm if start == "previous steps" else None
-        result = solve(reduction, name, r, tol=tol, floor=settings.floor, **options)
+        result = solve(reduction, name, r, tol=tol, floor=settings.floor, memory=kept, **options)
+        kept = result.memory
         attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol))
         if result.solved:
-            return result
-    return None
+            return replace(result, memory=None), kept
+    return None, kept
 
 
 def not_converged(

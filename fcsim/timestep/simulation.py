@@ -18,6 +18,7 @@ from fcsim.contact_detection import Detector, contact_matrix
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
+from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged, solve_chain
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
@@ -100,7 +101,7 @@ class Simulation:
         """
         after = after or Moment(0, self.initial or at_rest(self.model))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
-        kept: dict[int, dict[str, Any]] | None = {} if self.keep else None
+        kept: dict[int, Memory] | None = {} if self.keep else None
         while moment.number < self.steps:
             step = self.step(moment, kept, anchor)
             moment = step.moment
@@ -110,17 +111,16 @@ class Simulation:
             if self.keep and moment.number % self.keep == 0:
                 kept, anchor = {}, moment
 
-    def step(self, after: Moment, kept: dict[int, dict[str, Any]] | None = None, anchor: Moment | None = None) -> Step:
+    def step(self, after: Moment, kept: dict[int, Memory] | None = None, anchor: Moment | None = None) -> Step:
         """Compute the step after a moment, cut where it must be; raises NotConverged when the solver chain fails on the shortest part.
 
-        kept: what serves the next problems (see `LocalProblem`), by the number of cuts.
+        kept: what serves the next problems (see `fcsim.solvers.memory`), by the number of cuts; this step's takes its place there.
         """
         clock, attempts = Clock(), list[Attempt]()
         cuts, position, end = after.cuts, 0, 2**self.cuttings
         moment, before, substeps = replace(after, number=after.number + 1), None, 0
         while True:
-            own = None if kept is None else kept.setdefault(cuts, {})
-            part = self._part(moment, cuts, own, anchor or after, clock, attempts)
+            part = self._part(moment, cuts, kept, anchor or after, clock, attempts)
             if part is None:
                 if cuts == self.cuttings:
                     raise not_converged(
@@ -140,7 +140,7 @@ class Simulation:
             moment = part.moment
 
     def _part(
-        self, start: Moment, cuts: int, kept: dict[str, Any] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
+        self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
     ) -> Step | None:
         """The step, or its next part of the length h / 2^cuts; None where the solver chain fails. What was tried goes into `attempts`."""
         model, state = self.model, start.state
@@ -155,14 +155,17 @@ class Simulation:
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
         driven = scheme.driven(model, state)
         problem = self._problem(factor, H, load, scheme.contact_velocity(state, contacts, H), driven, contacts.mu)
-        reduction = Reduction(problem, factor, kept)
+        reduction = Reduction(problem, factor)
         if len(contacts):
             _ = reduction.local
         clock.lap("assembly")
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
         r = warm_start(reduction.local, contacts, memory) if len(contacts) else np.empty(0)
         tol = self.solver.tol * min(1.0, self._longest_flight(reduction, scheme.force_per_reaction))
-        result = solve_chain(self.solver, reduction, r, tol, 0.5**cuts, attempts)
+        serving = None if kept is None else kept.pop(cuts, Memory.of(contacts.identity)).follow(contacts.identity)
+        result, serving = solve_chain(self.solver, reduction, r, tol, 0.5**cuts, attempts, serving)
+        if kept is not None and serving is not None:
+            kept[cuts] = serving
         clock.lap("solve")
         if result is None:
             return None
