@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detector, contact_matrix
+from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
@@ -40,7 +40,7 @@ class Simulation:
     """
 
     model: Model
-    detector: Detector
+    detector: Detection
     scheme: Scheme
     steps: int
     solver: SolverSettings = field(default_factory=SolverSettings)
@@ -63,9 +63,7 @@ class Simulation:
     @cached_property
     def contact_nodes(self) -> NDArray[np.int64]:
         """Nodes that contacts can touch."""
-        nodes = [surface.facets.ravel() for pair in self.detector.pairs for surface in (pair.slave, pair.master)]
-        touched = np.unique(np.concatenate(nodes))
-        return touched[touched >= 0]
+        return self.detector.nodes
 
     @cached_property
     def factor(self) -> SystemFactor:
