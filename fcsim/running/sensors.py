@@ -13,7 +13,7 @@ from fcsim.assembly.model import Model
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 from fcsim.running.case import Sensor
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 
 def contact_force(column: str, model: Model, body: str, direction: str, surface: str | None = None, label: str = "") -> Sensor:

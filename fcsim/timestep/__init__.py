@@ -1,17 +1,18 @@
 """From one state to the next: schemes, the step, its energy, the simulation as an iterator of steps."""
 
+from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.scheme import Gap, Scheme, Velocity
-from fcsim.timestep.simulation import Attempt, Moment, Simulation, SolverSettings, Step
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
+from fcsim.timestep.step import Attempt, Moment, Step
 from fcsim.timestep.theta import Theta
 
 __all__ = [
     "Attempt",
     "Energy",
-    "Gap",
     "GeneralisedAlpha",
     "Moment",
     "QuasiStatic",
@@ -21,6 +22,5 @@ __all__ = [
     "State",
     "Step",
     "Theta",
-    "Velocity",
     "at_rest",
 ]

@@ -21,8 +21,10 @@ from fcsim.mesh.blocks import brick, rectangle
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part
+from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 
 E, SIDE, PRESSED = 200e9, 2e-3, 0.2e-3
 P = E * PRESSED / (2 * SIDE)

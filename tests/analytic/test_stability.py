@@ -21,7 +21,9 @@ from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, RigidBody
 from fcsim.mesh.rigid import rigid_body
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
 G = 9.81

@@ -22,7 +22,8 @@ from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
-from fcsim.timestep.simulation import Simulation, SolverSettings
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.theta import Theta
 
 

@@ -33,7 +33,8 @@ from fcsim.mesh.io import read_mesh
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.simulation import Simulation, SolverSettings
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from fcsim.running.case import Sensor
 from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force
-from fcsim.timestep.simulation import Simulation, Step
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
 SOFT = Material(1e6, 0.3, 1000.0)
