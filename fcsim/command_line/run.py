@@ -15,7 +15,7 @@ from fcsim.interrupts import ended_politely
 if TYPE_CHECKING:
     from fcsim.running.case import Case, CaseScript
     from fcsim.running.run import Summary
-    from fcsim.timestep.simulation import Step
+    from fcsim.timestep.step import Step
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

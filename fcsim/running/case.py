@@ -13,7 +13,8 @@ from typing import Any
 
 from fcsim.errors import InputError
 from fcsim.files import plain_name, sha256
-from fcsim.timestep.simulation import Simulation, Step
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from fcsim.records import json_text
 from fcsim.running.case import CaseScript
 from fcsim.running.description import FILE, Description, read_description
 from fcsim.running.parameters import parse_parameters
-from fcsim.timestep.simulation import Moment
+from fcsim.timestep.step import Moment
 
 LENGTH_DIGITS = 9
 """Nodes are the same where they agree in so many digits of the model's size: machines round differently."""

@@ -26,7 +26,7 @@ from fcsim.running.outputs import Outputs, RunOptions
 from fcsim.running.own_files import check_folder, empty
 from fcsim.running.parameters import parse_parameters
 from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
-from fcsim.timestep.simulation import Moment, Step
+from fcsim.timestep.step import Moment, Step
 
 __all__ = ["RunOptions", "Summary", "run_case"]
 

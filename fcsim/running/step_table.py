@@ -15,7 +15,7 @@ from fcsim.errors import InputError
 from fcsim.files import replacing, replacing_hdf5
 from fcsim.running.case import Sensor
 from fcsim.tables import read_rows
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 PHASES = ("detection", "assembly", "solve", "output")
 
