@@ -21,7 +21,7 @@ from fcsim.assembly.rigid import inverse_on
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
 from fcsim.linear.factors import Factor, SingularMatrix, factorise
-from fcsim.problem.delassus import DelassusSum
+from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.reduction import refuse_singular
 
 

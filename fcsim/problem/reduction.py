@@ -19,7 +19,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on, probes
 from fcsim.problem._delassus_kernels import alike_in_contacts
 from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks, equilibrating_scale
-from fcsim.problem.delassus import DelassusSum
+from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.problem import GlobalProblem, LocalProblem
 
 EQUAL = 1e-13
