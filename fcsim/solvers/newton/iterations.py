@@ -176,24 +176,14 @@ def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Newt
 
 
 def newton_iterations(
-    space: NewtonSpace,
-    r: FloatArray,
-    diagonal_blocks: FloatArray,
-    mu: FloatArray,
-    monitor: Monitor,
-    options: NewtonOptions,
+    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
 ) -> Iterate:
     """Newton's method in any space, see `newton_turns`."""
     return to_the_end(newton_turns(space, r, diagonal_blocks, mu, monitor, options))
 
 
 def newton_turns(
-    space: NewtonSpace,
-    r: FloatArray,
-    diagonal_blocks: FloatArray,
-    mu: FloatArray,
-    monitor: Monitor,
-    options: NewtonOptions,
+    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
 ) -> Turns:
     """Newton's method by turns of one iteration each; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
 
