@@ -30,6 +30,7 @@ from fcsim.problem.delassus import power_norm
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
 from fcsim.solvers.memory import Kept
+from fcsim.solvers.turns import Turns, to_the_end
 from fcsim.solvers.variational._set_kernels import splitting_residuals
 from fcsim.solvers.variational.convex_sets import Cone
 from fcsim.solvers.variational.inequality import Inequality, coulomb_term
@@ -230,7 +231,7 @@ def admm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: 
         splitting.set_rho(options.rho * _global_scale(reduction, options.initial_rho))
     except SingularMatrix:
         return Iterate(r, Status.SINGULAR)
-    return iterate(splitting, p.mu, p.dimension, r, ProblemWatch(velocity, monitor, options.max_iterations), options)
+    return to_the_end(iterate(splitting, p.mu, p.dimension, r, ProblemWatch(velocity, monitor, options.max_iterations), options))
 
 
 def _global_scale(reduction: Reduction, initial_rho: str) -> float:
@@ -261,6 +262,11 @@ class _Rescaled:
 
 def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, monitor: Monitor | None = None) -> Iterate:
     """ADMM on a variational inequality in local form; monitor: whose memory keeps the factor for the next problem."""
+    return to_the_end(split_turns(vi, r, watch, options, monitor))
+
+
+def split_turns(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, monitor: Monitor | None = None) -> Turns:
+    """The same by turns of one iteration each."""
     operator = vi.operator
     if options.symmetry == "symmetrise":
         operator = operator.symmetric_part
@@ -271,7 +277,7 @@ def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, mon
         else:
             W = scale[:, None] * operator.W * scale
         scaled = Inequality(Delassus(W, operator.dimension), scale * vi.q, vi.convex_set, vi.mu)
-        iterated = split(scaled, r / scale, _Rescaled(watch, scale), replace(options, rescaling="none"))
+        iterated = yield from split_turns(scaled, r / scale, _Rescaled(watch, scale), replace(options, rescaling="none"))
         return Iterate(scale * iterated.r, iterated.status)
     if operator is not vi.operator:
         vi = Inequality(operator, vi.q, vi.convex_set, vi.mu)
@@ -283,7 +289,7 @@ def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, mon
             splitting.set_rho(rho)
     except SingularMatrix:
         return Iterate(r, Status.SINGULAR)
-    return iterate(splitting, vi.mu, operator.dimension, r, watch, options)
+    return (yield from iterate(splitting, vi.mu, operator.dimension, r, watch, options))
 
 
 def _local_scale(operator: Delassus, initial_rho: str) -> float:
@@ -314,7 +320,7 @@ def _balancing(primal: float, dual: float, sizes: tuple[float, float], options: 
 
 def iterate(
     splitting: LocalSplitting | GlobalSplitting, mu: FloatArray | None, d: int, r: FloatArray, watch: Watch, options: AdmmOptions
-) -> Iterate:
+) -> Turns:
     """The iteration of both forms; z_hat, zeta_hat are the accelerated z, zeta."""
     z, zeta = splitting.start(r)
     z_hat, zeta_hat, momentum, energy = z, zeta, 1.0, np.inf
@@ -360,4 +366,5 @@ def iterate(
                 z_hat, zeta_hat = z + beta * (z - z_last), zeta + beta * (zeta - zeta_last)
             else:
                 z_hat, zeta_hat, momentum, energy = z_last, zeta_last, 1.0, last / options.restart_eta
+        yield
     return Iterate(splitting.answer(z, zeta), status)
