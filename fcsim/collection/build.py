@@ -21,7 +21,7 @@ from fcsim.collection.run_about import RunAbout, notes_on
 from fcsim.errors import InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, Solution, file_name, read_fclib, write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.problem.delassus import DENSE_W_UP_TO
+from fcsim.problem.delassus_sum import DENSE_W_UP_TO
 from fcsim.problem.reduction import reduce
 from fcsim.running.case import Case, load_case
 from fcsim.running.folder import RunFolder, open_run
