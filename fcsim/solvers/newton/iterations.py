@@ -171,8 +171,13 @@ def _rho(first: FloatArray, memory: Memory | None) -> FloatArray:
 
 def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:
     """Nonsmooth Newton from the starting point r (m,)."""
+    return to_the_end(local_newton_turns(problem, r, monitor, options))
+
+
+def local_newton_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Turns:
+    """The same by turns of one iteration each."""
     space = LocalSpace(problem, r, _system(problem, *_linear(problem, options, monitor.memory), monitor))
-    return newton_iterations(space, r, problem.diagonal_blocks, problem.mu, monitor, options)
+    return newton_turns(space, r, problem.diagonal_blocks, problem.mu, monitor, options)
 
 
 def newton_iterations(
