@@ -22,6 +22,8 @@ from fcsim.solvers.turns import Turns
 
 SLICE = 0.1
 """Share of all that was spent that a method spends before the race is looked at again."""
+SLOWING = 3.5
+"""Times what the rate so far promises that a method needs in the end, where it needs long: rates fall."""
 HOPE, LITTLE = 10.0, 0.25
 """Times all that was spent beyond which a steady method has little hope, and what it then spends of the others' share."""
 
@@ -167,7 +169,7 @@ def _next(race: Race) -> Runner:
         return alone[-1]
     total = race.spent()
     soonest = min(running, key=lambda runner: runner.needs())
-    if soonest.needs() <= total:
+    if SLOWING * soonest.needs() <= total:
         return soonest
     return min(running, key=lambda runner: runner.spent / (LITTLE if runner.stage.steady and runner.needs() > HOPE * total else 1.0))
 

@@ -23,7 +23,7 @@ from fcsim.linear.joints import joint_rows
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.race import Race, Runner, Stage, run
+from fcsim.solvers.automatic.race import SLOWING, Race, Runner, Stage, run
 from fcsim.solvers.automatic.storage import entries, fitting_storage
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 
@@ -31,8 +31,6 @@ FAR = 1e-3
 """Error above which ADMM is tried, and Newton takes long."""
 NEAR = 1e-6
 """Error below which a solution is looked for nearby."""
-SLOWING = 3.5
-"""Times the sweeps that the first ones promise, Gauss-Seidel needs in the end."""
 NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
 """What Newton needs from errors above and below `FAR`, about, in iterations."""
 JOINTS_SHARE = 100
