@@ -9,7 +9,7 @@ import numpy as np
 from fcsim.arrays import IntArray
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
-from fcsim.mesh.facets import CELL_FACETS
+from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Body, Part, RigidBody
 
 
@@ -45,7 +45,8 @@ def boundary_of(model: Model) -> Boundary:
 
 def _of_cells(part: Part) -> IntArray:
     """Facets of the cells that no second cell has."""
-    facets = part.cells[:, np.array(CELL_FACETS[part.cell_type])].reshape(-1, len(CELL_FACETS[part.cell_type][0]))
+    cell = CELL_TYPES[part.cell_type]
+    facets = part.cells[:, cell.facets].reshape(-1, cell.facet_size)
     _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
     return facets[np.sort(first[count == 1])]
 
