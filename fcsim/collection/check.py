@@ -16,6 +16,7 @@ from fcsim.collection.folder import members, parse_name
 from fcsim.collection.manifest import AT_REST, MANIFEST, Entry, read_manifest, sha256
 from fcsim.errors import InputError
 from fcsim.export_fclib import Solution, read_fclib
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem, check
 
 Progress = Callable[[str, int, int], None]
@@ -110,7 +111,7 @@ def _check(directory: Path, place: str, stated: dict[str, Entry] | None) -> Chec
     judge = FclibProblem(path.stem, content.form, problem)
     try:
         error = judge.error(solution.r)
-    except RuntimeError as singular:  # SuperLU
+    except SingularMatrix as singular:
         return Checked(**row, failures=(*failures, f"the stored solution cannot be judged: {singular}"))
     cone = check(solution.r, solution.u, problem.mu, problem.dimension).cone
     equations = _equations(problem, solution, judge.scale)

@@ -21,7 +21,7 @@ from fcsim.export_fclib import FclibFile, file_name, read_fclib
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.delassus_sum import DENSE_W_UP_TO
-from fcsim.problem.reduction import eliminate_equalities, reduce
+from fcsim.problem.reduction import reduced
 from fcsim.solvers import method, solve
 
 Progress = Callable[[str, int, int], None]
@@ -177,7 +177,7 @@ def _copy(
         shutil.copyfile(path, target)
         row = known.get(_place(directory, path))
         if about is None:
-            local = reduce(problem).local if isinstance(problem, GlobalProblem) else eliminate_equalities(problem)
+            local = reduced(problem).local
             about = properties(problem, local, 0 if row is not None and row.rank is not None else spectrum_up_to)
             if row is not None and row.rank is not None:
                 about = replace(about, rank=row.rank, condition=row.condition, n=row.n)
