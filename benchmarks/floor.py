@@ -4,10 +4,10 @@
     python benchmarks/floor.py --set divisions=16,8,8 --steps 6
 
 Counted while the wall runs, in the condensed elimination of Newton's system (condensed.py, held.py, border.py, remainder.py in
-fcsim/solvers/newton/systems): the fronts of the closed contacts' block, triangular solves and products for the border, and the LU of what is left there;
-and the bytes that are read: of W and the border's columns by products, of the border's response by the system that is left. The floor
-is those flops at the rates of this machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above it stand
-gathering of blocks, small arrays and Python.
+fcsim/solvers/newton/systems): the fronts of the closed contacts' block, triangular solves and products for the border, and the LU of what
+is left there; and the bytes that are read: of W and the border's columns by products, of the border's response by the system that is
+left. The floor is those flops at the rates of this machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above
+it stand gathering of blocks, small arrays and Python.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from rich.console import Console
 from rich.table import Table
 
 from fcsim.linear.fronts import MultifrontalCholesky
-from fcsim.running.case import load_case, parse_parameters
+from fcsim.running.case import load_case
+from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.newton.systems import condensed, remainder
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"

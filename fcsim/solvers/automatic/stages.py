@@ -55,7 +55,8 @@ from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.regularised import RegularisedNewton
 from fcsim.solvers.newton.systems.choice import ONCE_DENSE, ONCE_SPARSE
 from fcsim.solvers.variational.admm import AdmmOptions, admm, split
-from fcsim.solvers.variational.inequality import Inequality, ProblemWatch
+from fcsim.solvers.variational.inequality import Inequality
+from fcsim.solvers.variational.watches import ProblemWatch
 
 SPARSE_BELOW = 0.15
 """Density of W below which sparse elimination is cheaper than dense."""

@@ -25,6 +25,7 @@ from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
 from fcsim.solvers.newton.systems.interface import Shifted
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range
+from fcsim.solvers.turns import Turns, to_the_end
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +47,15 @@ def _rho(first: FloatArray, memory: Memory | None) -> FloatArray:
 
 def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions, *, once: bool = False) -> Iterate:
     """Nonsmooth Newton from the starting point r (m,); once: as in `newton_system`."""
+    return to_the_end(local_turns(problem, r, monitor, options, once=once))
+
+
+def local_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions, *, once: bool = False) -> Turns:
+    """`newton` by turns of one iteration each."""
     operator = Shifted(problem.W, problem.dimension)
     linear = "auto" if options.linear == "kkt" else options.linear
     system = newton_system(operator, linear, condensing=options.formulation in ("AC", "JM"), memory=monitor.memory, once=once)
-    iterate = newton_iterations(LocalSpace(system, problem.q, r), r, problem.diagonal_blocks, problem.mu, monitor, options)
+    iterate = yield from newton_turns(LocalSpace(system, problem.q, r), r, problem.diagonal_blocks, problem.mu, monitor, options)
     if monitor.memory is not None and isinstance(system, CondensedSystem):
         left, memory = system.left(monitor.memory.identity), monitor.memory.without(KeptCondensation)
         monitor.memory = memory if left is None else memory.having(left)
@@ -86,14 +92,16 @@ class _Progress:
 
 
 def newton_iterations(
-    space: NewtonSpace,
-    r: FloatArray,
-    diagonal_blocks: FloatArray,
-    mu: FloatArray,
-    monitor: Monitor,
-    options: NewtonOptions,
+    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
 ) -> Iterate:
-    """Newton's method in any space; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
+    """Newton's method in any space, see `newton_turns`."""
+    return to_the_end(newton_turns(space, r, diagonal_blocks, mu, monitor, options))
+
+
+def newton_turns(
+    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
+) -> Turns:
+    """Newton's method by turns of one iteration each; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
 
     Where an adapted rho led to a solution, the next solve with this memory begins near it."""
     shape = diagonal_blocks.shape[:2]
@@ -135,6 +143,7 @@ def newton_iterations(
             split = options.formulation in ("AC", "JM")  # the cone's formulations have one rho a contact
             rho = adapt_rho(rho, first_rho, (t * du).reshape(shape), (t * dr).reshape(shape), split)
             merits.clear()  # another rho, another merit function
+        yield
 
 
 def _direction(space: NewtonSpace, F: FloatArray, A: FloatArray, B: FloatArray, safeguard: bool) -> tuple[FloatArray, FloatArray, float]:

@@ -20,7 +20,7 @@ from fcsim.export_fclib import read_fclib
 from fcsim.running.case import Case, load_case
 from fcsim.running.fclib_series import write_step
 from fcsim.running.run import RunOptions, run_case
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 Rows = Callable[[Path], list[dict[str, str]]]
 PLAIN = RunOptions(export_every=0, vtk_every=0, checkpoint_every=4)
@@ -284,8 +284,11 @@ def test_unconverged_step_ends_the_run(case_folder: Path, tmp_path: Path, whole:
     assert steps_without_seconds(out) == steps_without_seconds(whole)[:5]
     assert checkpoint(out)["step"] == 5
     (case_folder / "two_blocks.py").write_text(text)
-    run_case(script, {}, out, PLAIN, resume=True)
+    with pytest.raises(InputError, match=r"two_blocks\.py has changed"):
+        run_case(script, {}, out, PLAIN, resume=True)
+    run_case(script, {}, out, PLAIN, resume=True, accept_changes=True)
     assert_same_end(out, whole, steps_without_seconds)
+    assert json.loads((out / "run.json").read_text())["notes"] == ["resumed although two_blocks.py has changed"]
 
 
 def test_an_error_inside_a_run_is_not_called_finished(case_folder: Path, tmp_path: Path) -> None:
