@@ -21,10 +21,11 @@ test: $(READY)  ## run the tests but the slow ones (PYTEST_ARGS="..." are passed
 slow: $(READY)  ## run the slow tests
 	.venv/bin/python -m pytest -m slow $(PYTEST_ARGS)
 
-lint: $(READY)  ## check style and types
+lint: $(READY)  ## check style, types and who imports whom
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
+	PYTHONPATH=. .venv/bin/lint-imports
 
 benchmark: $(READY)  ## seconds a step of the wall by phase and solver
 	.venv/bin/python benchmarks/wall.py

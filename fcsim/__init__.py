@@ -7,11 +7,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from fcsim import runtime as _runtime
+from fcsim.version import __version__ as __version__
 
 _runtime.limit_threads()
 _runtime.keep_freed_memory()
-
-__version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray

@@ -14,9 +14,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim import __version__
 from fcsim.errors import InputError
 from fcsim.files import replacing
+from fcsim.version import __version__
 
 if TYPE_CHECKING:
     from fcsim.bench.workers.launch import Launcher

@@ -14,12 +14,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fcsim import __version__
 from fcsim.command_line.bench import add_parsers as add_bench_parser
 from fcsim.command_line.collection import add_parsers as add_collection_parsers
 from fcsim.command_line.profile import add_parsers as add_profile_parsers
 from fcsim.errors import FcsimError, InputError
 from fcsim.runtime import is_interrupt
+from fcsim.version import __version__
 
 EXIT_OK, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 

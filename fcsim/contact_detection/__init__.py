@@ -2,9 +2,20 @@
 
 from fcsim.contact_detection.contact_matrix import contact_matrix
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.detection import Detection
 from fcsim.contact_detection.detector import Detector
 from fcsim.contact_detection.surfaces.broad_phase import PairList
 from fcsim.contact_detection.surfaces.sharp_edges import split_at_sharp_edges
 from fcsim.contact_detection.surfaces.surface import ContactSurface, SurfacePair, two_pass
 
-__all__ = ["ContactSurface", "Contacts", "Detector", "PairList", "SurfacePair", "contact_matrix", "split_at_sharp_edges", "two_pass"]
+__all__ = [
+    "ContactSurface",
+    "Contacts",
+    "Detection",
+    "Detector",
+    "PairList",
+    "SurfacePair",
+    "contact_matrix",
+    "split_at_sharp_edges",
+    "two_pass",
+]

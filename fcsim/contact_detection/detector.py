@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,10 @@ from fcsim.contact_detection.integral.mortar import FaceMortar, Mortar
 from fcsim.contact_detection.integral.segment_points import SegmentPoints
 from fcsim.contact_detection.node_to_segment import NodeToSegment
 from fcsim.contact_detection.smoothed_normals import SmoothedNodeToSegment
+from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.broad_phase import PairList
 from fcsim.contact_detection.surfaces.surface import SurfacePair
+from fcsim.contact_detection.sweep import samples, with_swept
 from fcsim.errors import InputError
 
 Method = NodeToSegment | Mortar | SegmentPoints
@@ -91,9 +94,50 @@ class Detector:
     def dimension(self) -> int:
         return self.pairs[0].slave.dimension
 
-    def __call__(self, positions: FloatArray, near: PairList | None = None) -> Contacts:
-        """Contacts at `positions` (n_nodes, d) [m]; `near` is used instead of a new search where it covers them."""
+    @cached_property
+    def nodes(self) -> IntArray:
+        """Sorted numbers of the nodes that contacts can touch."""
+        touched = np.unique(np.concatenate([surface.facets.ravel() for pair in self.pairs for surface in (pair.slave, pair.master)]))
+        return touched[touched >= 0]
+
+    def __call__(self, positions: FloatArray, displacement: FloatArray | None = None, *, near: PairList | None = None) -> Contacts:
+        """Contacts at `positions` (n_nodes, d) [m]; `near` is used instead of a new search where it covers them.
+
+        displacement (n_nodes, d) [m]: of the step to come, see `Detection`. Surfaces that approach each other by more than half the
+        penetration window are looked at as often along their way as leaves less between two looks (see `sweep`).
+        """
         x = self._checked(positions)
+        now = self._at(x, near)
+        if displacement is None:
+            return now
+        way = self._checked(displacement)
+        count = self._looks(x, way)
+        return with_swept(now, self._at, x, way, count, max(pair.alert for pair in self.pairs)) if count else now
+
+    @cached_property
+    def _nodes_of_pairs(self) -> list[tuple[IntArray, ...]]:
+        """Nodes of slave and master."""
+        return [tuple(np.unique(s.facets[s.facets >= 0]) for s in (pair.slave, pair.master)) for pair in self.pairs]
+
+    def _looks(self, x: FloatArray, way: FloatArray) -> int:
+        """How often to look along the way: 0 where no pair of surfaces that may meet moves by more than its alert distance."""
+        count = 0
+        for pair, nodes in zip(self.pairs, self._nodes_of_pairs, strict=True):
+            if not all(map(len, nodes)):
+                continue
+            slave, master = (_bounds(way[k]) for k in nodes)
+            motion = np.maximum(slave[1] - master[0], master[1] - slave[0])
+            distance = float(np.sqrt(motion @ motion))
+            if distance <= pair.alert:
+                continue
+            slave, master = (_bounds(np.concatenate([x[k], x[k] + way[k]])) for k in nodes)
+            if np.any(slave[0] > master[1] + pair.alert) or np.any(master[0] > slave[1] + pair.alert):
+                continue
+            size = min(float(contact_facets.geometry(contact_facets.join([s]), x).size.min()) for s in (pair.slave, pair.master))
+            count = max(count, samples(distance, max(0.5 * self.penetration * size, pair.alert)))
+        return count
+
+    def _at(self, x: FloatArray, near: PairList | None = None) -> Contacts:
         listed = near.pairs if near is not None and near.covers(x) else [None] * len(self.methods)
         found, pair_of_contact = [], []
         for method, numbers, possible in zip(self.methods, self.numbers, listed, strict=True):
@@ -119,3 +163,8 @@ class Detector:
         if not np.isfinite(x).all():
             raise InputError("Detector, positions: expected finite numbers, got NaN or infinity")
         return x
+
+
+def _bounds(points: FloatArray) -> FloatArray:
+    """Lowest and highest coordinates (2, d)."""
+    return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -9,128 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-PADDING = 0.15
-"""Share of zeros that a supernode may hold for the sake of fewer, larger fronts."""
-
-
-@njit(cache=True)
-def elimination_tree(indptr, indices, order):
-    """Parent of each column (-1: root) of the factor of the rows and columns in `order` (J. W. H. Liu, SIAM J. Matrix Anal. 11, 1990)."""
-    n = len(order)
-    place = np.empty(n, dtype=np.int64)
-    place[order] = np.arange(n)
-    parent = np.full(n, -1)
-    ancestor = np.full(n, -1)
-    for i in range(n):
-        for k in range(indptr[order[i]], indptr[order[i] + 1]):
-            j = place[indices[k]]
-            while j != -1 and j < i:
-                following = ancestor[j]
-                ancestor[j] = i
-                if following == -1:
-                    parent[j] = i
-                j = following
-    return parent
-
-
-@njit(cache=True)
-def postorder(parent):
-    """The columns in an order in which a column follows all below it in the tree and each subtree is consecutive."""
-    n = len(parent)
-    first, sibling = np.full(n, -1), np.full(n, -1)
-    for j in range(n - 1, -1, -1):
-        if parent[j] >= 0:
-            sibling[j] = first[parent[j]]
-            first[parent[j]] = j
-    order = np.empty(n, dtype=np.int64)
-    stack = np.empty(n, dtype=np.int64)
-    done = 0
-    for root in range(n):
-        if parent[root] >= 0:
-            continue
-        stack[0] = root
-        top = 0
-        while top >= 0:
-            j = stack[top]
-            if first[j] >= 0:
-                top += 1
-                stack[top] = first[j]
-                first[j] = -1
-                continue
-            order[done] = j
-            done += 1
-            if sibling[j] >= 0 and top > 0:
-                stack[top] = sibling[j]
-            else:
-                top -= 1
-    return order
-
-
-@njit(cache=True)
-def column_structure(indptr, indices, order, parent):
-    """Starts (n + 1,) and row numbers, ascending, of the factor's columns below the diagonal: row i reaches the columns on its paths."""
-    n = len(order)
-    place = np.empty(n, dtype=np.int64)
-    place[order] = np.arange(n)
-    starts = np.zeros(n + 1, dtype=np.int64)
-    rows = np.empty(0, dtype=np.int64)
-    for fill in range(2):
-        following = starts[:-1].copy()
-        seen = np.full(n, -1)
-        for i in range(n):
-            seen[i] = i
-            for k in range(indptr[order[i]], indptr[order[i] + 1]):
-                j = place[indices[k]]
-                while j < i and seen[j] != i:
-                    seen[j] = i
-                    if fill:
-                        rows[following[j]] = i
-                        following[j] += 1
-                    else:
-                        starts[j + 1] += 1
-                    j = parent[j]
-        if not fill:
-            starts = np.cumsum(starts)
-            rows = np.empty(starts[n], dtype=np.int64)
-    return starts, rows
-
-
-@njit(cache=True)
-def supernodes(parent, starts):
-    """First columns (ns + 1,) of runs of columns taken as one front: a column's only rows below are its parent's, up to `PADDING`."""
-    n = len(parent)
-    first = np.empty(n + 1, dtype=np.int64)
-    count = 0
-    zeros = 0
-    for j in range(n):
-        merged = False
-        if count > 0 and parent[j - 1] == j:
-            columns = j - first[count - 1]
-            below = starts[j + 1] - starts[j]
-            padding = columns * (below + 1 - (starts[j] - starts[j - 1]))
-            size = (columns + 1) * (below + 0.5 * (columns + 2))
-            merged = zeros + padding <= PADDING * size
-            if merged:
-                zeros += padding
-        if not merged:
-            first[count] = j
-            count += 1
-            zeros = 0
-    first[count] = n
-    return first[: count + 1].copy()
-
-
-@njit(cache=True)
-def panel_offsets(first, starts, d):
-    """Where the supernodes' panels, their own columns with all rows, begin in one array (ns + 1,)."""
-    ns = len(first) - 1
-    offsets = np.zeros(ns + 1, dtype=np.int64)
-    for s in range(ns):
-        own = d * (first[s + 1] - first[s])
-        below = d * (starts[first[s + 1]] - starts[first[s + 1] - 1])
-        offsets[s + 1] = offsets[s] + own * (own + below)
-    return offsets
-
 
 @njit(cache=True, fastmath={"contract"})
 def eliminate(P, U):
@@ -192,7 +70,7 @@ def factorise(indptr, indices, blocks, shift, order, first, starts, rows, offset
     count = top = 0
     for s in range(ns):
         c0, c1 = first[s], first[s + 1]
-        below = rows[starts[c1 - 1] : starts[c1]]
+        below = rows[starts[s] : starts[s + 1]]
         k, n1, n2 = c1 - c0, d * (c1 - c0), d * len(below)
         for j in range(c0, c1):
             local[j], owner[j] = j - c0, s
@@ -225,8 +103,7 @@ def factorise(indptr, indices, blocks, shift, order, first, starts, rows, offset
         base = top
         while count > 0:
             child = waiting[count - 1]
-            last = first[child + 1] - 1
-            child_rows = rows[starts[last] : starts[last + 1]]
+            child_rows = rows[starts[child] : starts[child + 1]]
             if child_rows[0] >= c1:  # the nearest row below is the parent
                 break
             count -= 1
@@ -266,7 +143,7 @@ def solve(order, first, starts, rows, offsets, values, d, rhs):
     work = np.empty(n * d)
     for s in range(ns):
         c0, c1 = first[s], first[s + 1]
-        below = rows[starts[c1 - 1] : starts[c1]]
+        below = rows[starts[s] : starts[s + 1]]
         n1, n2 = d * (c1 - c0), d * len(below)
         P = values[offsets[s] : offsets[s + 1]].reshape(n1, n1 + n2)
         own, rest = x[d * c0 : d * c1], work[:n2]
@@ -285,7 +162,7 @@ def solve(order, first, starts, rows, offsets, values, d, rhs):
                 x[d * below[i] + a] -= rest[d * i + a]
     for s in range(ns - 1, -1, -1):
         c0, c1 = first[s], first[s + 1]
-        below = rows[starts[c1 - 1] : starts[c1]]
+        below = rows[starts[s] : starts[s + 1]]
         n1, n2 = d * (c1 - c0), d * len(below)
         P = values[offsets[s] : offsets[s + 1]].reshape(n1, n1 + n2)
         own, rest = x[d * c0 : d * c1], work[:n2]

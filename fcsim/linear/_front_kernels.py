@@ -7,20 +7,6 @@ from numba import njit
 
 
 @njit(cache=True)
-def has_symmetric_pattern(indptr, indices):
-    """Whether with each block (a, b) there is a block (b, a); rows must be sorted by column."""
-    following = indptr[:-1].copy()
-    for a in range(len(indptr) - 1):
-        for e in range(indptr[a], indptr[a + 1]):
-            b = indices[e]
-            k = following[b]  # rows ask for the entries of row b by rising a
-            if k == indptr[b + 1] or indices[k] != a:
-                return False
-            following[b] = k + 1
-    return True
-
-
-@njit(cache=True)
 def number(own, border, local):
     """Number the front's contacts in local (nc,): own ones first, then its border's."""
     for i in range(len(own)):

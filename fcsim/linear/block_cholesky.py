@@ -1,6 +1,6 @@
 """Cholesky factorisation of a block-sparse symmetric positive definite matrix, for the middle between dense and very large.
 
-Each contact is one node of the graph that is ordered; the elimination works on dense fronts of some contacts at a time (multifrontal
+The elimination works on dense fronts of some contacts at a time, compiled, since most are small (multifrontal
 method: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9, 1983; T. A. Davis, Direct Methods for Sparse Linear Systems, SIAM, 2006).
 Beside SuperLU it halves the operations, and beside MUMPS it spares the conversions that cost most on a few thousand unknowns.
 """
@@ -10,39 +10,27 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray
 from fcsim.linear import _block_cholesky_kernels as kernels
+from fcsim.linear.elimination_tree import elimination_tree
 from fcsim.linear.factors import SingularMatrix
 
-
-def minimum_degree(indptr: IntArray, indices: IntArray) -> IntArray:
-    """The rows of a symmetric pattern in an order of little fill, by SuperLU's multiple minimum degree."""
-    n = len(indptr) - 1
-    row = np.repeat(np.arange(n), np.diff(indptr))
-    graph = sp.csc_matrix((np.where(row == indices, 2.0 * n, 1.0), indices, indptr), shape=(n, n))
-    # an incomplete factorisation that drops everything off the diagonal: SuperLU's ordering without its elimination
-    options = {"SymmetricMode": True, "Equil": False}
-    factor = spla.spilu(graph, 1.0, 1.0, "basic", "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    return np.argsort(factor.perm_c)
+PADDING = 0.15
+"""Share of zeros in a front: they are small, so that their number counts."""
 
 
 class Analysis:
-    """What the pattern of a matrix alone decides: the order of elimination, the fronts and their storage."""
+    """What the pattern of a matrix alone decides: the elimination tree and where the fronts' panels, own columns with all rows, begin."""
 
     def __init__(self, A: Any) -> None:
         """A (m, m) symmetric, by square blocks (bsr), every diagonal block stored; of two mirror images the values of one are read."""
         self.indptr, self.indices = A.indptr.astype(np.int64), A.indices.astype(np.int64)
         self.size, self.dimension = A.shape[0], A.blocksize[0]
-        order = minimum_degree(self.indptr, self.indices)
-        order = order[kernels.postorder(kernels.elimination_tree(self.indptr, self.indices, order))]
-        parent = kernels.elimination_tree(self.indptr, self.indices, order)
-        starts, rows = kernels.column_structure(self.indptr, self.indices, order, parent)
-        first = kernels.supernodes(parent, starts)
-        self.offsets = kernels.panel_offsets(first, starts, self.dimension)
-        self.fronts = order, first, starts, rows, self.offsets
+        tree = elimination_tree(self.indptr, self.indices, PADDING)
+        own, border = self.dimension * np.diff(tree.first), self.dimension * np.diff(tree.starts)
+        self.offsets = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(own * (own + border))])
+        self.fronts = tree.order, tree.first, tree.starts, tree.rows, self.offsets
 
 
 class BlockCholesky:

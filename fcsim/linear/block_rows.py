@@ -62,3 +62,8 @@ def embed_blocks(W: FloatArray) -> FloatArray:
     if d == 2:
         blocks[:, 2, 2] = 1
     return blocks
+
+
+def dofs_of(contacts: IntArray, d: int) -> IntArray:
+    """The rows (d k,) of contacts (k,) in W."""
+    return (contacts[:, None] * d + np.arange(d)).ravel()

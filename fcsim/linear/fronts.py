@@ -1,6 +1,6 @@
 """Multifrontal elimination on the graph of the joints: LU of A W + B, with A and B block diagonal over contacts, and Cholesky of W.
 
-In the order of `joints.EliminationTree` a joint's rows and columns are assembled in a dense front, eliminated with pivoting inside the
+In the order of an `EliminationTree` a joint's rows and columns are assembled in a dense front, eliminated with pivoting inside the
 joint, and the complement on the joints next to it is passed on to the parent: LAPACK on fronts. A general sparse LU has to find this
 structure among millions of entries (W of the refined wall has 14 million: MUMPS takes 2.7 s). The wall's LU takes 0.6 Gflop instead of
 5.9, and fronts in single precision half the time of double ones, for a solve that is corrected by the defect.
@@ -20,16 +20,17 @@ import scipy.linalg as sla
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear._front_kernels import extend_add, extend_add_upper, fill, fill_symmetric
+from fcsim.linear.block_rows import dofs_of
+from fcsim.linear.elimination_tree import EliminationTree
 from fcsim.linear.factors import SingularMatrix
-from fcsim.linear.joints import BlockRows, EliminationTree
-from fcsim.solvers.newton.systems.direct import dofs_of
+from fcsim.linear.joints import BlockRows
 
 
 class _Assembly:
     """Goes through the fronts with the contacts that take part (nc,) and keeps the complements that wait for their parents."""
 
     def __init__(self, tree: EliminationTree, taking_part: BoolArray) -> None:
-        self._fronts, self._part = tree.fronts, taking_part
+        self._tree, self._part = tree, taking_part
         self.contacts = tree.order[taking_part[tree.order]]
         self._number = np.empty(len(taking_part), dtype=np.int64)
         self._number[self.contacts] = np.arange(len(self.contacts))
@@ -39,13 +40,13 @@ class _Assembly:
         """Yield for each front: the number of its first contact, own and border contacts, the latter's numbers, and the children's
         complements with the places of their rows among own and border."""
         begin = 0
-        for f, front in enumerate(self._fronts):
-            own, border = front.own[self._part[front.own]], front.border[self._part[front.border]]
+        for f, (own, border, parent) in enumerate(self._tree):
+            own, border = own[self._part[own]], border[self._part[border]]
             n, beyond = len(own), self._number[border]
             children = [
                 (np.where(below < begin + n, below - begin, n + np.searchsorted(beyond, below)), S) for below, S in self._waiting.pop(f, ())
             ]
-            self._parent, self._beyond = front.parent, beyond
+            self._parent, self._beyond = parent, beyond
             yield begin, own, border, beyond, children
             begin += n
 

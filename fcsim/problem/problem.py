@@ -104,11 +104,7 @@ class GlobalProblem:
 
 @dataclass(frozen=True, eq=False)
 class LocalProblem:
-    """W (m, m), q (m,), mu (nc,), optionally V (m, p), R (p, p) and s (p,); m = dimension * nc.
-
-    kept: where a simulation lets solvers leave what serves the next, nearly equal problem (a factor as preconditioner); None keeps
-    nothing. It shortens the way to an answer, which is checked against this problem alone.
-    """
+    """W (m, m), q (m,), mu (nc,), optionally V (m, p), R (p, p) and s (p,); m = dimension * nc."""
 
     W: Matrix
     q: FloatArray
@@ -117,7 +113,6 @@ class LocalProblem:
     R: Matrix | None = None
     s: FloatArray | None = None
     dimension: int = 3
-    kept: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         q = _vector(self.q, "q")

@@ -171,11 +171,10 @@ def refuse_singular(block: Any, factor: Factor) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A global problem with what stands for its M^-1: its local form, and v, l from r. `kept` as in `LocalProblem`."""
+    """A global problem with what stands for its M^-1: its local form, and v, l from r."""
 
     problem: GlobalProblem
     factor: MassFactor
-    kept: dict[str, Any] | None = None
 
     @cached_property
     def _H(self) -> Any:
@@ -203,7 +202,7 @@ class Reduction:
     def local(self) -> LocalProblem:
         """The local form W, q, mu."""
         p = self.problem
-        return LocalProblem(self.factor.delassus(self._H, p.dimension), self.q, p.mu, dimension=p.dimension, kept=self.kept)
+        return LocalProblem(self.factor.delassus(self._H, p.dimension), self.q, p.mu, dimension=p.dimension)
 
     def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """Return v (n,) = M^-1 (H r + G l + f) and the multiplier l (p,), None without equality constraints."""

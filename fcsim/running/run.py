@@ -20,7 +20,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from fcsim import __version__
 from fcsim.errors import InputError, NotConverged
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.files import replacing
@@ -31,6 +30,7 @@ from fcsim.running.step_table import StepTable, write_hdf5
 from fcsim.running.vtk_series import SeriesWriter
 from fcsim.runtime import is_interrupt
 from fcsim.timestep.simulation import Step
+from fcsim.version import __version__
 
 OWN_ENTRIES = ("run.json", "steps.csv", "steps.h5", "vtk", "fclib", "checkpoint.h5", "pictures", "plots", "film.gif", "film.mp4")
 

@@ -1,7 +1,8 @@
 """Solvers: `solve` and the table of the methods by their published names."""
 
 from fcsim.solvers.base import Method, Result, Status
+from fcsim.solvers.memory import Memory
 from fcsim.solvers.solve import solve
 from fcsim.solvers.table import SOLVERS, method
 
-__all__ = ["SOLVERS", "Method", "Result", "Status", "method", "solve"]
+__all__ = ["SOLVERS", "Memory", "Method", "Result", "Status", "method", "solve"]

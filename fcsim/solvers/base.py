@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.problem import Checks, LocalProblem, natural_map_residual
+from fcsim.solvers.memory import Memory
 
 
 class Status(Enum):
@@ -59,7 +60,10 @@ def choice(name: str, value: str, known: dict[str, Any] | tuple[str, ...]) -> No
 
 
 class Monitor:
-    """Computes the one error of an iterate, keeps the history (iteration, seconds, error) and the best iterate, watches the clock."""
+    """Computes the one error of an iterate, keeps the history (iteration, seconds, error) and the best iterate, watches the clock.
+
+    memory: what earlier solves left and what this one leaves, None where nothing is to be kept (see `fcsim.solvers.memory`).
+    """
 
     def __init__(
         self,
@@ -71,7 +75,9 @@ class Monitor:
         floor: float = 0.0,
         time_limit: float = float("inf"),
         start: float | None = None,
+        memory: Memory | None = None,
     ) -> None:
+        self.memory = memory
         self.mu, self.dimension = mu, dimension
         self.tol = tol
         self.start = time.perf_counter() if start is None else start
@@ -139,7 +145,8 @@ class Result:
     """The answer of a solver.
 
     r (m,), u (m,), v (n,) or None for a problem in local form, multiplier l (p,) or None; error as in `fcsim.problem.error`;
-    seconds by phase ("reduction", "solve"; their sum is `time`); history rows (iteration, seconds, error).
+    seconds by phase ("reduction", "solve"; their sum is `time`); history rows (iteration, seconds, error); memory: what may serve the
+    next, nearly equal problem, None where `solve` was given none.
     """
 
     r: FloatArray
@@ -153,7 +160,7 @@ class Result:
     checks: Checks
     method: str
     multiplier: FloatArray | None = None
-    remarks: tuple[str, ...] = field(default=())
+    memory: Memory | None = None
 
     @property
     def solved(self) -> bool:

@@ -12,6 +12,7 @@ from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem, check
 from fcsim.problem.reduction import Elimination, Reduction, reduce
 from fcsim.solvers.base import Monitor, Result, Status, override
+from fcsim.solvers.memory import Memory
 from fcsim.solvers.table import method
 
 
@@ -23,6 +24,7 @@ def solve(
     tol: float = 1e-8,
     floor: float = 0.0,
     time_limit: float = float("inf"),
+    memory: Memory | None = None,
     **overrides: Any,
 ) -> Result:
     """Solve a frictional contact problem by the named method and check the answer.
@@ -31,6 +33,7 @@ def solve(
     r          (m,) starting point, default 0
     tol        on the one error of `fcsim.problem.error`; `floor` [unit of q] as there
     time_limit [s], tested between iterations
+    memory     what a solve of a nearly equal problem left (`Result.memory`); None: nothing is kept. It shortens the way, never the check
     overrides  options of the method by name
 
     A global problem is reduced and a mixed local one's multiplier eliminated first (timed as "reduction"), unless the method works on
@@ -64,8 +67,10 @@ def solve(
         raise InputError(f"r: expected a starting point of shape {q.shape}, got {r.shape}")
     if not np.all(np.isfinite(r)):
         raise InputError("r: expected a starting point of finite numbers, got NaN or infinity")
+    if memory is not None and len(memory.identity) != len(mu):
+        raise InputError(f"memory: expected one of the problem's {len(mu)} contacts, got one of {len(memory.identity)} (see Memory.follow)")
     reduced = time.perf_counter()
-    monitor = Monitor(q, mu, dimension, tol, floor=floor, time_limit=time_limit, start=start)
+    monitor = Monitor(q, mu, dimension, tol, floor=floor, time_limit=time_limit, start=start, memory=memory)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
         run = chosen.run if as_it_is is None else as_it_is
         r, status = _run(run, given if local is None else local, q, r, monitor, options)
@@ -95,6 +100,7 @@ def solve(
         checks=check(r, u, mu, dimension, momentum, q),
         method=solver,
         multiplier=multiplier,
+        memory=monitor.memory,
     )
 
 

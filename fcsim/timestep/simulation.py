@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detector, contact_matrix
+from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError, NotConverged
 from fcsim.problem import GlobalProblem, contact_status
 from fcsim.problem.reduction import Reduction
-from fcsim.solvers import Result, Status, method, solve
+from fcsim.solvers import Memory, Result, Status, method, solve
 from fcsim.solvers.base import override
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.scheme import Scheme
@@ -199,7 +199,7 @@ class Simulation:
     """
 
     model: Model
-    detector: Detector
+    detector: Detection
     scheme: Scheme
     steps: int
     solver: SolverSettings = field(default_factory=SolverSettings)
@@ -222,9 +222,7 @@ class Simulation:
     @cached_property
     def contact_nodes(self) -> NDArray[np.int64]:
         """Nodes that contacts can touch."""
-        nodes = [surface.facets.ravel() for pair in self.detector.pairs for surface in (pair.slave, pair.master)]
-        touched = np.unique(np.concatenate(nodes))
-        return touched[touched >= 0]
+        return self.detector.nodes
 
     @cached_property
     def factor(self) -> SystemFactor:
@@ -260,7 +258,7 @@ class Simulation:
         """
         after = after or Moment(0, self.initial or at_rest(self.model))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
-        kept: dict[int, dict[str, Any]] | None = {} if self.keep else None
+        kept: dict[int, Memory] | None = {} if self.keep else None
         while moment.number < self.steps:
             step = self.step(moment, kept, anchor)
             moment = step.moment
@@ -270,17 +268,16 @@ class Simulation:
             if self.keep and moment.number % self.keep == 0:
                 kept, anchor = {}, moment
 
-    def step(self, after: Moment, kept: dict[int, dict[str, Any]] | None = None, anchor: Moment | None = None) -> Step:
+    def step(self, after: Moment, kept: dict[int, Memory] | None = None, anchor: Moment | None = None) -> Step:
         """Compute the step after a moment, cut where it must be; raises NotConverged when the solver chain fails on the shortest part.
 
-        kept: what serves the next problems (see `LocalProblem`), by the number of cuts.
+        kept: what serves the next problems (see `fcsim.solvers.memory`), by the number of cuts; this step's takes its place there.
         """
         clock, attempts = _Clock(), list[Attempt]()
         cuts, position, end = after.cuts, 0, 2**self.cuttings
         moment, before, substeps = replace(after, number=after.number + 1), None, 0
         while True:
-            own = None if kept is None else kept.setdefault(cuts, {})
-            part = self._part(moment, cuts, own, anchor or after, clock, attempts)
+            part = self._part(moment, cuts, kept, anchor or after, clock, attempts)
             if part is None:
                 if cuts == self.cuttings:
                     raise self._not_converged(moment, after.state.t, attempts)
@@ -298,7 +295,7 @@ class Simulation:
             moment = part.moment
 
     def _part(
-        self, start: Moment, cuts: int, kept: dict[str, Any] | None, anchor: Moment, clock: _Clock, attempts: list[Attempt]
+        self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: _Clock, attempts: list[Attempt]
     ) -> Step | None:
         """The step, or its next part of the length h / 2^cuts; None where the solver chain fails. What was tried goes into `attempts`."""
         model, state = self.model, start.state
@@ -313,13 +310,16 @@ class Simulation:
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
         driven = scheme.driven(model, state)
         problem = self._problem(factor, H, load, scheme.contact_velocity(state, contacts, H), driven, contacts.mu)
-        reduction = Reduction(problem, factor, kept)
+        reduction = Reduction(problem, factor)
         if len(contacts):
             _ = reduction.local
         clock.lap("assembly")
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
         r = warm_start(reduction.local, contacts, memory) if len(contacts) else np.empty(0)
-        result = self._solve(reduction, r, scheme.force_per_reaction, 0.5**cuts, attempts)
+        serving = None if kept is None else kept.pop(cuts, Memory.of(contacts.identity)).follow(contacts.identity)
+        result, serving = self._solve(reduction, r, scheme.force_per_reaction, 0.5**cuts, attempts, serving)
+        if kept is not None and serving is not None:
+            kept[cuts] = serving
         clock.lap("solve")
         if result is None:
             return None
@@ -371,8 +371,15 @@ class Simulation:
         return GlobalProblem(factor.matrix(), free_H, f, w, mu, dimension=model.dimension)
 
     def _solve(
-        self, reduction: Reduction, warm: FloatArray, force_per_reaction: float, share: float, attempts: list[Attempt]
-    ) -> Result | None:
+        self,
+        reduction: Reduction,
+        warm: FloatArray,
+        force_per_reaction: float,
+        share: float,
+        attempts: list[Attempt],
+        kept: Memory | None,
+    ) -> tuple[Result | None, Memory | None]:
+        """The first answer of the chain that is solved, None where none is; and what the chain leaves for the next problem."""
         settings = self.solver
         chain: list[tuple[str, str, Mapping[str, Any]]] = [(settings.name, "previous steps", settings.options)]
         if np.any(warm):
@@ -381,11 +388,12 @@ class Simulation:
         tol = settings.tol * min(1.0, self._longest_flight(reduction, force_per_reaction))
         for name, start, options in chain:
             r = warm if start == "previous steps" else None
-            result = solve(reduction, name, r, tol=tol, floor=settings.floor, **options)
+            result = solve(reduction, name, r, tol=tol, floor=settings.floor, memory=kept, **options)
+            kept = result.memory
             attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol))
             if result.solved:
-                return result
-        return None
+                return replace(result, memory=None), kept
+        return None, kept
 
     def _longest_flight(self, reduction: Reduction, force_per_reaction: float) -> float:
         """How far the bodies may fly freely in one step, the size of the model, relative to how far they do; infinity where they rest.

@@ -15,7 +15,6 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-import fcsim
 from fcsim.bench.results import Measurement
 from fcsim.bench.workers.worker import Request, Settings, blank
 from fcsim.errors import InputError, MissingDependency
@@ -58,7 +57,7 @@ class WorkerProcess:
     def _start(self) -> subprocess.Popen[str]:
         environment = {key: value for key, value in os.environ.items() if key.partition("_")[0] not in _MPI_VARIABLES}
         environment |= dict.fromkeys((*THREAD_VARIABLES, "NUMBA_NUM_THREADS"), str(self.settings.threads))
-        known = [str(Path(fcsim.__file__).parents[1]), environment.get("PYTHONPATH", "")]
+        known = [str(Path(__file__).parents[3]), environment.get("PYTHONPATH", "")]
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, known))
         self._said = TemporaryFile("w+", errors="replace")  # noqa: SIM115 - as long as the process
         process = subprocess.Popen(

@@ -27,7 +27,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from fcsim import __version__
 from fcsim.bench.judge import FclibProblem, read_problem
 from fcsim.bench.results import SLACK, Measurement
 from fcsim.bench.workers.flops import counting
@@ -37,6 +36,7 @@ from fcsim.bench.workers.solves import chain_like, run, small_problem_like, warm
 from fcsim.errors import InputError
 from fcsim.linear.joints import FRONTS_FROM
 from fcsim.runtime import release_freed_memory
+from fcsim.version import __version__
 
 SICONOS = "Siconos:"
 REPEAT_WITHIN = 0.5

@@ -34,7 +34,7 @@ class FacetedOptions(Options):
     facets          generators of each friction polygon in 3D, at least 4
     engine          "Lemke" (our own) or "PATH" (the user's `pathampl`)
     max_pivots      of Lemke's method on one LCP, as a multiple of the LCP's unknowns
-    memory          of the Anderson acceleration of the sliding directions, in LCPs
+    window          of the Anderson acceleration of the sliding directions, in LCPs
     crash_sweeps    Gauss-Seidel sweeps that suggest the first basis and directions, as PATH's crash does (0 = none)
     """
 
@@ -42,7 +42,7 @@ class FacetedOptions(Options):
     facets: int = 8
     engine: str = "Lemke"
     max_pivots: int = 10
-    memory: int = 10
+    window: int = 10
     crash_sweeps: int = 100
 
     def __post_init__(self) -> None:
@@ -50,7 +50,7 @@ class FacetedOptions(Options):
         choice("engine", self.engine, ENGINES)
         if self.facets < 4:
             raise InputError(f"option facets: expected an integer >= 4, got {self.facets}")
-        for name, least in (("memory", 1), ("max_pivots", 1), ("crash_sweeps", 0)):
+        for name, least in (("window", 1), ("max_pivots", 1), ("crash_sweeps", 0)):
             if getattr(self, name) < least:
                 raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
 
@@ -89,7 +89,7 @@ def faceted_cone(problem: LocalProblem, r: FloatArray, monitor: Monitor, options
             return Iterate(r, Status.DIVERGED)
         if error < 0.9 * least:
             least, last_progress = error, monitor.iterations
-        elif monitor.iterations - last_progress >= 2 * options.memory:
+        elif monitor.iterations - last_progress >= 2 * options.window:
             return Iterate(r, Status.STAGNATED)
         if problem.dimension == 2:
             return Iterate(r, Status.STAGNATED)
@@ -125,7 +125,7 @@ class Polygons:
 
     def __init__(self, problem: LocalProblem, options: FacetedOptions) -> None:
         self._nc, self._tangents = problem.nc, problem.dimension - 1
-        self._facets, self._memory = options.facets, options.memory
+        self._facets, self._memory = options.facets, options.window
         self._rho_T = split_spectral_norm(problem.diagonal_blocks)[:, 1]
         self._mu = problem.mu
         self.centre = np.zeros(problem.nc)

@@ -20,6 +20,7 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.joints import joint_rows
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
+from fcsim.solvers.memory import Kept, Memory
 from fcsim.solvers.newton.formulations import FORMULATIONS, Formulation
 from fcsim.solvers.newton.line_search import LINE_SEARCHES, REFERENCES, Merit
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
@@ -39,7 +40,7 @@ SYSTEMS: dict[str, type[NewtonSystem]] = {
 class NewtonOptions(Options):
     """formulation: AC, JM, NM, FB; rho: rule of `scaling`, times rho_factor; line_search: none (NLS), Goldstein-Price, Goldstein, Armijo,
     with at most line_search_iterations trials; reference: what the merit must fall below, "none" (monotone) or its maximum, mean or
-    Zhang and Hager's weighted mean over `memory` iterations; safeguard: a gradient step where Newton's direction does not exist or does
+    Zhang and Hager's weighted mean over `window` iterations; safeguard: a gradient step where Newton's direction does not exist or does
     not descend; divergence: factor of the best error beyond which the iterates are called diverged; patience: iterations that must bring
     the best error below 0.7 of what it was, else the iterates are called stagnated (0: any number); linear: how the linear system is
     solved ("auto" chooses from size and density; "kkt" keeps the global or mixed form, see newton_global).
@@ -51,7 +52,7 @@ class NewtonOptions(Options):
     line_search: str = "none"
     line_search_iterations: int = 100
     reference: str = "none"
-    memory: int = 10
+    window: int = 10
     safeguard: bool = False
     divergence: float = float("inf")
     patience: int = 0
@@ -68,7 +69,7 @@ class NewtonOptions(Options):
             raise InputError(f"option rho_factor: expected a number > 0, got {self.rho_factor}")
         if not self.divergence > 1:
             raise InputError(f"option divergence: expected a number > 1, got {self.divergence}")
-        for name, least in (("line_search_iterations", 1), ("memory", 1), ("patience", 0)):
+        for name, least in (("line_search_iterations", 1), ("window", 1), ("patience", 0)):
             if getattr(self, name) < least:
                 raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
 
@@ -104,9 +105,9 @@ class NewtonSpace(Protocol):
 class LocalSpace:
     """u = W r + q."""
 
-    def __init__(self, problem: LocalProblem, r: FloatArray, options: NewtonOptions) -> None:
+    def __init__(self, problem: LocalProblem, r: FloatArray, system: NewtonSystem) -> None:
         self._problem, self._r = problem, r
-        self._system = _system(problem, *_linear(problem, options))
+        self._system = system
         self._moves = 0
         self._Wr = problem.W @ r
         self.u = self._Wr + problem.q
@@ -131,21 +132,46 @@ class LocalSpace:
         self.u = self._Wr + self._problem.q
 
 
-def _system(problem: LocalProblem, linear: str, W: Any) -> NewtonSystem:
+@dataclass(frozen=True, eq=False)
+class KeptSystem(Kept):
+    """The linear algebra of an earlier problem, which may follow to a W near its own."""
+
+    system: NewtonSystem
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptedRho(Kept):
+    """rho (nc, d) on the way back from where a solution left it."""
+
+    rho: FloatArray
+
+
+def _system(problem: LocalProblem, linear: str, W: Any, monitor: Monitor) -> NewtonSystem:
     """The linear algebra of this problem: the previous problem's where it was kept and can serve, else new."""
-    kept = problem.kept
-    system: NewtonSystem | None = None if kept is None else kept.get(linear)
-    if system is None or not system.follow(W):
-        system = SYSTEMS[linear](W, problem.dimension)
-    if kept is not None:
-        kept[linear] = system
+    memory, kind = monitor.memory, SYSTEMS[linear]
+    earlier = None if memory is None else memory.of_same_contacts(KeptSystem)
+    if earlier is not None and isinstance(earlier.system, kind) and earlier.system.follow(W):
+        return earlier.system
+    system = kind(W, problem.dimension)
+    if memory is not None and linear == "condensed":  # the others have nothing that would serve another W
+        monitor.memory = memory.having(KeptSystem(memory.identity, system))
     return system
+
+
+def _rho(first: FloatArray, memory: Memory | None) -> FloatArray:
+    """Where an adapting rho begins: near what led to a solution for contacts known from there, else at `first` (nc, d)."""
+    earlier = None if memory is None else memory.earlier(AdaptedRho)
+    if memory is None or earlier is None or earlier.rho.shape[1] != first.shape[1]:
+        return first
+    place, rho = earlier.places(memory.identity), first.copy()
+    rho[place >= 0] = earlier.rho[place[place >= 0]]
+    return np.clip(rho, *adaptive_range(first))
 
 
 def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:
     """Nonsmooth Newton from the starting point r (m,)."""
-    space = LocalSpace(problem, r, options)
-    return newton_iterations(space, r, problem.diagonal_blocks, problem.mu, monitor, options, problem.kept)
+    space = LocalSpace(problem, r, _system(problem, *_linear(problem, options, monitor.memory), monitor))
+    return newton_iterations(space, r, problem.diagonal_blocks, problem.mu, monitor, options)
 
 
 def newton_iterations(
@@ -155,27 +181,26 @@ def newton_iterations(
     mu: FloatArray,
     monitor: Monitor,
     options: NewtonOptions,
-    kept: dict[str, Any] | None = None,
 ) -> Iterate:
     """Newton's method in any space; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
 
-    kept: what a simulation keeps from step to step: where an adapted rho led to a solution, the next one begins near it."""
+    Where an adapted rho led to a solution, the next solve with this memory begins near it."""
     shape = diagonal_blocks.shape[:2]
     first_rho = rho = RHO_RULES[options.rho](diagonal_blocks) * options.rho_factor
     adaptive = options.rho == "adaptive"
-    earlier = kept.pop("rho", None) if adaptive and kept is not None else None
-    if earlier is not None and earlier.shape == rho.shape:
-        rho = np.clip(earlier, *adaptive_range(first_rho))
+    if adaptive and monitor.memory is not None:
+        rho = _rho(first_rho, monitor.memory)
+        monitor.memory = monitor.memory.without(AdaptedRho)  # which counts only where it leads to a solution again
     formulation = FORMULATIONS[options.formulation]
     line_search = LINE_SEARCHES[options.line_search]
-    merits: deque[float] = deque(maxlen=options.memory)
+    merits: deque[float] = deque(maxlen=options.window)
     watched, before = monitor.iterations, np.inf
     while True:
         error = monitor.record(r, space.u)  # (S.1)
         before = min(before, error) if monitor.iterations == watched else before
         if error <= monitor.tol:
-            if adaptive and kept is not None:
-                kept["rho"] = np.sqrt(rho * first_rho)  # half the way back: the tiny last steps drive rho to its bounds
+            if adaptive and monitor.memory is not None:  # half the way back: the tiny last steps drive rho to its bounds
+                monitor.memory = monitor.memory.having(AdaptedRho(monitor.memory.identity, np.sqrt(rho * first_rho)))
             return Iterate(r, Status.SOLVED)
         if not np.isfinite(error) or error > options.divergence * monitor.best:
             return Iterate(r, Status.DIVERGED)
@@ -247,7 +272,7 @@ def _merit(
     return merit
 
 
-def _linear(problem: LocalProblem, options: NewtonOptions) -> tuple[str, Any]:
+def _linear(problem: LocalProblem, options: NewtonOptions, memory: Memory | None) -> tuple[str, Any]:
     """The name of the linear algebra, and W as it wants it; the choice behind "auto":
 
     A small sparse W is made dense. Multifrontal LU where contacts come in joints and that saves most of the work, unless a simulation keeps
@@ -259,13 +284,13 @@ def _linear(problem: LocalProblem, options: NewtonOptions) -> tuple[str, Any]:
         if sp.issparse(W) and problem.m <= SMALL:
             W = W.toarray()
         if sp.issparse(W):
-            kept = problem.kept if condensing else None
-            present = None if kept is None else kept.get("condensed")
-            if isinstance(present, CondensedSystem) and present.by_joints:
+            keeping = condensing and memory is not None
+            present = memory.of_same_contacts(KeptSystem) if condensing and memory is not None else None
+            if present is not None and isinstance(present.system, CondensedSystem) and present.system.by_joints:
                 return "condensed", W  # which looks for the joints of this W itself
             rows = joint_rows(W, problem.dimension)
             if rows is not None:
-                return ("multifrontal", rows) if kept is None else ("condensed", W)
+                return ("condensed", W) if keeping else ("multifrontal", rows)
         affordable = problem.m <= (CONDENSED_UP_TO if condensing else DENSE_UP_TO)
         if sp.issparse(W) and not (affordable and W.nnz >= FILLED * problem.m**2):
             linear = "sparse"

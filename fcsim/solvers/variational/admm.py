@@ -24,15 +24,16 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.linear.factors import SingularMatrix, factorise
+from fcsim.linear.factors import Factor, SingularMatrix, factorise
 from fcsim.problem import LocalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
+from fcsim.solvers.memory import Kept
 from fcsim.solvers.variational._set_kernels import splitting_residuals
 from fcsim.solvers.variational.inequality import Cone, Inequality, LightCriterion, Operator, ProblemWatch, Watch, coulomb_term, power_norm
 
-KEPT, STALE = "ADMM", 0.2
-"""Where a simulation keeps the factor; contraction up to which an earlier W's serves."""
+STALE = 0.2
+"""Contraction up to which the factor of an earlier W serves."""
 INITIAL_RHO = ("given", "norm", "eigenvalues")
 RHO_UPDATES = ("constant", "residual balancing", "scaled residual balancing")
 ACCELERATIONS = ("none", "accelerated", "accelerated with restart")
@@ -85,6 +86,14 @@ class AdmmOptions(Options):
             raise InputError(f"option balancing_interval: expected an integer >= 1, got {self.balancing_interval}")
 
 
+@dataclass(frozen=True, eq=False)
+class SplittingFactor(Kept):
+    """The factor of W + rho I of an earlier W."""
+
+    rho: float
+    factor: Factor
+
+
 class LocalSplitting:
     """z = r in C, -rho zeta = u + g in C*; `gain` carries the primal residual over to the natural one.
 
@@ -92,25 +101,28 @@ class LocalSplitting:
     point is the same, and where W has changed by less than rho the iterates hardly differ.
     """
 
-    def __init__(self, vi: Inequality, symmetric: bool, kept: dict[str, Any] | None = None) -> None:
-        self._vi, self._symmetric, self._kept = vi, symmetric, kept
+    def __init__(self, vi: Inequality, symmetric: bool, monitor: Monitor | None = None) -> None:
+        """monitor: whose memory has earlier factors and takes this one's."""
+        self._vi, self._symmetric, self._monitor = vi, symmetric, monitor
         self._x: FloatArray | None = None  # the last x where the factor is an earlier W's
 
     def set_rho(self, rho: float) -> None:
         self.rho = rho
         self.gain = self._vi.operator.norm
         self._x = None
-        if self._kept is not None:
-            self._kept.pop(KEPT, None)  # the old one makes room for the new
+        forget_factor(self._monitor)  # the old one makes room for the new
         self._factor = self._vi.operator.factor(rho, self._symmetric)
-        if self._kept is not None:
-            self._kept[KEPT] = rho, self._vi.operator.size, self._factor
+        if self._monitor is not None and self._monitor.memory is not None:
+            memory = self._monitor.memory
+            self._monitor.memory = memory.having(SplittingFactor(memory.identity, rho, self._factor))
 
     def resume(self, rho: float) -> bool:
         """Go on with the factor that was kept if it is for about this rho and W has changed little; say whether that is so."""
-        earlier, size, factor = (0.0, 0, None) if self._kept is None else self._kept.get(KEPT, (0.0, 0, None))
-        if factor is None or size != self._vi.operator.size or not 0.9 * rho <= earlier <= 1.1 * rho:
+        memory, size = None if self._monitor is None else self._monitor.memory, self._vi.operator.size
+        kept = None if memory is None else memory.of_same_contacts(SplittingFactor)
+        if kept is None or not 0.9 * rho <= kept.rho <= 1.1 * rho:
             return False
+        earlier, factor = kept.rho, kept.factor
         x = np.random.default_rng(0).standard_normal(size)
         for _ in range(2):  # x - (W_earlier + rho I)^-1 (W + rho I) x, in its direction of least contraction
             before = float(np.linalg.norm(x))
@@ -188,10 +200,16 @@ class GlobalSplitting:
 def admm(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AdmmOptions) -> Iterate:
     """ADMM on the local form."""
     vi = Inequality.coulomb(problem)
-    iterated = split(vi, r, ProblemWatch(vi.velocity, monitor, options.max_iterations), options, problem.kept)
-    if problem.kept is not None and not iterated.status.solved:
-        problem.kept.pop(KEPT, None)  # the next attempt begins with a factor of its own
+    iterated = split(vi, r, ProblemWatch(vi.velocity, monitor, options.max_iterations), options, monitor)
+    if not iterated.status.solved:
+        forget_factor(monitor)  # the next attempt begins with a factor of its own
     return iterated
+
+
+def forget_factor(monitor: Monitor | None) -> None:
+    """Take the splitting's factor out of the memory, if there is one."""
+    if monitor is not None and monitor.memory is not None:
+        monitor.memory = monitor.memory.without(SplittingFactor)
 
 
 def admm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: AdmmOptions) -> Iterate:
@@ -238,8 +256,8 @@ class _Rescaled:
         self._watch.tick()
 
 
-def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, kept: dict[str, Any] | None = None) -> Iterate:
-    """ADMM on a variational inequality in local form; kept: what a simulation keeps from step to step."""
+def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, monitor: Monitor | None = None) -> Iterate:
+    """ADMM on a variational inequality in local form; monitor: whose memory keeps the factor for the next problem."""
     operator = vi.operator
     if options.symmetry == "symmetrise":
         operator = operator.symmetric_part
@@ -254,7 +272,7 @@ def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, kep
         return Iterate(scale * iterated.r, iterated.status)
     vi = Inequality(operator, vi.q, vi.convex_set, vi.mu)
     symmetric = options.symmetry in ("assume", "symmetrise") or (options.symmetry == "check" and operator.symmetric)
-    splitting = LocalSplitting(vi, symmetric, kept)
+    splitting = LocalSplitting(vi, symmetric, monitor)
     rho = options.rho * _local_scale(operator, options.initial_rho)
     try:
         if not splitting.resume(rho):

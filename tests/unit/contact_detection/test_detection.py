@@ -128,7 +128,7 @@ def test_the_skin_of_a_pair_list_covers_an_approach() -> None:
     assert len(detector.search(far)) == 0
     near = detector.search(far, skin=2.5)
     assert near.covers(close)
-    np.testing.assert_allclose(detector(close, near).gap, [0.2])
+    np.testing.assert_allclose(detector(close, near=near).gap, [0.2])
 
 
 def test_slope_and_valley_take_the_nearest_facet() -> None:

@@ -154,7 +154,7 @@ def test_verlet_list_gives_the_same_contacts() -> None:
     assert near.covers(small)
     assert not near.covers(large)
     for x in (small, large):
-        with_list, fresh = detector(x, near), detector(x)
+        with_list, fresh = detector(x, near=near), detector(x)
         np.testing.assert_array_equal(with_list.identity, fresh.identity)
         np.testing.assert_array_equal(with_list.gap, fresh.gap)
 

@@ -7,8 +7,9 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fcsim.linear import _block_cholesky_kernels as kernels
-from fcsim.linear.block_cholesky import Analysis, BlockCholesky, minimum_degree
+from fcsim.linear import _elimination_tree_kernels as kernels
+from fcsim.linear.block_cholesky import PADDING, Analysis, BlockCholesky
+from fcsim.linear.elimination_tree import elimination_tree, minimum_degree
 from fcsim.linear.factors import SingularMatrix
 
 
@@ -64,17 +65,26 @@ def test_solution_is_that_of_dense_algebra(name: str, d: int) -> None:
         assert_allclose(x, np.linalg.solve(A + shift * np.eye(len(A)), b), rtol=1e-11, atol=1e-13)
 
 
+@pytest.mark.parametrize("padding", [0.0, PADDING])
 @pytest.mark.parametrize("name", PATTERNS)
-def test_structure_is_that_of_the_dense_factor(name: str) -> None:
+def test_structure_is_that_of_the_dense_factor(name: str, padding: float) -> None:
+    """A front's border holds the factor's rows below it, those of its last column exactly; without padding no front holds a zero."""
     A = matrix(PATTERNS[name], 1)
-    analysis = Analysis(stored(A, 1))
-    order, first, starts, rows, _ = analysis.fronts
-    assert_array_equal(np.sort(order), np.arange(len(A)))
+    W = stored(A, 1)
+    tree = elimination_tree(W.indptr.astype(np.int64), W.indices.astype(np.int64), padding)
+    assert_array_equal(np.sort(tree.order), np.arange(len(A)))
     # entries that vanish only by cancellation do not occur in a matrix with random entries
-    L = np.linalg.cholesky(A[np.ix_(order, order)])
-    for j in range(len(A)):
-        assert_array_equal(rows[starts[j] : starts[j + 1]], j + 1 + np.flatnonzero(np.abs(L[j + 1 :, j]) > 1e-14 * L[j, j]))
-    assert first[0] == 0 and first[-1] == len(A) and np.all(np.diff(first) > 0)
+    L = np.linalg.cholesky(A[np.ix_(tree.order, tree.order)])
+    filled = np.abs(L) > 1e-14 * L.diagonal()
+    for f in range(len(tree)):
+        begin, end = tree.first[f : f + 2]
+        border = tree.rows[tree.starts[f] : tree.starts[f + 1]]
+        assert_array_equal(border, end + np.flatnonzero(filled[end:, end - 1]))
+        for j in range(begin, end):
+            below = end + np.flatnonzero(filled[end:, j])
+            assert set(below) <= set(border)
+            assert padding or (len(below) == len(border) and filled[j:end, j].all())
+    assert tree.first[0] == 0 and tree.first[-1] == len(A) and np.all(np.diff(tree.first) > 0)
 
 
 def test_a_subtree_is_consecutive_in_postorder() -> None:
@@ -91,9 +101,10 @@ def test_a_subtree_is_consecutive_in_postorder() -> None:
 
 def test_ordering_keeps_the_fill_small() -> None:
     W = stored(matrix(star(200), 1), 1)
-    order = minimum_degree(W.indptr.astype(np.int64), W.indices.astype(np.int64))
-    assert np.flatnonzero(order == 100)[0] >= 198  # the centre goes last, but for a tie: no fill at all
-    assert Analysis(W).fronts[2][-1] == 199
+    pattern = W.indptr.astype(np.int64), W.indices.astype(np.int64)
+    assert np.flatnonzero(minimum_degree(*pattern) == 100)[0] >= 198  # the centre goes last, but for a tie: no fill at all
+    tree = elimination_tree(*pattern, 0.0)
+    assert len(tree.rows) + sum(n * (n - 1) // 2 for n in np.diff(tree.first)) == 199
 
 
 @pytest.mark.parametrize("d", [1, 3])

@@ -10,12 +10,13 @@ import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear._front_kernels import gather_blocks
+from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.factors import SingularMatrix, is_symmetric
 from fcsim.linear.fronts import MultifrontalCholesky
 from fcsim.linear.joints import BlockRows, joint_rows
 from fcsim.linear.krylov import gmres
 from fcsim.solvers.newton.systems.border import BorderSystem, split_known
-from fcsim.solvers.newton.systems.direct import DenseSystem, NewtonSystem, SparseSystem, dofs_of
+from fcsim.solvers.newton.systems.direct import DenseSystem, NewtonSystem, SparseSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
 
 FORCING = 1e-2

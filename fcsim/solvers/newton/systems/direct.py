@@ -13,6 +13,7 @@ import scipy.sparse as sp
 
 from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.factors import MUMPS_FROM, DenseLU, Factor, Mumps, SuperLU
 
 
@@ -28,10 +29,6 @@ class NewtonSystem(Protocol):
     def follow(self, W: Any) -> bool:
         """Go on with another W near the present one; False where nothing is kept that would serve."""
         ...
-
-
-def dofs_of(contacts: IntArray, d: int) -> IntArray:
-    return (contacts[:, None] * d + np.arange(d)).ravel()
 
 
 def without_open(W: Any, A: FloatArray, rhs: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:

@@ -373,7 +373,7 @@ def test_verlet_list_gives_the_same_contacts(rule: Rule) -> None:
     near = detector.search(x, skin=0.2)
     moved = x + 0.05 * np.random.default_rng(0).uniform(-1, 1, x.shape)
     assert near.covers(moved)
-    with_list, fresh = detector(moved, near), detector(moved)
+    with_list, fresh = detector(moved, near=near), detector(moved)
     for name in ("identity", "gap", "nodes", "weights"):
         np.testing.assert_array_equal(getattr(with_list, name), getattr(fresh, name))
 

@@ -154,7 +154,7 @@ def test_support_of_solved_problems() -> None:
         ({"engine": "Gurobi"}, "engine: expected one of 'Lemke', 'PATH'"),
         ({"max_pivots": 0}, "max_pivots: expected an integer >= 1"),
         ({"crash_sweeps": -1}, "crash_sweeps: expected an integer >= 0"),
-        ({"memory": 0}, "memory: expected an integer >= 1"),
+        ({"window": 0}, "window: expected an integer >= 1"),
     ],
 )
 def test_bad_options_are_refused(options: dict[str, Any], message: str) -> None:

@@ -12,11 +12,12 @@ from numpy.testing import assert_allclose
 from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.solvers import SOLVERS, Status, solve
+from fcsim.solvers import SOLVERS, Memory, Status, solve
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.formulations import FORMULATIONS
-from fcsim.solvers.newton.iterations import LocalSpace, NewtonOptions, newton, newton_iterations
+from fcsim.solvers.newton.iterations import AdaptedRho, LocalSpace, NewtonOptions, newton, newton_iterations
 from fcsim.solvers.newton.line_search import REFERENCES, armijo, goldstein
+from fcsim.solvers.newton.systems.direct import DenseSystem
 
 
 def random_problem(seed: int, nc: int = 10, d: int = 3, mu: float = 0.5) -> LocalProblem:
@@ -50,7 +51,7 @@ def true_error(p: LocalProblem, r: np.ndarray) -> float:
 NAMES = [name for name, method in SOLVERS.items() if isinstance(method.options, NewtonOptions)]
 CHOICES: list[dict[str, Any]] = [
     {"rho": "adaptive"},
-    {"line_search": "Armijo", "reference": "maximum", "memory": 5},
+    {"line_search": "Armijo", "reference": "maximum", "window": 5},
     {"line_search": "Goldstein", "reference": "mean"},
     {"line_search": "Goldstein-Price", "reference": "Zhang-Hager"},
     {"line_search": "Armijo", "safeguard": True},
@@ -142,7 +143,7 @@ def test_gradient_is_the_merits() -> None:
     """The direction of steepest descent and its length against finite differences of 0.5 ||F||^2."""
     p, rng = random_problem(4), np.random.default_rng(0)
     r, rho = rng.standard_normal(30), np.full((10, 3), 0.4)
-    space = LocalSpace(p, r, NewtonOptions())
+    space = LocalSpace(p, r, DenseSystem(p.W, p.dimension))
 
     def merit(r: np.ndarray) -> float:
         F = FORMULATIONS["AC"]((p.W @ r + p.q).reshape(10, 3), r.reshape(10, 3), p.mu, rho)[0]
@@ -176,7 +177,7 @@ def test_line_search_on_the_global_form_takes_the_same_steps(name: str) -> None:
     ("options", "message"),
     [
         ({"line_search_iterations": 0}, "line_search_iterations: expected an integer >= 1"),
-        ({"memory": 0}, "memory: expected an integer >= 1"),
+        ({"window": 0}, "window: expected an integer >= 1"),
         ({"reference": "median"}, "reference: expected one of 'none', 'maximum', 'mean', 'Zhang-Hager'"),
     ],
 )
@@ -217,14 +218,17 @@ def test_patience() -> None:
 def test_adapted_rho_is_kept_from_a_solution() -> None:
     """What a simulation keeps: the next solve begins with the adapted rho, on another path to the same answer; a failed one leaves none."""
     p = random_problem(3, nc=30)
-    p = LocalProblem(p.W, p.q, p.mu, dimension=3, kept={})
-    first = solve(p, "NSN-AC", tol=1e-10, rho_factor=50.0)
+    first = solve(p, "NSN-AC", tol=1e-10, rho_factor=50.0, memory=Memory.of(np.arange(30)))
     assert first.solved
-    assert p.kept is not None
-    assert p.kept["rho"].shape == (30, 3)
-    again = solve(p, "NSN-AC", tol=1e-10, rho_factor=50.0)
+    assert first.memory is not None
+    kept = first.memory.earlier(AdaptedRho)
+    assert kept is not None
+    assert kept.rho.shape == (30, 3)
+    again = solve(p, "NSN-AC", tol=1e-10, rho_factor=50.0, memory=first.memory)
     assert again.solved
     assert again.iterations != first.iterations
     assert_allclose(again.r, first.r, rtol=0, atol=1e-7 * np.abs(first.r).max())
-    assert not solve(p, "NSN-AC", tol=1e-10, max_iterations=1).solved
-    assert "rho" not in p.kept
+    failed = solve(p, "NSN-AC", tol=1e-10, max_iterations=1, memory=first.memory)
+    assert not failed.solved
+    assert failed.memory is not None
+    assert failed.memory.earlier(AdaptedRho) is None

@@ -13,9 +13,9 @@ from numpy.testing import assert_allclose
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.reduction import reduce
-from fcsim.solvers import Status, solve
+from fcsim.solvers import Memory, Status, solve
 from fcsim.solvers.base import Monitor
-from fcsim.solvers.variational.admm import AdmmOptions, split
+from fcsim.solvers.variational.admm import AdmmOptions, SplittingFactor, split
 from fcsim.solvers.variational.inequality import Cone, Inequality, Operator, ProblemWatch, SubproblemWatch
 
 Problems = dict[str, Callable[[], LocalProblem]]
@@ -214,22 +214,30 @@ def test_factor_of_an_earlier_operator(storage: str) -> None:
     change = rng.standard_normal(W.shape)
     near = W + 1e-3 * (change + change.T) / nc
     options = {"initial_rho": "norm", "rho": 0.05, "rho_update": "constant", "max_iterations": 3000}
-    kept: dict[str, object] = {}
+    memory: Memory | None = Memory.of(np.arange(nc))
 
-    def solved(W: np.ndarray, kept: dict[str, object] | None) -> np.ndarray:
+    def solved(W: np.ndarray, memory: Memory | None) -> tuple[np.ndarray, Memory | None]:
         stored = W if storage == "dense" else sp.bsr_array(W, blocksize=(d, d))
-        result = solve(LocalProblem(stored, q, np.full(nc, 0.4), dimension=d, kept=kept), "ADMM", tol=1e-9, **options)
+        result = solve(LocalProblem(stored, q, np.full(nc, 0.4), dimension=d), "ADMM", tol=1e-9, memory=memory, **options)
         assert result.solved
-        return result.r
+        return result.r, result.memory
 
-    def factor() -> object:
-        return kept["ADMM"][2]  # type: ignore[index]
+    def factor(memory: Memory | None) -> object:
+        assert memory is not None
+        kept = memory.earlier(SplittingFactor)
+        assert kept is not None
+        return kept.factor
 
-    solved(W, kept)
-    first = factor()
-    assert_allclose(solved(near, kept), solved(near, None), rtol=0, atol=1e-6)
-    assert factor() is first
+    _, memory = solved(W, memory)
+    first = factor(memory)
+    r, memory = solved(near, memory)
+    assert_allclose(r, solved(near, None)[0], rtol=0, atol=1e-6)
+    assert factor(memory) is first
+    assert memory is not None
+    _, turned = solved(near, memory.follow(np.arange(nc)[::-1]))  # the same shape, other contacts: another factor
+    assert factor(turned) is not first
     soft = np.linalg.eigh(W)[1][:, 0]
     other = W + 0.5 * np.linalg.norm(W, 2) * np.outer(soft, soft)  # of the same norm
-    assert_allclose(solved(other, kept), solved(other, None), rtol=0, atol=1e-6)
-    assert factor() is not first
+    r, memory = solved(other, memory)
+    assert_allclose(r, solved(other, None)[0], rtol=0, atol=1e-6)
+    assert factor(memory) is not first

@@ -1,0 +1,40 @@
+"""What a simulation asks of contact detection, whichever rules find the contacts."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.contact_detection.contacts import Contacts
+
+
+class Detection(Protocol):
+    """Contacts from positions. `Detector` (explicit pairs) and `Everything` (all bodies) are two; a rule of one's own is a third.
+
+    To add a rule, write a class with these members and pass it to `Simulation`. It owes the simulation four things:
+
+    * `Contacts` as they are documented: normals from the master to the slave, weights that sum to zero (so that H r has no resultant and
+      a common translation gives u = 0), the gap equal to (sum_k weights_k x_nodes_k) . N.
+    * `identity` ascending, without repetition, and the same from step to step for what is physically the same contact: reactions and the
+      variables of contact laws are carried over by it.
+    * A value, not a state: the same positions and displacement give the same contacts, bit by bit, whatever was asked before.
+    * `nodes` holds every node that a contact may ever name; the compliance of deformable bodies is computed for these.
+    """
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes of the model."""
+        ...
+
+    @property
+    def nodes(self) -> IntArray:
+        """Sorted numbers of the nodes that contacts can touch."""
+        ...
+
+    def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
+        """Return the contacts at `positions` (n_nodes, d) [m].
+
+        displacement (n_nodes, d) [m]: how far the nodes would move over the step from there, h times their velocity, if there were no
+        contacts; what is farther off than the alert distance but is met on that way is found too. None: nothing moves.
+        """
+        ...

@@ -1,0 +1,71 @@
+"""The house itself: sizes of files, folders and functions, names, and one definition of the types of arrays."""
+
+import ast
+import re
+from pathlib import Path
+
+HOUSE = Path(__file__).parents[2] / "fcsim"
+FILES = sorted(HOUSE.rglob("*.py"))
+
+LINES, IN_FOLDER, IN_FUNCTION = 350, 15, 60
+REASON = "long because"
+"""These words in the docstring of a longer function begin its reason."""
+
+STILL_LONG = {
+    "running/run.py:run_case",
+    "mesh/masonry.py:running_bond",
+    "linear/_block_cholesky_kernels.py:factorise",
+    "solvers/gauss_seidel/_one_contact_exact.py:enumerate_cases",
+    "solvers/gauss_seidel/_one_contact_exact.py:_glocker_newton",
+    "solvers/gauss_seidel/_sweep_kernels.py:sweep",
+    "solvers/newton/iterations.py:newton_iterations",
+    "solvers/solve.py:solve",
+    "collection/build.py:build_collection",
+    "collection/select.py:select_problems",
+    "bench/run.py:_measure",
+    "solvers/automatic/stages.py",
+    "solvers/variational/inequality.py",
+    "timestep/simulation.py",
+}
+"""Grown before the rule; the list only becomes shorter."""
+
+
+def place(path: Path) -> str:
+    return path.relative_to(HOUSE).as_posix()
+
+
+def test_no_file_is_longer_than_350_lines() -> None:
+    long = {place(path): n for path in FILES if (n := len(path.read_text(encoding="utf-8").splitlines())) > LINES}
+    assert not {name: n for name, n in long.items() if name not in STILL_LONG}
+
+
+def test_no_folder_holds_more_than_15_files() -> None:
+    folders = {path.parent for path in FILES}
+    counts = {place(folder): n for folder in folders if (n := sum(e.is_file() for e in folder.iterdir())) > IN_FOLDER}
+    assert not counts
+
+
+def test_no_function_is_longer_than_60_lines_without_a_reason_in_its_docstring() -> None:
+    long = {}
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or REASON in (ast.get_docstring(node) or "").lower():
+                continue
+            if (n := (node.end_lineno or 0) - node.lineno + 1) > IN_FUNCTION:
+                long[f"{place(path)}:{node.name}"] = n
+    assert not {name: n for name, n in long.items() if name not in STILL_LONG}
+
+
+def test_names_say_what_is_in_a_file() -> None:
+    nothing_said = re.compile(r"(^|_)(utils?|helpers?|misc|common|tools|v\d+|new|old|tmp)(_|$)")
+    assert not [place(path) for path in FILES if nothing_said.search(path.stem)]
+
+
+def test_every_file_says_what_it_is_for() -> None:
+    assert not [place(path) for path in FILES if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))]
+
+
+def test_the_types_of_arrays_are_defined_once() -> None:
+    defined = re.compile(r"^(Float|Int|Bool)Array\s*(:.*)?=", re.MULTILINE)
+    found = {place(path) for path in FILES if defined.search(path.read_text(encoding="utf-8"))}
+    assert found - {"solvers/newton/regularised.py"} == {"arrays.py"}  # that file's IntArray is of 32 bits
