@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from fcsim.timestep.simulation import Simulation, SolverSettings, Step
     from fcsim.timestep.state import State, at_rest
     from fcsim.timestep.theta import Theta
+    from fcsim.witness import Witness
 
 _HOME = {
     "AccelerationRecord": "assembly.time_functions",
@@ -68,6 +69,7 @@ _HOME = {
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
     "Velocity": "timestep.scheme",
+    "Witness": "witness",
     "at_rest": "timestep.state",
     "build_model": "assembly.model",
     "contact_force": "running.sensors",
@@ -117,6 +119,7 @@ __all__ = [
     "SurfacePair",
     "Theta",
     "Velocity",
+    "Witness",
     "at_rest",
     "build_model",
     "contact_force",

@@ -17,3 +17,7 @@ class MissingDependency(FcsimError, ImportError):
 
 class NotConverged(FcsimError, RuntimeError):
     """A step did not converge, even after the whole fallback chain; the simulation stops there."""
+
+
+class Penetration(FcsimError, RuntimeError):
+    """The witness saw bodies overlap by more than it bears; the simulation stops there."""

@@ -28,7 +28,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="fcsim",
         description="Frictional contact between deformable bodies: run cases, solve and describe FCLIB problems.",
-        epilog="Exit codes: 0 all converged, 1 a step or problem did not converge, 2 bad input, 130 interrupted.",
+        epilog="Exit codes: 0 all converged, 1 no convergence or penetration seen, 2 bad input, 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"fcsim {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -145,7 +145,7 @@ def _run(options: argparse.Namespace) -> int:
     finally:
         signal.signal(signal.SIGTERM, before)
     print_summary(summary, directory)
-    return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
+    return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED, "failed": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
 
 
 def _solver_options(name: str, texts: Sequence[str]) -> dict[str, Any]:

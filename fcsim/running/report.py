@@ -79,6 +79,11 @@ def print_summary(summary: Summary, directory: Path) -> None:
         f"{summary.fallbacks}, steps that were cut {summary.cut}, largest residual of the energy balance {summary.energy_residual:.1e} J",
         highlight=False,
     )
+    if summary.overlap.bodies is not None:
+        seen = summary.overlap
+        console.print(
+            f"largest overlap seen {seen.depth:.2e} m, {100 * seen.share:.2g} % of a body's extent, between {seen.between}", highlight=False
+        )
     for note in summary.notes:
         console.print(note, highlight=False)
     if summary.message:

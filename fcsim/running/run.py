@@ -20,7 +20,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from fcsim.errors import InputError, NotConverged
+from fcsim.errors import InputError, NotConverged, Penetration
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.files import replacing
 from fcsim.running.case import Case, CaseScript, parse_parameters
@@ -31,6 +31,7 @@ from fcsim.running.vtk_series import SeriesWriter
 from fcsim.runtime import is_interrupt
 from fcsim.timestep.simulation import Step
 from fcsim.version import __version__
+from fcsim.witness import Overlap
 
 OWN_ENTRIES = ("run.json", "steps.csv", "steps.h5", "vtk", "fclib", "checkpoint.h5", "pictures", "plots", "film.gif", "film.mp4")
 
@@ -52,8 +53,9 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class Summary:
-    """How a run ended: status "finished", "not converged" or "interrupted"; seconds by phase; steps that needed the fallback chain,
-    steps that were cut; energy_residual the largest of a step [J]; notes: what is to be known of the results."""
+    """How a run ended: status "finished", "not converged", "failed" (penetration seen) or "interrupted"; seconds by phase; steps that
+    needed the fallback chain, steps that were cut; energy_residual the largest of a step [J]; overlap the largest that the witness saw;
+    notes: what is to be known of the results."""
 
     status: str
     message: str
@@ -66,6 +68,7 @@ class Summary:
     fallbacks: int
     cut: int
     energy_residual: float
+    overlap: Overlap
     notes: tuple[str, ...] = ()
 
     @property
@@ -112,6 +115,7 @@ def run_case(
     compressor = Compressor()
     status, message, last = "finished", "", None
     totals: dict[str, float] = {}
+    overlap = Overlap()
     iterations, largest, fallbacks, cut, computed, residual = 0, 0.0, 0, 0, 0, 0.0
     begin = time.perf_counter()
     try:
@@ -141,6 +145,7 @@ def run_case(
             iterations += step.iterations
             cut += step.substeps > 1
             residual = max(residual, abs(step.energy.residual))
+            overlap = max(overlap, step.overlap or overlap, key=lambda seen: seen.depth)
             largest = max(largest, step.result.error)
             fallbacks += len(step.attempts) > step.substeps
             computed += 1
@@ -149,6 +154,8 @@ def run_case(
                 watch(case, step)
     except NotConverged as error:
         status, message = "not converged", str(error)
+    except Penetration as error:
+        status, message = "failed", str(error)
     except BaseException as error:
         if not is_interrupt(error):
             status, message = "failed", f"{type(error).__name__}: {error}"
@@ -160,7 +167,9 @@ def run_case(
         reached = last.number if last is not None else start
         if last is not None:
             write_checkpoint(directory / "checkpoint.h5", last)
-        _write_json(directory / "run.json", {**description, "status": status, "message": message, "steps_done": reached})
+        seen = {"depth": overlap.depth, "share": overlap.share, "between": overlap.between}
+        ending = {"status": status, "message": message, "steps_done": reached, "overlap": seen}
+        _write_json(directory / "run.json", {**description, **ending})
     return Summary(
         status=status,
         message=message,
@@ -173,7 +182,8 @@ def run_case(
         fallbacks=fallbacks,
         cut=cut,
         energy_residual=residual,
-        notes=case.simulation.scheme.notes,
+        overlap=overlap,
+        notes=case.simulation.notes,
     )
 
 
@@ -246,7 +256,7 @@ def _describe(case: Case, script: CaseScript, parameters: Any, assignments: Mapp
         "parameters": asdict(parameters),
         "assignments": dict(assignments),
         "scheme": repr(simulation.scheme),
-        "notes": simulation.scheme.notes,
+        "notes": simulation.notes,
         "h": simulation.scheme.h,
         "steps": simulation.steps,
         "solver": simulation.solver.name,

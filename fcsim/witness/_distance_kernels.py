@@ -8,8 +8,26 @@ Biomed. Eng. 30, 1983.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+
+from fcsim.arrays import FloatArray, IntArray
+
+
+class Forest(NamedTuple):
+    """Points (np, 3) [m], triangles (nt, 3), the nodes of the bodies' trees (see above) and where each body's begins (nbodies,)."""
+
+    points: FloatArray
+    triangles: IntArray
+    low: FloatArray
+    high: FloatArray
+    begin: IntArray
+    end: IntArray
+    child: IntArray
+    roots: IntArray
+
 
 _STACK = 128
 _TIE = 1e-9  # distances equal up to this share come from one edge or vertex
@@ -69,14 +87,15 @@ def _square_to_box(p, low, high):
 
 
 @njit(cache=True)
-def signed_distance(p, root, stop, points, triangles, low, high, begin, end, child):
+def signed_distance(p, body, stop, forest):
     """Distance [m] from p to a skin, negative inside, and whether the nearest point lies within a facet.
 
     As soon as the distance is known to be at most `stop` the search ends with a distance in 0 ... stop. The side is that of the facet
     seen least edge-on among those that share the nearest point: where that is an edge, it is right; at saddle vertices it may not be.
     """
     stack = np.empty(_STACK, dtype=np.int64)
-    stack[0], n = root, 1
+    points, triangles, low, high, child = forest.points, forest.triangles, forest.low, forest.high, forest.child
+    stack[0], n = forest.roots[body], 1
     best, side, within = np.inf, 0.0, False
     stop2 = stop * stop
     while n:
@@ -91,7 +110,7 @@ def signed_distance(p, root, stop, points, triangles, low, high, begin, end, chi
             stack[n + 1] = left if near_left else other
             n += 2
             continue
-        for t in range(begin[node], end[node]):
+        for t in range(forest.begin[node], forest.end[node]):
             a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
             v, w = _nearest_on_triangle(p, a, b, c)
             u = 1.0 - v - w
@@ -118,10 +137,11 @@ def signed_distance(p, root, stop, points, triangles, low, high, begin, end, chi
 
 
 @njit(cache=True)
-def winding(p, first, last, points, triangles):
-    """How often the triangles first ... last - 1 go around p: 1 inside a closed skin, 0 outside (solid angles over 4 pi)."""
+def winding(p, body, forest):
+    """How often a skin goes around p: 1 inside a closed skin, 0 outside (solid angles over 4 pi)."""
+    points, triangles, root = forest.points, forest.triangles, forest.roots[body]
     total = 0.0
-    for t in range(first, last):
+    for t in range(forest.begin[root], forest.end[root]):
         a, b, c = _minus(points[triangles[t, 0]], p), _minus(points[triangles[t, 1]], p), _minus(points[triangles[t, 2]], p)
         la, lb, lc = np.sqrt(_dot(a, a)), np.sqrt(_dot(b, b)), np.sqrt(_dot(c, c))
         below = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
@@ -130,11 +150,12 @@ def winding(p, first, last, points, triangles):
 
 
 @njit(cache=True)
-def piercings(p, q, root, points, triangles, low, high, begin, end, child, found):
+def piercings(p, q, body, forest, found):
     """Write where the segment p -> q pierces a skin, as sorted shares of its length, into `found`; return how many (Ericson 5.3.6)."""
     along = _minus(q, p)
     stack = np.empty(_STACK, dtype=np.int64)
-    stack[0], n, count = root, 1, 0
+    points, triangles, low, high, child = forest.points, forest.triangles, forest.low, forest.high, forest.child
+    stack[0], n, count = forest.roots[body], 1, 0
     while n:
         n -= 1
         node = stack[n]
@@ -152,7 +173,7 @@ def piercings(p, q, root, points, triangles, low, high, begin, end, child, found
             stack[n], stack[n + 1] = child[node] + 1, child[node]
             n += 2
             continue
-        for k in range(begin[node], end[node]):
+        for k in range(forest.begin[node], forest.end[node]):
             a, b, c = points[triangles[k, 0]], points[triangles[k, 1]], points[triangles[k, 2]]
             ab, ac, ap = _minus(b, a), _minus(c, a), _minus(p, a)
             normal = _cross(ab, ac)

@@ -58,34 +58,31 @@ def _copy(p, q, share, into):
 
 
 @njit(cache=True)
-def _depth(p, body, most, points, triangles, low, high, begin, end, child, roots):
+def _depth(p, body, most, forest):
     """Depth [m] of p in a body where it is more than `most`, else at most `most`."""
-    distance, within = signed_distance(p, roots[body], most, points, triangles, low, high, begin, end, child)
+    distance, within = signed_distance(p, body, most, forest)
     if -distance <= most:
         return -1.0
-    if not within and winding(p, begin[roots[body]], end[roots[body]], points, triangles) < 0.5:
+    if not within and winding(p, body, forest) < 0.5:
         return -1.0
     return -distance
 
 
 @njit(cache=True)
-def deepest(
-    one, other, most, place, points, triangles, low, high, begin, end, child, roots, vertices, first_vertex, edges, first_edge, box_low,
-    box_high, dimension,
-):  # fmt: skip
+def deepest(one, other, most, place, forest, vertices, first_vertex, edges, first_edge, box_low, box_high, dimension):
     """Depth [m] of the deepest point of the skin of body `one` (its vertices and edges) in body `other`; `most` where none is deeper.
 
     The point goes into `place` (3,). A point is no deeper than the box of the other body lets it be, nor than any of its facets is away:
     most are settled by that.
     """
-    pierced, middle = np.empty(_MOST_PIERCINGS), np.empty(3)
+    points, pierced, middle = forest.points, np.empty(_MOST_PIERCINGS), np.empty(3)
     for k in range(first_vertex[one], first_vertex[one + 1]):
         p = points[vertices[k]]
         bound = np.inf
         for i in range(dimension):
             bound = min(bound, p[i] - box_low[other, i], box_high[other, i] - p[i])
         if bound > most:
-            depth = _depth(p, other, most, points, triangles, low, high, begin, end, child, roots)
+            depth = _depth(p, other, most, forest)
             if depth > most:
                 most = depth
                 _copy(p, p, 0.0, place)
@@ -97,7 +94,7 @@ def deepest(
             square += (q[i] - p[i]) ** 2
         if bound <= most:
             continue
-        count = piercings(p, q, roots[other], points, triangles, low, high, begin, end, child, pierced)
+        count = piercings(p, q, other, forest, pierced)
         length = np.sqrt(square)
         for part in range(count + 1):
             start, stop = pierced[part - 1] if part else 0.0, pierced[part] if part < count else 1.0
@@ -109,7 +106,7 @@ def deepest(
             best, at = most, -1.0
             for sample in range(_SAMPLES if count else 1):
                 share = start + (stop - start) * (sample + 0.5) / _SAMPLES
-                depth = _depth(_copy(p, q, share, middle), other, best, points, triangles, low, high, begin, end, child, roots)
+                depth = _depth(_copy(p, q, share, middle), other, best, forest)
                 if depth > best:
                     best, at = depth, share
             if at < 0.0:
@@ -118,8 +115,8 @@ def deepest(
             for _ in range(_REFINEMENTS):  # uphill from the best sample
                 width *= 0.6
                 for way in range(2):
-                    share = at - width if way else at + width
-                    depth = _depth(_copy(p, q, share, middle), other, best, points, triangles, low, high, begin, end, child, roots)
+                    share = max(start, at - width) if way else min(stop, at + width)
+                    depth = _depth(_copy(p, q, share, middle), other, best, forest)
                     if depth > best:
                         best, at = depth, share
             most = best
@@ -128,29 +125,22 @@ def deepest(
 
 
 @njit(cache=True)
-def overlaps(
-    first, second, least, points, triangles, low, high, begin, end, child, roots, vertices, first_vertex, edges, first_edge, box_low,
-    box_high, dimension,
-):  # fmt: skip
+def overlaps(first, second, least, forest, vertices, first_vertex, edges, first_edge, box_low, box_high, dimension):
     """Overlap (n,) [m] of the pairs of bodies first, second (n,), 0 where it is at most least (n,), and where (n, 3)."""
     depth, places = np.zeros(len(first)), np.zeros((len(first), 3))
     for k in range(len(first)):
         a, b = first[k], second[k]
         most = least[k]
         for way in range(2):
-            most = deepest(
-                b if way else a, a if way else b, most, places[k], points, triangles, low, high, begin, end, child, roots, vertices, first_vertex, edges,
-                first_edge, box_low, box_high, dimension,
-            )  # fmt: skip
+            one, other = (b, a) if way else (a, b)
+            most = deepest(one, other, most, places[k], forest, vertices, first_vertex, edges, first_edge, box_low, box_high, dimension)
         if most > least[k]:
             depth[k] = most
     return depth, places
 
 
 @njit(cache=True)
-def common_points(
-    first, second, least, grid, points, triangles, low, high, begin, end, child, roots, box_low, box_high, dimension
-):  # fmt: skip
+def common_points(first, second, least, grid, forest, box_low, box_high, dimension):
     """As `overlaps`, from a grid of points where the two boxes meet: the smaller depth in the two bodies of a point in both.
 
     Finds what no vertex and no edge tells: coincident bodies, bars of one height that cross.
@@ -166,10 +156,10 @@ def common_points(
                 from_, to = max(box_low[a, i], box_low[b, i]), min(box_high[a, i], box_high[b, i])
                 p[i] = from_ + (to - from_) * (rest % grid + 0.5) / grid
                 rest //= grid
-            one = _depth(p, a, most, points, triangles, low, high, begin, end, child, roots)
+            one = _depth(p, a, most, forest)
             if one <= most:
                 continue
-            other = _depth(p, b, most, points, triangles, low, high, begin, end, child, roots)
+            other = _depth(p, b, most, forest)
             if other > most:
                 most = min(one, other)
                 _copy(p, p, 0.0, places[k])

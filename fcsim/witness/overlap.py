@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.witness._distance_kernels import Forest
 from fcsim.witness._overlap_kernels import common_points, meeting_boxes, overlaps, refit
 from fcsim.witness.skin import Skins
 
@@ -35,6 +36,11 @@ class Overlap:
     point: tuple[float, ...] = ()
     beyond: bool = False
 
+    @property
+    def between(self) -> str:
+        """Where, in one text: the two bodies and the point; empty where there is none."""
+        return "" if self.bodies is None else f"{self.bodies[0]} and {self.bodies[1]} at ({', '.join(f'{c:.6g}' for c in self.point)})"
+
 
 def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool = False) -> PairOverlaps:
     """Return the overlaps deeper than `least`, relative to the smaller body's size, at the positions (n_nodes, d) [m].
@@ -56,11 +62,11 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
     floor = least * np.minimum(skins.size[first], skins.size[second])
     meet = (np.minimum(box_high[first], box_high[second]) - np.maximum(box_low[first], box_low[second])).min(axis=1) > floor
     first, second, floor = first[meet], second[meet], floor[meet]
-    tree = (points, skins.triangles, low, high, skins.begin, skins.end, skins.child, skins.roots)
+    forest = Forest(points, skins.triangles, low, high, skins.begin, skins.end, skins.child, skins.roots)
     skin = (skins.vertices, skins.first_vertex, skins.edges, skins.first_edge)
-    depth, place = overlaps(first, second, floor, *tree, *skin, box_low, box_high, d)
+    depth, place = overlaps(first, second, floor, forest, *skin, box_low, box_high, d)
     if thorough:
-        inner, at = common_points(first, second, np.maximum(floor, depth), _GRID, *tree, box_low, box_high, d)
+        inner, at = common_points(first, second, np.maximum(floor, depth), _GRID, forest, box_low, box_high, d)
         deeper = inner > depth
         depth, place = np.where(deeper, inner, depth), np.where(deeper[:, None], at, place)
     found = depth > 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -15,7 +14,7 @@ from fcsim.errors import InputError
 from fcsim.witness.overlap import Overlap, PairOverlaps, measure
 from fcsim.witness.skin import Skins, skins_of
 
-_RESOLUTION = 1e-3
+RESOLUTION = 1e-3
 _NAMED = 3
 
 
@@ -49,26 +48,12 @@ class Witness:
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """A witness at a model, from the initial configuration x (n_dofs,) on. InputError where bodies or their skins are refused there."""
+    """A witness at a model; initial: the overlaps before the first step. See `begin`."""
 
     witness: Witness
     model: Model
-    initial: FloatArray
-
-    def __post_init__(self) -> None:
-        seen = self._measure(self.initial, thorough=True)
-        beyond = np.flatnonzero(seen.depth > self.witness.tolerance * self._size(seen.bodies))
-        if len(beyond) and self.witness.initial == "refuse":
-            raise InputError(self._refusal(seen, beyond))
-        key = self._key(seen.bodies)
-        order = np.argsort(key)
-        object.__setattr__(self, "_allowed", (key[order], seen.depth[order]))
-
-    _allowed: tuple[IntArray, FloatArray] = (np.empty(0, dtype=np.int64), np.empty(0))
-
-    @cached_property
-    def skins(self) -> Skins:
-        return skins_of(self.model)[0]
+    skins: Skins
+    initial: PairOverlaps
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -80,7 +65,7 @@ class Watch:
 
     def look(self, x: FloatArray) -> Overlap:
         """The overlap in the configuration x (n_dofs,): of the pair that exceeds what it is allowed most, relative to its size."""
-        seen = self._measure(x, thorough=False)
+        seen = measure(self.skins, self.model.positions(x), RESOLUTION * self.witness.tolerance)
         if not len(seen.depth):
             return Overlap()
         size = self._size(seen.bodies)
@@ -90,37 +75,49 @@ class Watch:
         beyond = bool(excess[k] > self.witness.tolerance)
         return Overlap(float(seen.depth[k]), float(seen.depth[k] / size[k]), (a, b), tuple(map(float, seen.point[k])), beyond)
 
-    def _measure(self, x: FloatArray, thorough: bool) -> PairOverlaps:
-        return measure(self.skins, self.model.positions(x), _RESOLUTION * self.witness.tolerance, thorough=thorough)
-
     def _size(self, bodies: IntArray) -> FloatArray:
         return self.skins.size[bodies].min(axis=1, initial=np.inf)
 
-    def _key(self, bodies: IntArray) -> IntArray:
-        return bodies[:, 0] * len(self.model.bodies) + bodies[:, 1]
-
     def _allowance(self, bodies: IntArray) -> FloatArray:
         """Overlap (n,) [m] that pairs of bodies (n, 2) may keep from the beginning."""
-        keys, depth = self._allowed
+        count = len(self.model.bodies)
+        keys, wanted = (pairs[:, 0] * count + pairs[:, 1] for pairs in (self.initial.bodies, bodies))
         if self.witness.initial == "refuse" or not len(keys):
             return np.zeros(len(bodies))
-        wanted = self._key(bodies)
-        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        return np.where(keys[place] == wanted, depth[place], 0.0)
+        order = np.argsort(keys)
+        place = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+        return np.where(keys[place] == wanted, self.initial.depth[place], 0.0)
 
-    def _refusal(self, seen: PairOverlaps, beyond: IntArray) -> str:
+    def refuse(self) -> None:
+        """InputError naming the bodies that overlap before the first step by more than the witness bears."""
+        if self.witness.initial == "allow":
+            return
+        seen, tolerance = self.initial, self.witness.tolerance
         share = seen.depth / self._size(seen.bodies)
-        worst = beyond[np.argsort(-share[beyond], kind="stable")]
+        worst = [int(k) for k in np.argsort(-share, kind="stable") if share[k] > tolerance]
+        if not worst:
+            return
         named = []
         for k in worst[:_NAMED]:
             a, b = (self.model.bodies[i].name for i in seen.bodies[k])
             at = ", ".join(f"{c:.4g}" for c in seen.point[k])
             named.append(f"{a!r} and {b!r} by {seen.depth[k]:.3g} m ({100 * share[k]:.3g} % of the smaller one's extent) at ({at})")
         more = f"; and {len(worst) - _NAMED} more pairs" if len(worst) > _NAMED else ""
-        return (
-            f"bodies overlap before the first step: {'; '.join(named)}{more}. Expected at most {100 * self.witness.tolerance:g} %: move them "
-            "apart, or allow it with witness=Witness(initial='allow')"
+        raise InputError(
+            f"bodies overlap before the first step: {'; '.join(named)}{more}. Expected at most {100 * tolerance:g} %: move them apart, or "
+            "allow it with witness=Witness(initial='allow')"
         )
+
+
+def begin(witness: Witness, model: Model, x: FloatArray) -> Watch:
+    """Return the watch over a model from its initial configuration x (n_dofs,) on.
+
+    InputError naming bodies that overlap there by more than the witness bears, and bodies whose surfaces face inwards.
+    """
+    skins = skins_of(model)[0]
+    watch = Watch(witness, model, skins, measure(skins, model.positions(x), RESOLUTION * witness.tolerance, thorough=True))
+    watch.refuse()
+    return watch
 
 
 def penetration_seen(number: int, t: float, overlap: Overlap, tolerance: float) -> str:
@@ -130,8 +127,8 @@ def penetration_seen(number: int, t: float, overlap: Overlap, tolerance: float) 
     at = ", ".join(f"{c:.4g}" for c in overlap.point)
     return (
         f"penetration seen after step {number}, t = {t:.6g} s, at ({at}) between {a!r} and {b!r}: {overlap.depth:.3g} m, "
-        f"{100 * overlap.share:.3g} % of the smaller one's extent, where {100 * tolerance:g} % is borne. Contacts were missed or not held: check "
-        "the surface pairs and the alert distance, take a smaller step; a witness of another tolerance, or stop=False, bears it"
+        f"{100 * overlap.share:.3g} % of the smaller one's extent, where {100 * tolerance:g} % is borne. Contacts were missed or not "
+        "held: check the surface pairs and the alert distance, take a smaller step; a witness of another tolerance, or stop=False, bears it"
     )
 
 
