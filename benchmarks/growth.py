@@ -40,7 +40,8 @@ from fcsim.export_fclib.chunks import Compressor
 from fcsim.running.case import load_case, parse_parameters
 from fcsim.running.fclib_series import write_step
 from fcsim.running.vtk_series import SeriesWriter
-from fcsim.timestep.simulation import SolverSettings, Step
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.step import Step
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
 WALLS = {12: (3, 3.5), 48: (6, 7.5), 192: (12, 15.5), 768: (24, 31.5), 2565: (45, 56.5)}

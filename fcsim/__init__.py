@@ -21,19 +21,23 @@ if TYPE_CHECKING:
     from fcsim.command_line.main import main
     from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, two_pass
     from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+    from fcsim.contact_law import Gap, Velocity
     from fcsim.errors import FcsimError, InputError
     from fcsim.export_fclib import read_fclib, write_fclib
-    from fcsim.mesh.part import Body, Material, Part, RigidBody
+    from fcsim.mesh.material import Material
+    from fcsim.mesh.part import Body, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
     from fcsim.running.case import Case, History, Sensor, load_case
     from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force
     from fcsim.solvers import SOLVERS
     from fcsim.solvers.solve import solve
+    from fcsim.timestep.chain import SolverSettings
     from fcsim.timestep.generalised_alpha import GeneralisedAlpha
     from fcsim.timestep.quasi_static import QuasiStatic
-    from fcsim.timestep.scheme import Gap, Scheme, Velocity
-    from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+    from fcsim.timestep.scheme import Scheme
+    from fcsim.timestep.simulation import Simulation
     from fcsim.timestep.state import State, at_rest
+    from fcsim.timestep.step import Step
     from fcsim.timestep.theta import Theta
     from fcsim.witness import Witness
 
@@ -46,14 +50,14 @@ _HOME = {
     "Detector": "contact_detection",
     "FcsimError": "errors",
     "FloatArray": "arrays",
-    "Gap": "timestep.scheme",
+    "Gap": "contact_law",
     "GeneralisedAlpha": "timestep.generalised_alpha",
     "GlobalProblem": "problem",
     "GravityRamp": "assembly.time_functions",
     "History": "running.case",
     "InputError": "errors",
     "LocalProblem": "problem",
-    "Material": "mesh.part",
+    "Material": "mesh.material",
     "Model": "assembly.model",
     "Part": "mesh.part",
     "QuasiStatic": "timestep.quasi_static",
@@ -62,13 +66,13 @@ _HOME = {
     "Scheme": "timestep.scheme",
     "Sensor": "running.case",
     "Simulation": "timestep.simulation",
-    "SolverSettings": "timestep.simulation",
+    "SolverSettings": "timestep.chain",
     "State": "timestep.state",
-    "Step": "timestep.simulation",
+    "Step": "timestep.step",
     "Support": "assembly.supports",
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
-    "Velocity": "timestep.scheme",
+    "Velocity": "contact_law",
     "Witness": "witness",
     "at_rest": "timestep.state",
     "build_model": "assembly.model",

@@ -26,7 +26,7 @@ from fcsim.problem.reduction import reduce
 from fcsim.running.case import Case, load_case
 from fcsim.running.folder import RunFolder, open_run
 from fcsim.running.run import RunOptions, run_case
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 Progress = Callable[[str, int, int], None]
 """Called with (what, done, total)."""

@@ -13,7 +13,8 @@ from types import ModuleType
 from typing import Any
 
 from fcsim.errors import InputError
-from fcsim.timestep.simulation import Simulation, Step
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import h5py
 
 from fcsim.errors import InputError
 from fcsim.files import replacing_hdf5
-from fcsim.timestep.simulation import Moment, Step
 from fcsim.timestep.state import State
+from fcsim.timestep.step import Moment, Step
 from fcsim.timestep.warm_start import Reactions
 
 _ARRAYS = tuple(field.name for field in fields(State) if field.name != "t")

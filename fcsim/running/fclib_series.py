@@ -9,7 +9,7 @@ from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import Solution
 from fcsim.export_fclib.write import file_name, write_fclib
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 
 def write_step(

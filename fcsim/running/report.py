@@ -8,7 +8,7 @@ from types import TracebackType
 from fcsim.errors import MissingDependency
 from fcsim.running.case import Case
 from fcsim.running.run import Summary
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 try:
     from rich.console import Console

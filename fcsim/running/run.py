@@ -29,7 +29,7 @@ from fcsim.running.fclib_series import write_step
 from fcsim.running.step_table import StepTable, write_hdf5
 from fcsim.running.vtk_series import SeriesWriter
 from fcsim.runtime import is_interrupt
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 from fcsim.version import __version__
 from fcsim.witness import Overlap
 

@@ -8,12 +8,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model
-from fcsim.assembly.supports import DIRECTIONS
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 from fcsim.running.case import Sensor
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 
 def contact_force(column: str, model: Model, body: str, direction: str, surface: str | None = None, label: str = "") -> Sensor:

@@ -13,7 +13,7 @@ import numpy as np
 
 from fcsim.files import replacing, replacing_hdf5
 from fcsim.running.case import Sensor
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 PHASES = ("detection", "assembly", "solve", "output")
 

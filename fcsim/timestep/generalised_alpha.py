@@ -31,10 +31,11 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.coulomb import Gap, Velocity, law_contacts, law_velocity
 from fcsim.errors import InputError
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
-from fcsim.timestep.scheme import Gap, Velocity, law_contacts, law_velocity, positive
+from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 
 
@@ -121,7 +122,7 @@ class GeneralisedAlpha:
         return alpha_f * model.load(state.t + h, x) + (1 - alpha_f) * model.load(state.t, x)
 
     def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        return law_velocity(self.law, self.h, 0.5, state, contacts, H)
+        return law_velocity(self.law, self.h, 0.5, state.v, contacts, H)
 
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -16,176 +15,17 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, contact_matrix
-from fcsim.contact_detection.contacts import Contacts
-from fcsim.errors import InputError, NotConverged, Penetration
-from fcsim.problem import GlobalProblem, contact_status
+from fcsim.errors import InputError, Penetration
+from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
-from fcsim.solvers import Memory, Result, Status, method, solve
-from fcsim.solvers.base import override
-from fcsim.timestep.energy import Energy
+from fcsim.solvers import Memory
+from fcsim.timestep.chain import Clock, SolverSettings, not_converged, solve_chain
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
-from fcsim.timestep.warm_start import MEMORY, Reactions, warm_start
-from fcsim.witness import Overlap, Watch, Witness, begin, penetration_seen
-
-
-@dataclass(frozen=True, kw_only=True)
-class SolverSettings:
-    """Which solver a step uses, and what follows when it does not converge.
-
-    The chain of a step: `name` from the previous steps' reactions (see `warm_start`), `name` from zero, then each of `fallback` from
-    zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. floor [m/s; quasi-statics: m]: see
-    `fcsim.problem.error`.
-    """
-
-    name: str = "NSN-AC"
-    tol: float = 1e-8
-    floor: float = 1e-3
-    options: Mapping[str, Any] = field(default_factory=dict)
-    fallback: tuple[str, ...] = ("NSN-NM", "NSN-AC-HYBRID", "auto")
-
-    def __post_init__(self) -> None:
-        override(method(self.name).options, dict(self.options))
-        for name in self.fallback:
-            method(name)
-        if not self.tol > 0:
-            raise InputError(f"tol: expected a number > 0, got {self.tol}")
-        if not self.floor >= 0:
-            raise InputError(f"floor: expected a number >= 0, got {self.floor}")
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One link of the fallback chain: the solver, where it started ("previous steps" or "zero") and how it ended.
-
-    share: the part of the step that was attempted, 1 or, where the step was cut, 1/2, 1/4, ...; tol: the error asked for
-    """
-
-    solver: str
-    start: str
-    status: str
-    error: float
-    iterations: int
-    share: float
-    tol: float
-
-    def __str__(self) -> str:
-        return f"{self.solver} from {self.start}: {self.status}, error {self.error:.2e}"
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """The end of step `number`, all that the next steps depend on: its state, the last reactions (newest first), and how many times
-    the next step is halved before it is tried."""
-
-    number: int
-    state: State
-    memory: tuple[Reactions, ...] = ()
-    cuts: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One finished step: all that export and view need. Where a step was cut, it is its last sub-step, which ends when the step ends.
-
-    scheme            the scheme whose step it is, of the sub-step's length where the step was cut
-    previous, state   the states at its beginning and end
-    H                 contact matrix (n_dofs, m) over all dofs, driven ones included
-    problem, result   the global problem and its answer
-    reduction         its local form, and v from r
-    start, earlier    (m,) where the solver began, and the reactions of earlier steps, newest first, see `warm_start`
-    anchor            where the factors began that served this step, see `Simulation`
-    support_impulse   (n_dofs,) from A v - f - H r: at driven dofs the reaction of the supports [N s; quasi-statics: N], zero elsewhere
-    attempts          what the solver chain tried, the last one converged; of all sub-steps
-    seconds           by phase: detection, assembly, solve; of all sub-steps
-    substeps          into how many parts the step was cut; 1 where it was not
-    before            balance of energy of the earlier sub-steps, None where there are none
-    whole_per_part    reactions of the whole step per reaction of the sub-step: the ratio of their lengths for impulses, 1 for forces
-    cuts              see `Moment`
-    overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
-    """
-
-    number: int
-    model: Model
-    scheme: Scheme
-    previous: State
-    state: State
-    contacts: Contacts
-    H: Any
-    problem: GlobalProblem
-    result: Result
-    reduction: Reduction
-    start: FloatArray
-    earlier: tuple[Reactions, ...]
-    anchor: Moment
-    support_impulse: FloatArray
-    attempts: tuple[Attempt, ...]
-    seconds: Mapping[str, float]
-    substeps: int = 1
-    before: Energy | None = None
-    whole_per_part: float = 1.0
-    cuts: int = 0
-    overlap: Overlap | None = None
-
-    @property
-    def memory(self) -> tuple[Reactions, ...]:
-        """The last reactions, newest first."""
-        return (self.reactions, *self.earlier)
-
-    @property
-    def moment(self) -> Moment:
-        return Moment(self.number, self.state, self.memory, self.cuts)
-
-    @property
-    def reactions(self) -> Reactions:
-        d = self.contacts.dimension
-        return Reactions(self.contacts.identity, self.contacts.frame, self.whole_per_part * self.result.r.reshape(-1, d))
-
-    @property
-    def force_per_reaction(self) -> float:
-        """Force [N] of a unit reaction: 1/h for impulses, 1 for forces."""
-        return self.scheme.force_per_reaction
-
-    @property
-    def iterations(self) -> int:
-        """Iterations of the solves that were taken: of one, or where the step was cut of one a sub-step."""
-        return sum(a.iterations for a in self.attempts if a.status == Status.SOLVED.value)
-
-    @cached_property
-    def energy(self) -> Energy:
-        """The balance of energy over the step."""
-        own = self.scheme.energy(self.model, self.previous, self.state, self.H, self.result, self.support_impulse)
-        return own if self.before is None else self.before.then(own)
-
-    @cached_property
-    def contact_force(self) -> FloatArray:
-        """Forces (nc, d) [N] on the slave bodies in the contacts' frames (N, T1[, T2])."""
-        return self.force_per_reaction * self.result.r.reshape(-1, self.contacts.dimension)
-
-    @cached_property
-    def contact_status(self) -> NDArray[np.int8]:
-        """0 open, 1 stick, 2 slip (nc,)."""
-        return contact_status(self.result.r, self.contacts.mu, self.contacts.dimension)
-
-    @cached_property
-    def force_in_space(self) -> FloatArray:
-        """Forces (nc, d) [N] on the slave bodies in the world axes."""
-        return np.einsum("aij,ai->aj", self.contacts.frame, self.contact_force)
-
-    def contact_force_on(self, body: int) -> FloatArray:
-        """Resultant (d,) [N] of the contact forces on a body."""
-        slave, master = self.contacts.bodies.T
-        return self.force_in_space[slave == body].sum(axis=0) - self.force_in_space[master == body].sum(axis=0)
-
-    @property
-    def friction_dissipation(self) -> float:
-        """-sum r_T . u_T [J; quasi-statics: J], never negative."""
-        return self.energy.friction_dissipation
-
-    @property
-    def penetration(self) -> float:
-        """Deepest overlap [m] in the configuration where the step detected its contacts, at least 0."""
-        return float(np.maximum(-self.contacts.gap, 0).max(initial=0.0))
+from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step_compliance import StepCompliance
+from fcsim.timestep.warm_start import MEMORY, warm_start
+from fcsim.witness import Watch, Witness, begin, penetration_seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,14 +141,16 @@ class Simulation:
 
         kept: what serves the next problems (see `fcsim.solvers.memory`), by the number of cuts; this step's takes its place there.
         """
-        clock, attempts = _Clock(), list[Attempt]()
+        clock, attempts = Clock(), list[Attempt]()
         cuts, position, end = after.cuts, 0, 2**self.cuttings
         moment, before, substeps = replace(after, number=after.number + 1), None, 0
         while True:
             part = self._part(moment, cuts, kept, anchor or after, clock, attempts)
             if part is None:
                 if cuts == self.cuttings:
-                    raise self._not_converged(moment, after.state.t, attempts)
+                    raise not_converged(
+                        self.solver, moment.number, (after.state.t, after.state.t + self.scheme.h, moment.state.t), self.cuttings, attempts
+                    )
                 cuts += 1
                 continue
             position, substeps = position + (end >> cuts), substeps + 1
@@ -323,7 +165,7 @@ class Simulation:
             moment = part.moment
 
     def _part(
-        self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: _Clock, attempts: list[Attempt]
+        self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
     ) -> Step | None:
         """The step, or its next part of the length h / 2^cuts; None where the solver chain fails. What was tried goes into `attempts`."""
         model, state = self.model, start.state
@@ -338,14 +180,15 @@ class Simulation:
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
         driven = scheme.driven(model, state)
         problem = self._problem(factor, H, load, scheme.contact_velocity(state, contacts, H), driven, contacts.mu)
-        reduction = Reduction(problem, factor)
+        reduction = Reduction(problem, StepCompliance(factor))
         if len(contacts):
             _ = reduction.local
         clock.lap("assembly")
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
         r = warm_start(reduction.local, contacts, memory) if len(contacts) else np.empty(0)
+        tol = self.solver.tol * min(1.0, self._longest_flight(reduction, scheme.force_per_reaction))
         serving = None if kept is None else kept.pop(cuts, Memory.of(contacts.identity)).follow(contacts.identity)
-        result, serving = self._solve(reduction, r, scheme.force_per_reaction, 0.5**cuts, attempts, serving)
+        result, serving = solve_chain(self.solver, reduction, r, tol, 0.5**cuts, attempts, serving)
         if kept is not None and serving is not None:
             kept[cuts] = serving
         clock.lap("solve")
@@ -398,31 +241,6 @@ class Simulation:
             free_H = sp.csr_array(sp.diags_array(mask) @ H)
         return GlobalProblem(factor.matrix(), free_H, f, w, mu, dimension=model.dimension)
 
-    def _solve(
-        self,
-        reduction: Reduction,
-        warm: FloatArray,
-        force_per_reaction: float,
-        share: float,
-        attempts: list[Attempt],
-        kept: Memory | None,
-    ) -> tuple[Result | None, Memory | None]:
-        """The first answer of the chain that is solved, None where none is; and what the chain leaves for the next problem."""
-        settings = self.solver
-        chain: list[tuple[str, str, Mapping[str, Any]]] = [(settings.name, "previous steps", settings.options)]
-        if np.any(warm):
-            chain.append((settings.name, "zero", settings.options))
-        chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
-        tol = settings.tol * min(1.0, self._longest_flight(reduction, force_per_reaction))
-        for name, start, options in chain:
-            r = warm if start == "previous steps" else None
-            result = solve(reduction, name, r, tol=tol, floor=settings.floor, memory=kept, **options)
-            kept = result.memory
-            attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol))
-            if result.solved:
-                return replace(result, memory=None), kept
-        return None, kept
-
     def _longest_flight(self, reduction: Reduction, force_per_reaction: float) -> float:
         """How far the bodies may fly freely in one step, the size of the model, relative to how far they do; infinity where they rest.
 
@@ -431,34 +249,3 @@ class Simulation:
         """
         free = float(np.linalg.norm(reduction.q))
         return self._extent * force_per_reaction * float(np.sqrt(reduction.problem.nc)) / free if free else np.inf
-
-    def _not_converged(self, start: Moment, t: float, attempts: Sequence[Attempt]) -> NotConverged:
-        """The error that says what was tried on the last part, and how short that is."""
-        h, last = self.scheme.h, attempts[-1]
-        tried = "; ".join(map(str, (a for a in attempts[_last_solved(attempts) + 1 :] if a.share == last.share)))
-        text = f"step {start.number} did not converge to {last.tol:.3g} ({tried})"
-        if self.cuttings:
-            text += (
-                f", from t = {t:.6g} to {t + h:.6g} s: cut into parts of h/2 to h/{2**self.cuttings} = {last.share * h:.3g} s, the last "
-                f"from t = {start.state.t:.6g} s"
-            )
-        if last.tol != self.solver.tol:
-            text += "; bodies fly farther than the model is large in one step: choose a larger eta or a smaller h"
-        return NotConverged(text)
-
-
-def _last_solved(attempts: Sequence[Attempt]) -> int:
-    return max((k for k, attempt in enumerate(attempts) if attempt.status == Status.SOLVED.value), default=-1)
-
-
-class _Clock:
-    """Seconds by phase."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, phase: str) -> None:
-        now = time.perf_counter()
-        self.seconds[phase] = self.seconds.get(phase, 0.0) + now - self._last
-        self._last = now

@@ -21,9 +21,10 @@ from typing import Any
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.coulomb import Gap, Velocity, law_contacts, law_velocity
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
-from fcsim.timestep.scheme import Gap, Velocity, law_contacts, law_velocity, positive
+from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 
 
@@ -84,7 +85,7 @@ class Theta:
         return model.rigid_bodies.free_end_mass(middle, momentum, omega, self.h * self.theta, free)
 
     def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        return law_velocity(self.law, self.h, self.theta, state, contacts, H)
+        return law_velocity(self.law, self.h, self.theta, state.v, contacts, H)
 
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)

@@ -10,7 +10,8 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
-from fcsim.mesh.facets import CELL_FACETS, match_facets
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.facets import match_facets
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.witness.tree import build_trees
 
@@ -80,8 +81,10 @@ def skin_of(body: Body | RigidBody) -> Skin:
 
 
 def boundary_facets(part: Part) -> IntArray:
-    """Facets (nf, k) of a part's cells that belong to one cell, outwards."""
-    sides = np.array(CELL_FACETS[part.cell_type])
+    """Facets (nf, k) of a part's cells that belong to one cell, outwards, by their corners."""
+    cell = CELL_TYPES[part.cell_type]
+    corners = 2 if cell.dimension == 2 else 3 if cell.simplex else 4
+    sides = np.asarray(cell.facets)[:, :corners]
     facets = part.cells[:, sides].reshape(-1, sides.shape[1])
     _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
     return facets[np.sort(first[count == 1])]
@@ -161,7 +164,8 @@ def inside_out(bodies: Sequence[Body | RigidBody], skins: Sequence[Skin]) -> Non
             if not len(facets):
                 continue
             count, oriented = match_facets(part.cells, part.cell_type, facets)
-            same = np.einsum("nd,nd->n", _area(part.points[facets]), _area(part.points[oriented])) > 0
+            corners = skin.facets.shape[1]
+            same = np.einsum("nd,nd->n", _area(part.points[facets[:, :corners]]), _area(part.points[oriented[:, :corners]])) > 0
             if np.any(wrong := (count == 1) & ~same):
                 raise InputError(
                     f"body {body.name!r}, surface {name!r}: expected facets that face outwards, got {np.count_nonzero(wrong)} of "

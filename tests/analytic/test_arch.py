@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import brentq, linprog
 
 from fcsim.running.case import Case, load_case
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 CASE = Path(__file__).parents[2] / "cases" / "arch"
 VOUSSOIRS = 12

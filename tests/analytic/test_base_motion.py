@@ -18,7 +18,9 @@ from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rigid_box
 from fcsim.running.case import load_case
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
 G = 9.81

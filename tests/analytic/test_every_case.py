@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fcsim.contact_law import Gap
 from fcsim.running.case import CaseScript, load_case
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.scheme import Gap
-from fcsim.timestep.simulation import Simulation, Step
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -16,9 +16,12 @@ from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rectangle, rigid_rectangle
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
+from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 
 SIDE, TOP, FACE = 0.04, 5e7, 15e7
 X = np.array([0, 1.25, 5, 7.5, 11.25]) * 1e-3

@@ -15,7 +15,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fcsim.running.case import CaseScript, load_case
-from fcsim.timestep.simulation import Simulation, Step
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 
 CASE = Path(__file__).parents[2] / "cases" / "masonry_wall"
 H = 1e-3

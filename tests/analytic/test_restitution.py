@@ -15,11 +15,13 @@ from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Velocity
 from fcsim.mesh.blocks import rigid_rectangle
+from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
-from fcsim.timestep.scheme import Velocity
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest
+from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
 G = 9.81

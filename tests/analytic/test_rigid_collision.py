@@ -7,9 +7,10 @@ from numpy.testing import assert_allclose
 from fcsim.assembly.model import build_model
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Velocity
 from fcsim.mesh.blocks import rigid_box
-from fcsim.timestep.scheme import Velocity
-from fcsim.timestep.simulation import Simulation, SolverSettings
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.theta import Theta
 

@@ -22,7 +22,8 @@ from fcsim.assembly.stress import stress_operator
 from fcsim.export_fclib import read_fclib
 from fcsim.running.case import CaseScript, load_case
 from fcsim.running.fclib_series import write_step
-from fcsim.timestep.simulation import Simulation, Step
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 
 CASE = Path(__file__).parents[2] / "cases" / "two_cubes"
 E_UPPER, E_LOWER, COMPRESSION = 1e9, 4e9, 0.02

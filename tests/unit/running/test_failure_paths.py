@@ -14,7 +14,8 @@ import pytest
 from fcsim.command_line.main import main
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.io import write_mesh
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 from fcsim.running.checkpoint import read_checkpoint
 from fcsim.running.report import Progress
 
@@ -29,9 +30,11 @@ from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rigid_box
 from fcsim.mesh.io import read_mesh
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.simulation import Simulation, SolverSettings
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
 
 
 @dataclass(frozen=True)

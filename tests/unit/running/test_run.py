@@ -20,7 +20,7 @@ from fcsim.export_fclib import read_fclib
 from fcsim.running.case import Case, load_case
 from fcsim.running.fclib_series import write_step
 from fcsim.running.run import RunOptions, run_case
-from fcsim.timestep.simulation import Step
+from fcsim.timestep.step import Step
 
 Rows = Callable[[Path], list[dict[str, str]]]
 PLAIN = RunOptions(export_every=0, vtk_every=0, checkpoint_every=4)

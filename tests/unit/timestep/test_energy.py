@@ -11,12 +11,16 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Gap, Velocity
 from fcsim.mesh.blocks import brick, rigid_box
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
+from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.scheme import Gap, Scheme, Velocity
-from fcsim.timestep.simulation import Simulation, SolverSettings, Step
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
+from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
 SOFT = Material(1e6, 0.3, 1000.0)

@@ -13,14 +13,18 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Gap, Velocity
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import rectangle, rigid_rectangle
-from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.running.checkpoint import read_checkpoint, write_checkpoint
+from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
-from fcsim.timestep.scheme import Gap, Scheme, Velocity
-from fcsim.timestep.simulation import Moment, Simulation, SolverSettings, Step
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
+from fcsim.timestep.step import Moment, Step
 from fcsim.timestep.theta import Theta
 
 RUBBER = Material(1e6, 0.3, 1000.0)

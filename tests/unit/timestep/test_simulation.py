@@ -13,14 +13,17 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Contacts, Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Velocity
 from fcsim.errors import InputError, NotConverged
 from fcsim.mesh.blocks import brick, rigid_box
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.solvers import SOLVERS, Status
 from fcsim.solvers.base import Iterate
-from fcsim.timestep.scheme import Velocity
-from fcsim.timestep.simulation import Moment, Simulation, SolverSettings
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest
+from fcsim.timestep.step import Moment
 from fcsim.timestep.theta import Theta
 from fcsim.timestep.warm_start import Reactions
 

@@ -13,12 +13,14 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Gap, Velocity
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material
-from fcsim.timestep.scheme import Gap, Velocity
-from fcsim.timestep.simulation import Simulation, Step
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
+from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
+from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
 RUBBER = Material(1e6, 0.3, 1000.0)

@@ -1,0 +1,106 @@
+"""The solver of a step and what follows when it does not converge."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.errors import InputError, NotConverged
+from fcsim.problem.reduction import Reduction
+from fcsim.solvers import Memory, Result, Status, method, solve
+from fcsim.solvers.base import override
+from fcsim.timestep.step import Attempt
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverSettings:
+    """Which solver a step uses, and what follows when it does not converge.
+
+    The chain of a step: `name` from the previous steps' reactions (see `warm_start`), `name` from zero, then each of `fallback` from
+    zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. floor [m/s; quasi-statics: m]: see
+    `fcsim.problem.error`.
+    """
+
+    name: str = "NSN-AC"
+    tol: float = 1e-8
+    floor: float = 1e-3
+    options: Mapping[str, Any] = field(default_factory=dict)
+    fallback: tuple[str, ...] = ("NSN-NM", "NSN-AC-HYBRID", "auto")
+
+    def __post_init__(self) -> None:
+        override(method(self.name).options, dict(self.options))
+        for name in self.fallback:
+            method(name)
+        if not self.tol > 0:
+            raise InputError(f"tol: expected a number > 0, got {self.tol}")
+        if not self.floor >= 0:
+            raise InputError(f"floor: expected a number >= 0, got {self.floor}")
+
+
+def solve_chain(
+    settings: SolverSettings,
+    reduction: Reduction,
+    warm: FloatArray,
+    tol: float,
+    share: float,
+    attempts: list[Attempt],
+    kept: Memory | None,
+) -> tuple[Result | None, Memory | None]:
+    """Return the first answer of the chain below `tol`, None where no link reaches it, and what the chain leaves for the next problem.
+
+    warm (m,): where the first link begins; share: of the step that is solved; kept: what the problem before left. What was tried is
+    added to `attempts`.
+    """
+    chain: list[tuple[str, str, Mapping[str, Any]]] = [(settings.name, "previous steps", settings.options)]
+    if np.any(warm):
+        chain.append((settings.name, "zero", settings.options))
+    chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
+    for name, start, options in chain:
+        r = warm if start == "previous steps" else None
+        result = solve(reduction, name, r, tol=tol, floor=settings.floor, memory=kept, **options)
+        kept = result.memory
+        attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol))
+        if result.solved:
+            return replace(result, memory=None), kept
+    return None, kept
+
+
+def not_converged(
+    settings: SolverSettings, number: int, times: tuple[float, float, float], cuttings: int, attempts: Sequence[Attempt]
+) -> NotConverged:
+    """The error of step `number` that says what was tried on the last part, and how short that is; times [s]: beginning and end of the
+    step and the beginning of its last part."""
+    begin, end, part = times
+    last = attempts[-1]
+    tried = "; ".join(map(str, (a for a in attempts[_last_solved(attempts) + 1 :] if a.share == last.share)))
+    text = f"step {number} did not converge to {last.tol:.3g} ({tried})"
+    if cuttings:
+        text += (
+            f", from t = {begin:.6g} to {end:.6g} s: cut into parts of h/2 to h/{2**cuttings} = {last.share * (end - begin):.3g} s, "
+            f"the last from t = {part:.6g} s"
+        )
+    if last.tol != settings.tol:
+        text += "; bodies fly farther than the model is large in one step: choose a larger eta or a smaller h"
+    return NotConverged(text)
+
+
+def _last_solved(attempts: Sequence[Attempt]) -> int:
+    return max((k for k, attempt in enumerate(attempts) if attempt.status == Status.SOLVED.value), default=-1)
+
+
+class Clock:
+    """Seconds by phase."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, phase: str) -> None:
+        now = time.perf_counter()
+        self.seconds[phase] = self.seconds.get(phase, 0.0) + now - self._last
+        self._last = now

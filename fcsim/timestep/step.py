@@ -1,0 +1,157 @@
+"""A finished step, what was tried for it, and the moment it leaves for the next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.problem import GlobalProblem, contact_status
+from fcsim.problem.reduction import Reduction
+from fcsim.solvers import Result, Status
+from fcsim.timestep.energy import Energy
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
+from fcsim.timestep.warm_start import Reactions
+from fcsim.witness import Overlap
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One link of the fallback chain: the solver, where it started ("previous steps" or "zero") and how it ended.
+
+    share: the part of the step that was attempted, 1 or, where the step was cut, 1/2, 1/4, ...; tol: the error asked for
+    """
+
+    solver: str
+    start: str
+    status: str
+    error: float
+    iterations: int
+    share: float
+    tol: float
+
+    def __str__(self) -> str:
+        return f"{self.solver} from {self.start}: {self.status}, error {self.error:.2e}"
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The end of step `number`, all that the next steps depend on: its state, the last reactions (newest first), and how many times
+    the next step is halved before it is tried."""
+
+    number: int
+    state: State
+    memory: tuple[Reactions, ...] = ()
+    cuts: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One finished step: all that export and view need. Where a step was cut, it is its last sub-step, which ends when the step ends.
+
+    scheme            the scheme whose step it is, of the sub-step's length where the step was cut
+    previous, state   the states at its beginning and end
+    H                 contact matrix (n_dofs, m) over all dofs, driven ones included
+    problem, result   the global problem and its answer
+    reduction         its local form, and v from r
+    start, earlier    (m,) where the solver began, and the reactions of earlier steps, newest first, see `warm_start`
+    anchor            where the factors began that served this step, see `Simulation`
+    support_impulse   (n_dofs,) from A v - f - H r: at driven dofs the reaction of the supports [N s; quasi-statics: N], zero elsewhere
+    attempts          what the solver chain tried, the last one converged; of all sub-steps
+    seconds           by phase: detection, assembly, solve; of all sub-steps
+    substeps          into how many parts the step was cut; 1 where it was not
+    before            balance of energy of the earlier sub-steps, None where there are none
+    whole_per_part    reactions of the whole step per reaction of the sub-step: the ratio of their lengths for impulses, 1 for forces
+    cuts              see `Moment`
+    overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
+    """
+
+    number: int
+    model: Model
+    scheme: Scheme
+    previous: State
+    state: State
+    contacts: Contacts
+    H: Any
+    problem: GlobalProblem
+    result: Result
+    reduction: Reduction
+    start: FloatArray
+    earlier: tuple[Reactions, ...]
+    anchor: Moment
+    support_impulse: FloatArray
+    attempts: tuple[Attempt, ...]
+    seconds: Mapping[str, float]
+    substeps: int = 1
+    before: Energy | None = None
+    whole_per_part: float = 1.0
+    cuts: int = 0
+    overlap: Overlap | None = None
+
+    @property
+    def memory(self) -> tuple[Reactions, ...]:
+        """The last reactions, newest first."""
+        return (self.reactions, *self.earlier)
+
+    @property
+    def moment(self) -> Moment:
+        return Moment(self.number, self.state, self.memory, self.cuts)
+
+    @property
+    def reactions(self) -> Reactions:
+        d = self.contacts.dimension
+        return Reactions(self.contacts.identity, self.contacts.frame, self.whole_per_part * self.result.r.reshape(-1, d))
+
+    @property
+    def force_per_reaction(self) -> float:
+        """Force [N] of a unit reaction: 1/h for impulses, 1 for forces."""
+        return self.scheme.force_per_reaction
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of the solves that were taken: of one, or where the step was cut of one a sub-step."""
+        return sum(a.iterations for a in self.attempts if a.status == Status.SOLVED.value)
+
+    @cached_property
+    def energy(self) -> Energy:
+        """The balance of energy over the step."""
+        own = self.scheme.energy(self.model, self.previous, self.state, self.H, self.result, self.support_impulse)
+        return own if self.before is None else self.before.then(own)
+
+    @cached_property
+    def contact_force(self) -> FloatArray:
+        """Forces (nc, d) [N] on the slave bodies in the contacts' frames (N, T1[, T2])."""
+        return self.force_per_reaction * self.result.r.reshape(-1, self.contacts.dimension)
+
+    @cached_property
+    def contact_status(self) -> NDArray[np.int8]:
+        """0 open, 1 stick, 2 slip (nc,)."""
+        return contact_status(self.result.r, self.contacts.mu, self.contacts.dimension)
+
+    @cached_property
+    def force_in_space(self) -> FloatArray:
+        """Forces (nc, d) [N] on the slave bodies in the world axes."""
+        return np.einsum("aij,ai->aj", self.contacts.frame, self.contact_force)
+
+    def contact_force_on(self, body: int) -> FloatArray:
+        """Resultant (d,) [N] of the contact forces on a body."""
+        slave, master = self.contacts.bodies.T
+        return self.force_in_space[slave == body].sum(axis=0) - self.force_in_space[master == body].sum(axis=0)
+
+    @property
+    def friction_dissipation(self) -> float:
+        """-sum r_T . u_T [J; quasi-statics: J], never negative."""
+        return self.energy.friction_dissipation
+
+    @property
+    def penetration(self) -> float:
+        """Deepest overlap [m] in the configuration where the step detected its contacts, at least 0."""
+        return float(np.maximum(-self.contacts.gap, 0).max(initial=0.0))
