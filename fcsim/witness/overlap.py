@@ -46,8 +46,9 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
     """Return the overlaps deeper than `least`, relative to the smaller body's size, at the positions (n_nodes, d) [m].
 
     The overlap of a pair is the depth of the deepest point of either skin, its vertices and the pieces of its edges within the other
-    body, below the other's skin: exact for vertices; along an edge the highest of five samples, followed uphill. `thorough` looks also at
-    points where the bodies' boxes meet, which finds coincident bodies and bars that cross at one height.
+    body, below the other's skin: exact for vertices; along an edge the highest of five samples, followed uphill. Where a skin is deepest
+    within a facet, or a body is mostly within another, it is less than the depth of the deepest point, never more. `thorough` looks also
+    at points where the bodies' boxes meet, which finds coincident bodies and bars that cross at one height.
     """
     d = skins.dimension
     points = skins.points(positions)
