@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
-from fcsim.problem.delassus import DelassusSum
+from fcsim.problem.delassus_sum import DelassusSum
 
 
 @dataclass(frozen=True, eq=False)
