@@ -17,6 +17,7 @@ from fcsim.collection.manifest import AT_REST, MANIFEST, Entry, read_manifest
 from fcsim.errors import InputError
 from fcsim.export_fclib import FclibFile, Solution, read_fclib
 from fcsim.files import sha256
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem, check
 
 Progress = Callable[[str, int, int], None]
@@ -124,7 +125,7 @@ def _check_content(path: Path, place: str, content: FclibFile, entry: Entry | No
     judge = FclibProblem(path.stem, content.form, problem)
     try:
         error = judge.error(solution.r)
-    except RuntimeError as singular:  # SuperLU
+    except SingularMatrix as singular:
         return Checked(**row, failures=(*failures, f"the stored solution cannot be judged: {singular}"))
     cone = check(solution.r, solution.u, problem.mu, problem.dimension).cone
     equations = _equations(problem, solution, judge.scale)

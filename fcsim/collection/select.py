@@ -24,7 +24,7 @@ from fcsim.files import sha256
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.delassus_sum import DENSE_W_UP_TO
-from fcsim.problem.reduction import eliminate_equalities, reduce
+from fcsim.problem.reduction import reduced
 from fcsim.solvers import method, solve
 
 Progress = Callable[[str, int, int], None]
@@ -224,7 +224,7 @@ def _copy(graded: Graded, name: str, folder: Path, known: Mapping[str, Entry], a
         shutil.copyfile(path, target)
         row = known.get(_place(asked.directory, path))
         if about is None:
-            local = reduce(problem).local if isinstance(problem, GlobalProblem) else eliminate_equalities(problem)
+            local = reduced(problem).local
             about = properties(problem, local, 0 if row is not None and row.rank is not None else asked.spectrum_up_to)
             if row is not None and row.rank is not None:
                 about = replace(about, rank=row.rank, condition=row.condition, n=row.n)
