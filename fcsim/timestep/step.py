@@ -20,6 +20,7 @@ from fcsim.timestep.energy import Energy
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.warm_start import Reactions
+from fcsim.witness import Overlap
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ class Step:
     before            balance of energy of the earlier sub-steps, None where there are none
     whole_per_part    reactions of the whole step per reaction of the sub-step: the ratio of their lengths for impulses, 1 for forces
     cuts              see `Moment`
+    overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
     """
 
     number: int
@@ -92,6 +94,7 @@ class Step:
     before: Energy | None = None
     whole_per_part: float = 1.0
     cuts: int = 0
+    overlap: Overlap | None = None
 
     @property
     def memory(self) -> tuple[Reactions, ...]:

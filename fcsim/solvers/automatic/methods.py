@@ -13,10 +13,10 @@ from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.rows import ContactRows
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
-from fcsim.solvers.newton.iterations import NewtonOptions, local_newton_turns, newton_turns
+from fcsim.solvers.newton.iterations import local_turns
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt_turns
+from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.proximal_newton import ProximalNewtonOptions, proximal_newton_turns
-from fcsim.solvers.newton.regularised import ShiftedSpace, shifted_matrix
 from fcsim.solvers.turns import Turns
 from fcsim.solvers.variational.admm import AdmmOptions, split_turns
 from fcsim.solvers.variational.inequality import Inequality
@@ -63,11 +63,7 @@ def newton(race: Race, monitor: ShareOfMonitor) -> Turns:
     """NSN-AC as long as every `patience` iterations bring a better iterate."""
     factor = 1.0 if race.warm else COLD_RHO
     options = replace(NEWTON, rho_factor=factor, max_iterations=race.options.max_iterations, patience=race.options.patience)
-    problem, r = race.problem, race.best_r()
-    system = None if race.joints is not None else shifted_matrix(problem)
-    if system is None:
-        return local_newton_turns(problem, r, monitor, options)
-    return newton_turns(ShiftedSpace(system, problem.q, r), r, system.diagonal_blocks, problem.mu, monitor, options)
+    return local_turns(race.problem, race.best_r(), monitor, options, once=True)
 
 
 def _splitting(race: Race, monitor: ShareOfMonitor, options: AdmmOptions) -> Turns:

@@ -32,9 +32,14 @@ class ShareOfMonitor(Monitor):
     """The monitor of one method in a race: counts its own iterations and its own best, and tells the race's monitor."""
 
     def __init__(self, whole: Monitor) -> None:
-        super().__init__(np.empty(0), whole.mu, whole.dimension, whole.tol, time_limit=whole.time_limit, start=whole.start)
+        super().__init__(
+            *(np.empty(0), whole.mu, whole.dimension, whole.tol),
+            compliance=whole.compliance,
+            time_limit=whole.time_limit,
+            start=whole.start,
+            memory=whole.memory,
+        )
         self.whole, self.scale, self._told = whole, whole.scale, 0
-        self.memory = whole.memory
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         return self.whole.error(r, u)

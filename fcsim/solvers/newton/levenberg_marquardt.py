@@ -41,7 +41,9 @@ def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Mon
     length = np.repeat(1 / np.sqrt(contact_compliance(problem)), d)
     u = W @ r + problem.q
     error = monitor.record(r, u)
-    while error > monitor.tol:
+    while not error <= monitor.tol:
+        if not np.isfinite(error):
+            return Iterate(r, Status.DIVERGED)
         if monitor.iterations >= options.max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():
