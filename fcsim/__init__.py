@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from fcsim.contact_law import Gap, Velocity
     from fcsim.errors import FcsimError, InputError
     from fcsim.export_fclib import read_fclib, write_fclib
-    from fcsim.mesh.part import Body, Material, Part, RigidBody
+    from fcsim.mesh.material import Material
+    from fcsim.mesh.part import Body, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
     from fcsim.running.case import Case, History, Sensor, load_case
     from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force
@@ -55,7 +56,7 @@ _HOME = {
     "History": "running.case",
     "InputError": "errors",
     "LocalProblem": "problem",
-    "Material": "mesh.part",
+    "Material": "mesh.material",
     "Model": "assembly.model",
     "Part": "mesh.part",
     "QuasiStatic": "timestep.quasi_static",

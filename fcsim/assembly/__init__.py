@@ -1,1 +1,29 @@
 """From parts with materials to one model: mass, damping, stiffness, supports and loads."""
+
+from fcsim.assembly.layout import DIRECTIONS, BodyLayout
+from fcsim.assembly.loads import BodyForce, FollowerForce, FollowerPressure, Force, Load, Traction
+from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.nodal_area import nodal_area
+from fcsim.assembly.supports import Support
+from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, Ramp, Table, read_acceleration_record, read_table
+
+__all__ = [
+    "DIRECTIONS",
+    "AccelerationRecord",
+    "BodyForce",
+    "BodyLayout",
+    "FollowerForce",
+    "FollowerPressure",
+    "Force",
+    "GravityRamp",
+    "Load",
+    "Model",
+    "Ramp",
+    "Support",
+    "Table",
+    "Traction",
+    "build_model",
+    "nodal_area",
+    "read_acceleration_record",
+    "read_table",
+]

@@ -1,12 +1,13 @@
-"""The factor of A = a M + b K over all bodies, and the Delassus operator W = H^T A^-1 H from the parts' compliances.
+"""The factor of A = a M + b K over all bodies, and the parts' compliances A^-1 on the dofs that contacts touch.
 
 A is block diagonal over bodies, so only the distinct blocks are factored: bodies of one part, placed alike and supported alike, share
-one. The compliance of a block on its contact dofs is formed once; each step then needs products with the few entries of H.
+one. The compliance of a block on its contact dofs is formed once; from them each step sums its Delassus operator (`StepCompliance`).
 """
 
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
@@ -21,15 +22,14 @@ from fcsim.assembly.rigid import inverse_on
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
 from fcsim.linear.factors import Factor, SingularMatrix, factorise
-from fcsim.problem.delassus import DelassusSum
-from fcsim.problem.reduction import refuse_singular
+from fcsim.linear.singularity import refuse_singular
 
 
 class SystemFactor:
     """Factor of the free part of A = mass M + stiffness K; driven dofs are rows of the identity.
 
     contact_nodes: global numbers of the nodes that contacts can touch (candidates' and master facets' nodes).
-    Implements `fcsim.problem.reduction.MassFactor` on the unknowns of the model's problems (without the driven dofs where eliminated).
+    Solves on the unknowns of the model's problems (without the driven dofs where eliminated).
     """
 
     def __init__(self, model: Model, mass: float, stiffness: float, contact_nodes: IntArray) -> None:
@@ -41,11 +41,11 @@ class SystemFactor:
             body = model.rigid[int(np.argmax(model.rigid_free.any(axis=1)))]
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
         self._elastic = _ElasticMatrix(model, mass, stiffness)
-        self._places = self._bodies_of_dofs()
+        self.places = self._bodies_of_dofs()
         self._set_rigid_mass(model.rigid_mass())
 
     def _bodies_of_dofs(self) -> tuple[IntArray, IntArray]:
-        """The body of each dof (n_dofs,), in the order of `delassus`, -1 for driven ones, and its number in the body's compliance."""
+        """The body of each dof (n_dofs,), in the order of `compliances`, -1 for driven ones, and its number in the body's compliance."""
         model = self.model
         body, column = np.full(model.n_dofs, -1), np.zeros(model.n_dofs, dtype=np.int64)
         begin = 0
@@ -115,19 +115,13 @@ class SystemFactor:
         rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
 
-    def delassus(self, H: Any, dimension: int) -> Any:
-        """Return W = H^T A^-1 H (m, m) for H (n, m) on the problems' unknowns."""
-        H = sp.csc_array(H)
-        if self.model.driven == "eliminated":
-            n = self.model.n_dofs
-            H = sp.csc_array((H.data, self.model.free_dofs[H.indices], H.indptr), shape=(n, H.shape[1]))
-        W = DelassusSum(H, *self._places, len(self.model.bodies), dimension)
+    def compliances(self) -> Iterator[tuple[int, FloatArray, IntArray]]:
+        """The bodies' compliances, in the order of `places`: (first body, C (c, k, k), which of them is whose (nb,))."""
         begin = 0
         for group in self._groups:
-            W.add(begin, group.compliance[None], np.zeros(len(group.first), dtype=np.int64))
+            yield begin, group.compliance[None], np.zeros(len(group.first), dtype=np.int64)
             begin += len(group.first)
-        W.add(begin, self._rigid_inverse, np.arange(len(self._rigid_inverse)))
-        return W.matrix()
+        yield begin, self._rigid_inverse, np.arange(len(self._rigid_inverse))
 
 
 class _ElasticMatrix:

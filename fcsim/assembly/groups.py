@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly import elasticity
+from fcsim.assembly.layout import BodyLayout
 from fcsim.mesh.part import Part
-
-if TYPE_CHECKING:
-    from fcsim.assembly.model import Model
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,28 +50,28 @@ def rotated(operator: Any, rotation: FloatArray) -> Any:
     return sp.csr_array(T @ operator @ T.T)
 
 
-def operator_groups(model: Model) -> tuple[Group, ...]:
-    """Return the groups of the model's deformable bodies."""
-    driven = np.zeros(model.n_dofs, dtype=bool)
-    driven[model.driven_dofs] = True
+def operator_groups(layout: BodyLayout, driven_dofs: IntArray, lumped: bool) -> tuple[Group, ...]:
+    """Return the groups of the deformable bodies; driven_dofs: numbers of the supported dofs; lumped or consistent mass."""
+    driven = np.zeros(layout.n_dofs, dtype=bool)
+    driven[driven_dofs] = True
     members: dict[tuple[int, bytes, bytes], list[int]] = {}
-    for b, body in enumerate(model.deformable):
-        own = driven[model.dof_offset[b] : model.dof_offset[b + 1]]
+    for b, body in enumerate(layout.deformable):
+        own = driven[layout.dof_offset[b] : layout.dof_offset[b + 1]]
         members.setdefault((id(body.part), body.rotation.tobytes(), own.tobytes()), []).append(b)
     groups = []
     for numbers in members.values():
-        body = model.deformable[numbers[0]]
+        body = layout.deformable[numbers[0]]
         operators = elasticity.assemble(body.part)
-        first = model.dof_offset[numbers]
+        first = layout.dof_offset[numbers]
         groups.append(
             Group(
                 part=body.part,
                 first=first,
-                nodes=model.node_offset[numbers],
+                nodes=layout.node_offset[numbers],
                 rotation=body.rotation,
                 K=rotated(operators.stiffness, body.rotation),
-                M=sp.diags_array(operators.lumped_mass).tocsr() if model.lumped else rotated(operators.consistent_mass, body.rotation),
-                lumped=operators.lumped_mass if model.lumped else None,
+                M=sp.diags_array(operators.lumped_mass).tocsr() if lumped else rotated(operators.consistent_mass, body.rotation),
+                lumped=operators.lumped_mass if lumped else None,
                 driven=driven[first[0] : first[0] + len(operators.lumped_mass)],
             )
         )

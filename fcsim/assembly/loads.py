@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly import elasticity
-from fcsim.assembly.supports import DIRECTIONS, TimeFunction
+from fcsim.assembly.layout import DIRECTIONS, BodyLayout
+from fcsim.assembly.supports import TimeFunction
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
-
-if TYPE_CHECKING:
-    from fcsim.assembly.model import Model
 
 
 @dataclass(frozen=True)
@@ -70,19 +67,19 @@ Follower = FollowerForce | FollowerPressure
 Load = Traction | Force | BodyForce | Follower
 
 
-def load_vector(model: Model, load: Load) -> FloatArray:
+def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
     """Nodal forces (n_dofs,) [N] of a load at factor 1, in the reference configuration."""
-    number = model.body_number(load.body)
-    body, d = model.bodies[number], model.dimension
-    vector = np.zeros(model.n_dofs)
-    own = slice(model.dof_offset[number], model.dof_offset[number + 1])
+    number = layout.body_number(load.body)
+    body, d = layout.bodies[number], layout.dimension
+    vector = np.zeros(layout.n_dofs)
+    own = slice(layout.dof_offset[number], layout.dof_offset[number + 1])
     if isinstance(load, Force | Follower):
         if not isinstance(body, RigidBody):
             raise InputError(
                 f"{type(load).__name__} on body {load.body!r}: expected a rigid body; use Traction or BodyForce on a deformable one"
             )
         if isinstance(load, FollowerPressure):
-            vector[own] = _pressure_resultant(model, body, load)
+            vector[own] = _pressure_resultant(layout, body, load)
             return vector
         moment = (0.0,) * (len(DIRECTIONS[d]) - d) if load.moment is None else load.moment
         values = np.concatenate([load.force, moment])
@@ -107,11 +104,11 @@ def load_vector(model: Model, load: Load) -> FloatArray:
     return vector
 
 
-def _pressure_resultant(model: Model, body: RigidBody, load: FollowerPressure) -> FloatArray:
+def _pressure_resultant(layout: BodyLayout, body: RigidBody, load: FollowerPressure) -> FloatArray:
     """Force and moment about the centre of mass of a unit factor: -p times the integrals of n and (x - c) x n, exact on flat facets."""
     if not np.isfinite(load.pressure):
         raise InputError(f"FollowerPressure on body {load.body!r}: expected a finite pressure in Pa, got {load.pressure}")
-    model.facets(load.body, load.surface)  # refuses an unknown name
+    layout.facets(load.body, load.surface)  # refuses an unknown name
     corners = body.points[body.surfaces[load.surface]] - body.centre
     if body.dimension == 2:
         along = corners[:, 1] - corners[:, 0]
@@ -124,11 +121,11 @@ def _pressure_resultant(model: Model, body: RigidBody, load: FollowerPressure) -
     return -load.pressure * np.concatenate([normal.sum(axis=0), moment])
 
 
-def turned(model: Model, load: Follower, vector: FloatArray, x: FloatArray) -> FloatArray:
-    """The force and moment of `vector` (n_dofs,) turned with the body of a follower in the configuration x (n_dofs,)."""
-    d, number = model.dimension, model.body_number(load.body)
-    rotation = model.rigid_rotation(x)[number - len(model.deformable)]
-    own = slice(model.dof_offset[number], model.dof_offset[number + 1])
+def turned(layout: BodyLayout, load: Follower, vector: FloatArray, rotations: FloatArray) -> FloatArray:
+    """The force and moment of `vector` (n_dofs,) turned with the body of a follower; rotations (nr, d, d) of the rigid bodies."""
+    d, number = layout.dimension, layout.body_number(load.body)
+    rotation = rotations[number - len(layout.deformable)]
+    own = slice(layout.dof_offset[number], layout.dof_offset[number + 1])
     values, result = vector[own], np.zeros_like(vector)
     result[own] = np.concatenate([rotation @ values[:d], rotation @ values[d:] if d == 3 else values[d:]])
     return result

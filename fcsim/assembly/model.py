@@ -1,40 +1,38 @@
 """Bodies, supports and loads together: the degrees of freedom of a simulation and the operators on them.
 
-Degrees of freedom: first the deformable bodies, d a node, in the order of the nodes (dof = d node + component); then the rigid bodies,
-6 each (3D: centre of mass, rotation vector) or 3 (2D). Nothing here is one big matrix unless asked for: mass and stiffness act body by
+The numbering is that of `layout`. Nothing here is one big matrix unless asked for: mass and stiffness act body by
 body through the operators of the parts, which are assembled once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group, operator_groups
+from fcsim.assembly.layout import BodyLayout, in_order
 from fcsim.assembly.loads import Follower, Load, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on
-from fcsim.assembly.supports import DIRECTIONS, Support, refuse_contradictions, support_dofs, support_velocity
+from fcsim.assembly.supports import Support, refuse_contradictions, support_dofs, support_velocity
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
-    """Bodies, supports, loads; see `build_model`, which checks them.
+class Model(BodyLayout):
+    """Bodies, supports, loads; see `build_model`, which checks them. What is where stands in `BodyLayout`.
 
-    bodies: deformable ones first; node_offset (nbodies + 1,) and dof_offset (nbodies + 1,): where each body's nodes and dofs begin
     alpha [1/s], beta [s]: Rayleigh damping C = alpha M + beta K; gravity(t) -> (d,) [m/s^2]
     driven: "eliminated" removes driven dofs from the problems' unknowns, "identity" keeps them as rows of the identity
     """
 
-    bodies: tuple[Body | RigidBody, ...]
     supports: tuple[Support, ...]
     loads: tuple[Load, ...]
     gravity: Callable[[float], ArrayLike] | None
@@ -42,61 +40,6 @@ class Model:
     alpha: float
     beta: float
     driven: Literal["eliminated", "identity"]
-
-    @cached_property
-    def dimension(self) -> int:
-        return self.bodies[0].dimension
-
-    @cached_property
-    def deformable(self) -> tuple[Body, ...]:
-        return tuple(body for body in self.bodies if isinstance(body, Body))
-
-    @cached_property
-    def rigid(self) -> tuple[RigidBody, ...]:
-        return tuple(body for body in self.bodies if isinstance(body, RigidBody))
-
-    @cached_property
-    def number(self) -> Mapping[str, int]:
-        """Body number by name."""
-        return {body.name: k for k, body in enumerate(self.bodies)}
-
-    @cached_property
-    def node_offset(self) -> IntArray:
-        return _offsets([len(body.part.points if isinstance(body, Body) else body.points) for body in self.bodies])
-
-    @cached_property
-    def dof_offset(self) -> IntArray:
-        d = self.dimension
-        rigid = len(DIRECTIONS[d])
-        return _offsets([d * len(body.part.points) if isinstance(body, Body) else rigid for body in self.bodies])
-
-    @property
-    def n_nodes(self) -> int:
-        return int(self.node_offset[-1])
-
-    @property
-    def n_dofs(self) -> int:
-        """All degrees of freedom, driven ones included."""
-        return int(self.dof_offset[-1])
-
-    @property
-    def n_elastic(self) -> int:
-        """Degrees of freedom of the deformable bodies."""
-        return int(self.dof_offset[len(self.deformable)])
-
-    @cached_property
-    def reference(self) -> FloatArray:
-        """Nodes (n_nodes, d) [m] in the reference configuration."""
-        return np.concatenate([body.points for body in self.bodies])
-
-    @cached_property
-    def dof_of_node(self) -> IntArray:
-        """(n_nodes, d), -1 for the nodes of rigid bodies, which have none of their own."""
-        d = self.dimension
-        dofs = np.full((self.n_nodes, d), -1)
-        elastic = self.n_elastic
-        dofs.ravel()[:elastic] = np.arange(elastic)
-        return dofs
 
     @cached_property
     def supported(self) -> tuple[IntArray, IntArray]:
@@ -124,16 +67,12 @@ class Model:
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        return operator_groups(self)
+        return operator_groups(self, self.driven_dofs, self.lumped)
 
     @cached_property
     def rigid_bodies(self) -> RigidBodies:
         """The rigid bodies' arrays and finite rotations."""
         return RigidBodies(self.rigid, self.dimension)
-
-    def rigid_part(self, x: NDArray) -> NDArray:
-        """The rigid bodies' share (nr, k) of a vector on all dofs, k = 6 or 3: a view."""
-        return x[self.n_elastic :].reshape(-1, len(DIRECTIONS[self.dimension]))
 
     @cached_property
     def rigid_free(self) -> BoolArray:
@@ -215,7 +154,9 @@ class Model:
             self.rigid_part(acceleration)[:, :d] = g
             force += self.apply_mass(acceleration)
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
-            force += load.factor(t) * (turned(self, load, vector, x) if isinstance(load, Follower) and x is not None else vector)
+            force += load.factor(t) * (
+                turned(self, load, vector, self.rigid_rotation(x)) if isinstance(load, Follower) and x is not None else vector
+            )
         return force
 
     def rigid_rotation(self, x: FloatArray) -> FloatArray:
@@ -284,24 +225,6 @@ class Model:
             shape=(self.n_dofs, m),
         )
 
-    def body_number(self, name: str) -> int:
-        """Return the number of the body of that name; InputError where there is none."""
-        if name not in self.number:
-            raise InputError(f"body {name!r}: expected one of {', '.join(map(repr, self.number))}")
-        return self.number[name]
-
-    def facets(self, body: str, surface: str) -> IntArray:
-        """Facets (nf, k) of a body's surface in global node numbers."""
-        number = self.body_number(body)
-        surfaces = self.bodies[number].surfaces
-        if surface not in surfaces:
-            raise InputError(f"body {body!r}: expected a surface among {', '.join(map(repr, surfaces))}, got {surface!r}")
-        return surfaces[surface] + self.node_offset[number]
-
-
-def _offsets(sizes: Sequence[int]) -> IntArray:
-    return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-
 
 def build_model(
     bodies: Sequence[Body | RigidBody],
@@ -318,21 +241,13 @@ def build_model(
 
     gravity: function of t giving the acceleration (d,) [m/s^2]; alpha [1/s], beta [s]: Rayleigh damping; lumped or consistent mass.
     """
-    if not bodies:
-        raise InputError("bodies: expected at least one body")
-    names = [body.name for body in bodies]
-    twice = {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else set()
-    if twice:
-        raise InputError(f"bodies: expected different names, got {', '.join(map(repr, sorted(twice)))} more than once")
-    if len({body.dimension for body in bodies}) > 1:
-        raise InputError("bodies: expected all in 2D or all in 3D, got both")
+    ordered = in_order(bodies)
     if driven not in ("eliminated", "identity"):
         raise InputError(f"driven: expected 'eliminated' or 'identity', got {driven!r}")
     if not (0 <= alpha < np.inf and 0 <= beta < np.inf):
         raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {alpha} and {beta}")
-    ordered = [b for b in bodies if isinstance(b, Body)] + [b for b in bodies if isinstance(b, RigidBody)]
-    model = Model(tuple(ordered), tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven)
-    refuse_contradictions(model)
+    model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven)
+    refuse_contradictions(model.supports, *model.supported)
     model.load(0.0)  # these two refuse what loads and supports get wrong before the run starts
     model.driven_velocity(0.0)
     return model

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from fcsim.arrays import BoolArray, FloatArray
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.mesh.part import RigidBody
 
 _MAX_ITERATIONS = 50

@@ -15,21 +15,10 @@ from scipy.sparse import csr_array
 from fcsim.arrays import FloatArray
 from fcsim.assembly.elasticity import lame, once_per_part
 from fcsim.errors import InputError
+from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Part
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
-
-_SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float)  # VTK's order
-_CUBE = np.vstack([np.column_stack([_SQUARE, np.full(4, z)]) for z in (-1.0, 1.0)])
-
-# Gradients of the shape functions at the centre of the reference cell, (k, d): of prod(1 + r_a r) / 2^d on [-1, 1]^d, and of the
-# barycentric coordinates of a simplex.
-CENTRE_GRADIENTS = {
-    "hexahedron": _CUBE / 8,
-    "quadrilateral": _SQUARE / 4,
-    "tetrahedron": np.vstack([np.full(3, -1.0), np.eye(3)]),
-    "triangle": np.vstack([np.full(2, -1.0), np.eye(2)]),
-}
 
 
 @once_per_part
@@ -39,7 +28,8 @@ def stress_operator(part: Part) -> csr_array:
     In 2D sigma_yz = sigma_zx = 0; sigma_zz = nu (sigma_xx + sigma_yy) in plane strain and 0 in plane stress. Read-only, made once per part.
     """
     d, (n_cells, k) = part.dimension, part.cells.shape
-    reference = CENTRE_GRADIENTS[part.cell_type]
+    cell = CELL_TYPES[part.cell_type]
+    reference = cell.gradient(cell.centre)[0]
     jacobian = np.einsum("cai,aj->cij", part.points[part.cells], reference)  # d x_i / d r_j
     gradient = reference @ np.linalg.inv(jacobian)  # (n_cells, k, d): d N_a / d x_i
 

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fcsim.arrays import IntArray
+from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 
-if TYPE_CHECKING:
-    from fcsim.assembly.model import Model
-
 TimeFunction = Callable[[float], float]
-
-DIRECTIONS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 
 
 @dataclass(frozen=True)
@@ -35,24 +30,24 @@ class Support:
     velocity: float | TimeFunction = 0.0
 
 
-def support_dofs(model: Model, support: Support) -> IntArray:
+def support_dofs(layout: BodyLayout, support: Support) -> IntArray:
     """The dofs that a support drives."""
-    number = model.body_number(support.body)
-    body = model.bodies[number]
-    known = DIRECTIONS[model.dimension] if isinstance(body, RigidBody) else DIRECTIONS[model.dimension][: model.dimension]
+    number = layout.body_number(support.body)
+    body = layout.bodies[number]
+    known = DIRECTIONS[layout.dimension] if isinstance(body, RigidBody) else DIRECTIONS[layout.dimension][: layout.dimension]
     unknown = [direction for direction in support.directions if direction not in known]
     if unknown or not support.directions:
         raise InputError(f"support of body {support.body!r}: expected directions among {', '.join(known)}, got {support.directions}")
     component = np.array([known.index(direction) for direction in support.directions])
-    first = model.dof_offset[number]
+    first = layout.dof_offset[number]
     if isinstance(body, RigidBody):
         if support.surface is not None:
             raise InputError(f"support of rigid body {support.body!r}: expected no surface, got {support.surface!r}")
         return first + component
     nodes = np.arange(len(body.part.points)) if support.surface is None else None
     if nodes is None:
-        nodes = np.unique(model.facets(support.body, str(support.surface))) - model.node_offset[number]
-    return (first + nodes[:, None] * model.dimension + component).ravel()
+        nodes = np.unique(layout.facets(support.body, str(support.surface))) - layout.node_offset[number]
+    return (first + nodes[:, None] * layout.dimension + component).ravel()
 
 
 def support_velocity(support: Support, t: float) -> float:
@@ -66,15 +61,14 @@ def support_velocity(support: Support, t: float) -> float:
     return number
 
 
-def refuse_contradictions(model: Model) -> None:
-    """A dof may be named by two supports only if both say the same."""
-    dofs, support = model.supported
+def refuse_contradictions(supports: Sequence[Support], dofs: IntArray, support: IntArray) -> None:
+    """A dof may be named by two supports only if both say the same; dofs, and the number of the support that drives each."""
     order = np.argsort(dofs, kind="stable")
     twice = np.flatnonzero(np.diff(dofs[order]) == 0)
     for k in twice:
-        first, second = (model.supports[support[order[k + i]]] for i in (0, 1))
+        first, second = (supports[support[order[k + i]]] for i in (0, 1))
         if first.velocity is not second.velocity and first.velocity != second.velocity:
             raise InputError(
                 f"supports: degree of freedom {int(dofs[order[k]])} of body {second.body!r} is driven twice and differently, by the "
-                f"supports {model.supports.index(first)} and {model.supports.index(second)}"
+                f"supports {supports.index(first)} and {supports.index(second)}"
             )

@@ -5,7 +5,8 @@ from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid
 from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
 from fcsim.mesh.masonry import RunningBond, running_bond
-from fcsim.mesh.part import Body, Material, Part, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.mesh.quality import check_quality
 from fcsim.mesh.rigid import BlockKind, blocks_that_are, mass_properties, rigid_body
 

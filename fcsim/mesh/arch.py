@@ -10,7 +10,8 @@ import numpy as np
 from fcsim.arrays import IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 
 
 @dataclass(frozen=True, eq=False)

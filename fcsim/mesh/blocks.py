@@ -9,8 +9,10 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material import Material
 from fcsim.mesh.named_mesh import NamedMesh, from_gmsh
-from fcsim.mesh.part import CELL_DIMENSION, Material, Part, RigidBody
+from fcsim.mesh.part import Part, RigidBody
 from fcsim.runtime import gmsh_model
 
 AXES = "xyz"
@@ -132,8 +134,8 @@ def _box(
         raise InputError(f"{name!r}, size: expected lengths > 0 in m, got {size.tolist()}")
     if np.any(counts < 1) or np.any(counts != np.round(counts)):
         raise InputError(f"{name!r}, divisions: expected whole numbers >= 1, got {divisions!r}")
-    if CELL_DIMENSION.get(cell) != dimension:
-        known = " or ".join(repr(c) for c, d in CELL_DIMENSION.items() if d == dimension)
+    if cell not in CELL_TYPES or CELL_TYPES[cell].dimension != dimension:
+        known = " or ".join(repr(c) for c, its in CELL_TYPES.items() if its.dimension == dimension)
         raise InputError(f"{name!r}, cell: expected {known}, got {cell!r}")
 
     with gmsh_model(name) as gmsh:

@@ -6,16 +6,7 @@ import numpy as np
 
 from fcsim.arrays import IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.part import FACET_NODES
-
-# Local nodes of each cell's facets, outwards for a cell of positive Jacobian: counter-clockwise seen from outside in 3D; in 2D the
-# cell lies on the left of (a, b). VTK's numbering of the nodes.
-CELL_FACETS = {
-    "hexahedron": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
-    "tetrahedron": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
-    "quadrilateral": ((0, 1), (1, 2), (2, 3), (3, 0)),
-    "triangle": ((0, 1), (1, 2), (2, 0)),
-}
+from fcsim.mesh.cell_type import CELL_TYPES
 
 
 def match_facets(cells: IntArray, cell_type: str, facets: IntArray) -> tuple[IntArray, IntArray]:
@@ -25,7 +16,7 @@ def match_facets(cells: IntArray, cell_type: str, facets: IntArray) -> tuple[Int
     oriented facet starts at the node that the given one starts at, so a facet that was right comes back unchanged; a facet that
     belongs to no cell comes back as it was.
     """
-    candidates = cells[:, np.array(CELL_FACETS[cell_type])].reshape(-1, FACET_NODES[cell_type])
+    candidates = cells[:, CELL_TYPES[cell_type].facets].reshape(-1, CELL_TYPES[cell_type].facet_size)
     marked = np.zeros(max(cells.max(initial=-1), facets.max(initial=-1)) + 1, dtype=bool)
     marked[facets] = True
     candidates = candidates[marked[candidates].all(axis=1)]  # a few of many: sorting all the cells' facets would cost far more

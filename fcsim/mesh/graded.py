@@ -16,8 +16,9 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
-from fcsim.mesh.facets import CELL_FACETS
-from fcsim.mesh.part import FACET_NODES, Material, Part
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 from fcsim.mesh.quality import check_quality
 
 Side = Literal["above", "below"]
@@ -164,8 +165,8 @@ class _Grid:
 
     def _boundary(self) -> tuple[IntArray, BoolArray]:
         """Outward facets that belong to one cell, and whether it is one of the core."""
-        local = np.array(CELL_FACETS[self.cell_type])
-        facets = self.cells[:, local].reshape(-1, FACET_NODES[self.cell_type])
+        local = CELL_TYPES[self.cell_type].facets
+        facets = self.cells[:, local].reshape(-1, local.shape[1])
         _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
         single = np.sort(first[count == 1])
         return facets[single], single < self.core_cells * len(local)
@@ -192,7 +193,7 @@ def _grid(name: str, reach: float, divisions: int, d: int, whole: str, side: Sid
     facets = np.concatenate([core.surfaces[label] for label in wrapped])
 
     nodes, facets = np.unique(facets, return_inverse=True)
-    facets = facets.reshape(-1, FACET_NODES[core.cell_type])
+    facets = facets.reshape(-1, CELL_TYPES[core.cell_type].facet_size)
     inner, scale = core.points[nodes], reach ** (np.arange(1, layers + 1) / layers)
     points = np.concatenate([core.points, (scale[:, None, None] * inner).reshape(-1, d)])
     # numbers of the layers' nodes (layers + 1, n); the first are the core's

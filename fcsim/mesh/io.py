@@ -22,8 +22,10 @@ import numpy as np
 from fcsim.arrays import IntArray
 from fcsim.errors import InputError, MissingDependency
 from fcsim.files import replacing
-from fcsim.mesh.named_mesh import FACET_TYPE, GMSH_TYPES, Block, NamedMesh, from_gmsh, named_mesh
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.cell_type import CELL_TYPES, FROM_MESHIO, GMSH_NUMBERS, TO_MESHIO
+from fcsim.mesh.material import Material
+from fcsim.mesh.named_mesh import Block, NamedMesh, from_gmsh, named_mesh
+from fcsim.mesh.part import Part
 from fcsim.runtime import gmsh_model
 
 KEEPS_SURFACES = (".msh", ".vtu", ".vtk", ".xdmf")
@@ -31,8 +33,6 @@ KEEPS_CELLS = (*KEEPS_SURFACES, ".inp", ".med", ".mesh")  # the other formats of
 _MSH_NAME = 127  # gmsh cuts longer names of physical groups
 _SURFACE = "surface:"
 _TAGS = ("gmsh:physical", "medit:ref", "cell_tags")
-_FROM_MESHIO = {"quad": "quadrilateral", "tetra": "tetrahedron"}
-_TO_MESHIO = {"quadrilateral": "quad", "tetrahedron": "tetra"}
 
 
 def read_mesh(
@@ -121,18 +121,17 @@ def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> N
 
 def _write_msh(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> None:
     """MSH 4.1 in binary, the only one that keeps every digit; one discrete entity and physical group for the cells and each surface."""
-    number = {cell_type: n for n, cell_type in GMSH_TYPES.items()}
     d = part.dimension
     points = np.zeros((len(part.points), 3))
     points[:, :d] = part.points
     with gmsh_model(part.name) as gmsh:
         volume = gmsh.model.addDiscreteEntity(d)
         gmsh.model.mesh.addNodes(d, volume, np.arange(1, len(points) + 1), points.ravel())
-        gmsh.model.mesh.addElementsByType(volume, number[part.cell_type], [], part.cells.ravel() + 1)
+        gmsh.model.mesh.addElementsByType(volume, GMSH_NUMBERS[part.cell_type], [], part.cells.ravel() + 1)
         gmsh.model.addPhysicalGroup(d, [volume], name=part.name)
         for name, facets in surfaces.items():
             surface = gmsh.model.addDiscreteEntity(d - 1)
-            gmsh.model.mesh.addElementsByType(surface, number[FACET_TYPE[part.cell_type]], [], facets.ravel() + 1)
+            gmsh.model.mesh.addElementsByType(surface, GMSH_NUMBERS[CELL_TYPES[part.cell_type].facet_type], [], facets.ravel() + 1)
             gmsh.model.addPhysicalGroup(d - 1, [surface], name=name)
         gmsh.option.setNumber("Mesh.Binary", 1)
         gmsh.write(str(path))
@@ -142,11 +141,11 @@ def _write_meshio(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> N
     meshio = _meshio()
     points = np.zeros((len(part.points), 3))  # VTK has no 2D points
     points[:, : part.dimension] = part.points
-    cells = [(_TO_MESHIO.get(part.cell_type, part.cell_type), part.cells)]
+    cells = [(TO_MESHIO.get(part.cell_type, part.cell_type), part.cells)]
     data: dict[str, list[np.ndarray]] = {}
     if surfaces:
-        facet_type = FACET_TYPE[part.cell_type]
-        cells.append((_TO_MESHIO.get(facet_type, facet_type), np.concatenate(list(surfaces.values()))))
+        facet_type = CELL_TYPES[part.cell_type].facet_type
+        cells.append((TO_MESHIO.get(facet_type, facet_type), np.concatenate(list(surfaces.values()))))
         of_surface = np.repeat(np.arange(len(surfaces)), [len(facets) for facets in surfaces.values()])
         none = np.zeros(len(part.cells), dtype=np.int32)
         data = {_SURFACE + quote(name): [none, (of_surface == i).astype(np.int32)] for i, name in enumerate(surfaces)}
@@ -185,7 +184,7 @@ def _blocks(mesh: Any) -> list[Block]:
                 tags = np.asarray(data[b]).reshape(-1).astype(np.int64)
                 groups |= {names.get(tag, str(tag)): np.flatnonzero(tags == tag) for tag in np.unique(tags).tolist() if tag != 0}
         groups |= {name: np.asarray(sets[b]) for name, sets in mesh.cell_sets.items() if sets[b] is not None}
-        cell_type, elements = _FROM_MESHIO.get(cells.type, cells.type), np.asarray(cells.data)
+        cell_type, elements = FROM_MESHIO.get(cells.type, cells.type), np.asarray(cells.data)
         alone = np.ones(len(elements), dtype=bool)
         for name, members in groups.items():
             alone[members] = False

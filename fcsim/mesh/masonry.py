@@ -11,7 +11,8 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
-from fcsim.mesh.part import Body, Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, Part
 
 
 @dataclass(frozen=True, eq=False)

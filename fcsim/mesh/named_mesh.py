@@ -10,12 +10,12 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
+from fcsim.mesh.cell_type import CELL_TYPES, GMSH_TYPES
 from fcsim.mesh.facets import match_facets, refuse_repeated
-from fcsim.mesh.part import CELL_DIMENSION, CELL_NODES, Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 from fcsim.mesh.quality import check_quality
 
-FACET_TYPE = {"hexahedron": "quadrilateral", "tetrahedron": "triangle", "quadrilateral": "line", "triangle": "line"}
-GMSH_TYPES = {1: "line", 2: "triangle", 3: "quadrilateral", 4: "tetrahedron", 5: "hexahedron", 15: "vertex"}
 UNGROUPED = ""  # also the name of the only volume of a mesh whose cells are in no group
 
 
@@ -116,14 +116,14 @@ def named_mesh(
     """
     blocks = [block for block in blocks if len(block.elements)]
     types = list(dict.fromkeys(block.cell_type for block in blocks))
-    if unknown := [t for t in types if t not in CELL_NODES and t not in ("line", "vertex")]:
+    if unknown := [t for t in types if t not in CELL_TYPES and t not in ("line", "vertex")]:
         raise InputError(
-            f"{source}: expected first-order cells ({', '.join(CELL_NODES)}), got {', '.join(unknown)}: "
+            f"{source}: expected first-order cells ({', '.join(CELL_TYPES)}), got {', '.join(unknown)}: "
             "cells of second order, prisms and pyramids are not supported"
         )
-    cell_types = [t for t in types if t in CELL_NODES]
-    dimension = max((CELL_DIMENSION[t] for t in cell_types), default=0)
-    cell_types = [t for t in cell_types if CELL_DIMENSION[t] == dimension]
+    cell_types = [t for t in types if t in CELL_TYPES]
+    dimension = max((CELL_TYPES[t].dimension for t in cell_types), default=0)
+    cell_types = [t for t in cell_types if CELL_TYPES[t].dimension == dimension]
     points = np.asarray(points, dtype=float)
     planar = dimension == 2 and (points.shape[1] == 2 or np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points[:, :2], axis=0).max())
     if dimension == 0 or (dimension == 2 and not planar):
@@ -132,14 +132,15 @@ def named_mesh(
     if len(cell_types) > 1:
         raise InputError(f"{source}: expected cells of one type, got a mixture of {' and '.join(cell_types)}")
     cell_type = cell_types[0]
+    facet_type = CELL_TYPES[cell_type].facet_type
 
     volumes = _by_group([block for block in blocks if block.cell_type == cell_type])
     named = [block for block in blocks if block.group != UNGROUPED]
-    facets = [b for b in named if b.cell_type == FACET_TYPE[cell_type]]
+    facets = [b for b in named if b.cell_type == facet_type]
     for block in named:  # groups of lines and points in space, which a 3D part has no use for, are left out
-        if CELL_DIMENSION.get(block.cell_type) == dimension - 1 and block.cell_type != FACET_TYPE[cell_type]:
+        if block.cell_type in CELL_TYPES and CELL_TYPES[block.cell_type].dimension == dimension - 1 and block.cell_type != facet_type:
             what = f"{source}, surface {block.group!r}"
-            raise InputError(f"{what}: expected {FACET_TYPE[cell_type]} facets on {cell_type} cells, got {block.cell_type}")
+            raise InputError(f"{what}: expected {facet_type} facets on {cell_type} cells, got {block.cell_type}")
     ungrouped = len(volumes.pop(UNGROUPED, ())) if len(volumes) > 1 else 0
     return NamedMesh(
         source,

@@ -1,4 +1,4 @@
-"""Materials, parts and bodies: what a simulation is made of, as arrays.
+"""Parts and bodies: what a simulation is made of, as arrays.
 
 A `Part` is a mesh with a material, in its own axes. A `Body` is a part placed by a rotation and a translation, so that a wall of
 thousands of bricks holds two meshes. A `RigidBody` has a mass, an inertia and a surface mesh, and moves with 6 (3 in 2D) dofs.
@@ -18,10 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-
-CELL_NODES = {"hexahedron": 8, "tetrahedron": 4, "quadrilateral": 4, "triangle": 3}
-CELL_DIMENSION = {"hexahedron": 3, "tetrahedron": 3, "quadrilateral": 2, "triangle": 2}
-FACET_NODES = {"hexahedron": 4, "tetrahedron": 3, "quadrilateral": 2, "triangle": 2}
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material import Material
 
 
 def _frozen(values: ArrayLike, dtype: type, what: str, shape: tuple[int | None, ...]) -> NDArray:
@@ -51,23 +49,6 @@ def _frozen_surfaces(surfaces: Mapping[str, ArrayLike], n_points: int, facet_nod
     return MappingProxyType(frozen)
 
 
-@dataclass(frozen=True)
-class Material:
-    """Isotropic linear elastic material: Young's modulus E [Pa], Poisson's ratio nu [-], density [kg/m^3]."""
-
-    E: float
-    nu: float
-    density: float
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.E) and self.E > 0):
-            raise InputError(f"Material: expected Young's modulus E > 0 in Pa, got {self.E}")
-        if not -1 < self.nu < 0.5:
-            raise InputError(f"Material: expected Poisson's ratio -1 < nu < 0.5, got {self.nu}")
-        if not (np.isfinite(self.density) and self.density >= 0):
-            raise InputError(f"Material: expected a density >= 0 in kg/m^3, got {self.density}")
-
-
 @dataclass(frozen=True, eq=False)
 class Part:
     """A meshed piece of one material, in its own axes.
@@ -91,19 +72,20 @@ class Part:
 
     def __post_init__(self) -> None:
         what = f"Part {self.name!r}"
-        if self.cell_type not in CELL_NODES:
-            first = next((name for name in CELL_NODES if str(self.cell_type).startswith(name)), None)
+        if self.cell_type not in CELL_TYPES:
+            first = next((name for name in CELL_TYPES if str(self.cell_type).startswith(name)), None)
             hint = f": cells of second order are not supported, mesh with {first}s of first order" if first else ""
-            raise InputError(f"{what}: expected a cell type among {', '.join(CELL_NODES)}, got {self.cell_type!r}{hint}")
+            raise InputError(f"{what}: expected a cell type among {', '.join(CELL_TYPES)}, got {self.cell_type!r}{hint}")
         if self.plane not in ("strain", "stress"):
             raise InputError(f"{what}: expected plane 'strain' or 'stress', got {self.plane!r}")
         if not self.thickness > 0:
             raise InputError(f"{what}: expected a thickness > 0 in m, got {self.thickness}")
-        object.__setattr__(self, "points", _frozen(self.points, np.float64, f"{what}, points", (None, CELL_DIMENSION[self.cell_type])))
-        object.__setattr__(self, "cells", _frozen(self.cells, np.int64, f"{what}, cells", (None, CELL_NODES[self.cell_type])))
+        cell = CELL_TYPES[self.cell_type]
+        object.__setattr__(self, "points", _frozen(self.points, np.float64, f"{what}, points", (None, cell.dimension)))
+        object.__setattr__(self, "cells", _frozen(self.cells, np.int64, f"{what}, cells", (None, cell.size)))
         if self.cells.size == 0 or self.cells.min() < 0 or self.cells.max() >= len(self.points):
             raise InputError(f"{what}: expected cells with node numbers 0 ... {len(self.points) - 1}, got {self.cells.shape[0]} cells")
-        object.__setattr__(self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), FACET_NODES[self.cell_type], what))
+        object.__setattr__(self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), cell.facet_size, what))
 
     @property
     def dimension(self) -> int:

@@ -8,22 +8,10 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.part import CELL_DIMENSION, Part
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.part import Part
 
 SMALLEST_SCALED_JACOBIAN = 1e-3
-
-# Corners of the reference square and cube [-1, 1]^d in VTK's order.
-_CORNERS = {
-    "quadrilateral": np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float),
-    "hexahedron": np.array([(x, y, z) for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], dtype=float),
-}
-
-
-def _shape_gradients(corners: FloatArray, at: FloatArray) -> FloatArray:
-    """Gradients (nq, k, d) of N_i = prod_j (1 + s_ij xi_j) / 2 at the points `at` (nq, d), where s (k, d) are the corners."""
-    d = corners.shape[1]
-    factors = (1 + corners * at[:, None, :]) / 2
-    return np.stack([corners[:, j] / 2 * np.prod(np.delete(factors, j, axis=2), axis=2) for j in range(d)], axis=2)
 
 
 def _gauss_points(d: int) -> FloatArray:
@@ -52,9 +40,10 @@ def cell_volumes(points: FloatArray, cells: IntArray, cell_type: str) -> FloatAr
 
     Quadrilaterals and hexahedra: 2 Gauss points a direction, exact for the bilinear and trilinear maps.
     """
-    d = CELL_DIMENSION[cell_type]
-    if cell_type in _CORNERS:
-        gradients = _shape_gradients(_CORNERS[cell_type], _gauss_points(d))
+    cell = CELL_TYPES[cell_type]
+    d = cell.dimension
+    if not cell.simplex:
+        gradients = cell.gradient(_gauss_points(d))
         nodes = _nodes(points, cells)
         return np.sum([_determinants(_jacobians(nodes, g)) for g in gradients], axis=0)
     return _determinants(_nodes(points, cells)[:, 1:]) / (2 if d == 2 else 6)
@@ -69,11 +58,11 @@ def scaled_jacobian(points: FloatArray, cells: IntArray, cell_type: str) -> Floa
     SAND2007-1751, with the inner points added.
     """
     nodes = _nodes(points, cells)
-    if cell_type in _CORNERS:
-        corners = _CORNERS[cell_type]
-        at = np.concatenate((corners, np.zeros((1, corners.shape[1])), _gauss_points(corners.shape[1])))
+    cell = CELL_TYPES[cell_type]
+    if not cell.simplex:
+        at = np.concatenate((cell.nodes, cell.centre, _gauss_points(cell.dimension)))
         worst = np.full(len(cells), np.inf)
-        for gradients in _shape_gradients(corners, at):
+        for gradients in cell.gradient(at):
             jacobian = _jacobians(nodes, gradients)
             worst = np.minimum(worst, _ratio(_determinants(jacobian), np.prod(np.linalg.norm(jacobian, axis=1), axis=1)))
         return worst

@@ -11,17 +11,10 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
+from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Body, Part, RigidBody
 
 BlockKind = Literal["deformable", "rigid", "mixed"]
-
-# Where the nodes of the reference cells [-1, 1]^d stand, in VTK's order.
-_CORNERS = {
-    "quadrilateral": np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float),
-    "hexahedron": np.array(
-        [(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)], dtype=float
-    ),
-}
 
 
 class MassProperties(NamedTuple):
@@ -99,17 +92,15 @@ def _quadrature(cell_type: str) -> tuple[FloatArray, FloatArray, FloatArray]:
 
     Simplices: the symmetric rules of degree 2; others: 3 Gauss points a direction, of degree 5 (the product has 4 in each direction).
     """
-    if cell_type in ("triangle", "tetrahedron"):
-        d = {"triangle": 2, "tetrahedron": 3}[cell_type]
+    cell = CELL_TYPES[cell_type]
+    d = cell.dimension
+    if cell.simplex:
         near = {2: 2 / 3, 3: (5 + 3 * np.sqrt(5)) / 20}[d]
-        far = (1 - near) / d
-        shape = np.full((d + 1, d + 1), far) + (near - far) * np.eye(d + 1)
-        gradient = np.vstack([-np.ones(d), np.eye(d)])
-        return shape, np.tile(gradient, (d + 1, 1, 1)), np.full(d + 1, 1 / (2 * (d + 1) if d == 2 else 6 * (d + 1)))
-    corners = _CORNERS[cell_type]
-    d = corners.shape[1]
-    nodes, weights = np.polynomial.legendre.leggauss(3)
-    point = np.array(list(product(nodes, repeat=d)))
-    factor = 0.5 * (1 + point[:, None, :] * corners)  # (nq, k, d)
-    gradient = np.stack([0.5 * corners[:, r] * np.delete(factor, r, axis=2).prod(axis=2) for r in range(d)], axis=2)
-    return factor.prod(axis=2), gradient, np.array(list(product(weights, repeat=d))).prod(axis=1)
+        point = np.full((d + 1, d), (1 - near) / d)
+        point[1:] += (near - (1 - near) / d) * np.eye(d)
+        weight = np.full(d + 1, 1 / (2 * (d + 1) if d == 2 else 6 * (d + 1)))
+    else:
+        nodes, weights = np.polynomial.legendre.leggauss(3)
+        point = np.array(list(product(nodes, repeat=d)))
+        weight = np.array(list(product(weights, repeat=d))).prod(axis=1)
+    return cell.shape(point), cell.gradient(point), weight

@@ -16,10 +16,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.linear.factors import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on, probes
+from fcsim.linear.factors import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
+from fcsim.linear.singularity import refuse_singular
 from fcsim.problem._delassus_kernels import alike_in_contacts
-from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks, equilibrating_scale
-from fcsim.problem.delassus import DelassusSum
+from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
+from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.problem import GlobalProblem, LocalProblem
 
 EQUAL = 1e-13
@@ -153,20 +154,6 @@ def _fitting_factor(block: Any) -> Factor:
         except SingularMatrix:  # indefinite, as with equality constraints
             dense = block.toarray()
     return DenseLU(dense)
-
-
-def refuse_singular(block: Any, factor: Factor) -> None:
-    """Raise SingularMatrix where the factor does not find a known solution of the matrix (csr or csc) again.
-
-    Round-off hides the zero pivot of most singular matrices, such as the stiffness of a body without supports. The known solution
-    is random in the scaling that makes the rows' largest entries equal (Ruiz 2001), so that units and multipliers do not matter.
-    """
-    size = block.shape[0]
-    scale = equilibrating_scale(block.indptr, block.indices, block.data, 5)[:, None]
-    known = scale * probes(size).T
-    found = factor.solve(block @ known)
-    if not np.abs((found - known) / scale).max() <= 1e-2:
-        raise SingularMatrix(f"M is singular to working precision: a block of {size} degrees of freedom (a body without supports?)")
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model
-from fcsim.assembly.supports import DIRECTIONS
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 from fcsim.running.case import Sensor

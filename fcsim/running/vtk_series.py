@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from fcsim.errors import MissingDependency
 from fcsim.files import replacing
+from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.running.folder import read_collection, write_collection
-
-VTK_CELL = {"triangle": 5, "quadrilateral": 9, "tetrahedron": 10, "hexahedron": 12}
 
 # Level 1: three quarters of the size at a third of the time of level 6 more; zlib because meshio and other readers know no LZ4.
 COMPRESSION_LEVEL = 1
@@ -160,7 +159,7 @@ class _Blocks:
 
         width = np.repeat([body.part.cells.shape[1] for body in bodies], count)
         connectivity = np.concatenate([(body.part.cells + begin).ravel() for body, begin in zip(bodies, node_begin, strict=False)])
-        kinds = np.repeat(np.array([VTK_CELL[body.part.cell_type] for body in bodies], dtype=np.uint8), count)
+        kinds = np.repeat(np.array([CELL_TYPES[body.part.cell_type].vtk for body in bodies], dtype=np.uint8), count)
         self._grid = vtk.data.vtkUnstructuredGrid()
         self._grid.SetPoints(vtk.points(np.asarray(model.reference)[self._nodes]))
         self._grid.SetCells(vtk.support.numpy_to_vtk(kinds, deep=True), vtk.cells(np.concatenate([[0], np.cumsum(width)]), connectivity))

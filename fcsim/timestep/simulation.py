@@ -23,6 +23,7 @@ from fcsim.timestep.chain import Clock, SolverSettings, not_converged, solve_cha
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step_compliance import StepCompliance
 from fcsim.timestep.warm_start import MEMORY, warm_start
 
 
@@ -153,7 +154,7 @@ class Simulation:
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
         driven = scheme.driven(model, state)
         problem = self._problem(factor, H, load, scheme.contact_velocity(state, contacts, H), driven, contacts.mu)
-        reduction = Reduction(problem, factor)
+        reduction = Reduction(problem, StepCompliance(factor))
         if len(contacts):
             _ = reduction.local
         clock.lap("assembly")

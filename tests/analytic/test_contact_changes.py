@@ -13,7 +13,8 @@ from fcsim.contact_detection import Detector, SurfacePair, split_at_sharp_edges,
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Gap
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation

@@ -18,7 +18,9 @@ from fcsim.contact_detection import Detector, SurfacePair, contact_matrix, two_p
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_detection.surfaces.surface import CandidateRule
 from fcsim.mesh.blocks import brick, rectangle
-from fcsim.mesh.part import CELL_DIMENSION, Body, Material, Part
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, Part
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
@@ -28,7 +30,7 @@ E, SIDE, PRESSED = 200e9, 2e-3, 0.2e-3
 P = E * PRESSED / (2 * SIDE)
 FINE: dict[int, tuple[int, ...]] = {2: (7, 3), 3: (3, 4, 2)}
 COARSE: dict[int, tuple[int, ...]] = {2: (4, 3), 3: (2, 3, 2)}
-CELLS = list(CELL_DIMENSION)
+CELLS = list(CELL_TYPES)
 
 
 def block(name: str, divisions: tuple[int, ...], cell: str, nu: float, width: float = SIDE, first: float = 0.0) -> Part:
@@ -99,7 +101,7 @@ def tolerance(rule: CandidateRule) -> float:
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("rule", ["mortar", "mortar-faces", "segments"])
 def test_integral_rules_pass(rule: Any, cell: str, nu: float, finer: str) -> None:
-    d = CELL_DIMENSION[cell]
+    d = CELL_TYPES[cell].dimension
     slave, master = (FINE[d], COARSE[d]) if finer == "slave" else (COARSE[d], FINE[d])
     model, step = pressed([block("upper", slave, cell, nu)], [block("lower", master, cell, nu)], rule)
     displacement, stress = deviation(model, step, nu)
@@ -113,7 +115,7 @@ def test_integral_rules_pass(rule: Any, cell: str, nu: float, finer: str) -> Non
 def test_node_to_segment_fails(cell: str, finer: str) -> None:
     """One pass of node-to-segment does not transmit a uniform pressure: displacements are off by 0.4 to 3 % of the motion with
     the finer side as the slave and by 2.5 to 7 % with the coarser one, stresses by 2 to 20 %. (Matching meshes pass: test_statics.py.)"""
-    d = CELL_DIMENSION[cell]
+    d = CELL_TYPES[cell].dimension
     slave, master = (FINE[d], COARSE[d]) if finer == "slave" else (COARSE[d], FINE[d])
     model, step = pressed([block("upper", slave, cell, 0.3)], [block("lower", master, cell, 0.3)], "nodes")
     displacement, stress = deviation(model, step, 0.3)
@@ -139,7 +141,7 @@ def test_mortar_on_distorted_interfaces(cell: str) -> None:
 @pytest.mark.parametrize("rule", ["mortar", "mortar-faces", "segments"])
 def test_one_slave_on_two_masters(rule: Any, cell: str) -> None:
     """The joint between the two lower bodies stands under the middle of a slave facet."""
-    d = CELL_DIMENSION[cell]
+    d = CELL_TYPES[cell].dimension
     divisions = {2: ((5, 2), (2, 2), (3, 2)), 3: ((3, 2, 2), (2, 3, 2), (2, 1, 2))}[d]
     left, right = block("left", divisions[1], cell, 0.0, 0.45 * SIDE), block("right", divisions[2], cell, 0.0, 0.55 * SIDE, 0.45 * SIDE)
     model, step = pressed([block("upper", divisions[0], cell, 0.0)], [left, right], rule, free=False)
@@ -181,7 +183,7 @@ def test_two_passes(cell: str, matching: bool) -> None:
     """Node-to-segment with each side as slave of the other. In 2D, and on rectangles along the axes, it passes on any meshes: reactions by
     the trapezoidal rule on the nodes of both sides are there. On triangles in space it does not, but nearly: 4e-4 for 5e-2 in one pass.
     On matching meshes every pair of nodes is two contacts: W has the rank of one pass."""
-    d = CELL_DIMENSION[cell]
+    d = CELL_TYPES[cell].dimension
     upper, lower = block("upper", FINE[d], cell, 0.3), block("lower", FINE[d] if matching else COARSE[d], cell, 0.3)
     one = pressing([upper], [lower], "nodes", free=False)
     model, pair = one.model, one.detector.pairs[0]

@@ -10,7 +10,9 @@ from fcsim import runtime
 from fcsim.assembly.elasticity import body_force, consistent_mass, pressure, stiffness, traction
 from fcsim.assembly.stress import stress_operator, von_mises
 from fcsim.errors import MissingDependency
-from fcsim.mesh.part import FACET_NODES, Material, Part
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -36,8 +38,8 @@ def grid(cell_type, n, lengths, material, move=lambda points: points, **options)
     surfaces = {}
     for axis, side in product(range(d), (0, 1)):
         on_side = position[cells][:, :, axis] == side * n[axis]
-        touching = on_side.sum(axis=1) == FACET_NODES[cell_type]
-        surfaces["xyz"[axis] + str(side)] = cells[touching][on_side[touching]].reshape(-1, FACET_NODES[cell_type])
+        touching = on_side.sum(axis=1) == CELL_TYPES[cell_type].facet_size
+        surfaces["xyz"[axis] + str(side)] = cells[touching][on_side[touching]].reshape(-1, CELL_TYPES[cell_type].facet_size)
     return Part("grid", move(position * np.divide(lengths, n)), cells, cell_type, surfaces, material, **options)
 
 

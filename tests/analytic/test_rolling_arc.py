@@ -17,7 +17,8 @@ from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rectangle
-from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation

@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.supports import DIRECTIONS, Support
+from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.mesh.rigid import rigid_body
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation

@@ -16,7 +16,8 @@ from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Gap
 from fcsim.mesh.blocks import brick, rectangle, rigid_box
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.mesh.rigid import BlockKind, blocks_that_are
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic

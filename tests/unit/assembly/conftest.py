@@ -8,7 +8,8 @@ import pytest
 
 from fcsim import runtime
 from fcsim.errors import MissingDependency
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 
 CORNERS = {  # in VTK's order
     2: [(0, 0), (1, 0), (1, 1), (0, 1)],

@@ -9,7 +9,8 @@ import pytest
 
 from fcsim.assembly.elasticity import assemble, body_force, consistent_mass, lumped_mass, nodal_volume, pressure, stiffness, traction
 from fcsim.errors import InputError, MissingDependency
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 
 STONE = Material(E=2.2e9, nu=0.2, density=2000.0)
 LENGTHS = (0.3, 0.2, 0.1)

@@ -13,7 +13,8 @@ from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest

@@ -14,7 +14,8 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
-from fcsim.mesh.part import Body, Material, Part, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, Part, RigidBody
 
 STEEL = Material(2e11, 0.3, 7800.0)
 TILT = Rotation.from_rotvec([0.4, -0.7, 0.3]).as_matrix()

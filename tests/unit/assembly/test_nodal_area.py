@@ -7,7 +7,8 @@ from fcsim.assembly.model import build_model
 from fcsim.assembly.nodal_area import nodal_area
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle, rigid_box
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 
 MATERIAL = Material(1e9, 0.3, 1000.0)
 

@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from fcsim.assembly.stress import stress_operator, von_mises
 from fcsim.errors import InputError
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 
 STEEL = Material(E=2.1e11, nu=0.3, density=7850.0)
 GRIDS = {"hexahedron": (3, 2, 2), "tetrahedron": (2, 2, 2), "quadrilateral": (3, 3), "triangle": (3, 3)}

@@ -7,7 +7,8 @@ import pytest
 
 from fcsim.contact_detection import ContactSurface, Detector, SurfacePair
 from fcsim.errors import InputError
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 
 SQUARE = ContactSurface(np.array([[0, 1, 2, 3]]), np.array([0]))
 LINE = ContactSurface(np.array([[0, 1]]), np.array([0]))

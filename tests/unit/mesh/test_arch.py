@@ -5,7 +5,7 @@ import pytest
 
 from fcsim.errors import InputError
 from fcsim.mesh.arch import semicircular_arch
-from fcsim.mesh.part import Material
+from fcsim.mesh.material import Material
 from fcsim.mesh.quality import cell_volumes
 
 MATERIAL = Material(E=2.2e9, nu=0.2, density=2000)

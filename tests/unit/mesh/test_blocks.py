@@ -5,7 +5,7 @@ import pytest
 
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Material
+from fcsim.mesh.material import Material
 from fcsim.mesh.quality import cell_volumes
 from fcsim.runtime import gmsh_model
 

@@ -5,7 +5,8 @@ import pytest
 
 from fcsim.errors import InputError
 from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 from fcsim.mesh.quality import cell_volumes, scaled_jacobian
 
 MATERIAL = Material(1e9, 0.3, 1000.0)

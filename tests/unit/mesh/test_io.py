@@ -7,7 +7,8 @@ import pytest
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 from fcsim.mesh.quality import cell_volumes
 from fcsim.runtime import gmsh_model
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fcsim.errors import InputError
 from fcsim.mesh.masonry import running_bond
-from fcsim.mesh.part import Material
+from fcsim.mesh.material import Material
 from fcsim.mesh.quality import cell_volumes
 
 MATERIAL = Material(E=2.2e9, nu=0.2, density=2000)

@@ -5,8 +5,10 @@ import pytest
 
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick
-from fcsim.mesh.facets import CELL_FACETS, match_facets, orient_facets
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.facets import match_facets, orient_facets
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 from fcsim.mesh.quality import cell_volumes, check_quality, scaled_jacobian
 
 MATERIAL = Material(E=1e9, nu=0.2, density=2000)
@@ -108,7 +110,7 @@ def test_unused_nodes_are_refused():
 def test_the_facets_of_a_cell_close_it_outwards(cell):
     """Outward area vectors sum to zero, and sum(x . n A) = d V."""
     points = IDEAL[cell]
-    facets = points[np.array(CELL_FACETS[cell])]
+    facets = points[CELL_TYPES[cell].facets]
     if points.shape[1] == 2:
         t = facets[:, 1] - facets[:, 0]
         normals = np.stack((t[:, 1], -t[:, 0]), axis=1)

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material, Part, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.mesh.rigid import blocks_that_are, mass_properties, rigid_body
 from fcsim.runtime import gmsh_model
 

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import csgraph
 
-from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks, equilibrating_scale
+from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -74,17 +74,3 @@ def test_asymmetry() -> None:
     A = sp.csr_array(A.toarray() * [[1, 1.25, 1], [1, 1, 1], [1, 1, 1]])
     assert_allclose(asymmetry(A.indptr, A.indices, A.data, A.toarray()), 1e-9 / 5)
     assert asymmetry(A.indptr, A.indices, 0 * A.data, 0 * A.toarray()) == 0
-
-
-def test_equilibrating_scale() -> None:
-    """Rows and columns of units eight orders apart get largest entries between 0.9 and 1.1; an empty one keeps its scale."""
-    rng = np.random.default_rng(2)
-    units = 10.0 ** rng.uniform(-4, 4, 20)
-    A = units[:, None] * rng.uniform(0.5, 1, (20, 20)) * (rng.random((20, 20)) < 0.3) * units
-    A[3], A[:, 3] = 0, 0
-    S = sp.csr_array(A)
-    scale = equilibrating_scale(S.indptr, S.indices, S.data, 20)
-    scaled = np.abs(scale[:, None] * A * scale)
-    largest = np.delete(np.maximum(scaled.max(axis=0), scaled.max(axis=1)), 3)
-    assert scale[3] == 1
-    assert np.all((largest > 0.9) & (largest < 1.1))

@@ -11,12 +11,13 @@ import h5py
 import numpy as np
 import pytest
 
+from fcsim.command_line import run as run_command
 from fcsim.command_line.main import main
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.io import write_mesh
-from fcsim.mesh.part import Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
 from fcsim.running.checkpoint import read_checkpoint
-from fcsim.running.report import Progress
 
 SCRIPT = """
 from dataclasses import dataclass
@@ -29,7 +30,8 @@ from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rigid_box
 from fcsim.mesh.io import read_mesh
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
@@ -175,7 +177,7 @@ def test_a_full_disk(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         smallest = min(path.stat().st_size for path in (out / "fclib").rglob("*.hdf5"))
         resource.setrlimit(resource.RLIMIT_FSIZE, (smallest // 2, limits[1]))
 
-    monkeypatch.setattr(Progress, "update", fill_the_disk)
+    monkeypatch.setattr(run_command, "show_step", fill_the_disk)
     arguments = ["run", str(folder), "--out", str(out), "--export-every", "1", "--vtk-every", "0"]
     try:
         assert main(arguments) == 2

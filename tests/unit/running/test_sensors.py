@@ -12,7 +12,8 @@ from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle, rigid_box
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.running.case import Sensor
 from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force
 from fcsim.timestep.simulation import Simulation

@@ -16,7 +16,8 @@ from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Gap, Velocity
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import rectangle, rigid_rectangle
-from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.running.checkpoint import read_checkpoint, write_checkpoint
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha

@@ -16,7 +16,8 @@ from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Velocity
 from fcsim.errors import InputError, NotConverged
 from fcsim.mesh.blocks import brick, rigid_box
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.solvers import SOLVERS, Status
 from fcsim.solvers.base import Iterate
 from fcsim.timestep.chain import SolverSettings

@@ -16,7 +16,8 @@ from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Gap, Velocity
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Step

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.mesh.part import Body, Material, Part, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.running.vtk_series import SeriesWriter
 
 STONE = Material(E=2.2e9, nu=0.2, density=2000.0)

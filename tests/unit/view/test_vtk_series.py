@@ -9,7 +9,8 @@ import pytest
 import pyvista
 
 from fcsim.errors import InputError, MissingDependency
-from fcsim.mesh.part import Body, Material, Part
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, Part
 from fcsim.running.vtk_series import SeriesWriter, _closed_line
 
 SOFT = Material(E=5.0, nu=0.25, density=1.0)

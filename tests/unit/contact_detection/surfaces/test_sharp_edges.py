@@ -8,7 +8,8 @@ from fcsim.contact_detection import ContactSurface, split_at_sharp_edges
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 
 
 def facets_of(surfaces: list[ContactSurface]) -> set[tuple[int, ...]]:

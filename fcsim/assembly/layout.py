@@ -1,0 +1,118 @@
+"""Bodies in their order: where each has its nodes and its degrees of freedom.
+
+Degrees of freedom: first the deformable bodies, d a node, in the order of the nodes (dof = d node + component); then the rigid bodies,
+6 each (3D: centre of mass, rotation vector) or 3 (2D). Supports, loads and groups need no more than this of a model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.errors import InputError
+from fcsim.mesh.part import Body, RigidBody
+
+DIRECTIONS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
+"""Degrees of freedom of a rigid body by dimension; a node has the first 2 or 3."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyLayout:
+    """Numbers of bodies, nodes and degrees of freedom; bodies: deformable ones first (see `in_order`)."""
+
+    bodies: tuple[Body | RigidBody, ...]
+
+    @cached_property
+    def dimension(self) -> int:
+        return self.bodies[0].dimension
+
+    @cached_property
+    def deformable(self) -> tuple[Body, ...]:
+        return tuple(body for body in self.bodies if isinstance(body, Body))
+
+    @cached_property
+    def rigid(self) -> tuple[RigidBody, ...]:
+        return tuple(body for body in self.bodies if isinstance(body, RigidBody))
+
+    @cached_property
+    def number(self) -> Mapping[str, int]:
+        """Body number by name."""
+        return {body.name: k for k, body in enumerate(self.bodies)}
+
+    @cached_property
+    def node_offset(self) -> IntArray:
+        """(nbodies + 1,): where each body's nodes begin."""
+        return _offsets([len(body.part.points if isinstance(body, Body) else body.points) for body in self.bodies])
+
+    @cached_property
+    def dof_offset(self) -> IntArray:
+        """(nbodies + 1,): where each body's degrees of freedom begin."""
+        d = self.dimension
+        rigid = len(DIRECTIONS[d])
+        return _offsets([d * len(body.part.points) if isinstance(body, Body) else rigid for body in self.bodies])
+
+    @property
+    def n_nodes(self) -> int:
+        return int(self.node_offset[-1])
+
+    @property
+    def n_dofs(self) -> int:
+        """All degrees of freedom, driven ones included."""
+        return int(self.dof_offset[-1])
+
+    @property
+    def n_elastic(self) -> int:
+        """Degrees of freedom of the deformable bodies."""
+        return int(self.dof_offset[len(self.deformable)])
+
+    @cached_property
+    def reference(self) -> FloatArray:
+        """Nodes (n_nodes, d) [m] in the reference configuration."""
+        return np.concatenate([body.points for body in self.bodies])
+
+    @cached_property
+    def dof_of_node(self) -> IntArray:
+        """(n_nodes, d), -1 for the nodes of rigid bodies, which have none of their own."""
+        dofs = np.full((self.n_nodes, self.dimension), -1)
+        dofs.ravel()[: self.n_elastic] = np.arange(self.n_elastic)
+        return dofs
+
+    def rigid_part(self, x: NDArray) -> NDArray:
+        """The rigid bodies' share (nr, k) of a vector on all dofs, k = 6 or 3: a view."""
+        return x[self.n_elastic :].reshape(-1, len(DIRECTIONS[self.dimension]))
+
+    def body_number(self, name: str) -> int:
+        """Return the number of the body of that name; InputError where there is none."""
+        if name not in self.number:
+            raise InputError(f"body {name!r}: expected one of {', '.join(map(repr, self.number))}")
+        return self.number[name]
+
+    def facets(self, body: str, surface: str) -> IntArray:
+        """Facets (nf, k) of a body's surface in global node numbers."""
+        number = self.body_number(body)
+        surfaces = self.bodies[number].surfaces
+        if surface not in surfaces:
+            raise InputError(f"body {body!r}: expected a surface among {', '.join(map(repr, surfaces))}, got {surface!r}")
+        return surfaces[surface] + self.node_offset[number]
+
+
+def in_order(bodies: Sequence[Body | RigidBody]) -> tuple[Body | RigidBody, ...]:
+    """Return the bodies with the deformable ones first; InputError for none, equal names, or 2D with 3D."""
+    if not bodies:
+        raise InputError("bodies: expected at least one body")
+    names = [body.name for body in bodies]
+    twice = {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else set()
+    if twice:
+        raise InputError(f"bodies: expected different names, got {', '.join(map(repr, sorted(twice)))} more than once")
+    if len({body.dimension for body in bodies}) > 1:
+        raise InputError("bodies: expected all in 2D or all in 3D, got both")
+    return (*(b for b in bodies if isinstance(b, Body)), *(b for b in bodies if isinstance(b, RigidBody)))
+
+
+def _offsets(sizes: Sequence[int]) -> IntArray:
+    return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
