@@ -18,9 +18,9 @@ from fcsim.errors import InputError
 @dataclass(frozen=True, kw_only=True)
 class Springs:
     """The springs and dashpots of a joint: normal, tangential stiffness [Pa/m], normal_damping, tangential_damping [Pa s/m], each times the
-    contact's area. A spring is as implicit as the bodies' own stiffness: of the contact's force per reaction F, length per u L,
+    contact's area. A spring is as implicit as the bodies' own stiffness: with F the force per reaction, L the length per u,
 
-        normal      F r_N = - k g_theta - c g',   g_theta = g - L (1-theta)^2 u_N^- + L theta^2 u_N,   g' = L/h (theta u_N + (1-theta) u_N^-)
+        normal      F r_N = - k g_theta - c g',  g' = L/h (theta u_N + (1-theta) u_N^-),   g_theta = g + L (theta^2 u_N - (1-theta)^2 u_N^-)
         tangential  F r_T = - k e_theta - c e',   e' = L/h (theta u_T + (1-theta) u_T^- - slip),   e_theta = e + h theta e'
 
     with g where the contact is detected, e the stretch at the beginning of the step; so the energy of a spring is kept at theta = 1/2.
@@ -40,7 +40,7 @@ class Springs:
                 raise InputError(f"{name}: expected a damping >= 0 in Pa s/m, got {getattr(self, name)}")
 
     def add_to(self, terms: Terms, meeting: Meeting) -> Terms:
-        """The terms with C and with w of the springs. Solved for u of the formulas above, K* ∋ u + C r + w + ..., slip = theta u_T there."""
+        """The terms with C and w of the springs: the formulas above solved for u; the slip in them is theta times the problem's u_T."""
         timing, area = meeting.timing, meeting.area
         theta, L, F = timing.theta, timing.length_per_u, timing.force_per_reaction
         before, stretch = meeting.before, self.stretch(meeting)

@@ -40,7 +40,7 @@ class Timing:
 
 @dataclass(frozen=True, eq=False)
 class Variables:
-    """What laws remember, contact by contact: identity (k,) ascending; values by name, each (k,) or (k, c); stored [J], what joints hold."""
+    """What laws remember by contact: identity (k,) ascending; values by name, each (k,) or (k, c); stored [J], what joints hold."""
 
     identity: IntArray
     values: Mapping[str, FloatArray]

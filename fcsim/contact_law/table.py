@@ -136,5 +136,5 @@ def _own(variables: Variables | None, k: int) -> Variables | None:
 
 def _part_of(outcome: Outcome, own: BoolArray) -> Outcome:
     given = {name: getattr(outcome.terms, name) for name in ("w", "mu", "adhesion", "compliance", "scale", "frame")}
-    terms = Terms(**{name: None if value is None else value[own] for name, value in given.items()})
+    terms = Terms(**{name: None if value is None else value[own] for name, value in given.items()})  # type: ignore[arg-type]
     return Outcome(terms, outcome.u[own], outcome.r[own], outcome.after[own])
