@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fcsim.assembly.supports import Support
     from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
     from fcsim.command_line.main import main
-    from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, two_pass
+    from fcsim.contact_detection import Contacts, ContactSurface, Detector, Everything, SurfacePair, two_pass
     from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
     from fcsim.contact_law import Gap, Velocity
     from fcsim.errors import FcsimError, InputError
@@ -47,6 +47,7 @@ _HOME = {
     "ContactSurface": "contact_detection",
     "Contacts": "contact_detection",
     "Detector": "contact_detection",
+    "Everything": "contact_detection",
     "FcsimError": "errors",
     "FloatArray": "arrays",
     "Gap": "contact_law",
@@ -97,6 +98,7 @@ __all__ = [
     "ContactSurface",
     "Contacts",
     "Detector",
+    "Everything",
     "FcsimError",
     "FloatArray",
     "Gap",

@@ -1,0 +1,98 @@
+"""Where the sharp edges of two bodies cross, compiled: one pair of edges a row."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.contact_detection.general._foot_kernels import dot
+
+_FLAT = np.cos(np.deg2rad(1.0))  # faces that oppose each other closer than this touch flatly: the contact's normal is the face's
+_PARALLEL = 1e-7  # sine of the angle below which edges of flatly touching faces do not cross; vertices hold these
+_ALONG = 1e-4  # the same of edges in space, whose direction of contact is round-off
+_ARC = 0.05  # sine of how far the normal may leave the arc between an edge's faces
+
+
+@njit(cache=True)
+def _in_face(edge: int, place: int, direction: FloatArray, normals: FloatArray, edge_facets: IntArray) -> FloatArray:
+    """Unit vector in the edge's first or second facet, across the edge and away from it."""
+    n = normals[edge_facets[edge, place]]
+    t = np.cross(n, direction) if place == 0 else np.cross(direction, n)
+    return t / np.sqrt(dot(t, t))
+
+
+@njit(cache=True)
+def _flat_normal(a: int, b: int, normals: FloatArray, sizes: FloatArray, edge_facets: IntArray) -> tuple[bool, FloatArray]:
+    """The larger face's normal, from b to a, where two faces of the edges touch flatly."""
+    best, fa, fb = -_FLAT, -1, -1
+    for i in range(2):
+        for j in range(2):
+            c = dot(normals[edge_facets[a, i]], normals[edge_facets[b, j]])
+            if c < best:
+                best, fa, fb = c, edge_facets[a, i], edge_facets[b, j]
+    if fa < 0:
+        return False, normals[0]
+    return True, -normals[fa] if sizes[fa] > sizes[fb] else normals[fb]
+
+
+@njit(cache=True)
+def crossings(
+    first: IntArray,
+    second: IntArray,
+    alert: FloatArray,
+    depth: FloatArray,
+    near: FloatArray,
+    point: FloatArray,
+    normals: FloatArray,
+    sizes: FloatArray,
+    edges: IntArray,
+    edge_facets: IntArray,
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Rows of edges that touch, their normals from the second to the first (nc, 3), gaps (nc,) [m] and places s, t (nc, 2) on both.
+
+    alert, depth, near (rows,) [m]. A crossing lies inside both edges by more than `near`: vertices hold the ends.
+    """
+    n = len(first)
+    rows, normal = np.empty(n, dtype=np.int64), np.empty((n, 3))
+    gap, place = np.empty(n), np.empty((n, 2))
+    count = 0
+    for row in range(n):
+        a, b = first[row], second[row]
+        pa, pb = point[edges[a, 0]], point[edges[b, 0]]
+        da, db = point[edges[a, 1]] - pa, point[edges[b, 1]] - pb
+        la, lb = np.sqrt(dot(da, da)), np.sqrt(dot(db, db))
+        da, db = da / la, db / lb
+        r = pb - pa
+        flat, N = _flat_normal(a, b, normals, sizes, edge_facets)
+        if flat:
+            cross = dot(N, np.cross(da, db))
+            if abs(cross) < _PARALLEL:
+                continue
+            s, t = dot(N, np.cross(r, db)) / cross, dot(N, np.cross(r, da)) / cross
+        else:
+            across = np.cross(da, db)
+            sine = np.sqrt(dot(across, across))
+            if sine < _ALONG:
+                continue
+            N = across / sine
+            if dot(N, normals[edge_facets[b, 0]] + normals[edge_facets[b, 1]]) < 0.0:
+                N = -N
+            if dot(N, normals[edge_facets[a, 0]] + normals[edge_facets[a, 1]]) >= 0.0:
+                continue
+            extreme = True
+            for k in range(2):  # both bodies fall away from the common tangent plane
+                extreme = extreme and dot(N, _in_face(b, k, db, normals, edge_facets)) <= _ARC
+                extreme = extreme and dot(N, _in_face(a, k, da, normals, edge_facets)) >= -_ARC
+            if not extreme:
+                continue
+            s, t = dot(np.cross(r, db), across) / sine**2, dot(np.cross(r, da), across) / sine**2
+        tol = near[row]
+        if not (tol < s < la - tol and tol < t < lb - tol):
+            continue
+        g = dot(pa + s * da - pb - t * db, N)
+        if -depth[row] <= g <= alert[row]:
+            rows[count], normal[count], gap[count] = row, N, g
+            place[count, 0], place[count, 1] = s / la, t / lb
+            count += 1
+    return rows[:count].copy(), normal[:count].copy(), gap[:count].copy(), place[:count].copy()
