@@ -12,14 +12,14 @@ from fcsim.contact_law.compliant import Springs
 from fcsim.contact_law.coulomb import RECOVERY, closing
 from fcsim.contact_law.law import Meeting, Outcome, Remembered, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
-from fcsim.errors import FcsimError, InputError
+from fcsim.errors import InputError, Unphysical
 
 BONDED_WITHIN = 1e-4
 """Contacts of the first step are bonded where their gap is below this share of the smaller body's size."""
 
 
-class JointLost(FcsimError, RuntimeError):
-    """A joint that still holds is no longer among the detected contacts: the simulation stops there."""
+class JointLost(Unphysical):
+    """A joint that still holds is no longer among the detected contacts."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,10 +21,11 @@ from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory, Result
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged, solve_chain
+from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import Encounter, encounter
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
-from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step import Attempt, Lead, Moment, Step
 from fcsim.timestep.step_compliance import StepCompliance
 from fcsim.timestep.warm_start import MEMORY, warm_start
 
@@ -40,6 +41,9 @@ class Simulation:
 
     A step that does not converge is halved, and halved again up to `cuttings` times (0: never); sub-steps that converge are doubled
     again as soon as they end where a longer one would. Steps always end on the grid of h, and only there is something yielded.
+
+    created: contacts that create more than this share of the energy that the run began with and that loads and supports have supplied
+    raise EnergyCreated (inf: never); see `Ledger`. Not in quasi-statics, where joints that begin under pressure are meant.
     """
 
     model: Model
@@ -50,6 +54,7 @@ class Simulation:
     initial: State | None = None
     keep: int = 25
     cuttings: int = 5
+    created: float = 0.05
 
     def __post_init__(self) -> None:
         if self.keep < 0:
@@ -58,6 +63,8 @@ class Simulation:
             raise InputError(f"steps: expected a whole number >= 0, got {self.steps}")
         if not 0 <= self.cuttings <= 20:
             raise InputError(f"cuttings: expected a whole number from 0 to 20, got {self.cuttings}")
+        if not self.created > 0:
+            raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
         self.scheme.refuse(self.model)  # before anything runs
 
     def __iter__(self) -> Iterator[Step]:
@@ -92,6 +99,17 @@ class Simulation:
     @cached_property
     def _proportions(self) -> Proportions:
         return proportions(self.model)
+
+    @cached_property
+    def _free_mass(self) -> float:
+        """Mass [kg] of what no support drives."""
+        model = self.model
+        along = np.zeros(model.n_dofs)
+        first = model.dof_of_node[:, 0]
+        along[first[first >= 0]] = 1.0
+        model.rigid_part(along)[:, 0] = 1.0
+        along[model.driven_dofs] = 0.0
+        return float(along @ model.apply_mass(along))
 
     @cached_property
     def _extent(self) -> float:
@@ -133,6 +151,11 @@ class Simulation:
                     )
                 cuts += 1
                 continue
+            ledger = moment.ledger.after(replace(part, before=None).energy)
+            part = replace(part, ledger=ledger)
+            if self.scheme.timing.moving:
+                # what moves slower than the solvers' floor is at rest
+                refuse_creation(part, self.created, 0.5 * self._free_mass * self.solver.floor**2, self._extent)
             position, substeps = position + (end >> cuts), substeps + 1
             if cuts and position % (end >> (cuts - 1)) == 0:
                 cuts -= 1
@@ -165,7 +188,7 @@ class Simulation:
         whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
         r = warm_start(reduction.local, met.contacts, memory) if len(met.contacts) else np.empty(0)
-        result = self._solve(reduction, met, r, start, cuts, kept, attempts)
+        result, lead = self._solve(reduction, met, r, start, cuts, kept, attempts)
         clock.lap("solve")
         if result is None:
             return None
@@ -199,6 +222,7 @@ class Simulation:
             whole_per_part=whole_per_part,
             encounter=met,
             variables=variables,
+            lead=lead,
         )
 
     def _solve(
@@ -210,15 +234,16 @@ class Simulation:
         cuts: int,
         kept: dict[int, Memory] | None,
         attempts: list[Attempt],
-    ) -> Result | None:
-        """The chain's answer, None where it has none; what serves the next problem takes its place in `kept`."""
+    ) -> tuple[Result | None, Lead]:
+        """The chain's answer, None where it has none, and who leads the next; what serves the next problem takes its place in `kept`."""
         tol = self.solver.tol * min(1.0, self._longest_flight(reduction, met.meeting.timing.force_per_reaction))
         identity = met.contacts.identity
         serving = None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity)
-        result, serving = solve_chain(self.solver, reduction, warm, tol, 0.5**cuts, attempts, serving)
+        first = len(attempts)
+        result, serving = solve_chain(self.solver, reduction, warm, tol, 0.5**cuts, attempts, serving, start.lead)
         if kept is not None and serving is not None:
             kept[cuts] = serving
-        return result
+        return result, start.lead.after(attempts[first].solver, attempts[-1].solver) if result else start.lead
 
     def _problem(self, compliance: StepCompliance, met: Encounter, load: FloatArray, driven: FloatArray) -> GlobalProblem:
         """The problem on the model's unknowns; what driven dofs and adhesion do enters f and w."""

@@ -18,7 +18,7 @@ from fcsim.problem import GlobalProblem, contact_status
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result, Status
 from fcsim.timestep.encounter import Encounter
-from fcsim.timestep.energy import Energy
+from fcsim.timestep.energy import UNWRITTEN, Energy, Ledger
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.warm_start import Reactions
@@ -28,7 +28,8 @@ from fcsim.timestep.warm_start import Reactions
 class Attempt:
     """One link of the fallback chain: the solver, where it started ("previous steps" or "zero") and how it ended.
 
-    share: the part of the step that was attempted, 1 or, where the step was cut, 1/2, 1/4, ...; tol: the error asked for
+    share: the part of the step that was attempted, 1 or, where the step was cut, 1/2, 1/4, ...; tol: the error asked for; leads: it began
+    the chain because the steps before needed it, see `Lead`
     """
 
     solver: str
@@ -38,21 +39,51 @@ class Attempt:
     iterations: int
     share: float
     tol: float
+    leads: bool = False
 
     def __str__(self) -> str:
         return f"{self.solver} from {self.start}: {self.status}, error {self.error:.2e}"
 
 
+@dataclass(frozen=True)
+class Lead:
+    """Which solver begins the chain instead of the settings' own, learned from the steps before.
+
+    solver  the link that has worked where the first one did not, `streak` times in a row; it leads for `steps` more steps
+    """
+
+    solver: str = ""
+    streak: int = 0
+    steps: int = 0
+
+    def after(self, first: str, worked: str) -> Lead:
+        """The lead after a solve in which `first` began and `worked` had the answer."""
+        if self.steps > 1:
+            return Lead(self.solver, self.streak, self.steps - 1) if worked == self.solver else Lead()
+        if self.steps or worked == first:
+            return Lead()
+        streak = self.streak + 1 if worked == self.solver else 1
+        return Lead(worked, streak, LEADS if streak == LEARNED else 0)
+
+
+NOBODY = Lead()
+LEARNED, LEADS = 3, 25
+"""After so many solves in a row that the same later link had to answer, it begins the chain, for so many solves."""
+
+
 @dataclass(frozen=True, eq=False)
 class Moment:
     """The end of step `number`, all that the next steps depend on: its state, the last reactions (newest first), and how many times
-    the next step is halved before it is tried; variables: what the contact law remembers, None = nothing has been met yet."""
+    the next step is halved before it is tried; variables: what the contact law remembers, None = nothing has been met yet; ledger:
+    what contact has created so far; lead: which solver begins the next chain."""
 
     number: int
     state: State
     memory: tuple[Reactions, ...] = ()
     cuts: int = 0
     variables: Variables | None = None
+    ledger: Ledger = UNWRITTEN
+    lead: Lead = NOBODY
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +106,7 @@ class Step:
     cuts              see `Moment`
     encounter         the contacts under their law: what it was told and what it gave
     variables         what the law remembers at the end of the step
+    ledger, lead      see `Moment`
     """
 
     number: int
@@ -99,6 +131,8 @@ class Step:
     whole_per_part: float = 1.0
     cuts: int = 0
     variables: Variables | None = None
+    ledger: Ledger = UNWRITTEN
+    lead: Lead = NOBODY
 
     @property
     def memory(self) -> tuple[Reactions, ...]:
@@ -107,7 +141,7 @@ class Step:
 
     @property
     def moment(self) -> Moment:
-        return Moment(self.number, self.state, self.memory, self.cuts, self.variables)
+        return Moment(self.number, self.state, self.memory, self.cuts, self.variables, self.ledger, self.lead)
 
     @property
     def reactions(self) -> Reactions:
@@ -129,6 +163,8 @@ class Step:
         """The balance of energy over the step."""
         acting = replace(self.result, r=self.reaction, u=self.encounter.velocity(self.result.u))
         own = self.scheme.energy(self.model, self.previous, self.state, self.H, acting, self.support_impulse)
+        held = self.encounter.meeting.variables
+        own = own.with_joints(held.stored if held else 0.0, self.variables.stored if self.variables else 0.0)
         return own if self.before is None else self.before.then(own)
 
     @cached_property
