@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from fcsim.timestep.state import State, at_rest
     from fcsim.timestep.step import Step
     from fcsim.timestep.theta import Theta
+    from fcsim.witness import Witness
 
 _HOME = {
     "AccelerationRecord": "assembly.time_functions",
@@ -73,6 +74,7 @@ _HOME = {
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
     "Velocity": "contact_law",
+    "Witness": "witness",
     "at_rest": "timestep.state",
     "build_model": "assembly.model",
     "contact_force": "running.sensors",
@@ -123,6 +125,7 @@ __all__ = [
     "SurfacePair",
     "Theta",
     "Velocity",
+    "Witness",
     "at_rest",
     "build_model",
     "contact_force",

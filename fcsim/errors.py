@@ -23,5 +23,9 @@ class NotConverged(FcsimError, RuntimeError):
     """A step did not converge, even after the whole fallback chain; the simulation stops there."""
 
 
+class Penetration(Unphysical):
+    """The witness saw bodies overlap by more than it bears; the simulation stops there."""
+
+
 EXIT_OK, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 """What the command line returns: all converged or verified, something did not, bad input, interrupted."""

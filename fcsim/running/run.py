@@ -21,7 +21,7 @@ from fcsim.interrupts import ended_by, is_interrupt
 from fcsim.running.case import Case, CaseScript
 from fcsim.running.case_description import describe
 from fcsim.running.checkpoint import read_checkpoint
-from fcsim.running.description import Description, write_description, write_end
+from fcsim.running.description import Description, SeenOverlap, write_description, write_end
 from fcsim.running.outputs import Outputs, RunOptions
 from fcsim.running.own_files import check_folder, empty
 from fcsim.running.parameters import parse_parameters
@@ -33,9 +33,10 @@ __all__ = ["RunOptions", "Summary", "run_case"]
 
 @dataclass(frozen=True)
 class Summary:
-    """How a run ended: status "finished", "not converged", "failed" or "interrupted"; seconds by phase; steps that needed the
-    fallback chain, that another solver led since it had to answer before (see `Lead`), that were cut; energy_residual the largest of a
-    step [J]; energy_created by contacts in all, see `Ledger` [J]; notes: what is to be known of the results."""
+    """How a run ended: status "finished", "not converged", "failed" (penetration seen, energy created) or "interrupted"; seconds by phase;
+    steps that needed the fallback chain, that another solver led since it had to answer before (see `Lead`), that were cut;
+    energy_residual the largest of a step [J]; energy_created by contacts in all, see `Ledger` [J]; overlap the largest that was seen;
+    notes: what is to be known of the results."""
 
     status: str
     message: str
@@ -50,6 +51,7 @@ class Summary:
     cut: int
     energy_residual: float
     energy_created: float
+    overlap: SeenOverlap
     notes: tuple[str, ...] = ()
 
     @property
@@ -69,6 +71,7 @@ class _Tally:
     cut: int = 0
     energy_residual: float = 0.0
     energy_created: float = 0.0
+    overlap: SeenOverlap = field(default_factory=SeenOverlap)
     seconds: dict[str, float] = field(default_factory=dict)
 
     def add(self, step: Step, seconds: Mapping[str, float]) -> None:
@@ -82,6 +85,8 @@ class _Tally:
         self.led += bool(step.attempts) and step.attempts[0].leads
         self.energy_created = step.ledger.created
         self.energy_residual = max(self.energy_residual, abs(step.energy.residual))
+        if step.overlap is not None and step.overlap.depth > self.overlap.depth:
+            self.overlap = SeenOverlap(step.overlap.depth, step.overlap.share, step.overlap.between)
 
 
 def run_case(
@@ -136,7 +141,7 @@ def _resumed(
         return now
     notes = accepted(changes(stored, now), accept)
     check_moments(moments, case.simulation.model, case.simulation.steps, directory / "checkpoint.h5")
-    return replace(now, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
+    return replace(now, overlap=stored.overlap, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
 
 
 def _run(
@@ -149,14 +154,14 @@ def _run(
 ) -> Summary:
     """Take the steps one after the other, and leave the folder whole however that ends."""
     status, message = "finished", ""
-    tally, begin = _Tally(), time.perf_counter()
+    tally, begin = _Tally(overlap=description.overlap), time.perf_counter()
     start = moments[0].number if moments else 0
 
     def reached() -> int:
         return outputs.last.number if outputs.last is not None else start
 
     def describe_end() -> None:
-        write_end(directory, replace(description, status=status, message=message, steps_done=reached()))
+        write_end(directory, replace(description, status=status, message=message, steps_done=reached(), overlap=tally.overlap))
 
     try:
         for step in case.simulation.run(*moments) if moments else case.simulation:

@@ -16,7 +16,7 @@ from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection
 from fcsim.contact_law.proportions import Proportions, proportions
-from fcsim.errors import InputError
+from fcsim.errors import InputError, Penetration
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory, Result
@@ -28,6 +28,7 @@ from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Attempt, Lead, Moment, Step
 from fcsim.timestep.step_compliance import StepCompliance
 from fcsim.timestep.warm_start import MEMORY, warm_start
+from fcsim.witness import Watch, Witness, begin, penetration_seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,9 @@ class Simulation:
 
     created: contacts that create more than this share of the energy that the run began with and that loads and supports have supplied
     raise EnergyCreated (inf: never); see `Ledger`. Not in quasi-statics, where joints that begin under pressure are meant.
+
+    The witness measures the bodies' overlap before the first step, every few steps and after the last, and refuses or stops what is
+    beyond its tolerance: InputError before the first step, Penetration after the step that is yielded last. None: nobody looks.
     """
 
     model: Model
@@ -55,6 +59,7 @@ class Simulation:
     keep: int = 25
     cuttings: int = 5
     created: float = 0.05
+    witness: Witness | None = field(default_factory=Witness)
 
     def __post_init__(self) -> None:
         if self.keep < 0:
@@ -116,20 +121,41 @@ class Simulation:
         """Size of the model [m]."""
         return float(np.ptp(self.model.reference, axis=0).max())
 
+    @cached_property
+    def watch(self) -> Watch | None:
+        """The witness at work, from the initial state on; InputError where it refuses that."""
+        initial = self.initial or at_rest(self.model)
+        return None if self.witness is None else begin(self.witness, self.model, initial.x)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the summary of a run says of the scheme and of the witness."""
+        seen = ("overlap of bodies is not witnessed",) if self.watch is None else self.watch.notes
+        return (*self.scheme.notes, *seen)
+
+    def _witnessed(self, step: Step) -> Step:
+        """The step with its overlap, where it is one that is measured."""
+        if self.watch is None or (step.number % self.watch.witness.every and step.number != self.steps):
+            return step
+        return replace(step, overlap=self.watch.look(step.state.x))
+
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
         """Yield the steps after a moment (default: the initial state).
 
         With that moment's `anchor` the steps between the two are computed again first, and what follows is bit by bit what the whole
         run gives; without it, up to the solver's tolerance.
         """
+        watch = self.watch  # refuses before anything is computed
         after = after or Moment(0, self.initial or at_rest(self.model))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None
         while moment.number < self.steps:
-            step = self.step(moment, kept, anchor)
+            step = self._witnessed(self.step(moment, kept, anchor))
             moment = step.moment
             if step.number > after.number:
                 yield step
+            if watch is not None and watch.witness.stop and step.overlap is not None and step.overlap.beyond:
+                raise Penetration(penetration_seen(step.number, step.state.t, step.overlap, watch.witness.tolerance))
             del step  # its W is not kept while the next one is made
             if self.keep and moment.number % self.keep == 0:
                 kept, anchor = {}, moment

@@ -22,6 +22,7 @@ from fcsim.timestep.energy import UNWRITTEN, Energy, Ledger
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.warm_start import Reactions
+from fcsim.witness import Overlap
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,7 @@ class Step:
     encounter         the contacts under their law: what it was told and what it gave
     variables         what the law remembers at the end of the step
     ledger, lead      see `Moment`
+    overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
     """
 
     number: int
@@ -133,6 +135,7 @@ class Step:
     variables: Variables | None = None
     ledger: Ledger = UNWRITTEN
     lead: Lead = NOBODY
+    overlap: Overlap | None = None
 
     @property
     def memory(self) -> tuple[Reactions, ...]:

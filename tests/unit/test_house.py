@@ -18,8 +18,6 @@ STILL_LONG = {
     "solvers/gauss_seidel/_one_contact_exact.py:_glocker_newton",
     "solvers/gauss_seidel/_sweep_kernels.py:sweep",
     "solvers/solve.py:solve",
-    "collection/build.py:build_collection",
-    "collection/select.py:select_problems",
     "bench/run.py:_measure",
     "solvers/automatic/stages.py",
     "solvers/variational/inequality.py",

@@ -15,8 +15,9 @@ from fcsim.solvers import SOLVERS, Method, Result, Status, solve
 from fcsim.solvers.base import Iterate, Monitor, override
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
-from fcsim.solvers.newton.iterations import NewtonOptions, newton
+from fcsim.solvers.newton.iterations import newton
 from fcsim.solvers.newton.line_search import armijo, goldstein_price
+from fcsim.solvers.newton.options import NewtonOptions
 
 
 def problem(seed: int = 0, nc: int = 10, d: int = 3) -> LocalProblem:
