@@ -81,8 +81,9 @@ def encounter(
     """Detect the contacts of a step and ask their law."""
     law = scheme.law
     configuration = scheme.detection_configuration(model, state)
-    positions = model.positions(configuration)
-    contacts = detection(positions)
+    positions, way = model.positions(configuration), scheme.way(model, state)
+    moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
+    contacts = detection(positions, moved)
     chosen = law.select(contacts, proportions, variables)
     if not chosen.all():
         contacts = contacts.take(chosen)

@@ -95,6 +95,9 @@ class GeneralisedAlpha:
         rate, _ = self._memory(model, state)
         return model.advance(state.x, self.h * ((1 - self.alpha_f) * state.v + (self.alpha_f - 0.5) * rate))
 
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return self.h * state.v
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, kappa, alpha_f = self.h, self.kappa, self.alpha_f
         x, v = state.x, state.v

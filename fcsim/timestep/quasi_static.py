@@ -87,6 +87,9 @@ class QuasiStatic:
     def detection_configuration(self, model: Model, state: State) -> FloatArray:
         return state.x
 
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return None
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         return model.load(state.t + self.h, state.x) - model.apply_stiffness(state.x)
 

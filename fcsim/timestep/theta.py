@@ -66,6 +66,9 @@ class Theta:
         """The mid configuration x_m = x + h (1 - theta) v."""
         return model.advance(state.x, self.h * (1 - self.theta) * state.v)
 
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return self.h * state.v
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, theta, v = self.h, self.theta, state.v
         inertia = model.apply_mass((1 - h * (1 - theta) * model.alpha) * v, model.rigid_mass(state.x))
