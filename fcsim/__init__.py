@@ -10,6 +10,7 @@ from fcsim import runtime as _runtime
 from fcsim.version import __version__ as __version__
 
 _runtime.keep_freed_memory()
+_runtime.writable_caches()
 
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
