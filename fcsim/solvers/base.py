@@ -93,7 +93,8 @@ class Monitor:
         self.iterations = 0
         self.best = float("inf")
         self.best_r: FloatArray | None = None
-        self.scale = max(float(np.linalg.norm(q)), floor)  # what the error divides by
+        with np.errstate(over="ignore"):
+            self.scale = max(float(np.linalg.norm(q)), floor)  # what the error divides by
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         """The error, see `fcsim.problem.scaled_error`, at (r, u = W r + q)."""
@@ -109,16 +110,23 @@ class Monitor:
             self.best, self.best_r = error, r.copy()
         return error
 
+    def inner(self, q: FloatArray, tol: float, floor: float = 0.0) -> Monitor:
+        """A monitor for a problem of the same contacts on the way, with other velocities q (m,): the same error and clock, no memory."""
+        return Monitor(
+            *(q, self.mu, self.dimension, tol), compliance=self.compliance, floor=floor, time_limit=self.time_limit, start=self.start
+        )
+
     def out_of_time(self) -> bool:
         return time.perf_counter() - self.start > self.time_limit
 
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """What a method's run function returns: the last iterate and why it stopped."""
+    """What a method's run function returns: the last iterate and why it stopped; message: what another program said about that."""
 
     r: FloatArray
     status: Status
+    message: str = ""
 
 
 Run = Callable[[LocalProblem, FloatArray, Monitor, Any], Iterate]
@@ -153,7 +161,7 @@ class Result:
     r (m,), u (m,), v (n,) or None for a problem in local form, multiplier l (p,) or None; error: the one that decided, `scaled_error` or
     `published_error` (see `fcsim.problem.scaled_error` and `error`), both with the caller's floor;
     seconds by phase ("reduction", "solve"; their sum is `time`); history rows (iteration, seconds, error); memory: what may serve the
-    next, nearly equal problem, None where `solve` was given none.
+    next, nearly equal problem, None where `solve` was given none; message: what a program that was called said where it failed.
     """
 
     r: FloatArray
@@ -169,6 +177,7 @@ class Result:
     checks: Checks
     method: str
     multiplier: FloatArray | None = None
+    message: str = ""
     memory: Memory | None = None
 
     @property

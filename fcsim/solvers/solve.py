@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Answer, GlobalProblem, LocalProblem, Reduced, check, natural_map_residual
 from fcsim.problem.elimination import Elimination
 from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction, reduced
-from fcsim.solvers.base import Method, Monitor, Result, Status, choice, override
+from fcsim.solvers.base import Iterate, Method, Monitor, Result, Status, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.table import method
 
@@ -68,7 +70,8 @@ def solve(
     )
     reduction = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
-        r, status = _run(run, form, given.q, r, monitor, options)
+        iterate = _run(run, form, given.q, r, monitor, options)
+        r, status = iterate.r, iterate.status
         answer = answers.of(r)  # u, v, l from r by the equations alone: what a method carried along does not count
         deciding = monitor.error(r, answer.u)
         errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, x), monitor.scale) for x in (s, None)]
@@ -88,6 +91,7 @@ def solve(
         history=monitor.history,
         seconds={"reduction": reduction - start, "solve": time.perf_counter() - reduction},
         method=solver,
+        message=iterate.message,
         memory=monitor.memory,
     )
 
@@ -140,13 +144,16 @@ class _Answers:
         return self.of(r).u
 
 
-def _run(run: Any, problem: Any, q: FloatArray, r: FloatArray, monitor: Monitor, options: Any) -> tuple[FloatArray, Status]:
+def _run(run: Any, problem: Any, q: FloatArray, r: FloatArray, monitor: Monitor, options: Any) -> Iterate:
     """Run the method; where it stops unsolved, hand back the best iterate seen."""
     zero = np.zeros_like(r)
     # r = 0 answers a problem without contacts, and one at rest up to round-off (see `floor`)
     if monitor.error(zero, q) <= monitor.tol:
-        return zero, Status.SOLVED
-    iterate = run(problem, r, monitor, options)
+        return Iterate(zero, Status.SOLVED)
+    try:
+        iterate: Iterate = run(problem, r, monitor, options)
+    except SingularMatrix as singular:  # in a factorisation that the method takes for granted
+        iterate = Iterate(r, Status.SINGULAR, str(singular))
     if not iterate.status.solved and monitor.best_r is not None:
-        return monitor.best_r, iterate.status
-    return iterate.r, iterate.status
+        return replace(iterate, r=monitor.best_r)
+    return iterate

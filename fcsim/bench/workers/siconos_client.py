@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.bench.judge import FclibProblem
+from fcsim.bench.fclib_problem import FclibProblem
 from fcsim.bench.results import SLACK
 from fcsim.bench.workers.killable import FINISHED
 from fcsim.files import replacing
