@@ -86,9 +86,11 @@ def _steps(W: FloatArray, F: FloatArray, A: FloatArray, B: FloatArray, length: F
     own = W[dofs][:, dofs]
     J = (A[active] @ (own.toarray() if sp.issparse(own) else own).reshape(k, d, k * d)).reshape(k * d, k * d)
     J.reshape(k, d, k, d)[np.arange(k), :, np.arange(k), :] += B[active]
-    rhs, J = weight * rhs, np.repeat(weight, d, axis=0) * J
+    rhs, J = weight * rhs, np.repeat(weight, d, axis=0) * J * length[dofs]
+    if not np.all(np.isfinite(J)):
+        return None
     try:
-        left, values, right = sla.svd(J * length[dofs], overwrite_a=True, check_finite=False)
+        left, values, right = sla.svd(J, overwrite_a=True, check_finite=False)
     except np.linalg.LinAlgError:
         return None
     if not values[0] > 0:
