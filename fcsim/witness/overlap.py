@@ -61,7 +61,8 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
     order = bodies[np.argsort(box_low[bodies, axes[0]], kind="stable")]
     first, second = meeting_boxes(order, np.ascontiguousarray(box_low[:, axes]), np.ascontiguousarray(box_high[:, axes]), d)
     floor = least * np.minimum(skins.size[first], skins.size[second])
-    meet = (np.minimum(box_high[first], box_high[second]) - np.maximum(box_low[first], box_low[second])).min(axis=1) > floor
+    moves = skins.movable[first] | skins.movable[second]
+    meet = moves & ((np.minimum(box_high[first], box_high[second]) - np.maximum(box_low[first], box_low[second])).min(axis=1) > floor)
     first, second, floor = first[meet], second[meet], floor[meet]
     forest = Forest(points, skins.triangles, low, high, skins.begin, skins.end, skins.child, skins.roots)
     skin = (skins.vertices, skins.first_vertex, skins.edges, skins.first_edge)

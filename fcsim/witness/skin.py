@@ -38,6 +38,7 @@ class Skins(NamedTuple):
     among the vertices are the centres of facets so few and large that flush bodies have no node between their sides
     first_vertex, first_edge (nbodies + 1,); begin, end, child, roots: the trees, see `_distance_kernels`, roots -1 without a skin
     size (nbodies,) [m]: smallest extent in the reference configuration; infinity without a skin; closed (nbodies,)
+    movable (nbodies,): not held completely by supports
     """
 
     dimension: int
@@ -54,6 +55,7 @@ class Skins(NamedTuple):
     roots: IntArray
     size: FloatArray
     closed: BoolArray
+    movable: BoolArray
 
     def points(self, positions: FloatArray) -> FloatArray:
         """All points (np, 3) [m] for the nodes' positions (n_nodes, d) [m]."""
@@ -193,6 +195,7 @@ def skins_of(model: Model) -> tuple[Skins, tuple[Skin, ...]]:
 
 
 def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
+    driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(skins))
     d, n, offset = model.dimension, model.n_nodes, model.node_offset
     prism = _PRISM * float(np.ptp(model.reference, axis=0).max())
     none = np.empty(0, dtype=np.int64)
@@ -244,4 +247,5 @@ def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
         roots=roots,
         size=np.array(sizes),
         closed=np.array([s.closed for s in skins]),
+        movable=driven < np.diff(model.dof_offset),
     )
