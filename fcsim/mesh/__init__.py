@@ -9,6 +9,7 @@ from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.mesh.quality import check_quality
 from fcsim.mesh.rigid import BlockKind, blocks_that_are, mass_properties, rigid_body
+from fcsim.mesh.rigid_shapes import rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 
 __all__ = [
     "BlockKind",
@@ -32,7 +33,11 @@ __all__ = [
     "rectangle",
     "rigid_body",
     "rigid_box",
+    "rigid_capsule",
+    "rigid_cylinder",
+    "rigid_plane",
     "rigid_rectangle",
+    "rigid_sphere",
     "running_bond",
     "semicircular_arch",
     "write_mesh",
