@@ -11,6 +11,7 @@ from fcsim.version import __version__ as __version__
 
 _runtime.limit_threads()
 _runtime.keep_freed_memory()
+_runtime.writable_caches()
 
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.bench.judge import FclibProblem
 from fcsim.collection.folder import members, parse_name, refuse_folder, whole_folder
 from fcsim.collection.manifest import AT_REST, Entry, write_manifest
 from fcsim.collection.plots import write_distributions
@@ -21,7 +20,7 @@ from fcsim.collection.run_about import RunAbout, notes_on
 from fcsim.errors import InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, Solution, file_name, read_fclib, write_fclib
 from fcsim.files import sha256
-from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem import GlobalProblem, Judge, LocalProblem
 from fcsim.problem.delassus_sum import DENSE_W_UP_TO
 from fcsim.problem.reduction import reduce
 from fcsim.running.case import Case, load_case
@@ -153,7 +152,7 @@ def _write_problem(
         forms = {"global": problem, **forms}
     entries = []
     for form, written in forms.items():
-        error = FclibProblem(name, form, written).error(solution.r)
+        error = Judge(written).error(solution.r)
         path = folder / form / name
         path.parent.mkdir(exist_ok=True)
         write_fclib(

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.bench.judge import FclibProblem
 from fcsim.collection.folder import members, parse_name
 from fcsim.collection.manifest import AT_REST, MANIFEST, Entry, read_manifest
 from fcsim.errors import InputError
 from fcsim.export_fclib import FclibFile, Solution, read_fclib
 from fcsim.files import sha256
-from fcsim.problem import GlobalProblem, LocalProblem, check
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import GlobalProblem, Judge, LocalProblem, check
 
 Progress = Callable[[str, int, int], None]
 
@@ -121,10 +121,10 @@ def _check_content(path: Path, place: str, content: FclibFile, entry: Entry | No
         if entry is not None and entry.error is not None:
             failures.append("no /solution, the manifest states its error")
         return Checked(**row, note="no solution", failures=tuple(failures))
-    judge = FclibProblem(path.stem, content.form, problem)
     try:
+        judge = Judge(problem)
         error = judge.error(solution.r)
-    except RuntimeError as singular:  # SuperLU
+    except SingularMatrix as singular:
         return Checked(**row, failures=(*failures, f"the stored solution cannot be judged: {singular}"))
     cone = check(solution.r, solution.u, problem.mu, problem.dimension).cone
     equations = _equations(problem, solution, judge.scale)

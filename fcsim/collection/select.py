@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fcsim.bench.judge import FclibProblem
 from fcsim.collection.folder import FORMS, Member, Name, members, natural, parse_name, refuse_folder, whole_folder
 from fcsim.collection.grade import choose
 from fcsim.collection.manifest import AT_REST, Entry, read_manifests_below, write_manifest
@@ -22,9 +21,9 @@ from fcsim.errors import FcsimError, InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, file_name, read_fclib
 from fcsim.files import sha256
 from fcsim.linear.factors import SingularMatrix
-from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem import GlobalProblem, Judge, LocalProblem
 from fcsim.problem.delassus_sum import DENSE_W_UP_TO
-from fcsim.problem.reduction import eliminate_equalities, reduce
+from fcsim.problem.reduction import reduced
 from fcsim.solvers import method, solve
 
 Progress = Callable[[str, int, int], None]
@@ -224,7 +223,7 @@ def _copy(graded: Graded, name: str, folder: Path, known: Mapping[str, Entry], a
         shutil.copyfile(path, target)
         row = known.get(_place(asked.directory, path))
         if about is None:
-            local = reduce(problem).local if isinstance(problem, GlobalProblem) else eliminate_equalities(problem)
+            local = reduced(problem).local
             about = properties(problem, local, 0 if row is not None and row.rank is not None else asked.spectrum_up_to)
             if row is not None and row.rank is not None:
                 about = replace(about, rank=row.rank, condition=row.condition, n=row.n)
@@ -244,7 +243,7 @@ def _copy(graded: Graded, name: str, folder: Path, known: Mapping[str, Entry], a
                 condition=about.condition,
                 solver=asked.solver,
                 iterations=graded.iterations,
-                error=None if r is None else FclibProblem(name, content.form, problem).error(r),
+                error=None if r is None else Judge(problem).error(r),
                 sha256=sha256(target),
                 status=graded.status,
                 tol=asked.tol,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,16 @@ class _VTK:
             raise MissingDependency(f"VTK cannot be imported ({error}), which the VTK files need: pip install 'fcsim[view]'") from None
         self.core, self.data, self.io, self.support = core, data, io, support
 
+    @contextmanager
+    def _quiet(self) -> Iterator[None]:
+        """VTK prints pages on a full disk; the error says it in a line."""
+        shown = self.core.vtkObject.GetGlobalWarningDisplay()
+        self.core.vtkObject.SetGlobalWarningDisplay(0)
+        try:
+            yield
+        finally:
+            self.core.vtkObject.SetGlobalWarningDisplay(shown)
+
     def array(self, name: str, values: NDArray) -> Any:
         array = self.support.numpy_to_vtk(np.ascontiguousarray(values), deep=True)
         array.SetName(name)
@@ -58,7 +69,7 @@ class _VTK:
         writer.EncodeAppendedDataOff()
         writer.SetCompressorTypeToZLib()
         writer.SetCompressionLevel(COMPRESSION_LEVEL)
-        with replacing(path) as temporary:
+        with replacing(path) as temporary, self._quiet():
             writer.SetFileName(str(temporary))
             if writer.Write() != 1 or writer.GetErrorCode():
                 raise OSError(f"{path}: VTK could not write the file (error code {writer.GetErrorCode()}; disk full, or not writable?)")

@@ -91,6 +91,9 @@ class GeneralisedAlpha:
         rate, _ = self._memory(model, state)
         return model.advance(state.x, self.h * ((1 - self.alpha_f) * state.v + (self.alpha_f - 0.5) * rate))
 
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return self.h * state.v
+
     def select(self, contacts: Contacts) -> Contacts:
         return law_contacts(self.law, contacts)
 

@@ -81,6 +81,9 @@ class QuasiStatic:
     def detection_configuration(self, model: Model, state: State) -> FloatArray:
         return state.x
 
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return None
+
     def select(self, contacts: Contacts) -> Contacts:
         return contacts
 

@@ -49,6 +49,11 @@ class Scheme(Protocol):
         """Return the configuration x (n_dofs,) in which contacts are detected."""
         ...
 
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        """Return the increment (n_dofs,) of that configuration over the step if nothing changed the velocities, which detection looks
+        along; None where there is no such thing."""
+        ...
+
     def select(self, contacts: Contacts) -> Contacts:
         """Return the contacts that the law takes."""
         ...

@@ -172,7 +172,9 @@ class Simulation:
         scheme = self.scheme.cut(2**cuts) if cuts else self.scheme
         whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
         configuration = scheme.detection_configuration(model, state)
-        contacts = scheme.select(self.detector(model.positions(configuration)))
+        positions, way = model.positions(configuration), scheme.way(model, state)
+        moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
+        contacts = scheme.select(self.detector(positions, moved))
         H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
         clock.lap("detection")
         load = scheme.right_hand_side(model, state)

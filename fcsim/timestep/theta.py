@@ -62,6 +62,9 @@ class Theta:
         """The mid configuration x_m = x + h (1 - theta) v."""
         return model.advance(state.x, self.h * (1 - self.theta) * state.v)
 
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return self.h * state.v
+
     def select(self, contacts: Contacts) -> Contacts:
         return law_contacts(self.law, contacts)
 

@@ -18,7 +18,6 @@ STILL_LONG = {
     "solvers/gauss_seidel/_one_contact_exact.py:_glocker_newton",
     "solvers/gauss_seidel/_sweep_kernels.py:sweep",
     "solvers/solve.py:solve",
-    "bench/run.py:_measure",
     "solvers/automatic/stages.py",
     "solvers/variational/inequality.py",
     "solvers/variational/admm.py",

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.general._edge_kernels import crossings
+from fcsim.contact_detection.general._edge_kernels import crossings, inside
 from fcsim.contact_detection.general.near import NearBodies, near_edges
 from fcsim.contact_detection.general.skin import Shape, Skin
 from fcsim.contact_detection.general.vertices import VertexContacts
@@ -35,18 +35,35 @@ class EdgeContacts(NamedTuple):
 
 
 def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts) -> EdgeContacts:
-    """Contacts of sharp edges, sorted by their numbers. Where an end of an edge is inside the other body, a much shorter way out of it
-    in another direction shows that the edges only cross in passing, and they are no contact."""
+    """Contacts of sharp edges, sorted by their numbers.
+
+    Edges that overlap do so truly if one goes through both faces of the other, or if what lies between them is inside both bodies. Where
+    an end is inside the other body, a much shorter way out by that end in another direction shows that the edges only cross in passing:
+    no contact.
+    """
     rows = near_edges(skin, shape, near)
     first, second, pair = np.ascontiguousarray(rows.T)
     limits = (near.alert[pair], near.depth[pair], near.near[pair])
-    row, normal, gap, place = crossings(first, second, *limits, shape.point, shape.normal, shape.size, skin.edges, skin.edge_facets)
+    row, normal, gap, place, pierced = crossings(
+        *(first, second, *limits, shape.point, shape.normal, shape.size, skin.edges, skin.edge_facets, skin.facets, skin.sides)
+    )
     found = EdgeContacts(np.column_stack([first[row], second[row]]), place, normal, gap)
-    deep = np.flatnonzero(gap < -near.near[pair[row]])
-    keep = np.ones(len(row), dtype=bool)
+    keep = pierced > 0
+    keep[~keep] = _overlap(skin, shape, found.take(~keep))
+    deep = np.flatnonzero(keep & (pierced < 2))
     keep[deep] = ~_leaves_by_a_vertex(skin, found.take(deep), vertices, near.near[pair[row[deep]]])
     found = found.take(keep)
     return found.take(np.lexsort((found.edges[:, 1], found.edges[:, 0])))
+
+
+def _overlap(skin: Skin, shape: Shape, found: EdgeContacts) -> BoolArray:
+    """Whether the middle between the nearest points of both edges is inside both bodies."""
+    ends = shape.point[skin.edges[found.edges]]
+    nearest = ends[:, :, 0] + found.place[:, :, None] * (ends[:, :, 1] - ends[:, :, 0])
+    bodies = skin.vertex_body[skin.edges[found.edges, 0]]
+    middle = nearest.mean(axis=1)
+    surface = (skin.first_facet, shape.point, skin.facets, skin.sides)
+    return inside(middle, bodies[:, 0], *surface) & inside(middle, bodies[:, 1], *surface)
 
 
 def _leaves_by_a_vertex(skin: Skin, found: EdgeContacts, vertices: VertexContacts, near: FloatArray) -> BoolArray:

@@ -62,6 +62,6 @@ def near_edges(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
     ends = shape.point[skin.edges[sharp]]
     items = (first, ends.min(axis=1), ends.max(axis=1))
     reach = np.maximum(near.alert, 0.2 * near.depth)
-    rows = kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items, *items, near.alert, reach)
+    rows = kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items, *items, reach, reach)
     rows[:, :2] = sharp[rows[:, :2]]
     return rows

@@ -44,7 +44,7 @@ class RegularisedNewton:
         """
         problem, shift, d = self._problem, alpha * self._D, self._problem.dimension
         q = problem.q - np.repeat(shift, d) * r
-        watch = Monitor(q, problem.mu, d, tol, floor=self._norm, time_limit=outer.time_limit, start=outer.start)
+        watch = outer.inner(q, tol, floor=self._norm)
         rho = {"rho": ADAPTED[formulation]} if adaptive else {"rho_factor": RHO_FACTOR}
         options = NewtonOptions(formulation=formulation, max_iterations=INNER_ITERATIONS, **rho)
         condensing = formulation in ("AC", "JM")
