@@ -2,6 +2,7 @@
 
 from fcsim.mesh.arch import SemicircularArch, semicircular_arch
 from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.exact.rigid_shapes import rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
 from fcsim.mesh.masonry import RunningBond, running_bond
@@ -9,7 +10,6 @@ from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.mesh.quality import check_quality
 from fcsim.mesh.rigid import BlockKind, blocks_that_are, mass_properties, rigid_body
-from fcsim.mesh.rigid_shapes import rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 
 __all__ = [
     "BlockKind",

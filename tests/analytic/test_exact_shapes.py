@@ -130,6 +130,7 @@ def test_bodies_at_rest_carry_their_weight() -> None:
         assert step.contact_force_on(step.model.number[name])[2] == pytest.approx(mass * G, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_capsule_that_falls_on_its_end_comes_to_lie() -> None:
     """Dropped at 40 degrees, it tumbles and lies: energy never grows, the kinetic one dies, its axis at one radius above the floor."""
     axis = (np.cos(0.7), 0.0, np.sin(0.7))
