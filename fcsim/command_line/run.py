@@ -103,7 +103,8 @@ def _print_summary(summary: Summary, directory: Path) -> None:
     print_table(("phase", "seconds", "seconds a step", "share"), rows, title=title)
     say(
         f"iterations {summary.iterations}, largest error {summary.largest_error:.1e}, steps that needed the fallback chain "
-        f"{summary.fallbacks}, steps that were cut {summary.cut}, largest residual of the energy balance {summary.energy_residual:.1e} J"
+        f"{summary.fallbacks}, that another solver led since it had to answer before {summary.led}, that were cut {summary.cut}, largest "
+        f"residual of the energy balance {summary.energy_residual:.1e} J, energy that contacts created {summary.energy_created:.1e} J"
     )
     if summary.overlap.depth:
         seen = summary.overlap

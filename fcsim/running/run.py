@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from fcsim.errors import NotConverged, Penetration
+from fcsim.errors import NotConverged, Unphysical
 from fcsim.files import alone_in, files_read, remove_partial_files
 from fcsim.interrupts import ended_by, is_interrupt
 from fcsim.running.case import Case, CaseScript
@@ -33,9 +33,10 @@ __all__ = ["RunOptions", "Summary", "run_case"]
 
 @dataclass(frozen=True)
 class Summary:
-    """How a run ended: status "finished", "not converged", "failed" (penetration seen) or "interrupted"; seconds by phase; steps that
-    needed the fallback chain, steps that were cut; energy_residual the largest of a step [J]; overlap the largest that was seen; notes:
-    what is to be known of the results."""
+    """How a run ended: status "finished", "not converged", "failed" (penetration seen, energy created) or "interrupted"; seconds by phase;
+    steps that needed the fallback chain, that another solver led since it had to answer before (see `Lead`), that were cut;
+    energy_residual the largest of a step [J]; energy_created by contacts in all, see `Ledger` [J]; overlap the largest that was seen;
+    notes: what is to be known of the results."""
 
     status: str
     message: str
@@ -46,8 +47,10 @@ class Summary:
     iterations: int
     largest_error: float
     fallbacks: int
+    led: int
     cut: int
     energy_residual: float
+    energy_created: float
     overlap: SeenOverlap
     notes: tuple[str, ...] = ()
 
@@ -64,8 +67,10 @@ class _Tally:
     iterations: int = 0
     largest_error: float = 0.0
     fallbacks: int = 0
+    led: int = 0
     cut: int = 0
     energy_residual: float = 0.0
+    energy_created: float = 0.0
     overlap: SeenOverlap = field(default_factory=SeenOverlap)
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -77,6 +82,8 @@ class _Tally:
         self.largest_error = max(self.largest_error, step.result.error)
         self.fallbacks += len(step.attempts) > step.substeps
         self.cut += step.substeps > 1
+        self.led += bool(step.attempts) and step.attempts[0].leads
+        self.energy_created = step.ledger.created
         self.energy_residual = max(self.energy_residual, abs(step.energy.residual))
         if step.overlap is not None and step.overlap.depth > self.overlap.depth:
             self.overlap = SeenOverlap(step.overlap.depth, step.overlap.share, step.overlap.between)
@@ -163,7 +170,7 @@ def _run(
                 watch(case, step)
     except NotConverged as error:
         status, message = "not converged", str(error)
-    except Penetration as error:
+    except Unphysical as error:
         status, message = "failed", str(error)
     except BaseException as error:
         if not is_interrupt(error):

@@ -115,6 +115,9 @@ COLUMNS: dict[str, tuple[str, Callable[[Step], Any]]] = {
     "normal_dissipation": ("J", lambda step: step.energy.normal_dissipation),
     "tangential_dissipation": ("J", lambda step: step.energy.tangential_dissipation),
     "friction_dissipation": ("J", lambda step: step.energy.friction_dissipation),
+    "contact_energy": ("J", lambda step: step.energy.contact),
+    "contact_gain": ("J", lambda step: step.energy.contact_gain),
+    "energy_created": ("J", lambda step: step.ledger.created),
     "energy_residual": ("J", lambda step: step.energy.residual),
 }
 """Columns of steps.csv before the phases' seconds and the case's sensors: unit and value; see `Step`, `Energy` and `Overlap` (nan

@@ -91,7 +91,8 @@ class SeriesWriter:
     blocks     points in the reference configuration; point data displacement [m], velocity [m/s]; cell data von_mises [Pa]
                (at the cell's centre), body
     contacts   points at the foot points; reaction (global axes), reaction_normal, reaction_tangential [N], gap [m], status (0 open,
-               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there
+               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there; and what the contact
+               law remembers, by its names (fracture, slip, ...)
     rigid      the surfaces of the rigid bodies; point data displacement [m], velocity [m/s]; cell data body
 
     Every file is written under a temporary name and renamed, the collection last, so that an interrupted run leaves whole files.
@@ -117,7 +118,7 @@ class SeriesWriter:
         """Write the three data sets of a step and take them up in the collections.
 
         Reads step.number; step.state.t, .x, .v; step.contacts; step.contact_force (nc, d) [N] in the frame (N, T1[, T2]);
-        step.contact_status (nc,); step.result.u (d nc,) [m/s]. Entries of the same or a later time are replaced.
+        step.contact_status (nc,); step.result.u (d nc,) [m/s]; step.law_variables. Entries of the same or a later time are replaced.
         """
         t = float(step.state.t)
         displacement = self._model.node_displacement(step.state.x)
@@ -252,4 +253,6 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
         "displacement": _in_space(np.einsum("ak,akj->aj", on_master, displacement[contacts.nodes])),
     }.items():
         points.GetPointData().AddArray(vtk.array(name, values))
+    for name, values in step.law_variables.items():
+        points.GetPointData().AddArray(vtk.array(name, values if values.ndim == 1 else _in_space(values)))
     return points

@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy
@@ -33,6 +33,16 @@ class Scheme(Protocol):
         """What the summary of a run says of the scheme."""
         ...
 
+    @property
+    def law(self) -> Law:
+        """The contact law."""
+        ...
+
+    @property
+    def timing(self) -> Timing:
+        """What the unknown u means for a gap over a step."""
+        ...
+
     def cut(self, parts: int) -> Scheme:
         """Return the scheme of a `parts`-th of the step."""
         ...
@@ -54,16 +64,8 @@ class Scheme(Protocol):
         along; None where there is no such thing."""
         ...
 
-    def select(self, contacts: Contacts) -> Contacts:
-        """Return the contacts that the law takes."""
-        ...
-
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         """Return f (n_dofs,)."""
-        ...
-
-    def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        """Return w (m,), without what driven dofs add."""
         ...
 
     def driven(self, model: Model, state: State) -> FloatArray:

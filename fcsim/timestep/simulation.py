@@ -14,15 +14,18 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, contact_matrix
+from fcsim.contact_detection import Detection
+from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
-from fcsim.solvers import Memory
+from fcsim.solvers import Memory, Result
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged, solve_chain
+from fcsim.timestep.creation import refuse_creation
+from fcsim.timestep.encounter import Encounter, encounter
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
-from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step import Attempt, Lead, Moment, Step
 from fcsim.timestep.step_compliance import StepCompliance
 from fcsim.timestep.warm_start import MEMORY, warm_start
 from fcsim.witness import Watch, Witness, begin, penetration_seen
@@ -40,6 +43,9 @@ class Simulation:
     A step that does not converge is halved, and halved again up to `cuttings` times (0: never); sub-steps that converge are doubled
     again as soon as they end where a longer one would. Steps always end on the grid of h, and only there is something yielded.
 
+    created: contacts that create more than this share of the energy that the run began with and that loads and supports have supplied
+    raise EnergyCreated (inf: never); see `Ledger`. Not in quasi-statics, where joints that begin under pressure are meant.
+
     The witness measures the bodies' overlap before the first step, every few steps and after the last, and refuses or stops what is
     beyond its tolerance: InputError before the first step, Penetration after the step that is yielded last. None: nobody looks.
     """
@@ -52,6 +58,7 @@ class Simulation:
     initial: State | None = None
     keep: int = 25
     cuttings: int = 5
+    created: float = 0.05
     witness: Witness | None = field(default_factory=Witness)
 
     def __post_init__(self) -> None:
@@ -61,6 +68,8 @@ class Simulation:
             raise InputError(f"steps: expected a whole number >= 0, got {self.steps}")
         if not 0 <= self.cuttings <= 20:
             raise InputError(f"cuttings: expected a whole number from 0 to 20, got {self.cuttings}")
+        if not self.created > 0:
+            raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
         self.scheme.refuse(self.model)  # before anything runs
 
     def __iter__(self) -> Iterator[Step]:
@@ -91,6 +100,21 @@ class Simulation:
         if factors not in self._systems:
             self._systems[factors] = SystemFactor(self.model, *factors, self.contact_nodes)
         return self._systems[factors]
+
+    @cached_property
+    def _proportions(self) -> Proportions:
+        return proportions(self.model)
+
+    @cached_property
+    def _free_mass(self) -> float:
+        """Mass [kg] of what no support drives."""
+        model = self.model
+        along = np.zeros(model.n_dofs)
+        first = model.dof_of_node[:, 0]
+        along[first[first >= 0]] = 1.0
+        model.rigid_part(along)[:, 0] = 1.0
+        along[model.driven_dofs] = 0.0
+        return float(along @ model.apply_mass(along))
 
     @cached_property
     def _extent(self) -> float:
@@ -153,6 +177,11 @@ class Simulation:
                     )
                 cuts += 1
                 continue
+            ledger = moment.ledger.after(replace(part, before=None).energy)
+            part = replace(part, ledger=ledger)
+            if self.scheme.timing.moving:
+                # what moves slower than the solvers' floor is at rest
+                refuse_creation(part, self.created, 0.5 * self._free_mass * self.solver.floor**2, self._extent)
             position, substeps = position + (end >> cuts), substeps + 1
             if cuts and position % (end >> (cuts - 1)) == 0:
                 cuts -= 1
@@ -170,38 +199,34 @@ class Simulation:
         """The step, or its next part of the length h / 2^cuts; None where the solver chain fails. What was tried goes into `attempts`."""
         model, state = self.model, start.state
         scheme = self.scheme.cut(2**cuts) if cuts else self.scheme
-        whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
-        configuration = scheme.detection_configuration(model, state)
-        positions, way = model.positions(configuration), scheme.way(model, state)
-        moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
-        contacts = scheme.select(self.detector(positions, moved))
-        H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
+        met = encounter(model, self.detector, scheme, state, self._proportions, start.variables)
         clock.lap("detection")
         load = scheme.right_hand_side(model, state)
         rigid_mass = scheme.rigid_mass(model, state, load)
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
         driven = scheme.driven(model, state)
-        problem = self._problem(factor, H, load, scheme.contact_velocity(state, contacts, H), driven, contacts.mu)
-        reduction = Reduction(problem, StepCompliance(factor))
-        if len(contacts):
+        compliance = StepCompliance(factor, met.compliance)
+        problem = self._problem(compliance, met, load, driven)
+        reduction = Reduction(problem, compliance)
+        if len(met.contacts):
             _ = reduction.local
         clock.lap("assembly")
+        whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
-        r = warm_start(reduction.local, contacts, memory) if len(contacts) else np.empty(0)
-        tol = self.solver.tol * min(1.0, self._longest_flight(reduction, scheme.force_per_reaction))
-        serving = None if kept is None else kept.pop(cuts, Memory.of(contacts.identity)).follow(contacts.identity)
-        result, serving = solve_chain(self.solver, reduction, r, tol, 0.5**cuts, attempts, serving)
-        if kept is not None and serving is not None:
-            kept[cuts] = serving
+        r = warm_start(reduction.local, met.contacts, memory) if len(met.contacts) else np.empty(0)
+        result, lead = self._solve(reduction, met, r, start, cuts, kept, attempts)
         clock.lap("solve")
         if result is None:
             return None
+        solution = compliance.bodies(result.v)  # type: ignore[arg-type]
         v = np.empty(model.n_dofs)
-        v[model.free_dofs] = result.v if model.driven == "eliminated" else result.v[model.free_dofs]  # type: ignore[index]
+        v[model.free_dofs] = solution if model.driven == "eliminated" else solution[model.free_dofs]
         v[model.driven_dofs] = driven
-        impulse = H @ result.r
+        reaction = met.reaction(result.r)
+        impulse = met.H @ reaction
         support = scheme.support_impulse(model, factor.apply(v) - load - impulse, impulse)
         after = scheme.advance(model, state, v, impulse, rigid_mass)
+        variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
         return Step(
             number=start.number,
@@ -209,8 +234,8 @@ class Simulation:
             scheme=scheme,
             previous=state,
             state=after,
-            contacts=contacts,
-            H=H,
+            contacts=met.contacts,
+            H=met.H,
             problem=problem,
             result=result,
             reduction=reduction,
@@ -221,18 +246,42 @@ class Simulation:
             attempts=tuple(attempts),
             seconds=clock.seconds,
             whole_per_part=whole_per_part,
+            encounter=met,
+            variables=variables,
+            lead=lead,
         )
 
-    def _problem(self, factor: SystemFactor, H: Any, load: FloatArray, w: FloatArray, driven: FloatArray, mu: FloatArray) -> GlobalProblem:
-        """The problem on the model's unknowns; what driven dofs do enters f and w."""
-        model = self.model
+    def _solve(
+        self,
+        reduction: Reduction,
+        met: Encounter,
+        warm: FloatArray,
+        start: Moment,
+        cuts: int,
+        kept: dict[int, Memory] | None,
+        attempts: list[Attempt],
+    ) -> tuple[Result | None, Lead]:
+        """The chain's answer, None where it has none, and who leads the next; what serves the next problem takes its place in `kept`."""
+        tol = self.solver.tol * min(1.0, self._longest_flight(reduction, met.meeting.timing.force_per_reaction))
+        identity = met.contacts.identity
+        serving = None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity)
+        first = len(attempts)
+        result, serving = solve_chain(self.solver, reduction, warm, tol, 0.5**cuts, attempts, serving, start.lead)
+        if kept is not None and serving is not None:
+            kept[cuts] = serving
+        return result, start.lead.after(attempts[first].solver, attempts[-1].solver) if result else start.lead
+
+    def _problem(self, compliance: StepCompliance, met: Encounter, load: FloatArray, driven: FloatArray) -> GlobalProblem:
+        """The problem on the model's unknowns; what driven dofs and adhesion do enters f and w."""
+        model, H, w = self.model, met.scaled_H, met.w
         free = model.free_dofs
-        f = load
+        adhesive = met.adhesive_impulse
+        f = load if adhesive is None else load - adhesive
         if np.any(driven):
             moved = np.zeros(model.n_dofs)
             moved[model.driven_dofs] = driven
             w = w + H.T @ moved
-            f = load - factor.apply(moved)
+            f = f - compliance.factor.apply(moved)
         if model.driven == "eliminated":
             f, free_H = f[free], sp.csr_array(H[free])
         else:
@@ -241,7 +290,8 @@ class Simulation:
             mask = np.zeros(model.n_dofs)
             mask[free] = 1
             free_H = sp.csr_array(sp.diags_array(mask) @ H)
-        return GlobalProblem(factor.matrix(), free_H, f, w, mu, dimension=model.dimension)
+        matrix, mu = compliance.matrix(), met.contacts.mu
+        return GlobalProblem(matrix, compliance.with_joints(free_H), compliance.load(f), w, mu, dimension=model.dimension)
 
     def _longest_flight(self, reduction: Reduction, force_per_reaction: float) -> float:
         """How far the bodies may fly freely in one step, the size of the model, relative to how far they do; infinity where they rest.

@@ -20,8 +20,8 @@ from typing import Any
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.coulomb import Gap, Velocity, law_contacts, law_velocity
+from fcsim.contact_law.coulomb import Gap
+from fcsim.contact_law.law import Law, Timing
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
 from fcsim.timestep.scheme import positive
@@ -30,11 +30,11 @@ from fcsim.timestep.state import State
 
 @dataclass(frozen=True)
 class Theta:
-    """h [s] the step, 0 < theta <= 1, law: Gap() or Velocity(restitution)."""
+    """h [s] the step, 0 < theta <= 1, law: see `fcsim.contact_law`."""
 
     h: float
     theta: float = 0.5
-    law: Gap | Velocity = field(default_factory=Gap)
+    law: Law = field(default_factory=Gap)
 
     def __post_init__(self) -> None:
         positive("h", self.h)
@@ -47,6 +47,10 @@ class Theta:
     @property
     def notes(self) -> tuple[str, ...]:
         return ()
+
+    @property
+    def timing(self) -> Timing:
+        return Timing(self.h, self.theta, self.h, 1 / self.h)
 
     def cut(self, parts: int) -> Theta:
         return replace(self, h=self.h / parts)
@@ -64,9 +68,6 @@ class Theta:
 
     def way(self, model: Model, state: State) -> FloatArray | None:
         return self.h * state.v
-
-    def select(self, contacts: Contacts) -> Contacts:
-        return law_contacts(self.law, contacts)
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, theta, v = self.h, self.theta, state.v
@@ -86,9 +87,6 @@ class Theta:
         momentum = model.rigid_part(load)[:, d:] / (1 + self.h * self.theta * model.alpha)
         omega, free = model.rigid_part(state.v)[:, d:], model.rigid_free[:, d:]
         return model.rigid_bodies.free_end_mass(middle, momentum, omega, self.h * self.theta, free)
-
-    def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        return law_velocity(self.law, self.h, self.theta, state.v, contacts, H)
 
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)
