@@ -72,7 +72,7 @@ def test_the_witness_may_only_record_or_be_absent() -> None:
     assert recorded[-2].overlap is None
     assert recorded[9].overlap is not None
     alone = simulation(-0.1, steps=1)
-    unwatched = Simulation(alone.model, alone.detector, alone.scheme, 1, witness=None)
+    unwatched = Simulation(alone.model, alone.detector, alone.scheme, 1, witness=None, created=np.inf)
     assert next(iter(unwatched)).overlap is None
     assert "overlap of bodies is not witnessed" in unwatched.notes
 
