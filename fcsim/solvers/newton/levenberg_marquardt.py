@@ -16,9 +16,10 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.problem import LocalProblem
-from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.newton.formulations import natural_map
 from fcsim.solvers.scaling import contact_compliance
+from fcsim.solvers.turns import Turns, to_the_end
 
 DAMPING = 10.0 ** np.arange(-3.0, -10.6, -0.5)
 """lambda over the largest singular value of J: from where the error's curvature rules to where round-off does."""
@@ -28,8 +29,13 @@ GAIN = 0.998
 """Factor that an iteration takes off the error at least, or it is the last."""
 
 
-def levenberg_marquardt(problem: LocalProblem, r: FloatArray, monitor: Monitor, max_iterations: int) -> Iterate:
-    """Iterate from r (m,) as long as the error falls; `max_iterations` counts the monitor's, one a decomposition."""
+def levenberg_marquardt(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Options) -> Iterate:
+    """Iterate from r (m,) as long as the error falls; max_iterations counts decompositions."""
+    return to_the_end(levenberg_marquardt_turns(problem, r, monitor, options))
+
+
+def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Options) -> Turns:
+    """The same by turns of one decomposition each."""
     nc, d = problem.nc, problem.dimension
     W = sp.csr_array(problem.W) if sp.issparse(problem.W) else problem.W
     length = np.repeat(1 / np.sqrt(contact_compliance(problem)), d)
@@ -38,7 +44,7 @@ def levenberg_marquardt(problem: LocalProblem, r: FloatArray, monitor: Monitor, 
     while not error <= monitor.tol:
         if not np.isfinite(error):
             return Iterate(r, Status.DIVERGED)
-        if monitor.iterations >= max_iterations:
+        if monitor.iterations >= options.max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():
             return Iterate(r, Status.TIME_LIMIT)
@@ -55,6 +61,7 @@ def levenberg_marquardt(problem: LocalProblem, r: FloatArray, monitor: Monitor, 
         r = r + steps[:, best]
         u = W @ r + problem.q
         error = monitor.record(r, u)
+        yield
     return Iterate(r, Status.SOLVED)
 
 
