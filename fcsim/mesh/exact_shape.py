@@ -15,7 +15,6 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 
 ShapeKind = Literal["sphere", "capsule", "cylinder", "plane"]
-_AROUND = 24  # display facets around a circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +34,18 @@ class ExactShape:
             return np.inf
         return min(2 * self.radius, self.length) if self.kind == "cylinder" else 2 * self.radius
 
-    def display(self) -> tuple[FloatArray, IntArray]:
-        """Points (n, d) [m] about the centre and facets (nf, k) of a mesh of the shape, for pictures alone."""
-        return _plane_display(self) if self.kind == "plane" else _round_display(self) if len(self.axis) == 3 else _flat_display(self)
+    def display(self, around: int = 24) -> tuple[FloatArray, IntArray]:
+        """Points (n, d) [m] about the centre and facets (nf, k), -1 = none, of a mesh of the shape, for pictures alone.
+
+        around: facets around a circle, a multiple of 4.
+        """
+        return (
+            _plane_display(self)
+            if self.kind == "plane"
+            else _round_display(self, around)
+            if len(self.axis) == 3
+            else _flat_display(self, around)
+        )
 
 
 def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -57,9 +65,9 @@ def _plane_display(shape: ExactShape) -> tuple[FloatArray, IntArray]:
     return np.stack([-a - b, a - b, a + b, b - a]), np.array([[0, 1, 2, 3]])
 
 
-def _flat_display(shape: ExactShape) -> tuple[FloatArray, IntArray]:
+def _flat_display(shape: ExactShape, around: int) -> tuple[FloatArray, IntArray]:
     """The outline of a disk or a stadium."""
-    n = 2 * _AROUND
+    n = 2 * around
     angle = 2 * np.pi * (np.arange(n) + 0.5) / n
     turn = np.stack([shape.axis, [-shape.axis[1], shape.axis[0]]])
     local = shape.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -67,27 +75,27 @@ def _flat_display(shape: ExactShape) -> tuple[FloatArray, IntArray]:
     return local @ turn, np.stack([np.arange(n), (np.arange(n) + 1) % n], axis=1)
 
 
-def _round_display(shape: ExactShape) -> tuple[FloatArray, IntArray]:
+def _round_display(shape: ExactShape, around: int) -> tuple[FloatArray, IntArray]:
     """Rings around the axis: of a ball or capsule along its meridian, of a cylinder its two rims; closed at both ends by one point."""
     r, half = shape.radius, shape.length / 2
     if shape.kind == "cylinder":
         ring = np.array([(r, -half), (r, half)])
         ends = -half, half
     else:
-        lower = np.linspace(-np.pi / 2, 0, _AROUND // 4 + 1)[1:]
+        lower = np.linspace(-np.pi / 2, 0, around // 4 + 1)[1:]
         ring = np.concatenate([np.stack([r * np.cos(lower), r * np.sin(lower) - half], axis=1)])
         upper = ring[::-1] * (1, -1)
         ring = np.concatenate([ring, upper if half else upper[1:]])
         ends = -half - r, half + r
     a, b = (v[0] for v in across(shape.axis[None]))
-    angle = 2 * np.pi * np.arange(_AROUND) / _AROUND
+    angle = 2 * np.pi * np.arange(around) / around
     out = np.cos(angle)[:, None] * a + np.sin(angle)[:, None] * b
     points = (ring[:, 0, None, None] * out + ring[:, 1, None, None] * shape.axis).reshape(-1, 3)
-    n, k = len(points), np.arange(_AROUND)
-    after = (k + 1) % _AROUND
-    rows = _AROUND * np.arange(len(ring) - 1)[:, None]
-    sides = np.stack([rows + k, rows + after, rows + _AROUND + after, rows + _AROUND + k], axis=-1).reshape(-1, 4)
-    top = n - _AROUND
-    bottom_fan = np.stack([after, k, np.full(_AROUND, n), np.full(_AROUND, -1)], axis=1)
-    top_fan = np.stack([top + k, top + after, np.full(_AROUND, n + 1), np.full(_AROUND, -1)], axis=1)
+    n, k = len(points), np.arange(around)
+    after = (k + 1) % around
+    rows = around * np.arange(len(ring) - 1)[:, None]
+    sides = np.stack([rows + k, rows + after, rows + around + after, rows + around + k], axis=-1).reshape(-1, 4)
+    top = n - around
+    bottom_fan = np.stack([after, k, np.full(around, n), np.full(around, -1)], axis=1)
+    top_fan = np.stack([top + k, top + after, np.full(around, n + 1), np.full(around, -1)], axis=1)
     return np.concatenate([points, np.outer(ends, shape.axis)]), np.concatenate([sides, bottom_fan, top_fan])

@@ -10,6 +10,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.witness._distance_kernels import Forest
 from fcsim.witness._overlap_kernels import common_points, meeting_boxes, overlaps, refit
+from fcsim.witness.exact_overlap import exact_overlaps
 from fcsim.witness.skin import Skins
 
 _GRID = 6
@@ -72,4 +73,10 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
         deeper = inner > depth
         depth, place = np.where(deeper, inner, depth), np.where(deeper[:, None], at, place)
     found = depth > 0
-    return PairOverlaps(np.stack([first, second], axis=1)[found], depth[found], place[found, :d])
+    pairs, depth, place = np.stack([first, second], axis=1)[found], depth[found], place[found, :d]
+    if len(skins.exact.body):
+        more = exact_overlaps(skins.exact, positions, forest, bodies)
+        deep = more[1] > least * np.minimum(skins.size[more[0][:, 0]], skins.size[more[0][:, 1]])
+        deep &= skins.movable[more[0]].any(axis=1)
+        pairs, depth, place = (np.concatenate([a, b[deep]]) for a, b in zip((pairs, depth, place), more, strict=True))
+    return PairOverlaps(pairs, depth, place)

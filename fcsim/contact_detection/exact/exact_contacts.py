@@ -15,8 +15,8 @@ from fcsim.contact_detection.exact.mesh_skin import MeshSkin, mesh_skin
 from fcsim.contact_detection.exact.pairs import balls_on_cylinders, on_planes, rounded_contacts
 from fcsim.contact_detection.exact.solids import Solids, Touch, placed, solids_of
 from fcsim.contact_detection.frames import frames
+from fcsim.contact_detection.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.everything import Everything
-from fcsim.contact_detection.general.friction import Friction, FrictionTable
 from fcsim.errors import InputError
 
 _ALERT = 0.05  # of the smallest radius
