@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim import Case, History, InputError, Model, Sensor, Simulation, SolverSettings, Support, Theta, Velocity, Witness, build_model, main
+from fcsim import Case, Gap, History, InputError, Model, Sensor, Simulation, SolverSettings, Support, Theta, build_model, main
 from fcsim.arrays import FloatArray
 from fcsim.assembly.supports import DIRECTIONS
 from fcsim.contact_detection.exact import ExactContacts
@@ -23,27 +23,25 @@ GRAVITY = 9.81  # [m/s^2]
 class Parameters:
     """Every number of the case; SI units. radius: the mean one; spread: the largest deviation from it, relative; width of the box [m]."""
 
-    n: int = 200
+    n: int = 100
     radius: float = 0.02
     spread: float = 0.3
-    width: float = 0.2
+    width: float = 0.16
     density: float = 2500.0
     mu: float = 0.4
-    restitution: float = 0.0
     seed: int = 1
     h: float = 1e-3
     theta: float = 0.5
-    steps: int = 1500
+    steps: int = 1200
     solver: str = "auto"
-    tol: float = 1e-8
+    tol: float = 1e-6
 
 
 def build(p: Parameters) -> Case:
     """Return the case with the given parameters."""
     model = granular_model(p)
-    law, settings = Velocity(p.restitution), SolverSettings(name=p.solver, tol=p.tol)
-    witness = Witness(every=10)
-    simulation = Simulation(model, ExactContacts(model, p.mu), Theta(p.h, p.theta, law), p.steps, settings, witness=witness)
+    settings = SolverSettings(name=p.solver, tol=p.tol)
+    simulation = Simulation(model, ExactContacts(model, p.mu), Theta(p.h, p.theta, Gap()), p.steps, settings)
     balls, walls = slice(0, p.n), [model.number[name] for name in WALLS]
     weight = GRAVITY * float(sum(body.mass for body in model.rigid[balls]))
     return Case(
