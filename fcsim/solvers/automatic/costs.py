@@ -135,7 +135,6 @@ class Prices:
         """ADMM's factor and so many iterations."""
         return self.machine.seconds(Work(0.5 * self.flops, steps=4) + self._gather) + iterations * self.admm
 
-    @cached_property
-    def least_squares(self) -> float:
-        """An iteration of Levenberg-Marquardt: the singular values of the matrix of m unknowns."""
-        return self.machine.seconds(Work(SVD * self.problem.m**3, steps=NEWTON_STEPS))
+    def least_squares(self, closed: int) -> float:
+        """An iteration of Levenberg-Marquardt: the singular values of the matrix of the unknowns of contacts that are not open."""
+        return self.machine.seconds(Work(SVD * closed**3, steps=NEWTON_STEPS))

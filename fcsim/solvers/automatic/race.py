@@ -24,7 +24,7 @@ SLICE = 0.1
 """Share of all that was spent that a method spends before the race is looked at again."""
 SLOWING = 3.5
 """Times what the rate so far promises that a method needs in the end, where it needs long: rates fall."""
-HOPE, LITTLE = 10.0, 0.25
+HOPE, LITTLE = 3.0, 0.25
 """Times all that was spent beyond which a steady method has little hope, and what it then spends of the others' share."""
 
 
@@ -75,7 +75,7 @@ class Stage:
     about: str
     enters: Callable[[Race], bool]
     turns: Callable[[Race, ShareOfMonitor], Turns]
-    price: Callable[[Prices], float]
+    price: Callable[[Race], float]
     alone: Callable[[Race, Runner], bool] = lambda race, runner: False
     left: Callable[[Race, Runner], bool] = lambda race, runner: False
     steady: bool = False
@@ -86,7 +86,7 @@ class Runner:
 
     def __init__(self, stage: Stage, race: Race) -> None:
         self.stage, self.monitor = stage, ShareOfMonitor(race.monitor)
-        self.price = stage.price(race.prices)
+        self.price = stage.price(race)
         self._turns = stage.turns(race, self.monitor)
         self.result: Iterate | None = None
         self._course = [(0.0, min(race.monitor.best, 1e3))]
