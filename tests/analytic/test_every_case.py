@@ -44,6 +44,7 @@ SMALL: dict[str, list[dict[str, Any]]] = {
     "arch": [{"voussoirs": 6, "steps": 30}, {"voussoirs": 6, "blocks_are": "mixed", "steps": 12}],
     "stack": [{"steps": 30}, {"blocks_are": "deformable", "overhang": 0.9, "steps": 30}],
     "impact_bar": [{"elements": 20, "steps": 50}, {"elements": 20, "steps": 50, "scheme": "generalised-alpha"}],
+    "granular": [{"n": 12, "width": 0.1, "h": 4e-3, "steps": 60}],
     "wall_earthquake": [{"courses": 2, "blocks": 1.5, "steps": 20}],
     "two_cubes": [{"elements": 3, "steps": 4}, {"elements": 3, "lower_elements": 2, "candidates": "gauss", "steps": 4}],
 }
