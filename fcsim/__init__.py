@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from fcsim import runtime as _runtime
 from fcsim.version import __version__ as __version__
 
-_runtime.limit_threads()
 _runtime.keep_freed_memory()
 _runtime.writable_caches()
 
@@ -22,7 +21,19 @@ if TYPE_CHECKING:
     from fcsim.command_line.main import main
     from fcsim.contact_detection import Contacts, ContactSurface, Detector, Everything, SurfacePair, two_pass
     from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
-    from fcsim.contact_law import Gap, Velocity
+    from fcsim.contact_law import (
+        Cohesive,
+        Compliant,
+        Elliptic,
+        Gap,
+        RateDependent,
+        SlipWeakening,
+        Springs,
+        StaticKinetic,
+        Velocity,
+        laws_of_bodies,
+        laws_of_pairs,
+    )
     from fcsim.errors import FcsimError, InputError
     from fcsim.export_fclib import read_fclib, write_fclib
     from fcsim.mesh.material import Material
@@ -46,9 +57,12 @@ _HOME = {
     "AccelerationRecord": "assembly.time_functions",
     "Body": "mesh.part",
     "Case": "running.case",
+    "Cohesive": "contact_law",
+    "Compliant": "contact_law",
     "ContactSurface": "contact_detection",
     "Contacts": "contact_detection",
     "Detector": "contact_detection",
+    "Elliptic": "contact_law",
     "Everything": "contact_detection",
     "FcsimError": "errors",
     "FloatArray": "arrays",
@@ -63,13 +77,17 @@ _HOME = {
     "Model": "assembly.model",
     "Part": "mesh.part",
     "QuasiStatic": "timestep.quasi_static",
+    "RateDependent": "contact_law",
     "RigidBody": "mesh.part",
     "SOLVERS": "solvers",
     "Scheme": "timestep.scheme",
     "Sensor": "running.case",
     "Simulation": "timestep.simulation",
+    "SlipWeakening": "contact_law",
     "SolverSettings": "timestep.chain",
+    "Springs": "contact_law",
     "State": "timestep.state",
+    "StaticKinetic": "contact_law",
     "Step": "timestep.step",
     "Support": "assembly.supports",
     "SurfacePair": "contact_detection",
@@ -82,6 +100,8 @@ _HOME = {
     "contact_surface": "contact_detection.surfaces.model_surfaces",
     "displacement": "running.sensors",
     "joint_opening": "running.sensors",
+    "laws_of_bodies": "contact_law",
+    "laws_of_pairs": "contact_law",
     "load_case": "running.case",
     "main": "command_line.main",
     "nodal_area": "assembly.nodal_area",
@@ -98,9 +118,12 @@ __all__ = [
     "AccelerationRecord",
     "Body",
     "Case",
+    "Cohesive",
+    "Compliant",
     "ContactSurface",
     "Contacts",
     "Detector",
+    "Elliptic",
     "Everything",
     "FcsimError",
     "FloatArray",
@@ -115,12 +138,16 @@ __all__ = [
     "Model",
     "Part",
     "QuasiStatic",
+    "RateDependent",
     "RigidBody",
     "Scheme",
     "Sensor",
     "Simulation",
+    "SlipWeakening",
     "SolverSettings",
+    "Springs",
     "State",
+    "StaticKinetic",
     "Step",
     "Support",
     "SurfacePair",
@@ -133,6 +160,8 @@ __all__ = [
     "contact_surface",
     "displacement",
     "joint_opening",
+    "laws_of_bodies",
+    "laws_of_pairs",
     "load_case",
     "main",
     "nodal_area",

@@ -15,6 +15,7 @@ from fcsim.problem import Answer, GlobalProblem, LocalProblem, Reduced, check, n
 from fcsim.problem.elimination import Elimination
 from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction, reduced
+from fcsim.runtime import limited_threads
 from fcsim.solvers.base import Iterate, Method, Monitor, Result, Status, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.table import method
@@ -22,6 +23,7 @@ from fcsim.solvers.table import method
 ERRORS = ("scaled", "published")
 
 
+@limited_threads()
 def solve(
     problem: GlobalProblem | LocalProblem | Reduction,
     solver: str = "NSN-AC",
@@ -73,8 +75,8 @@ def solve(
         iterate = _run(run, form, given.q, r, monitor, options)
         r, status = iterate.r, iterate.status
         answer = answers.of(r)  # u, v, l from r by the equations alone: what a method carried along does not count
-        deciding = monitor.error(r, answer.u)
         errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, x), monitor.scale) for x in (s, None)]
+    deciding = errors[ERRORS.index(error)]
     if (deciding <= tol) != status.solved:  # NaN is no solution
         status = Status.SOLVED if deciding <= tol else Status.STAGNATED
     return Result(
@@ -93,6 +95,7 @@ def solve(
         method=solver,
         message=iterate.message,
         memory=monitor.memory,
+        certificate=iterate.certificate if status is Status.INFEASIBLE else None,
     )
 
 
@@ -154,6 +157,9 @@ def _run(run: Any, problem: Any, q: FloatArray, r: FloatArray, monitor: Monitor,
         iterate: Iterate = run(problem, r, monitor, options)
     except SingularMatrix as singular:  # in a factorisation that the method takes for granted
         iterate = Iterate(r, Status.SINGULAR, str(singular))
+    if not isinstance(iterate, Iterate) or np.shape(iterate.r) != np.shape(q):
+        got = f"r of shape {np.shape(iterate.r)}" if isinstance(iterate, Iterate) else f"a {type(iterate).__name__}"
+        raise InputError(f"{run.__name__}: expected a method to return Iterate(r, status) with r of shape {np.shape(q)}, got {got}")
     if not iterate.status.solved and monitor.best_r is not None:
         return replace(iterate, r=monitor.best_r)
     return iterate

@@ -19,6 +19,7 @@ from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
+from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory, Result
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged, solve_chain
 from fcsim.timestep.creation import refuse_creation
@@ -160,6 +161,7 @@ class Simulation:
             if self.keep and moment.number % self.keep == 0:
                 kept, anchor = {}, moment
 
+    @limited_threads()
     def step(self, after: Moment, kept: dict[int, Memory] | None = None, anchor: Moment | None = None) -> Step:
         """Compute the step after a moment, cut where it must be; raises NotConverged when the solver chain fails on the shortest part.
 
