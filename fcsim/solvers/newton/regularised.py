@@ -51,6 +51,7 @@ class RegularisedNewton:
         if condensing in self._systems:
             system = self._systems[condensing].shifted(shift)
         else:
-            system = newton_system(Shifted(problem.W, d, shift), condensing=condensing, once=True)
+            motion = None if problem.motion is None else problem.motion.of(problem.W)
+            system = newton_system(Shifted(problem.W, d, shift, motion), condensing=condensing, once=True)
         self._systems[condensing] = system
         return newton_iterations(LocalSpace(system, q, r), r, system.operator.diagonal_blocks, problem.mu, watch, options), watch
