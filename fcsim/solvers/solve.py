@@ -95,6 +95,7 @@ def solve(
         method=solver,
         message=iterate.message,
         memory=monitor.memory,
+        certificate=iterate.certificate if status is Status.INFEASIBLE else None,
     )
 
 

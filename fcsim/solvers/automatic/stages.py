@@ -164,6 +164,13 @@ STAGES: tuple[Stage, ...] = (
         price=lambda race: race.prices.newton,
     ),
     Stage(
+        "proof",
+        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent as much.",
+        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > race.prices.proof,
+        turns=methods.proof,
+        price=lambda race: race.prices.proof,
+    ),
+    Stage(
         "least squares",
         "Levenberg-Marquardt on the error. Enters after proximal Newton: where noise leaves no solution, or one that is nearly none.",
         enters=lambda race: race.over("proximal Newton") and race.best <= FAR,
