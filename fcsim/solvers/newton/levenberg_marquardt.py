@@ -1,4 +1,5 @@
-"""Levenberg-Marquardt on the natural map with rho = 1, whose norm is the error: for the neighbourhood of what other methods reached.
+"""Levenberg-Marquardt on s times the natural map with rho = 1 / s, whose norm is the error, s that of the monitor: for the neighbourhood
+of what other methods reached.
 
 Where W is rank-deficient up to noise, Newton's matrix is singular up to noise, its full step is lost in self-stress, and a solution may
 not exist at all. A step dr = D^(1/2) s, s = -(J^T J + lambda^2 I)^-1 J^T F, J = dF/dr D^(1/2) with D the contacts' stiffnesses, makes
@@ -39,6 +40,7 @@ def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Mon
     nc, d = problem.nc, problem.dimension
     W = sp.csr_array(problem.W) if sp.issparse(problem.W) else problem.W
     length = np.repeat(1 / np.sqrt(contact_compliance(problem)), d)
+    s, rho = monitor.compliance, np.repeat(1 / monitor.compliance[:, None], d, axis=1)
     u = W @ r + problem.q
     error = monitor.record(r, u)
     while not error <= monitor.tol:
@@ -48,8 +50,8 @@ def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Mon
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():
             return Iterate(r, Status.TIME_LIMIT)
-        F, A, B = natural_map(u.reshape(nc, d), r.reshape(nc, d), problem.mu, np.ones((nc, d)))
-        steps = _steps(W, F, A, B, length)
+        F, A, B = natural_map(u.reshape(nc, d), r.reshape(nc, d), problem.mu, rho)
+        steps = _steps(W, F, A, B, length, s)
         if steps is None:
             return Iterate(r, Status.STAGNATED)
         monitor.iterations += 1
@@ -65,8 +67,10 @@ def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Mon
     return Iterate(r, Status.SOLVED)
 
 
-def _steps(W: FloatArray, F: FloatArray, A: FloatArray, B: FloatArray, length: FloatArray) -> FloatArray | None:
-    """The steps (m, len(DAMPING)), None where J is zero or too large; an open contact (A = 0, B = 1) gives up its reaction."""
+def _steps(W: FloatArray, F: FloatArray, A: FloatArray, B: FloatArray, length: FloatArray, weight: FloatArray) -> FloatArray | None:
+    """The steps (m, len(DAMPING)), None where J is zero or too large; an open contact (A = 0, B = 1) gives up its reaction.
+
+    weight: s (nc,), with which the contacts' equations are multiplied."""
     nc, d = F.shape
     active = np.flatnonzero(A.any(axis=(1, 2)))
     k = len(active)
@@ -79,14 +83,15 @@ def _steps(W: FloatArray, F: FloatArray, A: FloatArray, B: FloatArray, length: F
     own = W[dofs][:, dofs]
     J = (A[active] @ (own.toarray() if sp.issparse(own) else own).reshape(k, d, k * d)).reshape(k * d, k * d)
     J.reshape(k, d, k, d)[np.arange(k), :, np.arange(k), :] += B[active]
+    rows = np.repeat(weight[active], d)
     try:
-        left, values, right = sla.svd(J * length[dofs], overwrite_a=True, check_finite=False)
+        left, values, right = sla.svd(rows[:, None] * J * length[dofs], overwrite_a=True, check_finite=False)
     except np.linalg.LinAlgError:
         return None
     if not values[0] > 0:
         return None
     damping = DAMPING * values[0]
-    shares = (left.T @ rhs.ravel() * values)[:, None] / (values[:, None] ** 2 + damping**2)
+    shares = (left.T @ (rows * rhs.ravel()) * values)[:, None] / (values[:, None] ** 2 + damping**2)
     steps = np.repeat(given.ravel()[:, None], len(damping), axis=1)
     steps[dofs] = length[dofs, None] * (right.T @ shares)
     return steps

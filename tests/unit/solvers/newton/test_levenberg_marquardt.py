@@ -39,19 +39,21 @@ def test_steps_solve_the_damped_normal_equations(form: Callable[..., Any], d: in
     W, A, B, F = (rng.standard_normal(s) for s in ((nc * d, nc * d), (nc, d, d), (nc, d, d), (nc, d)))
     A[[1, 4]], B[[1, 4]] = 0, np.eye(d)
     length = rng.uniform(0.5, 2, nc * d)
-    steps = _steps(form(W), F, A, B, length)
+    weight = rng.uniform(0.5, 2, nc)
+    steps = _steps(form(W), F, A, B, length, weight)
     assert steps is not None and steps.shape == (nc * d, len(DAMPING))
     J = np.vstack([A[a] @ W[d * a : d * a + d] for a in range(nc)])
     for a in range(nc):
         J[d * a : d * a + d, d * a : d * a + d] += B[a]
     dofs = np.setdiff1d(np.arange(nc * d), [*range(d, 2 * d), *range(4 * d, 5 * d)])
     others = np.setdiff1d(np.arange(nc * d), dofs)
-    scaled = J[np.ix_(dofs, dofs)] * length[dofs]
+    weights = np.repeat(weight, d)[dofs]
+    scaled = weights[:, None] * J[np.ix_(dofs, dofs)] * length[dofs]
     largest = np.linalg.norm(scaled, 2)
     for dr, damping in zip(steps.T, DAMPING, strict=True):
         assert_allclose(dr[others], -F.ravel()[others], rtol=1e-14)
         s = dr[dofs] / length[dofs]
-        residual = scaled @ s + J[np.ix_(dofs, others)] @ dr[others] + F.ravel()[dofs]
+        residual = scaled @ s + weights * (J[np.ix_(dofs, others)] @ dr[others] + F.ravel()[dofs])
         assert_allclose(scaled.T @ residual + (damping * largest) ** 2 * s, 0, atol=1e-9 * largest)
 
 
