@@ -37,6 +37,8 @@ NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 10, 30, 2
 """Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's."""
 SVD = 20
 """Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
+LP, LP_STEPS = 10, 100
+"""Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
 PADDING = 0.15
 """Zeros in the fronts that are counted (as block Cholesky has them)."""
 
@@ -135,7 +137,12 @@ class Prices:
         """ADMM's factor and so many iterations."""
         return self.machine.seconds(Work(0.5 * self.flops, steps=4) + self._gather) + iterations * self.admm
 
+    def least_squares(self, closed: int) -> float:
+        """An iteration of Levenberg-Marquardt: the singular values of the matrix of the unknowns of contacts that are not open."""
+        return self.machine.seconds(Work(SVD * closed**3, steps=NEWTON_STEPS))
+
     @cached_property
-    def least_squares(self) -> float:
-        """An iteration of Levenberg-Marquardt: the singular values of the matrix of m unknowns."""
-        return self.machine.seconds(Work(SVD * self.problem.m**3, steps=NEWTON_STEPS))
+    def proof(self) -> float:
+        """A linear programme of a variable a contact and a row an unknown, by the entries of the rows of normals."""
+        rows = self.entries / self.problem.dimension
+        return self.machine.seconds(Work(LP * IRREGULAR * rows * self.problem.nc, steps=LP_STEPS))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.problem.infeasible import certificate
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
+from fcsim.solvers.gauss_seidel.conjugate import nncg
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.rows import ContactRows
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
@@ -46,13 +47,14 @@ SHORT = ProximalNewtonOptions(alpha=1e-3, patience=15)
 
 
 def sweeps(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Gauss-Seidel by turns that grow with what was swept; where another method is well ahead, from its iterate."""
+    """Gauss-Seidel, then NNCG, by turns that grow with what was swept; where another method is well ahead, from its iterate."""
     rows = ContactRows.of(race.swept, ONE_CONTACT[SWEEPS.one_contact].rho)
     r = race.best_r()
     while True:
         turn = max(race.options.probe, monitor.iterations // 4)
         options = replace(SWEEPS, max_iterations=min(monitor.iterations + turn, race.options.max_iterations))
-        iterate = nsgs(race.problem, r, monitor, options, rows=rows)
+        sweeping = nsgs if monitor.iterations < race.options.probe else nncg
+        iterate = sweeping(race.problem, r, monitor, options, rows=rows)
         if iterate.status is not Status.MAX_ITERATIONS:
             return iterate
         yield
@@ -120,4 +122,11 @@ def least_squares(race: Race, monitor: ShareOfMonitor) -> Turns:
     return levenberg_marquardt_turns(race.problem, race.best_r(), monitor, Options(max_iterations=race.options.max_iterations))
 
 
-Begin = Callable[[Race, ShareOfMonitor], Turns]
+def proof(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """Look for a certificate that there is no solution."""
+    monitor.iterations += 1
+    found = certificate(race.problem)
+    yield
+    if found is None:
+        return Iterate(race.best_r(), Status.STAGNATED)
+    return Iterate(race.best_r(), Status.INFEASIBLE, found.message, found)

@@ -22,9 +22,11 @@ from fcsim.solvers.turns import Turns
 
 SLICE = 0.1
 """Share of all that was spent that a method spends before the race is looked at again."""
+ENDS = (Status.TIME_LIMIT, Status.INFEASIBLE)
+"""What ends a race without a solution."""
 SLOWING = 3.5
 """Times what the rate so far promises that a method needs in the end, where it needs long: rates fall."""
-HOPE, LITTLE = 10.0, 0.25
+HOPE, LITTLE = 3.0, 0.25
 """Times all that was spent beyond which a steady method has little hope, and what it then spends of the others' share."""
 
 
@@ -75,7 +77,7 @@ class Stage:
     about: str
     enters: Callable[[Race], bool]
     turns: Callable[[Race, ShareOfMonitor], Turns]
-    price: Callable[[Prices], float]
+    price: Callable[[Race], float]
     alone: Callable[[Race, Runner], bool] = lambda race, runner: False
     left: Callable[[Race, Runner], bool] = lambda race, runner: False
     steady: bool = False
@@ -86,7 +88,7 @@ class Runner:
 
     def __init__(self, stage: Stage, race: Race) -> None:
         self.stage, self.monitor = stage, ShareOfMonitor(race.monitor)
-        self.price = stage.price(race.prices)
+        self.price = stage.price(race)
         self._turns = stage.turns(race, self.monitor)
         self.result: Iterate | None = None
         self._course = [(0.0, min(race.monitor.best, 1e3))]
@@ -206,7 +208,7 @@ def run(race: Race, stages: Sequence[Stage]) -> Iterate:
             if race.monitor.record(last.r, u) <= race.monitor.tol:
                 return last
             runner.result = last = Iterate(last.r, Status.STAGNATED)
-        elif last.status is Status.TIME_LIMIT:
+        elif last.status in ENDS:
             return last
         elif last.status is Status.SINGULAR:
             last = Iterate(last.r, Status.STAGNATED)

@@ -65,6 +65,11 @@ class AutomaticOptions(Options):
                 raise InputError(f"option without: expected names of {', '.join(known)}, got {name!r}")
 
 
+def _closed(race: Race) -> int:
+    """Contact unknowns whose reaction is not zero at the best iterate."""
+    return race.problem.dimension * int(np.count_nonzero(race.best_r().reshape(race.problem.nc, -1)[:, 0]))
+
+
 def _newton_price(race: Race) -> float:
     return (NEWTON_FROM_FAR if race.best > FAR else NEWTON_FROM_NEAR) * race.prices.newton
 
@@ -127,7 +132,7 @@ STAGES: tuple[Stage, ...] = (
         "Left where two thirds of its sweeps made the error no tenth smaller.",
         enters=_enter_sweeps,
         turns=methods.sweeps,
-        price=lambda prices: prices.sweep,
+        price=lambda race: race.prices.sweep,
         left=_plateau,
         steady=True,
     ),
@@ -137,7 +142,7 @@ STAGES: tuple[Stage, ...] = (
         "Goes on alone as long as each share of iterations brings the error down tenfold.",
         enters=_enter_splitting,
         turns=methods.splitting,
-        price=lambda prices: prices.admm,
+        price=lambda race: race.prices.admm,
         alone=_on_track,
         steady=True,
         left=lambda race, runner: race.joints is not None and not _on_track(race, runner),
@@ -148,7 +153,7 @@ STAGES: tuple[Stage, ...] = (
         "and leaves where a dozen iterations bring no better iterate or one throws the error up as only a rank-deficient W does.",
         enters=_enter_newton,
         turns=methods.newton,
-        price=lambda prices: prices.newton,
+        price=lambda race: race.prices.newton,
         alone=lambda race, runner: True,
     ),
     Stage(
@@ -156,35 +161,42 @@ STAGES: tuple[Stage, ...] = (
         "Enters after Newton. A regular W at each step, for problems where W is rank deficient.",
         enters=lambda race: race.over("Newton"),
         turns=methods.proximal,
-        price=lambda prices: prices.newton,
+        price=lambda race: race.prices.newton,
+    ),
+    Stage(
+        "proof",
+        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent as much.",
+        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > race.prices.proof,
+        turns=methods.proof,
+        price=lambda race: race.prices.proof,
     ),
     Stage(
         "least squares",
         "Levenberg-Marquardt on the error. Enters after proximal Newton: where noise leaves no solution, or one that is nearly none.",
         enters=lambda race: race.over("proximal Newton") and race.best <= FAR,
         turns=methods.least_squares,
-        price=lambda prices: prices.least_squares,
+        price=lambda race: race.prices.least_squares(_closed(race)),
     ),
     Stage(
         "proximal Newton after ADMM",
         "From another start: ADMM without acceleration, contacts scaled alike.",
         enters=lambda race: race.over("proximal Newton") and (race.best > FAR or race.over("least squares")),
         turns=methods.proximal_after_splitting,
-        price=lambda prices: prices.newton,
+        price=lambda race: race.prices.newton,
     ),
     Stage(
         "bold proximal Newton",
         "Another schedule: looser inner problems, alpha rises faster.",
         enters=lambda race: race.over("proximal Newton after ADMM"),
         turns=methods.bold_proximal,
-        price=lambda prices: prices.newton,
+        price=lambda race: race.prices.newton,
     ),
     Stage(
         "nearby starts",
         "Short runs from perturbed copies of the best iterate, where its error is small already.",
         enters=lambda race: race.over("bold proximal Newton") and race.best <= NEAR,
         turns=methods.nearby,
-        price=lambda prices: prices.newton,
+        price=lambda race: race.prices.newton,
     ),
 )
 

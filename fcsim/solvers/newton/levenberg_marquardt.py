@@ -1,5 +1,6 @@
-"""Levenberg-Marquardt on s times the natural map with rho = 1 / s, whose norm is the error, s that of the monitor: for the neighbourhood
-of what other methods reached.
+"""Levenberg-Marquardt on s times the natural map with rho = 1 / s, whose norm is the error (s: the monitor's compliance of each contact).
+
+For the neighbourhood of what other methods reached.
 
 Where W is rank-deficient up to noise, Newton's matrix is singular up to noise, its full step is lost in self-stress, and a solution may
 not exist at all. A step dr = D^(1/2) s, s = -(J^T J + lambda^2 I)^-1 J^T F, J = dF/dr D^(1/2) with D the contacts' stiffnesses, makes
@@ -37,10 +38,9 @@ def levenberg_marquardt(problem: LocalProblem, r: FloatArray, monitor: Monitor, 
 
 def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Options) -> Turns:
     """The same by turns of one decomposition each."""
-    nc, d = problem.nc, problem.dimension
+    nc, d, s = problem.nc, problem.dimension, monitor.compliance
     W = sp.csr_array(problem.W) if sp.issparse(problem.W) else problem.W
     length = np.repeat(1 / np.sqrt(contact_compliance(problem)), d)
-    s, rho = monitor.compliance, np.repeat(1 / monitor.compliance[:, None], d, axis=1)
     u = W @ r + problem.q
     error = monitor.record(r, u)
     while not error <= monitor.tol:
@@ -50,7 +50,7 @@ def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Mon
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():
             return Iterate(r, Status.TIME_LIMIT)
-        F, A, B = natural_map(u.reshape(nc, d), r.reshape(nc, d), problem.mu, rho)
+        F, A, B = natural_map(u.reshape(nc, d), r.reshape(nc, d), problem.mu, np.repeat(1 / s[:, None], d, axis=1))
         steps = _steps(W, F, A, B, length, s)
         if steps is None:
             return Iterate(r, Status.STAGNATED)
@@ -59,6 +59,7 @@ def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Mon
         errors = np.array([monitor.error(r + dr, u + du) for dr, du in zip(steps.T, velocities.T, strict=True)])
         best = int(np.argmin(np.where(np.isnan(errors), np.inf, errors)))
         if not errors[best] <= max(GAIN * error, monitor.tol):
+            monitor.record(r, u)
             return Iterate(r, Status.STAGNATED)
         r = r + steps[:, best]
         u = W @ r + problem.q
@@ -70,7 +71,8 @@ def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Mon
 def _steps(W: FloatArray, F: FloatArray, A: FloatArray, B: FloatArray, length: FloatArray, weight: FloatArray) -> FloatArray | None:
     """The steps (m, len(DAMPING)), None where J is zero or too large; an open contact (A = 0, B = 1) gives up its reaction.
 
-    weight: s (nc,), with which the contacts' equations are multiplied."""
+    weight (nc,): of each contact's equations in the sum of squares.
+    """
     nc, d = F.shape
     active = np.flatnonzero(A.any(axis=(1, 2)))
     k = len(active)
@@ -79,19 +81,22 @@ def _steps(W: FloatArray, F: FloatArray, A: FloatArray, B: FloatArray, length: F
     dofs = (active[:, None] * d + np.arange(d)).ravel()
     given = -F
     given[active] = 0.0
+    weight = weight[active, None]
     rhs = -F[active] - np.einsum("aij,aj->ai", A[active], (W @ given.ravel()).reshape(nc, d)[active])
     own = W[dofs][:, dofs]
     J = (A[active] @ (own.toarray() if sp.issparse(own) else own).reshape(k, d, k * d)).reshape(k * d, k * d)
     J.reshape(k, d, k, d)[np.arange(k), :, np.arange(k), :] += B[active]
-    rows = np.repeat(weight[active], d)
+    rhs, J = weight * rhs, np.repeat(weight, d, axis=0) * J * length[dofs]
+    if not np.all(np.isfinite(J)):
+        return None
     try:
-        left, values, right = sla.svd(rows[:, None] * J * length[dofs], overwrite_a=True, check_finite=False)
+        left, values, right = sla.svd(J, overwrite_a=True, check_finite=False)
     except np.linalg.LinAlgError:
         return None
     if not values[0] > 0:
         return None
     damping = DAMPING * values[0]
-    shares = (left.T @ (rows * rhs.ravel()) * values)[:, None] / (values[:, None] ** 2 + damping**2)
+    shares = (left.T @ rhs.ravel() * values)[:, None] / (values[:, None] ** 2 + damping**2)
     steps = np.repeat(given.ravel()[:, None], len(damping), axis=1)
     steps[dofs] = length[dofs, None] * (right.T @ shares)
     return steps

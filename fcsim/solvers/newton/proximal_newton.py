@@ -82,10 +82,11 @@ def proximal_newton_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor
         if monitor.iterations >= options.max_iterations:
             return Iterate(best, Status.MAX_ITERATIONS)
         target = options.accuracy * max(monitor.tol, min(error, 1.0))
-        found, watch = inner.solve(r, alpha, target, formulation, monitor)
+        found, watch = inner.solve(r, alpha, target, formulation, monitor, limit=options.max_iterations - monitor.iterations)
         monitor.iterations += max(watch.iterations, 1)
-        if found.status is not Status.SOLVED and error <= NEAR_ENOUGH and failed < options.retries:
-            again, second = inner.solve(r, alpha, target, formulation, monitor, adaptive=True)
+        left = options.max_iterations - monitor.iterations
+        if found.status is not Status.SOLVED and error <= NEAR_ENOUGH and failed < options.retries and left > 0:
+            again, second = inner.solve(r, alpha, target, formulation, monitor, adaptive=True, limit=left)
             monitor.iterations += max(second.iterations, 1)
             if again.status is Status.SOLVED:
                 found, watch = again, second

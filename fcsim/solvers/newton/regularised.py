@@ -36,17 +36,25 @@ class RegularisedNewton:
         self._systems: dict[bool, NewtonSystem] = {}  # by whether the formulation lets contacts be held
 
     def solve(
-        self, r: FloatArray, alpha: float, tol: float, formulation: str, outer: Monitor, adaptive: bool = False
+        self,
+        r: FloatArray,
+        alpha: float,
+        tol: float,
+        formulation: str,
+        outer: Monitor,
+        adaptive: bool = False,
+        limit: int = INNER_ITERATIONS,
     ) -> tuple[Iterate, Monitor]:
         """Return Newton's iterate from the centre r and its monitor, whose errors are relative to ||q|| of the problem itself.
 
+        limit: iterations that are left to the caller; at most INNER_ITERATIONS are made.
         adaptive: rho is found out on the way; slower than what suits most contacts, but with that one single contacts may cycle.
         """
         problem, shift, d = self._problem, alpha * self._D, self._problem.dimension
         q = problem.q - np.repeat(shift, d) * r
         watch = outer.inner(q, tol, floor=self._norm)
         rho = {"rho": ADAPTED[formulation]} if adaptive else {"rho_factor": RHO_FACTOR}
-        options = NewtonOptions(formulation=formulation, max_iterations=INNER_ITERATIONS, **rho)
+        options = NewtonOptions(formulation=formulation, max_iterations=min(INNER_ITERATIONS, limit), **rho)
         condensing = formulation in ("AC", "JM")
         if condensing in self._systems:
             system = self._systems[condensing].shifted(shift)

@@ -41,7 +41,7 @@ def test_a_sweep_costs_entries_and_contacts() -> None:
 def test_prices_are_in_the_order_of_what_is_done() -> None:
     problem = banded(2000)
     prices = Prices(problem, problem.W.nnz, None)
-    assert 0 < prices.sweep < prices.newton < prices.splitting(30) < prices.least_squares
+    assert 0 < prices.sweep < prices.newton < prices.splitting(30) < prices.least_squares(6000)
     assert prices.splitting(31) - prices.splitting(30) == pytest.approx(prices.admm)
     quicker = Prices(problem, problem.W.nnz, None, Machine(2 * REFERENCE.flops, 2 * REFERENCE.bytes, 0.5 * REFERENCE.step))
     assert quicker.newton == pytest.approx(0.5 * prices.newton)  # only ratios matter to the race

@@ -28,7 +28,7 @@ def method(name: str, error: Callable[[int], float], price: float = 1.0, claim: 
                 return Iterate(r, claim)
             yield
 
-    return Stage(name, "Test.", enters=lambda race: True, turns=turns, price=lambda prices: price)
+    return Stage(name, "Test.", enters=lambda race: True, turns=turns, price=lambda race: price)
 
 
 def race(stages: Sequence[Stage], max_iterations: int = 100_000) -> tuple[Iterate, Race]:
@@ -74,7 +74,7 @@ def test_what_a_method_believes_is_checked() -> None:
         yield
         return Iterate(np.array([0.9, 0, 0]), Status.SOLVED)
 
-    liar = Stage("liar", "Test.", enters=lambda race: True, turns=turns, price=lambda prices: 1.0)
+    liar = Stage("liar", "Test.", enters=lambda race: True, turns=turns, price=lambda race: 1.0)
     iterate, the_race = race([liar])
     assert iterate.status is Status.STAGNATED
     assert the_race.monitor.best == pytest.approx(0.1)

@@ -47,13 +47,13 @@ def test_steps_solve_the_damped_normal_equations(form: Callable[..., Any], d: in
         J[d * a : d * a + d, d * a : d * a + d] += B[a]
     dofs = np.setdiff1d(np.arange(nc * d), [*range(d, 2 * d), *range(4 * d, 5 * d)])
     others = np.setdiff1d(np.arange(nc * d), dofs)
-    weights = np.repeat(weight, d)[dofs]
-    scaled = weights[:, None] * J[np.ix_(dofs, dofs)] * length[dofs]
+    by_row = np.repeat(weight, d)[dofs]
+    scaled = by_row[:, None] * J[np.ix_(dofs, dofs)] * length[dofs]
     largest = np.linalg.norm(scaled, 2)
     for dr, damping in zip(steps.T, DAMPING, strict=True):
         assert_allclose(dr[others], -F.ravel()[others], rtol=1e-14)
         s = dr[dofs] / length[dofs]
-        residual = scaled @ s + weights * (J[np.ix_(dofs, others)] @ dr[others] + F.ravel()[dofs])
+        residual = scaled @ s + by_row * (J[np.ix_(dofs, others)] @ dr[others] + F.ravel()[dofs])
         assert_allclose(scaled.T @ residual + (damping * largest) ** 2 * s, 0, atol=1e-9 * largest)
 
 
