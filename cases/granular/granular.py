@@ -23,16 +23,16 @@ GRAVITY = 9.81  # [m/s^2]
 class Parameters:
     """Every number of the case; SI units. radius: the mean one; spread: the largest deviation from it, relative; width of the box [m]."""
 
-    n: int = 100
+    n: int = 60
     radius: float = 0.02
     spread: float = 0.3
-    width: float = 0.16
+    width: float = 0.24
     density: float = 2500.0
     mu: float = 0.4
     seed: int = 1
-    h: float = 1e-3
+    h: float = 2e-3
     theta: float = 0.5
-    steps: int = 1200
+    steps: int = 400
     solver: str = "auto"
     tol: float = 1e-6
 

@@ -79,10 +79,6 @@ class Measurement:
         """What is measured once: problem, form, solver, tolerance."""
         return self.problem, self.form, self.solver, self.tol
 
-    def __post_init__(self) -> None:
-        if self.outcome not in STATUSES:
-            raise InputError(f"column status: expected one of {', '.join(STATUSES)}, got {self.status!r}")
-
 
 FIELDS = tuple(columns(Measurement))
 
@@ -107,7 +103,13 @@ def read_results(path: Path) -> list[Measurement]:
     rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
     if not rows:  # nothing was written, or the header not to its end
         return []
-    return list({measurement.key: measurement for measurement in read_table(file, Measurement, rows)}.values())
+    kept: dict[tuple[str, str, str, float], Measurement] = {}
+    for number, measurement in enumerate(read_table(file, Measurement, rows), 2):
+        if measurement.outcome not in STATUSES:
+            expected = f"expected one of {', '.join(STATUSES)}, got {measurement.status!r}"
+            raise InputError(f"{file}, line {number}, column status: {expected}")
+        kept[measurement.key] = measurement
+    return list(kept.values())
 
 
 def take_over(path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from fcsim.mesh.arch import SemicircularArch, semicircular_arch
 from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.exact.rigid_polyhedron import rigid_polyhedron
 from fcsim.mesh.exact.rigid_shapes import rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
@@ -36,6 +37,7 @@ __all__ = [
     "rigid_capsule",
     "rigid_cylinder",
     "rigid_plane",
+    "rigid_polyhedron",
     "rigid_rectangle",
     "rigid_sphere",
     "running_bond",

@@ -98,6 +98,9 @@ class GeneralisedAlpha:
     def way(self, model: Model, state: State) -> FloatArray | None:
         return self.h * state.v
 
+    def velocity_before(self, model: Model, state: State) -> FloatArray:
+        return state.v
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, kappa, alpha_f = self.h, self.kappa, self.alpha_f
         x, v = state.x, state.v

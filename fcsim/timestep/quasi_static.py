@@ -90,6 +90,9 @@ class QuasiStatic:
     def way(self, model: Model, state: State) -> FloatArray | None:
         return None
 
+    def velocity_before(self, model: Model, state: State) -> FloatArray:
+        return state.v
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         return model.load(state.t + self.h, state.x) - model.apply_stiffness(state.x)
 

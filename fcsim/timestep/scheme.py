@@ -64,6 +64,10 @@ class Scheme(Protocol):
         along; None where there is no such thing."""
         ...
 
+    def velocity_before(self, model: Model, state: State) -> FloatArray:
+        """Return the velocity (n_dofs,) before the step as the contacts meet it: the state's, but for what turns rigid bodies' inertia."""
+        ...
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         """Return f (n_dofs,)."""
         ...
