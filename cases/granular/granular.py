@@ -85,7 +85,8 @@ def granular_model(p: Parameters) -> Model:
     w = p.width
     places = {"floor": ((w / 2, w / 2, 0), (0, 0, 1)), "left": ((0, w / 2, w / 2), (1, 0, 0)), "right": ((w, w / 2, w / 2), (-1, 0, 0))}
     places |= {"front": ((w / 2, 0, w / 2), (0, 1, 0)), "back": ((w / 2, w, w / 2), (0, -1, 0))}
-    bodies += [rigid_plane(name, point, normal, size=w) for name, (point, normal) in places.items()]
+    shown = {name: w / 50 if name in ("front", "right") else w for name in WALLS}  # pictures look into the box past these two
+    bodies += [rigid_plane(name, point, normal, size=shown[name]) for name, (point, normal) in places.items()]
     return build_model(
         bodies,
         supports=[Support(name, DIRECTIONS[3]) for name in WALLS],

@@ -45,9 +45,9 @@ class Parameters:
     density: float = 2500.0
     mu: float = 0.6
     seed: int = 1
-    h: float = 1e-3
+    h: float = 2e-3
     theta: float = 0.5
-    steps: int = 1000
+    steps: int = 500
     solver: str = "auto"
     tol: float = 1e-6
 

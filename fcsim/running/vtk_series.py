@@ -95,7 +95,7 @@ class SeriesWriter:
                (at the cell's centre), body
     contacts   points at the foot points; reaction (global axes), reaction_normal, reaction_tangential [N], gap [m], status (0 open,
                1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there; and what the contact
-               law remembers, by its names (fracture, slip, ...)
+               law remembers, by its names (fracture, slip, ...); field data overlap [m] and overlap_place, where the witness saw any
     rigid      the surfaces of the rigid bodies; point data displacement [m], velocity [m/s]; cell data body
 
     Every file is written under a temporary name and renamed, the collection last, so that an interrupted run leaves whole files.
@@ -272,4 +272,8 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
         points.GetPointData().AddArray(vtk.array(name, values))
     for name, values in step.law_variables.items():
         points.GetPointData().AddArray(vtk.array(name, values if values.ndim == 1 else _in_space(values)))
+    seen = step.overlap
+    if seen is not None and seen.bodies is not None:
+        points.GetFieldData().AddArray(vtk.array("overlap", np.array([seen.depth])))
+        points.GetFieldData().AddArray(vtk.array("overlap_place", _in_space(np.array([seen.point]))))
     return points
