@@ -55,7 +55,8 @@ def _of_surfaces(body: RigidBody) -> IntArray:
     """Facets of all surfaces, in the numbers of the first of coincident points; a quadrilateral with two equal corners is a triangle."""
     pieces = [facets for facets in body.surfaces.values() if facets.size]
     if not pieces:
-        raise InputError(f"contact of everything, body {body.name!r}: expected a rigid body with surfaces, got none")
+        hint = "" if body.shape is None else ": bodies of exact shape take ExactContacts instead of Everything"
+        raise InputError(f"contact of everything, body {body.name!r}: expected a rigid body with surfaces, got none{hint}")
     width = max(piece.shape[1] for piece in pieces)
     if width > 4:
         raise InputError(f"contact of everything, body {body.name!r}: expected facets of 2, 3 or 4 nodes, got {width}")
