@@ -46,6 +46,8 @@ def boundary_of(model: Model) -> Boundary:
 def _of_cells(part: Part) -> IntArray:
     """Facets of the cells that no second cell has."""
     cell = CELL_TYPES[part.cell_type]
+    if cell.order != 1:
+        raise InputError(f"contact of everything, part {part.name!r}: expected cells of first order, got {part.cell_type!r}")
     facets = part.cells[:, cell.facets].reshape(-1, cell.facet_size)
     _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
     return facets[np.sort(first[count == 1])]
