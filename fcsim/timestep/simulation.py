@@ -20,6 +20,7 @@ from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged, solve_chain
+from fcsim.timestep.linearisation import MAX_ITERATIONS, Linearisation
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Attempt, Moment, Step
@@ -56,6 +57,7 @@ class Simulation:
             raise InputError(f"steps: expected a whole number >= 0, got {self.steps}")
         if not 0 <= self.cuttings <= 20:
             raise InputError(f"cuttings: expected a whole number from 0 to 20, got {self.cuttings}")
+        object.__setattr__(self, "model", self.model.moving(self.scheme.kinematics))
         self.scheme.refuse(self.model)  # before anything runs
 
     def __iter__(self) -> Iterator[Step]:
@@ -149,28 +151,46 @@ class Simulation:
         contacts = scheme.select(self.detector(model.positions(configuration)))
         H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
         clock.lap("detection")
-        load = scheme.right_hand_side(model, state)
-        rigid_mass = scheme.rigid_mass(model, state, load)
+        elastic = Linearisation(scheme, model, state)
+        rest = scheme.right_hand_side(model, state)
+        rigid_mass = scheme.rigid_mass(model, state, rest)
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
+        factor = factor if elastic.rotation is None else factor.turned(elastic.rotation)
         driven = scheme.driven(model, state)
-        problem = self._problem(factor, H, load, scheme.contact_velocity(state, contacts, H), driven, contacts.mu)
-        reduction = Reduction(problem, StepCompliance(factor))
-        if len(contacts):
-            _ = reduction.local
+        w = scheme.contact_velocity(state, contacts, H)
         clock.lap("assembly")
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
-        r = warm_start(reduction.local, contacts, memory) if len(contacts) else np.empty(0)
-        tol = self.solver.tol * min(1.0, self._longest_flight(reduction, scheme.force_per_reaction))
         serving = None if kept is None else kept.pop(cuts, Memory.of(contacts.identity)).follow(contacts.identity)
-        result, serving = solve_chain(self.solver, reduction, r, tol, 0.5**cuts, attempts, serving)
+        compliance, term = StepCompliance(factor), elastic.term(elastic.first)
+        for iteration in range(MAX_ITERATIONS):
+            load = rest - term
+            problem = self._problem(factor, H, load, w, driven, contacts.mu)
+            reduction = Reduction(problem, compliance)
+            if len(contacts):
+                compliance = replace(compliance, summed=reduction.local.W)
+            clock.lap("assembly")
+            if not iteration:
+                r = warm_start(reduction.local, contacts, memory) if len(contacts) else np.empty(0)
+            tol = self.solver.tol * min(1.0, self._longest_flight(reduction, scheme.force_per_reaction))
+            result, serving = solve_chain(self.solver, reduction, r if not iteration else result.r, tol, 0.5**cuts, attempts, serving)
+            clock.lap("solve")
+            if result is None:
+                break
+            v = np.empty(model.n_dofs)
+            v[model.free_dofs] = result.v if model.driven == "eliminated" else result.v[model.free_dofs]  # type: ignore[index]
+            v[model.driven_dofs] = driven
+            if elastic.rotation is None:
+                break
+            old, term = term, elastic.term(v)
+            clock.lap("assembly")
+            if not np.any(elastic.change(old, term, rest) > 1):
+                break
+        else:
+            result = None
         if kept is not None and serving is not None:
             kept[cuts] = serving
-        clock.lap("solve")
         if result is None:
             return None
-        v = np.empty(model.n_dofs)
-        v[model.free_dofs] = result.v if model.driven == "eliminated" else result.v[model.free_dofs]  # type: ignore[index]
-        v[model.driven_dofs] = driven
         impulse = H @ result.r
         support = scheme.support_impulse(model, factor.apply(v) - load - impulse, impulse)
         after = scheme.advance(model, state, v, impulse, rigid_mass)

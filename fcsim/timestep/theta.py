@@ -1,8 +1,8 @@
 """The theta scheme (Moreau-Jean) with the contact laws "gap" and "velocity".
 
 (M + h theta C + h^2 theta^2 K) v+ = f + H r,
-f = M v - h (1-theta) C v - h K x - h^2 theta (1-theta) K v + h (theta F+ + (1-theta) F),
-x+ = x + h (theta v+ + (1-theta) v), with C = alpha M + beta K; v velocities [m/s], r impulses over the step [N s].
+f = M v - h (1-theta) C v - h K x - h^2 theta (1-theta) K v + h (theta F+ + (1-theta) F) with linear bodies, see `linearisation` for turning
+ones; x+ = x + h (theta v+ + (1-theta) v), with C = alpha M + beta K; v velocities [m/s], r impulses over the step [N s].
 
 Rigid rotations: R+ = exp(h theta omega+) exp(h (1-theta) omega) R, through the middle configuration in which contacts are detected. M of
 the left side is that of R+, M of the right side that of R, so that the gyroscopic term omega x J omega needs no formula: the change of
@@ -22,6 +22,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.coulomb import Gap, Velocity, law_contacts, law_velocity
+from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
 from fcsim.timestep.scheme import positive
@@ -65,11 +66,28 @@ class Theta:
     def select(self, contacts: Contacts) -> Contacts:
         return law_contacts(self.law, contacts)
 
+    @property
+    def kinematics(self) -> Kinematics:
+        return "turning"
+
+    @property
+    def elastic_weight(self) -> float:
+        return self.h
+
+    @property
+    def elastic_share(self) -> float:
+        return self.theta
+
+    def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return state.x, state.x + self.h * self.damping_velocity(state, v)
+
+    def damping_velocity(self, state: State, v: FloatArray) -> FloatArray:
+        return self.theta * v + (1 - self.theta) * state.v
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, theta, v = self.h, self.theta, state.v
         inertia = model.apply_mass((1 - h * (1 - theta) * model.alpha) * v, model.rigid_mass(state.x))
-        elastic = model.apply_stiffness(h * state.x + (h * (1 - theta) * model.beta + h**2 * theta * (1 - theta)) * v)
-        return inertia - elastic + h * self._force(model, state)
+        return inertia + h * self._force(model, state)
 
     def _force(self, model: Model, state: State) -> FloatArray:
         """theta F+ + (1-theta) F (n_dofs,) [N]; followers stand as at t + theta h, to first order."""
@@ -100,9 +118,9 @@ class Theta:
     def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
         """The step's equation times v_theta = theta v+ + (1-theta) v, exact with dx = h v_theta for every h and theta:
 
-        d(v.M v / 2 + x.K x / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dx.K dx) - G
+        d(v.M v / 2 + y.K y / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dy.K dy) - G
 
-        with d the change over the step, F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's
+        with d the change over the step, y the displacement without the turning bodies' rotation (see `frames`), F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's
         dissipation: none at theta = 1/2, never negative above (V. Acary, "Energy conservation and dissipation properties of
         time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016), but for G, see `turning`. For the work of
         impacts see `Velocity`.
@@ -110,13 +128,14 @@ class Theta:
         h, theta = self.h, self.theta
         v, dv = theta * after.v + (1 - theta) * before.v, after.v - before.v
         M0, M1 = momentum(model, before), momentum(model, after)
-        K0, K1 = model.apply_stiffness(before.x), model.apply_stiffness(after.x)
+        first, last = model.elastic.at(before.x), model.elastic.at(after.x)
+        loss = model.elastic.loss(first, last)
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
-            elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
+            elastic=(model.elastic.energy(first), model.elastic.energy(last)),
             loads=h * float(v @ self._force(model, before)),
             supports=float(v @ support),
-            damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta * float(v @ (K1 - K0)),
-            numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + h * float(v @ (K1 - K0))) + turning(model, before.v, M0, after.v, M1),
+            damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta / h * loss,
+            numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + loss) + turning(model, before.v, M0, after.v, M1),
             contact=contact_work(H, result.r, result.u, v, model.dimension),
         )
