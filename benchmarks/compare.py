@@ -31,7 +31,8 @@ from rich.table import Table
 from fcsim.errors import InputError
 from fcsim.files import replacing
 from fcsim.problem.reduction import reduce
-from fcsim.running.case import load_case, parse_parameters
+from fcsim.running.case import load_case
+from fcsim.running.parameters import parse_parameters
 from fcsim.solvers import solve
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"

@@ -29,7 +29,8 @@ from rich.console import Console
 from rich.table import Table
 
 from fcsim.linear.fronts import MultifrontalCholesky
-from fcsim.running.case import load_case, parse_parameters
+from fcsim.running.case import load_case
+from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.newton.systems import border as border_system
 from fcsim.solvers.newton.systems import condensed as condensed_system
 

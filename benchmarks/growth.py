@@ -37,8 +37,9 @@ from rich.console import Console
 from rich.table import Table
 
 from fcsim.export_fclib.chunks import Compressor
-from fcsim.running.case import load_case, parse_parameters
+from fcsim.running.case import load_case
 from fcsim.running.fclib_series import write_step
+from fcsim.running.parameters import parse_parameters
 from fcsim.running.vtk_series import SeriesWriter
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.step import Step

@@ -20,7 +20,8 @@ from rich.table import Table
 from rich.text import Text
 
 from fcsim.errors import NotConverged
-from fcsim.running.case import load_case, parse_parameters
+from fcsim.running.case import load_case
+from fcsim.running.parameters import parse_parameters
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
 PHASES = ("detection", "assembly", "solve")

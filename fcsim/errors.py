@@ -17,3 +17,7 @@ class MissingDependency(FcsimError, ImportError):
 
 class NotConverged(FcsimError, RuntimeError):
     """A step did not converge, even after the whole fallback chain; the simulation stops there."""
+
+
+EXIT_OK, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
+"""What the command line returns: all converged or verified, something did not, bad input, interrupted."""

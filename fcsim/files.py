@@ -1,27 +1,58 @@
-"""Writing files whole: under a temporary name in the same folder, renamed when complete."""
+"""Files: written whole under a temporary name in the same folder, read within limits, kept within their folder."""
 
 from __future__ import annotations
 
+import fcntl
+import hashlib
+import os
+import re
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 import h5py
 
+from fcsim.errors import InputError
+
+_PARTIAL = re.compile(r"\..*\.[0-9a-f]{12}\.partial(\.[^.]*)?")
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary name beside `path`, which takes the place of `path` if the block ends well and is removed if it does not."""
-    temporary = path.with_name(f".{path.stem}.partial{path.suffix}")  # programs choose formats by the extension
+    """Yield a temporary name beside `path`, which takes the place of `path` if the block ends well and is removed if it does not.
+
+    Two processes that write one file do not touch each other's; what took the place is on the disk also if the machine stops.
+    """
+    temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.partial{path.suffix}")  # programs choose formats by the extension
     try:
         yield temporary
+        _to_the_disk(temporary)
         temporary.replace(path)
     except OSError as error:
-        if error.errno is not None and error.filename is None:  # a full disk does not say which file it was
-            error.filename = str(path)
+        if error.errno is not None and (error.filename is None or str(error.filename) == str(temporary)):
+            error.filename = str(path)  # a full disk does not say which file it was, and the temporary name tells nobody anything
+            error.filename2 = None
         raise
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _to_the_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def remove_partial_files(directory: Path) -> None:
+    """Remove what writers that were killed left in a folder and its folders, whose lock the caller holds."""
+    for folder, _, names in os.walk(directory):
+        for name in names:
+            if _PARTIAL.fullmatch(name):
+                Path(folder, name).unlink(missing_ok=True)
 
 
 @contextmanager
@@ -37,3 +68,60 @@ def replacing_hdf5(path: Path) -> Iterator[h5py.File]:
         image = file.id.get_file_image()
     with replacing(path) as temporary:
         temporary.write_bytes(image)
+
+
+@contextmanager
+def alone_in(directory: Path, what: str) -> Iterator[None]:
+    """Keep other writers out of a folder; the lock goes with the process, however it ends. File systems without locks keep nobody out."""
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"{directory}: another {what} is writing there; wait for its end, or choose another folder") from None
+        except OSError:  # no locks on this file system
+            pass
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def inside(directory: Path, path: Path) -> Path:
+    """`path`, which links and .. must not lead out of `directory`; InputError where they do."""
+    if not path.resolve().is_relative_to(directory.resolve()):
+        raise InputError(f"{path}: expected a place within {directory}, it leads to {path.resolve()}")
+    return path
+
+
+def plain_name(name: str, what: str) -> str:
+    """A name that a file of a folder can have and that no shell or terminal stumbles over; InputError for another."""
+    if not re.fullmatch(r"\w[\w.+-]{0,99}", name):
+        raise InputError(f"{what}: expected a name of letters, digits, '.', '_', '+' and '-', got {name[:120]!r}")
+    return name
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file's bytes, as `sha256sum` prints it."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+_READ: ContextVar[dict[str, str] | None] = ContextVar("files read", default=None)
+
+
+@contextmanager
+def files_read() -> Iterator[dict[str, str]]:
+    """Collect the files that are read as input within the block, see `note_read`: name -> SHA-256."""
+    found: dict[str, str] = {}
+    token = _READ.set(found)
+    try:
+        yield found
+    finally:
+        _READ.reset(token)
+
+
+def note_read(path: str | Path) -> None:
+    """Say that a result depends on this file: a mesh, a table of loads."""
+    found = _READ.get()
+    if found is not None and Path(path).is_file():
+        found[str(path)] = sha256(Path(path))

@@ -64,7 +64,9 @@ def _import(name: str) -> ModuleType:
         # PETSc's signal handlers would turn a closed pipe or Ctrl-C into an MPI abort
         import_module("petsc4py").init(["fcsim", "-no_signal_handler"])
         import_module("petsc4py.PETSc").Options().delValue("no_signal_handler")
-    return import_module(name)
+    module = import_module(name)
+    _restore_signal_handlers()  # MPI may have taken some
+    return module
 
 
 def dolfinx() -> ModuleType:
@@ -120,16 +122,10 @@ def gmsh_model(name: str) -> Iterator[Any]:
 
 
 def _restore_signal_handlers() -> None:
-    """Install Python's handlers again: gmsh's library replaces those of SIGTERM and others when it starts and when it ends."""
+    """Install Python's handlers again, ignored signals included: gmsh's library replaces those of SIGTERM, SIGPIPE and others when it
+    starts and when it ends."""
     if threading.current_thread() is threading.main_thread():
         for number in signal.valid_signals():
-            if callable(handler := signal.getsignal(number)):
+            handler = signal.getsignal(number)
+            if callable(handler) or handler == signal.SIG_IGN:
                 signal.signal(number, handler)
-
-
-def is_interrupt(error: BaseException) -> bool:
-    """Whether an exception is Ctrl-C's: itself, or a SystemError that compiled code made of it when it struck inside."""
-    seen: BaseException | None = error
-    while seen is not None and not isinstance(seen, KeyboardInterrupt):
-        seen = (seen.__cause__ or seen.__context__) if isinstance(seen, SystemError) else None
-    return seen is not None

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcsim import FloatArray
-from fcsim.running.case import CaseScript, parse_parameters
-from fcsim.running.refinement import refinement_command
+from fcsim.command_line.refinement import refinement_command
+from fcsim.running.case import CaseScript
+from fcsim.running.parameters import parse_parameters
 from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, STYLE, figure, matplotlib, prefixed, save
 
 MARKS = (("s", 9, ORANGE), ("o", 7, BLUE), (".", 4, RED))  # coarse to fine, all visible where they coincide

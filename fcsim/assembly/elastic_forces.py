@@ -47,7 +47,9 @@ class ElasticForces:
 
     def at(self, x: FloatArray) -> Configuration:
         """The configuration x (n_dofs,) with the frames of its bodies."""
-        return Configuration(x, tuple(floating and floating.frames(floating.displacement(x)) for floating in self._floating))
+        return Configuration(
+            x, tuple(None if floating is None else floating.frames(floating.displacement(x)) for floating in self._floating)
+        )
 
     def rotation(self, configuration: Configuration) -> FloatArray:
         """Rotations R (n_deformable, d, d) of the frames, the identity for linear bodies."""

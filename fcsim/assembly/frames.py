@@ -9,11 +9,12 @@ With the means R_ = (R_0 + R_1) / 2 and p_ of x - c, N = R_^-1 A_ and any change
 
     y_1 - y_0 = D dx,  D dx = b - phi x q,  b = R_^T (dx - dc),  q = R_^-1 p_,  (tr N I - N) phi = sum_i w_i X_i x b_i
 
-exactly, since R^T A is symmetric at both ends. The forces D^T f with f = K (y_0 + y_1) / 2 do exactly the work E_1 - E_0, and have no
-resultant and no moment about the mean configuration: a scheme whose mean velocity is dx / h keeps momentum, angular momentum and energy.
+exactly, since R^T A is symmetric at both ends. The forces D^T f with f = K (y_0 + y_1) / 2 do exactly the work E_1 - E_0 and have no
+resultant and no moment about the mean configuration: a scheme whose mean velocity is dx / h keeps momentum, angular momentum
+and energy.
 
-Sources: B. Fraeijs de Veubeke, "The dynamics of flexible bodies", Int. J. Eng. Sci. 14, 1976 (the frame); O. Gonzalez, "Time integration and
-discrete Hamiltonian systems", J. Nonlinear Sci. 6, 1996 (discrete derivatives).
+Sources: B. Fraeijs de Veubeke, "The dynamics of flexible bodies", Int. J. Eng. Sci. 14, 1976 (the frame); O. Gonzalez, "Time integration
+and discrete Hamiltonian systems", J. Nonlinear Sci. 6, 1996 (discrete derivatives).
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly import elasticity
 from fcsim.assembly.layout import BodyLayout
 from fcsim.mesh.part import Kinematics, Part
@@ -70,15 +70,33 @@ def rotated(operator: Any, rotation: FloatArray) -> Any:
     return sp.csr_array(T @ operator @ T.T)
 
 
-def operator_groups(layout: BodyLayout, driven_dofs: IntArray, lumped: bool, kinematics: Kinematics) -> tuple[Group, ...]:
+def can_turn(points: FloatArray, driven: BoolArray) -> bool:
+    """Whether some rotation of the points (nn, d) moves no driven degree of freedom (d nn,), a translation to it given."""
+    d = points.shape[1]
+    arm = points - points.mean(axis=0)
+    size = np.abs(arm).max() or 1.0
+    rotations = []
+    for i, j in [(0, 1)] if d == 2 else [(0, 1), (1, 2), (0, 2)]:
+        mode = np.zeros_like(arm)
+        mode[:, i], mode[:, j] = -arm[:, j] / size, arm[:, i] / size
+        rotations.append(mode.ravel()[driven])
+    if not driven.any():
+        return True
+    translations = np.tile(np.eye(d), (len(points), 1))[driven]
+    modes = np.column_stack([translations, *rotations])
+    return bool(np.linalg.matrix_rank(modes, tol=1e-8) - np.linalg.matrix_rank(translations, tol=1e-8) < len(rotations))
+
+
+def operator_groups(layout: BodyLayout, driven_dofs: IntArray, lumped: bool, kinematics: Kinematics | None) -> tuple[Group, ...]:
     """Return the groups of the deformable bodies; driven_dofs: numbers of the supported dofs; lumped or consistent mass; kinematics: of
-    the bodies that do not name theirs."""
+    the bodies that do not name theirs; None: those are turning that can turn."""
     driven = np.zeros(layout.n_dofs, dtype=bool)
     driven[driven_dofs] = True
     members: dict[tuple[int, bool, bytes, bytes], list[int]] = {}
     for b, body in enumerate(layout.deformable):
         own = driven[layout.dof_offset[b] : layout.dof_offset[b + 1]]
-        turning = (body.kinematics or kinematics) == "turning"
+        named = body.kinematics or kinematics
+        turning = named == "turning" if named else can_turn(body.points, own)
         members.setdefault((id(body.part), turning, body.rotation.tobytes(), own.tobytes()), []).append(b)
     groups = []
     for (_, turning, _, _), numbers in members.items():

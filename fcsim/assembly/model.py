@@ -32,7 +32,8 @@ class Model(BodyLayout):
 
     alpha [1/s], beta [s]: Rayleigh damping C = alpha M + beta K; gravity(t) -> (d,) [m/s^2]
     driven: "eliminated" removes driven dofs from the problems' unknowns, "identity" keeps them as rows of the identity
-    kinematics: of the deformable bodies that do not name theirs; None: as the scheme of a simulation says, "turning" outside of one
+    kinematics: of the deformable bodies that do not name theirs; None: "turning" for those whose supports leave them a rotation,
+    "linear" for the others and in quasi-statics
     """
 
     supports: tuple[Support, ...]
@@ -70,17 +71,16 @@ class Model(BodyLayout):
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        return operator_groups(self, self.driven_dofs, self.lumped, self.kinematics or "turning")
+        return operator_groups(self, self.driven_dofs, self.lumped, self.kinematics)
 
     @cached_property
     def elastic(self) -> ElasticForces:
         """The elastic forces of the deformable bodies."""
         return ElasticForces(self.groups, len(self.deformable), self.dimension, self.beta)
 
-    def moving(self, kinematics: Kinematics) -> Model:
+    def moving(self, kinematics: Kinematics | None) -> Model:
         """Return the model with that kinematics where none is named; the model itself where that changes nothing."""
-        undecided = self.kinematics is None and any(body.kinematics is None for body in self.deformable)
-        return replace(self, kinematics=kinematics) if undecided else self
+        return self if kinematics is None or self.kinematics is not None else replace(self, kinematics=kinematics)
 
     @cached_property
     def rigid_bodies(self) -> RigidBodies:
@@ -255,7 +255,8 @@ def build_model(
 
     gravity: function of t giving the acceleration (d,) [m/s^2]; alpha [1/s], beta [s]: Rayleigh damping; lumped or consistent mass.
     kinematics: "turning" (small strain in frames that turn with the bodies) or "linear" (small rotation too) for the deformable bodies that
-    do not name theirs; None: "turning" in dynamics, "linear" in quasi-statics.
+    do not name theirs; None: in dynamics "turning" for those whose supports leave them a rotation, "linear" for the others and in
+    quasi-statics.
     """
     refuse_kinematics(kinematics, "kinematics")
     ordered = in_order(bodies)

@@ -47,10 +47,10 @@ def _pattern(rows: IntArray, columns: IntArray, free: BoolArray, eliminated: boo
     kept = np.flatnonzero(free[rows] & free[columns])
     source, i, j, n = kept, rows[kept], columns[kept], len(free)
     if eliminated:
-        number = (np.cumsum(free) - 1).astype(np.int32)
-        i, j, n = number[i], number[j], int(np.count_nonzero(free))
+        number = np.cumsum(free) - 1
+        i, j, n = number[i].astype(rows.dtype), number[j].astype(rows.dtype), int(np.count_nonzero(free))
     else:
-        driven = np.flatnonzero(~free).astype(np.int32)
+        driven = np.flatnonzero(~free).astype(rows.dtype)
         source = np.concatenate([source, np.full(len(driven), len(rows))])
         i, j = np.concatenate([i, driven]), np.concatenate([j, driven])
     csr = sp.coo_array((source, (i, j)), shape=(n, n)).tocsr()

@@ -21,7 +21,7 @@ from fcsim.collection.run_about import RunAbout, notes_on
 from fcsim.errors import InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, Solution, file_name, read_fclib, write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.problem.delassus import DENSE_W_UP_TO
+from fcsim.problem.delassus_sum import DENSE_W_UP_TO
 from fcsim.problem.reduction import reduce
 from fcsim.running.case import Case, load_case
 from fcsim.running.folder import RunFolder, open_run
@@ -95,7 +95,7 @@ def build_collection(
             if progress is not None:
                 progress("problems", done, len(chosen))
         entries.sort(key=lambda entry: entry.place)
-        complete = run.description.get("status") == "finished"
+        complete = run.description.status == "finished"
         drawn, notes = _draw(run, entries, folder)
         notes = [*notes_on(run, entries), *notes]
         write_manifest(folder, entries)
@@ -139,7 +139,7 @@ def _write_problem(
     local = reduce(problem).local if isinstance(problem, GlobalProblem) else problem
     known = properties(problem, local, spectrum_up_to)
     solver, iterations, t = _solve_of(run, step, parse_name(content.path.stem, 0).iterations or 0)
-    tol = float(run.description.get("tol") or math.nan)
+    tol = math.nan if run.description.tol is None else run.description.tol
     name = file_name(parse_name(content.path.stem, 0).fclib_set, iterations, problem.nc, step)
     stored = replace(local, W=sp.csc_array(local.W))  # judged in the storage of the file, as `check` will
     forms: dict[str, GlobalProblem | LocalProblem] = {"local": stored}
@@ -197,8 +197,8 @@ def _solve_of(run: RunFolder, step: int, iterations: int) -> tuple[str, int, flo
     numbers = run.numbers("step")
     rows = np.flatnonzero(numbers == step) if numbers is not None else np.empty(0, dtype=int)
     if not len(rows):
-        h = run.description.get("h")
-        return str(run.description.get("solver")), iterations, step * h if isinstance(h, float) else None
+        h = run.description.h
+        return run.description.solver, iterations, None if h is None else step * h
     row = int(rows[-1])
     return str(run.columns["solver"][row]), int(run.columns["iterations"][row]), float(run.columns["t"][row])
 

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from scipy.linalg import eigvalsh, svdvals
 
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.problem.delassus import DENSE_W_UP_TO
+from fcsim.problem.delassus_sum import DENSE_W_UP_TO
 
 SYMMETRIC_UP_TO = 1e-10
 """max |W - W^T| / max |W| of a matrix that counts as symmetric: W carries the round-off of M^-1."""

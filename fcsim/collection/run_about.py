@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fcsim.collection.manifest import AT_REST, Entry
+from fcsim.running.description import Description
 from fcsim.running.folder import RunFolder
 
 
@@ -21,13 +22,13 @@ class RunAbout:
     description: str
     software: str
     parameters: Mapping[str, Any]
-    run: Mapping[str, Any]
+    run: Description
 
     @classmethod
     def of(cls, run: RunFolder) -> RunAbout:
         about = run.description
-        software = ", ".join(f"{name} {version}" for name, version in (about.get("versions") or {}).items())
-        return cls(run.title, str(about.get("description") or ""), software, about.get("parameters") or {}, about)
+        software = ", ".join(f"{name} {version}" for name, version in about.versions.items())
+        return cls(run.title, about.description, software, about.parameters, about)
 
     @property
     def seed(self) -> str:
@@ -40,32 +41,37 @@ class RunAbout:
 
     def facts(self, authors: str) -> dict[str, str]:
         given = {"authors": authors} if authors else {}
-        return {**given, "software": self.software, "required accuracy": f"{float(self.run.get('tol') or math.nan):g}"}
+        return {**given, "software": self.software, "required accuracy": f"{math.nan if self.run.tol is None else self.run.tol:g}"}
 
     def text(self, every: int) -> str:
         run = self.run
-        kept = math.lcm(every, int((run.get("options") or {}).get("export_every") or 1))
-        sets = "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in (run.get("assignments") or {}).items())
+        kept = math.lcm(every, _every(run))
+        sets = "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in run.assignments.items())
         parameters = ", ".join(f"{name} = {value}" for name, value in self.parameters.items())
         steps = "every step" if kept == 1 else f"every {kept} steps"
-        simulated = f"{run.get('steps_done', run.get('steps'))} steps of {run.get('h')} s"
+        simulated = f"{run.steps if run.steps_done is None else run.steps_done} steps of {run.h} s"
         return (
-            f"{self.description or self.title}. The problems of {steps} of a simulation of {simulated}, each solved by {run.get('solver')} "
-            f"to {run.get('tol')} from the reactions of the steps before; the iterations in the files' names are those of that solve.\n\n"
+            f"{self.description or self.title}. The problems of {steps} of a simulation of {simulated}, each solved by {run.solver} "
+            f"to {run.tol} from the reactions of the steps before; the iterations in the files' names are those of that solve.\n\n"
             f"Parameters: {parameters}. Seed: {self.seed}.\n\n"
             "To make it again:\n\n"
-            f"    fcsim collection build cases/{run.get('case')}{sets} --every {kept} --out DIR"
+            f"    fcsim collection build cases/{run.case}{sets} --every {kept} --out DIR"
         )
+
+
+def _every(run: Description) -> int:
+    """Every how many steps the run wrote FCLIB files."""
+    every = run.options.get("export_every")
+    return every if isinstance(every, int) and every > 0 else 1
 
 
 def notes_on(run: RunFolder, entries: Sequence[Entry]) -> list[str]:
     """What a user of the collection should know: a run that did not end well, steps at rest, a missing form."""
     notes = []
-    if run.description.get("status") != "finished":
-        message = str(run.description.get("message") or "")
-        notes.append(
-            f"The run is {run.description.get('status')}{': ' if message else ''}{message}. The collection holds the steps before."
-        )
+    about = run.description
+    if about.status != "finished":
+        notes.append(f"The run is {about.status}{': ' if about.message else ''}{about.message}. The collection holds the steps before.")
+    notes += [note[:1].upper() + note[1:] for note in about.notes if note.startswith("resumed although")]
     at_rest = sorted({str(entry.step) for entry in entries if entry.status == AT_REST})
     if at_rest:
         notes.append(

@@ -20,7 +20,7 @@ from fcsim.errors import FcsimError, InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, file_name, read_fclib
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.problem.delassus import DENSE_W_UP_TO
+from fcsim.problem.delassus_sum import DENSE_W_UP_TO
 from fcsim.problem.reduction import eliminate_equalities, reduce
 from fcsim.solvers import method, solve
 

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import shlex
-import signal
 import sys
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.errors import InputError
+from fcsim.command_line.assignments import positive
+from fcsim.command_line.terminal import Bar, print_table, say
+from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, InputError
 from fcsim.files import replacing
+from fcsim.interrupts import ended_by, ended_politely
 from fcsim.version import __version__
 
 if TYPE_CHECKING:
+    from fcsim.bench.results import Measurement
+    from fcsim.bench.run import Progress
     from fcsim.bench.workers.launch import Launcher
     from fcsim.bench.workers.worker import Settings
 
@@ -48,7 +52,7 @@ Over MPI: mpiexec -n N python -m mpi4py.futures -m fcsim bench ... --launcher mp
 """
 
 
-def add_parsers(commands: argparse._SubParsersAction) -> None:
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command `bench`."""
     bench = commands.add_parser(
         "bench",
@@ -85,18 +89,13 @@ def add_parsers(commands: argparse._SubParsersAction) -> None:
     bench.set_defaults(act=_bench)
 
 
-def _positive(option: str, value: float) -> None:
-    if not (value > 0 and math.isfinite(value)):
-        raise InputError(f"{option}: expected a number > 0, got {value:g}")
-
-
 def _tolerances(text: str) -> list[float]:
     try:
         tols = [float(part) for part in text.split(",") if part.strip()]
     except ValueError:
         raise InputError(f"--tols: expected numbers with commas between, got {text!r}") from None
     for tol in tols:
-        _positive("--tols", tol)
+        positive("--tols", tol)
     if not tols:
         raise InputError("--tols: expected at least one tolerance, got none")
     return tols
@@ -162,17 +161,15 @@ def _circumstances(options: argparse.Namespace, solvers: list[str], tols: list[f
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from fcsim.bench.bench_progress import Bar, print_summary
     from fcsim.bench.problems import entries
     from fcsim.bench.results import FILE, read_results
     from fcsim.bench.run import Limits, bench
     from fcsim.bench.workers.launch import local, over_mpi
     from fcsim.bench.workers.worker import load_plugins
-    from fcsim.command_line.main import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK
 
     for option in ("time_limit", "memory_limit", "jobs", "threads"):
         if getattr(options, option) is not None:
-            _positive("--" + option.replace("_", "-"), getattr(options, option))
+            positive("--" + option.replace("_", "-"), getattr(options, option))
     load_plugins([str(path) for path in options.plugin])
     tols, solvers = _tolerances(options.tols), _solvers(options)
     settings = _settings(options, solvers)
@@ -183,29 +180,65 @@ def _bench(options: argparse.Namespace) -> int:
     def launch() -> AbstractContextManager[Launcher | None]:
         return over_mpi(settings) if options.launcher == "mpi" else local(settings, options.jobs)
 
-    # a polite kill ends the bench as Ctrl-C does, also where Ctrl-C itself is ignored, as under nohup
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        with Bar() as bar:
+        with ended_politely(), Bar("measured", lines=20, own_estimate=True) as bar:
             text = _circumstances(options, solvers, tols, settings, len(problems))
 
             def started() -> None:
                 with replacing(directory / "bench.json") as temporary:
                     temporary.write_text(text + "\n", encoding="utf-8")
 
-            progress = bench(problems, solvers, tols, limits, settings, directory, launch, bar.update, started)
-    except KeyboardInterrupt:
+            progress = bench(problems, solvers, tols, limits, settings, directory, launch, Shown(bar).update, started)
+    except KeyboardInterrupt as interrupt:
         made = len(read_results(directory)) if (directory / FILE).exists() else 0
-        print(f"fcsim: interrupted; {directory / FILE} has {made} measurements, the same command goes on with the rest", file=sys.stderr)
+        by = ended_by(interrupt)
+        text = f"fcsim: interrupted by {by}; {directory / FILE} has {made} measurements, the same command goes on with the rest"
+        say(text, to_stderr=True)
         return EXIT_INTERRUPTED
-    finally:
-        signal.signal(signal.SIGTERM, before)
     if progress is None:  # an MPI rank that served
         return EXIT_OK
     names = {problem.name for problem in problems}
-    print_summary([m for m in read_results(directory) if m.problem in names and m.solver in solvers and m.tol in tols])
+    _print_summary([m for m in read_results(directory) if m.problem in names and m.solver in solvers and m.tol in tols])
     for note in [*notes, *progress.notes]:
-        print(note, file=sys.stderr)
-    print(f"{progress.measured} measurements made, {progress.done} of {progress.total} in {directory / FILE}")
-    print(f"profiles: fcsim profile {directory}")
+        say(note, to_stderr=True)
+    say(f"{progress.measured} measurements made, {progress.done} of {progress.total} in {directory / FILE}")
+    say(f"profiles: fcsim profile {directory}")
     return EXIT_BAD_INPUT if progress.notes else EXIT_OK
+
+
+class Shown:
+    """What the bar says: the time left and the last measurement."""
+
+    def __init__(self, bar: Bar) -> None:
+        self._bar, self._last = bar, ""
+
+    def update(self, progress: Progress, measurement: Measurement | None) -> None:
+        """Show a measurement that has just ended, or that none has for a while."""
+        if measurement is not None:
+            m = measurement
+            seconds = "" if m.seconds is None else f" {m.seconds:.3g} s"
+            self._last = f"{m.problem} {m.solver} {m.tol:g}: {m.outcome}{seconds}"
+        left = "" if progress.left is None else f"about {_duration(progress.left)} left (at most {_duration(progress.at_most)})"
+        self._bar.update(progress.done, progress.total, f"{left}; {self._last}" if self._last else "")
+
+
+def _duration(seconds: float) -> str:
+    """Hours, minutes and seconds."""
+    return str(timedelta(seconds=round(seconds)))
+
+
+def _print_summary(measurements: Sequence[Measurement]) -> None:
+    """A table of the problems solved by solver and tolerance."""
+    tols = sorted({m.tol for m in measurements}, reverse=True)
+    kinds = (("TIME_LIMIT", "KILLED_TIME"), ("KILLED_MEMORY", "CRASHED"), ("WRONG",))
+    rows = []
+    for solver in dict.fromkeys(m.solver for m in measurements):
+        own = [m for m in measurements if m.solver == solver]
+        solved = [[m.solved for m in own if m.tol == tol] for tol in tols]
+        counts = [sum(m.outcome in kind for m in own) for kind in kinds]
+        cells = [f"{sum(here)} of {len(here)}" if here else "" for here in solved]
+        rows.append((solver, *cells, *(str(count) if count else "" for count in counts)))
+    header = ("solver", *(f"{tol:g}" for tol in tols), "late", "killed, crashed", "wrong")
+    print_table(header, rows, title="problems solved of those measured")
+    if any(m.outcome == "WRONG" for m in measurements):
+        say("wrong: said to be solved, above the tolerance when recomputed")

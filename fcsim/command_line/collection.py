@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
-EXIT_OK, EXIT_FAILED = 0, 1
+from fcsim.command_line.assignments import checked_tolerance, read_assignments
+from fcsim.command_line.terminal import Bar, print_table, say
+from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK
+from fcsim.interrupts import ended_politely
 
-Progress = Callable[[str, int, int], None]
 
-
-def add_parsers(commands: Any) -> None:
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add `collection` and its three commands to the command line."""
     collection = commands.add_parser(
         "collection",
@@ -60,44 +59,18 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--overwrite", action="store_true", help="replace an earlier collection")
 
 
-@contextmanager
-def _bar() -> Iterator[Progress | None]:
-    """A progress bar on the terminal, where there is one and rich is installed."""
-    try:
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    except ImportError:
-        yield None
-        return
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        MofNCompleteColumn(),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        tasks: dict[str, Any] = {}
-
-        def report(what: str, done: int, total: int) -> None:
-            if what not in tasks:
-                tasks[what] = bar.add_task(what, total=total)
-            bar.update(tasks[what], completed=done)
-
-        yield report
+def _progress(bar: Bar) -> Callable[[str, int, int], None]:
+    return lambda what, done, total: bar.update(done, total, what=what)
 
 
 def _build(options: argparse.Namespace) -> int:
     from fcsim.collection.build import build_collection
     from fcsim.collection.readme import one_a_problem
-    from fcsim.command_line.main import _assignments
 
-    assignments = _assignments(options.assignments)
+    assignments = read_assignments(options.assignments)
     if options.steps is not None:
         assignments["steps"] = str(options.steps)
-    with _bar() as progress:
+    with ended_politely(), Bar("problems", lines=0) as bar:
         built = build_collection(
             options.source,
             options.out,
@@ -106,19 +79,20 @@ def _build(options: argparse.Namespace) -> int:
             authors=options.authors,
             spectrum_up_to=options.spectrum_up_to,
             overwrite=options.overwrite,
-            progress=progress,
-            watch=None if progress is None else lambda case, step: progress("steps", step.number, case.simulation.steps),
+            progress=_progress(bar),
+            watch=lambda case, step: bar.update(step.number, case.simulation.steps, what="steps"),
         )
     _tell(built.notes)
-    print(f"{len(one_a_problem(built.entries))} problems, {len(built.entries)} files: {built.directory} (README.md, manifest.csv)")
-    return EXIT_OK if built.complete else EXIT_FAILED
+    say(f"{len(one_a_problem(built.entries))} problems, {len(built.entries)} files: {built.directory} (README.md, manifest.csv)")
+    return EXIT_OK if built.complete else EXIT_NOT_CONVERGED
 
 
 def _select(options: argparse.Namespace) -> int:
     from fcsim.collection.readme import one_a_problem
     from fcsim.collection.select import select_problems
 
-    with _bar() as progress:
+    checked_tolerance(options.tol)
+    with ended_politely(), Bar("problems", lines=0) as bar:
         selection = select_problems(
             options.directory,
             options.out,
@@ -129,13 +103,13 @@ def _select(options: argparse.Namespace) -> int:
             seed=options.seed,
             spectrum_up_to=options.spectrum_up_to,
             overwrite=options.overwrite,
-            progress=progress,
+            progress=_progress(bar),
         )
     _tell(selection.notes)
     rows = one_a_problem(selection.entries)
     unsolved = sum(row.status != "SOLVED" for row in rows)
     low, high = min(row.iterations for row in rows), max(row.iterations for row in rows)
-    print(
+    say(
         f"{len(rows)} of {len(selection.graded)} problems, {low} to {high} iterations of {options.solver} from r = 0, {unsolved} unsolved: "
         f"{selection.directory} (README.md, manifest.csv)"
     )
@@ -145,8 +119,8 @@ def _select(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from fcsim.collection.check import check_collection
 
-    with _bar() as progress:
-        rows = check_collection(options.directory, progress)
+    with ended_politely(), Bar("problems", lines=0) as bar:
+        rows = check_collection(options.directory, _progress(bar))
     header = ("file", "nc", "n", "m", "error", "stated", "cone", "equations", "")
     table = [
         (
@@ -157,16 +131,14 @@ def _check(options: argparse.Namespace) -> int:
         )
         for row in rows
     ]
-    widths = [max(len(line[k]) for line in (header, *table)) for k in range(len(header))]
-    for line in (header, *table):
-        print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
+    print_table(header, table)
     failed = [row for row in rows if row.failures]
     for row in failed:
-        print(f"FAILED {row.place}: {'; '.join(row.failures)}")
-    print(f"{len(rows)} files, {len(failed)} failed")
-    return EXIT_FAILED if failed else EXIT_OK
+        say(f"FAILED {row.place}: {'; '.join(row.failures)}")
+    say(f"{len(rows)} files, {len(failed)} failed")
+    return EXIT_NOT_CONVERGED if failed else EXIT_OK
 
 
 def _tell(notes: Sequence[str]) -> None:
     for note in notes:
-        print(f"note: {note}")
+        say(f"note: {note}")

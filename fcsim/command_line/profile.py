@@ -7,14 +7,16 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.errors import InputError, MissingDependency
+from fcsim.command_line.assignments import checked_tolerance, positive
+from fcsim.command_line.terminal import print_table, say
+from fcsim.errors import InputError
 from fcsim.files import replacing
 
 if TYPE_CHECKING:
     from fcsim.bench.reporting.comparison import Comparison
 
 
-def add_parsers(commands: argparse._SubParsersAction) -> None:
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands `profile` and `report`."""
     profile = commands.add_parser(
         "profile",
@@ -75,7 +77,7 @@ def _profile(options: argparse.Namespace) -> int:
     if options.convergence:
         written += _write_convergence(options)
     for path in written:
-        print(path)
+        say(path)
     return 0
 
 
@@ -108,24 +110,10 @@ def _write_profiles(options: argparse.Namespace) -> list[Path]:
 def _print_tables(comparison: Comparison) -> None:
     from fcsim.bench.reporting.summary import tables
 
-    try:
-        from rich import box
-        from rich.console import Console
-        from rich.table import Table
-    except ImportError as error:
-        raise MissingDependency(f"rich cannot be imported ({error}): pip install 'fcsim[view]'") from None
-    console = Console()
-    if not console.is_terminal:  # a file or a pipe has no width
-        console = Console(width=140)
     for title, header, rows in tables(comparison.summaries):
-        drawn = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
-        for column, heading in enumerate(header):
-            drawn.add_column(heading, justify="right" if column else "left", no_wrap=column == 0)
-        for row in rows:
-            drawn.add_row(*row)
-        console.print(drawn, markup=False)
+        print_table(header, rows, title=title)
     for remark in comparison.remarks:
-        console.print(f"note: {remark}", highlight=False, markup=False)
+        say(f"note: {remark}")
 
 
 def _write_convergence(options: argparse.Namespace) -> list[Path]:
@@ -133,14 +121,14 @@ def _write_convergence(options: argparse.Namespace) -> list[Path]:
 
     if not options.solvers:
         raise InputError("--convergence: expected --solvers NAME,..., the solvers to draw")
-    if not options.time_limit > 0:
-        raise InputError(f"--time-limit: expected a number > 0, got {options.time_limit:g}")
+    positive("--time-limit", options.time_limit)
+    checked_tolerance(options.tol)
     directory = options.out or (Path("convergence") if options.results is None else _folder(options.results) / "profiles")
     written = []
     for file in options.convergence:
         runs = solve_all(file, options.solvers, tol=options.tol, time_limit=options.time_limit)
         for run in runs:
-            print(f"{file.name}, {run.solver}: {run.status}, error {run.error:.1e}, {run.iterations} iterations, {run.seconds:.3g} s")
+            say(f"{file.name}, {run.solver}: {run.status}, error {run.error:.1e}, {run.iterations} iterations, {run.seconds:.3g} s")
         written += write_convergence(runs, file.stem, directory, options.tol)
     return written
 
@@ -149,5 +137,5 @@ def _report(options: argparse.Namespace) -> int:
     from fcsim.bench.reporting.report import write_report
 
     path = options.out or _folder(options.results) / "report.html"
-    print(write_report(_comparison(options), path, results=options.results, collections=options.collection, title=options.title))
+    say(write_report(_comparison(options), path, results=options.results, collections=options.collection, title=options.title))
     return 0

@@ -106,7 +106,7 @@ class Body:
 
     rotation (d, d) orthogonal with determinant +1; translation (d,) [m]
     kinematics  "turning": small strain in a frame that turns with the body; "linear": small strain and small rotation; None: as the
-                model says
+                model says (see `build_model`)
     """
 
     name: str

@@ -1,5 +1,6 @@
 """The frictional contact problem, its cone and its one error; the reduction to the local form u = W r + q."""
 
+from fcsim.problem.delassus import Delassus, diagonal_blocks
 from fcsim.problem.problem import (
     OPEN,
     SLIP,
@@ -10,7 +11,6 @@ from fcsim.problem.problem import (
     Matrix,
     check,
     contact_status,
-    diagonal_blocks,
     error,
     natural_map_residual,
 )
@@ -20,6 +20,7 @@ __all__ = [
     "SLIP",
     "STICK",
     "Checks",
+    "Delassus",
     "GlobalProblem",
     "LocalProblem",
     "Matrix",

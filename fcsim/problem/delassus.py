@@ -1,60 +1,218 @@
-"""The Delassus operator W = H^T M^-1 H as the sum of the bodies' shares h C h^T.
+"""The Delassus operator W as solvers see it: one object for its products and for what is derived from it once.
 
-C is a body's compliance, M^-1 on those of its unknowns that contacts touch, and h its part of H^T: contacts that share no body have no
-block in W.
+How W is stored for elimination and how it is factored is decided here and nowhere else: `elimination` names the way, `stored` is W in the
+storage that goes with it, `factor` is the factor of W + rho I. A problem has its operator as `LocalProblem.delassus`.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
-from fcsim.problem._delassus_kernels import add_bodies, add_diagonal_bodies, entries_by_body, union_of_neighbours
+from fcsim.arrays import FloatArray, IntArray, Matrix
+from fcsim.linear._block_rows_kernels import product
+from fcsim.linear.block_cholesky import Analysis
+from fcsim.linear.block_rows import compressed_blocks
+from fcsim.linear.factors import Factor, is_symmetric
+from fcsim.linear.joints import BlockRows, joint_rows
+from fcsim.problem._judge_kernels import diagonal_blocks_of_rows
+from fcsim.problem.shifted_factor import plus_diagonal, rows_with_diagonal, shifted_factor
 
-DENSE_W_UP_TO = 3000
-"""Up to this many contact unknowns W is stored dense (72 MB), above as block-sparse rows."""
-SPARSE_FROM, FILLED = 1000, 0.4
-"""Contact unknowns from which, and share of its blocks below which, W is stored by block rows: less to write, and to read in products."""
+SMALL = 150
+"""Contact unknowns up to which dense linear algebra is cheapest whatever the density."""
+FILLED = 0.05
+"""Density of W from which its factor counts as dense."""
+DENSE_UP_TO = 3000
+"""Contact unknowns up to which a dense factor of a sparse W is worth its memory (72 MB)."""
+
+Elimination = Literal["dense", "fronts", "sparse"]
+T = TypeVar("T")
 
 
-class DelassusSum:
-    """W (m, m) while the bodies' shares are added: dense up to `DENSE_W_UP_TO` unknowns, else by block rows.
+@dataclass(frozen=True, eq=False)
+class Delassus:
+    """W (m, m), dense or sparse, of m = d nc contact unknowns; in dynamics [velocity per impulse], else [displacement per force].
 
-    It is by block rows from `SPARSE_FROM` unknowns on already where less than the share `FILLED` of its blocks is there.
+    What is asked for is computed once and kept as long as this object; factors are not kept, since they are large: who uses one again
+    keeps it (see `Memory` for what serves the next problem).
     """
 
-    def __init__(self, H: Any, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
-        """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
-        unknown of its body's compliance it is. Both are read only where H has entries."""
-        H = H.tocsc()
-        self._m, self._axes = H.shape[1], tuple(range(dimension))
-        self._nc = nc = self._m // dimension
-        self._bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
-        starts, columns = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
-        if self._m > min(SPARSE_FROM, DENSE_W_UP_TO):
-            starts, columns = union_of_neighbours(*self._bodies[:2], nc)
-        self._dense = self._m <= DENSE_W_UP_TO and not (self._m > SPARSE_FROM and len(columns) < FILLED * nc**2)
-        if self._dense:
-            starts, columns = starts[:0], columns[:0]
-        self._values = np.zeros(self._m**2 if self._dense else len(columns) * dimension**2)
-        self._rows = starts, columns
+    W: Matrix
+    dimension: int = 3
+    _made: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False)
 
-    def add(self, begin: int, C: FloatArray, kind: IntArray, *, symmetric: bool = True) -> None:
-        """Add the shares of the bodies begin, begin + 1, ... with the compliances C[kind[0]], C[kind[1]], ... of C (c, k, k)."""
-        C = np.ascontiguousarray(C if symmetric else C.transpose(0, 2, 1))
-        add_bodies(*self._rows, self._values, *self._bodies, begin, C, kind, symmetric, self._axes, self._nc)
+    @property
+    def size(self) -> int:
+        """m, the number of contact unknowns."""
+        return int(self.W.shape[0])
 
-    def add_diagonal(self, begin: int, C: FloatArray, group: IntArray) -> None:
-        """Add the shares of the bodies from `begin` on whose compliances are diagonal: C[group[k]:group[k + 1]] that of the k-th."""
-        add_diagonal_bodies(*self._rows, self._values, *self._bodies, begin, C, group, self._axes, self._nc)
+    @property
+    def nc(self) -> int:
+        """The number of contacts."""
+        return self.size // self.dimension
 
-    def matrix(self) -> Any:
-        """W, a dense array or a bsr_array."""
-        d, m = len(self._axes), self._m
-        if self._dense:
-            return self._values.reshape(m, m)
-        starts, columns = self._rows
-        return sp.bsr_array((self._values.reshape(-1, d, d), columns, starts), shape=(m, m), blocksize=(d, d))
+    @property
+    def is_sparse(self) -> bool:
+        return bool(sp.issparse(self.W))
+
+    def __matmul__(self, x: FloatArray) -> FloatArray:
+        """W x for x (m,) or (m, k)."""
+        image: FloatArray = self.W @ x
+        return image
+
+    def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
+        """W x + q (m,)."""
+        W = self.W
+        if sp.issparse(W) and W.format == "bsr" and W.blocksize == (3, 3):  # twice as quick as SciPy's product for any size of block
+            return product(W.indptr, W.indices, W.data, q.reshape(-1, 3), x.reshape(-1, 3)).ravel()
+        return W @ x + q
+
+    @cached_property
+    def entries(self) -> int:
+        """Entries of W that are not zero."""
+        return int(np.count_nonzero(self.W.data if self.is_sparse else self.W))
+
+    @property
+    def density(self) -> float:
+        """Share of the entries that are not zero, 1 for no contacts."""
+        return self.entries / (self.size**2 or 1)
+
+    @cached_property
+    def diagonal(self) -> FloatArray:
+        """The diagonal of W (m,)."""
+        return np.asarray(self.W.diagonal())
+
+    @cached_property
+    def diagonal_blocks(self) -> FloatArray:
+        """The contacts' own blocks W_aa (nc, d, d)."""
+        return diagonal_blocks(self.W, self.dimension)
+
+    @cached_property
+    def compliance(self) -> FloatArray:
+        """tr(W_aa) / d (nc,), one positive number a contact; where it is not positive (both bodies held), the mean of the others."""
+        own = self.diagonal.reshape(-1, self.dimension).mean(axis=1)
+        positive = own > 0
+        if positive.all():
+            return own
+        return np.where(positive, own, own[positive].mean() if positive.any() else 1.0)
+
+    @cached_property
+    def symmetric(self) -> bool:
+        """Whether W equals its transpose up to round-off."""
+        return is_symmetric(self.W)
+
+    @cached_property
+    def symmetric_part(self) -> Delassus:
+        """(W + W^T) / 2."""
+        return self if self.symmetric else Delassus(0.5 * (self.W + self.W.T), self.dimension)
+
+    @cached_property
+    def norm(self) -> float:
+        """||W||_2 by power iterations on W, or on W^T W where that differs, from below within a few percent; 1 for W = 0."""
+        zero = np.zeros(self.size)
+        if self.symmetric:
+            return power_norm(lambda x: self.affine(x, zero), self.size) or 1.0
+        WT = self.W.T
+        return float(np.sqrt(power_norm(lambda x: WT @ self.affine(x, zero), self.size))) or 1.0
+
+    @cached_property
+    def least_singular_value(self) -> float:
+        """The least singular value of W by inverse iteration, or 1e-6 ||W|| where that is larger."""
+        floor = 1e-6 * self.norm
+        inverse = power_norm(self.factor(floor, symmetric=self.symmetric).solve, self.size)
+        return max(1 / (inverse or 1.0) - floor, floor)
+
+    @cached_property
+    def blocks(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """W by block rows: indptr (nc + 1,), block columns, blocks (nnz, d, d); not copied where W is so stored."""
+        return compressed_blocks(self.W, self.dimension)
+
+    @cached_property
+    def joints(self) -> BlockRows | None:
+        """A sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
+        return joint_rows(self.W, self.dimension) if self.is_sparse else None
+
+    @cached_property
+    def elimination(self) -> Elimination:
+        """How a matrix with W's pattern is eliminated: dense, by fronts of whole joints, or by sparse elimination of single contacts."""
+        if self.joints is not None:
+            return "fronts"
+        if self.size <= SMALL or (self.size <= DENSE_UP_TO and self.density >= FILLED):
+            return "dense"
+        return "dense" if not self.is_sparse and self.density >= FILLED else "sparse"
+
+    @cached_property
+    def stored(self) -> Delassus:
+        """W in the storage of its elimination: dense, or by sorted block rows; this object where it is so stored."""
+        if self.elimination == "dense":
+            return Delassus(self.W.toarray(), self.dimension) if self.is_sparse else self
+        d = self.dimension
+        if self.is_sparse and self.W.format == "bsr" and self.W.blocksize == (d, d) and self.W.has_sorted_indices:
+            return self
+        indptr, column, blocks = self.blocks
+        # a copy even of block rows: sorting the caller's in place would change the last bits of later products
+        rows = sp.bsr_array((blocks.copy(), column.astype(np.int32), indptr.astype(np.int32)), shape=self.W.shape)
+        rows.sort_indices()
+        return Delassus(rows, d)
+
+    def shifted(self, shift: FloatArray | float) -> Delassus:
+        """W + diag(shift) with one number a contact (nc,), or one for all: dense for a dense W, else by block rows."""
+        return Delassus(plus_diagonal(self.W, np.broadcast_to(shift, self.nc), self.dimension), self.dimension)
+
+    def factor(self, rho: float, *, symmetric: bool) -> Factor:
+        """The factor of W + rho I: Cholesky where symmetric and positive definite, else LU; SingularMatrix where that fails."""
+        return shifted_factor(self.W, self.dimension, rho, symmetric, lambda: self._analysed)
+
+    @cached_property
+    def _analysed(self) -> tuple[Matrix, Analysis]:
+        """A sparse W by block rows with every diagonal block, and what their pattern alone decides of a factor."""
+        rows = rows_with_diagonal(self.W, self.dimension)
+        return rows, Analysis(rows)
+
+    def derived(self, make: Callable[..., T], *arguments: Hashable) -> T:
+        """What make(self, *arguments) derives from this operator, made once."""
+        key = (make, *arguments)
+        if key not in self._made:
+            self._made[key] = make(self, *arguments)
+        made: T = self._made[key]
+        return made
+
+
+def diagonal_blocks(W: Matrix, d: int) -> FloatArray:
+    """The blocks W_aa (nc, d, d) of W (m, m), dense or sparse."""
+    nc = W.shape[0] // d
+    index = np.arange(nc)
+    if not sp.issparse(W):
+        return W.reshape(nc, d, nc, d)[index, :, index, :]
+    if W.format == "bsr" and W.blocksize == (d, d):
+        row = np.repeat(index, np.diff(W.indptr))
+        own = np.flatnonzero(row == W.indices)
+        if np.array_equal(row[own], index):  # each stored once
+            return W.data[own]
+        blocks = np.zeros((nc, d, d))
+        np.add.at(blocks, row[own], W.data[own])
+        return blocks
+    W = W if W.format in ("csr", "csc") else sp.csr_array(W)
+    blocks = diagonal_blocks_of_rows(W.indptr, W.indices, W.data, d)
+    return blocks if W.format == "csr" else blocks.transpose(0, 2, 1)
+
+
+def power_norm(apply: Callable[[FloatArray], FloatArray], size: int) -> float:
+    """The largest eigenvalue in magnitude of x -> apply(x) on R^size by the power method, from below within a few percent."""
+    if not size:
+        return 0.0
+    x = np.random.default_rng(0).standard_normal(size)
+    length, norm = math.sqrt(x @ x), 0.0
+    for _ in range(30):
+        x = apply(x / (length or 1.0))
+        length = math.sqrt(x @ x)
+        if abs(length - norm) <= 1e-3 * length:
+            break
+        norm = length
+    return length

@@ -16,12 +16,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, Matrix
 from fcsim.errors import InputError
-from fcsim.problem._judge_kernels import diagonal_blocks_of_rows, squared_natural_residual, violations
+from fcsim.problem._judge_kernels import squared_natural_residual, violations
 from fcsim.problem.cone import tangential_norm
-
-Matrix = Any  # a scipy.sparse array or a dense ndarray
+from fcsim.problem.delassus import Delassus
 
 
 def _vector(values: Any, what: str) -> FloatArray:
@@ -136,28 +135,14 @@ class LocalProblem:
         return len(self.mu)
 
     @cached_property
+    def delassus(self) -> Delassus:
+        """W with what is derived from it once: what solvers work on."""
+        return Delassus(self.W, self.dimension)
+
+    @property
     def diagonal_blocks(self) -> FloatArray:
         """The contacts' own blocks W_aa (nc, d, d)."""
-        return diagonal_blocks(self.W, self.dimension)
-
-
-def diagonal_blocks(W: Any, d: int) -> FloatArray:
-    """The blocks W_aa (nc, d, d) of W (m, m), dense or sparse."""
-    nc = W.shape[0] // d
-    index = np.arange(nc)
-    if not sp.issparse(W):
-        return W.reshape(nc, d, nc, d)[index, :, index, :]
-    if W.format == "bsr" and W.blocksize == (d, d):
-        row = np.repeat(index, np.diff(W.indptr))
-        own = np.flatnonzero(row == W.indices)
-        if np.array_equal(row[own], index):  # each stored once
-            return W.data[own]
-        blocks = np.zeros((nc, d, d))
-        np.add.at(blocks, row[own], W.data[own])
-        return blocks
-    W = W if W.format in ("csr", "csc") else sp.csr_array(W)
-    blocks = diagonal_blocks_of_rows(W.indptr, W.indices, W.data, d)
-    return blocks if W.format == "csr" else blocks.transpose(0, 2, 1)
+        return self.delassus.diagonal_blocks
 
 
 def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension: int = 3) -> float:

@@ -20,7 +20,7 @@ from fcsim.linear.factors import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, Si
 from fcsim.linear.singularity import refuse_singular
 from fcsim.problem._delassus_kernels import alike_in_contacts
 from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
-from fcsim.problem.delassus import DelassusSum
+from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.problem import GlobalProblem, LocalProblem
 
 EQUAL = 1e-13

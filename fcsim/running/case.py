@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 import sys
-import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from fcsim.errors import InputError
+from fcsim.files import plain_name, sha256
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
 
@@ -34,6 +34,9 @@ class History:
     name: str
     columns: tuple[str, ...]
     against: str = "t"
+
+    def __post_init__(self) -> None:
+        plain_name(self.name, "history")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +78,13 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class CaseScript:
-    """A case script as found on disk: folder/name.py with a frozen dataclass `Parameters` and a function `build`."""
+    """A case script as found on disk: folder/name.py with a frozen dataclass `Parameters` and a function `build`; SHA-256 of its text."""
 
     name: str
     path: Path
     parameters: type
     build: Callable[[Any], Case]
+    sha256: str
 
 
 def load_case(path: str | Path) -> CaseScript:
@@ -93,61 +97,18 @@ def load_case(path: str | Path) -> CaseScript:
     spec = importlib.util.spec_from_file_location(f"fcsim_case_{name}", script)
     if spec is None or spec.loader is None:
         raise InputError(f"case {str(path)!r}: {script} cannot be loaded as Python")
+    digest = sha256(script)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look their module up
     try:
         spec.loader.exec_module(module)
     except SyntaxError as error:
         raise InputError(f"case {str(path)!r}: {script} cannot be loaded as Python: {error}") from None
-    return _checked(module, name, script)
+    return _checked(module, name, script, digest)
 
 
-def _checked(module: ModuleType, name: str, script: Path) -> CaseScript:
+def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseScript:
     parameters, build = getattr(module, "Parameters", None), getattr(module, "build", None)
     if not (dataclasses.is_dataclass(parameters) and isinstance(parameters, type) and callable(build)):
         raise InputError(f"case script {script}: expected a dataclass Parameters and a function build(parameters)")
-    return CaseScript(name, script, parameters, build)
-
-
-def parse_parameters(script: CaseScript, assignments: Mapping[str, str]) -> Any:
-    """Return the case's Parameters with `name=value` texts read as the fields' types; unknown names and bad values are refused."""
-    types = typing.get_type_hints(script.parameters)
-    known = {f.name: f for f in dataclasses.fields(script.parameters)}
-    values = {}
-    for name, text in assignments.items():
-        if name not in known:
-            raise InputError(f"--set {name}={text}: case {script.name} has the parameters {', '.join(known)}")
-        values[name] = _parse(name, text, types[name], script.name)
-    return script.parameters(**values)
-
-
-def _parse(name: str, text: str, kind: Any, case: str) -> Any:
-    refused = InputError(f"--set {name}={text}: case {case} expects {_kind_name(kind)}")
-    if typing.get_origin(kind) is tuple:
-        items = [item for item in text.strip("()").split(",") if item.strip()]
-        arguments = typing.get_args(kind)
-        kinds = [arguments[0]] * len(items) if len(arguments) == 2 and arguments[1] is Ellipsis else list(arguments)
-        if len(kinds) != len(items):
-            raise refused
-        return tuple(_parse(name, item.strip(), k, case) for item, k in zip(items, kinds, strict=True))
-    if typing.get_origin(kind) is typing.Literal:
-        if text not in typing.get_args(kind):
-            raise refused
-        return text
-    if kind is bool:
-        switches = {"on": True, "true": True, "yes": True, "1": True, "off": False, "false": False, "no": False, "0": False}
-        if text.lower() not in switches:
-            raise refused
-        return switches[text.lower()]
-    try:
-        return kind(text)
-    except (TypeError, ValueError):
-        raise refused from None
-
-
-def _kind_name(kind: Any) -> str:
-    if typing.get_origin(kind) is typing.Literal:
-        return "one of " + ", ".join(map(str, typing.get_args(kind)))
-    if typing.get_origin(kind) is tuple:
-        return f"{len(typing.get_args(kind))} values separated by commas"
-    return {bool: "on or off", int: "a whole number", float: "a number"}.get(kind, getattr(kind, "__name__", str(kind)))
+    return CaseScript(name, script, parameters, build, digest)

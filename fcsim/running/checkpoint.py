@@ -1,11 +1,13 @@
-"""checkpoint.h5: the moment from which an interrupted run goes on, bit by bit."""
+"""checkpoint.h5: the moment from which an interrupted run goes on, bit by bit, with a checksum of all that it holds."""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import fields
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from fcsim.errors import InputError
 from fcsim.files import replacing_hdf5
@@ -14,6 +16,8 @@ from fcsim.timestep.step import Moment, Step
 from fcsim.timestep.warm_start import Reactions
 
 _ARRAYS = tuple(field.name for field in fields(State) if field.name != "t")
+MEMORIES = 100
+"""More reactions of earlier steps than any run keeps."""
 
 
 def write_checkpoint(path: Path, step: Step) -> None:
@@ -21,6 +25,7 @@ def write_checkpoint(path: Path, step: Step) -> None:
     with replacing_hdf5(path) as file:
         _write_moment(file, step.moment)
         _write_moment(file.create_group("anchor"), step.anchor)
+        file.attrs["sha256"] = content_digest(file)
 
 
 def _write_moment(group: h5py.Group, moment: Moment) -> None:
@@ -36,19 +41,76 @@ def _write_moment(group: h5py.Group, moment: Moment) -> None:
             memory[f"{age}/{name}"] = getattr(reactions, name)
 
 
+def content_digest(file: h5py.File) -> str:
+    """SHA-256 of the names, types, shapes and values of all datasets and attributes but the digest itself."""
+    digest = hashlib.sha256()
+
+    def take(name: str, entry: h5py.Group | h5py.Dataset) -> None:
+        for key in sorted(set(entry.attrs) - {"sha256"}):
+            digest.update(f"{name}@{key}={entry.attrs[key]!r};".encode())
+        if isinstance(entry, h5py.Dataset):
+            values = np.ascontiguousarray(entry[()])
+            digest.update(f"{name}:{values.dtype.str}{values.shape};".encode() + values.tobytes())
+
+    take("", file)
+    file.visititems(take)
+    return digest.hexdigest()
+
+
 def read_checkpoint(path: Path) -> tuple[Moment, Moment] | None:
-    """The moment to go on from, and its anchor."""
+    """The moment to go on from, and its anchor; None where there is no checkpoint, InputError where it is not as it was written."""
     if not path.is_file():
         return None
     try:
         with h5py.File(path) as file:
+            _refuse_foreign(file)
+            stated, found = file.attrs.get("sha256"), content_digest(file)
+            if stated != found:
+                raise InputError(f"{path}: expected the checkpoint as it was written; its checksum does not agree with what it holds")
             return _read_moment(file), _read_moment(file["anchor"])
-    except (OSError, KeyError, TypeError) as error:
+    except InputError:
+        raise
+    except (OSError, KeyError, TypeError, ValueError, AttributeError, RuntimeError, OverflowError) as error:
         raise InputError(f"{path}: expected a checkpoint of an earlier run: {error}") from None
 
 
+def _refuse_foreign(file: h5py.File) -> None:
+    """Links to other files and storage in them are never a checkpoint's; nor is data that unpacks to more than the file holds."""
+    groups, seen = [file], 0
+    while groups:
+        group, seen = groups.pop(), seen + 1
+        if seen > 3 * MEMORIES:
+            raise ValueError("groups in a circle")
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                raise ValueError(f"{name} is a link")
+            entry = group[name]
+            if isinstance(entry, h5py.Group):
+                groups.append(entry)
+            elif entry.external or entry.is_virtual or entry.chunks is not None:
+                raise ValueError(f"{name} is not stored as a checkpoint's arrays are")
+
+
 def _read_moment(group: h5py.Group) -> Moment:
-    state = State(float(group.attrs["t"]), **{name: group[name][()] for name in _ARRAYS if name in group})
+    arrays = {name: _array(group[name], 1) for name in _ARRAYS if name in group}
+    state = State(float(group.attrs["t"]), **arrays)
+    if not 0 <= len(group["memory"]) <= MEMORIES:
+        raise ValueError(f"{len(group['memory'])} reactions of earlier steps")
     stored = [group[f"memory/{age}"] for age in range(len(group["memory"]))]
-    memory = tuple(Reactions(*(entry[name][()] for name in ("identity", "frame", "r"))) for entry in stored)
+    memory = tuple(_reactions(entry) for entry in stored)
     return Moment(int(group.attrs["step"]), state, memory, int(group.attrs["cuts"]))
+
+
+def _array(dataset: h5py.Dataset, ndim: int) -> np.ndarray:
+    values = dataset[()]
+    if values.dtype != np.float64 or values.ndim != ndim:
+        raise ValueError(f"{dataset.name}: expected float64 of {ndim} axes, got {values.dtype} of shape {values.shape}")
+    return values
+
+
+def _reactions(group: h5py.Group) -> Reactions:
+    identity, frame, r = group["identity"][()], _array(group["frame"], 3), _array(group["r"], 2)
+    nc, d = r.shape
+    if identity.shape != (nc,) or identity.dtype.kind != "i" or frame.shape != (nc, d, d):
+        raise ValueError(f"{group.name}: identity {identity.shape}, frame {frame.shape} and r {r.shape} do not fit")
+    return Reactions(identity, frame, r)

@@ -1,25 +1,26 @@
 """What a run leaves in its folder, read back: description, table of steps, VTK series.
 
-DIR/run.json   case, title, parameters, and which columns the plots take ("plots")
+DIR/run.json   case, title, parameters, and which columns the plots take, see `description`
 DIR/steps.csv  one row a step
 DIR/vtk/       blocks, contacts and rigid bodies: a .pvd collection of each, one .vtu or .vtp file an instant
 """
 
 from __future__ import annotations
 
-import csv
-import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.files import replacing
+from fcsim.files import inside, replacing
+from fcsim.running.description import FILE, Description, Plots, read_description
+from fcsim.tables import read_rows
 
 SERIES = ("blocks", "contacts", "rigid")
 
@@ -28,8 +29,11 @@ def read_collection(path: Path) -> list[tuple[float, str]]:
     """Return the (time [s], file name) entries of a ParaView collection (.pvd), in its order."""
     try:
         entries = ElementTree.parse(path).getroot().findall("./Collection/DataSet")
-        return [(float(entry.attrib["timestep"]), entry.attrib["file"]) for entry in entries]
-    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        found = [(float(entry.attrib["timestep"]), entry.attrib["file"]) for entry in entries]
+        if not all(math.isfinite(t) for t, _ in found):
+            raise ValueError("a time that is no finite number")
+        return found
+    except (ElementTree.ParseError, KeyError, ValueError, LookupError) as error:
         raise InputError(f"{path}: expected a ParaView collection (.pvd) with a time and a file in each entry: {error}") from None
 
 
@@ -64,20 +68,20 @@ class RunFolder:
     """
 
     directory: Path
-    description: Mapping[str, Any]
+    description: Description
     columns: Mapping[str, NDArray]
     instants: tuple[Instant, ...]
 
     @property
     def title(self) -> str:
-        return str(self.description.get("title") or self.description.get("case") or self.directory.name)
+        return self.description.title or self.description.case or self.directory.name
 
     @property
-    def plots(self) -> Mapping[str, Any]:
-        """Which columns of steps.csv are the imposed displacement, the reactions and the bound (keys of run.json, all optional)."""
-        return self.description.get("plots") or {}
+    def plots(self) -> Plots:
+        """Which columns of steps.csv are the imposed displacement, the reactions and the bound."""
+        return self.description.plots
 
-    def numbers(self, name: str) -> NDArray[np.float64] | None:
+    def numbers(self, name: str) -> FloatArray | None:
         """The column `name` as numbers (nsteps,), or None where it is absent, empty or not made of numbers."""
         values = self.columns.get(name)
         return values if values is not None and values.size and values.dtype.kind == "f" else None
@@ -91,34 +95,31 @@ class RunFolder:
 def open_run(directory: str | Path) -> RunFolder:
     """Open the folder of a run; InputError where it is none, naming what was expected."""
     directory = Path(directory)
-    for name in ("run.json", "steps.csv"):
+    for name in (FILE, "steps.csv"):
         if not (directory / name).is_file():
             raise InputError(
                 f"{directory}: expected the folder of a run (run.json, steps.csv, vtk/, as `fcsim run` writes), found no {name}"
             )
-    try:
-        description = json.loads((directory / "run.json").read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"{directory / 'run.json'}: expected JSON: {error}") from None
-    if not isinstance(description, dict) or not isinstance(description.get("plots") or {}, dict):
-        raise InputError(f"{directory / 'run.json'}: expected an object, and its 'plots' an object too")
-    return RunFolder(directory, description, _read_columns(directory / "steps.csv"), _read_instants(directory / "vtk"))
+    description = read_description(directory)
+    return RunFolder(directory, description, read_columns(directory / "steps.csv"), _read_instants(directory / "vtk"))
 
 
-def _read_columns(path: Path) -> dict[str, NDArray]:
-    with path.open(newline="", encoding="utf-8") as file:
-        header, *rows = list(csv.reader(file)) or [[]]
+def read_columns(path: Path) -> dict[str, NDArray]:
+    """The columns of steps.csv: float64 where all entries are numbers or empty (nan), else text."""
+    header, *rows = read_rows(path) or [[]]
     if not header:
         raise InputError(f"{path}: expected a header with the names of the columns, got an empty file")
+    if len(set(header)) != len(header):
+        raise InputError(f"{path}: expected different names of the columns, got {', '.join(header)[:200]}")
     rows = [row for row in rows if len(row) == len(header)]  # the last row of a run that was killed may be cut
     return {name: _numbers_or_text([row[k] for row in rows]) for k, name in enumerate(header)}
 
 
 def _numbers_or_text(entries: list[str]) -> NDArray:
     try:
-        return np.array([float(entry) if entry else np.nan for entry in entries])
+        return np.array([float(entry) if entry else np.nan for entry in entries], dtype=np.float64)
     except ValueError:
-        return np.array(entries)
+        return np.array(entries, dtype=np.str_)
 
 
 def _read_instants(directory: Path) -> tuple[Instant, ...]:
@@ -126,7 +127,7 @@ def _read_instants(directory: Path) -> tuple[Instant, ...]:
     for series in SERIES:
         collection = directory / f"{series}.pvd"
         for t, name in read_collection(collection) if collection.is_file() else []:
-            file = directory / name
+            file = inside(directory, directory / name)
             if not file.is_file():
                 raise InputError(f"{collection}: expected the file {name} of t = {t} s beside it, found none")
             files.setdefault(t, dict.fromkeys(SERIES))[series] = file

@@ -10,44 +10,25 @@ DIR/checkpoint.h5  state and the last reactions: what `--resume` goes on from
 
 from __future__ import annotations
 
-import json
-import platform
-import shutil
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
-from fcsim.errors import InputError, NotConverged
-from fcsim.export_fclib.chunks import Compressor
-from fcsim.files import replacing
-from fcsim.running.case import Case, CaseScript, parse_parameters
-from fcsim.running.checkpoint import read_checkpoint, write_checkpoint
-from fcsim.running.fclib_series import write_step
-from fcsim.running.step_table import StepTable, write_hdf5
-from fcsim.running.vtk_series import SeriesWriter
-from fcsim.runtime import is_interrupt
-from fcsim.timestep.step import Step
-from fcsim.version import __version__
+from fcsim.errors import NotConverged
+from fcsim.files import alone_in, files_read, remove_partial_files
+from fcsim.interrupts import ended_by, is_interrupt
+from fcsim.running.case import Case, CaseScript
+from fcsim.running.case_description import describe
+from fcsim.running.checkpoint import read_checkpoint
+from fcsim.running.description import Description, write_description, write_end
+from fcsim.running.outputs import Outputs, RunOptions
+from fcsim.running.own_files import check_folder, empty
+from fcsim.running.parameters import parse_parameters
+from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
+from fcsim.timestep.step import Moment, Step
 
-OWN_ENTRIES = ("run.json", "steps.csv", "steps.h5", "vtk", "fclib", "checkpoint.h5", "pictures", "plots", "film.gif", "film.mp4")
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunOptions:
-    """Every how many steps to write FCLIB files, VTK files and checkpoints (0 = none), and the forms of the FCLIB files."""
-
-    export_every: int = 10
-    export_forms: tuple[str, ...] = ("global",)
-    vtk_every: int = 10
-    checkpoint_every: int = 20
-
-    def __post_init__(self) -> None:
-        for name in ("export_every", "vtk_every", "checkpoint_every"):
-            if getattr(self, name) < 0:
-                raise InputError(f"{name.replace('_', '-')}: expected a whole number >= 0 (0 = none), got {getattr(self, name)}")
+__all__ = ["RunOptions", "Summary", "run_case"]
 
 
 @dataclass(frozen=True)
@@ -73,6 +54,29 @@ class Summary:
         return self.status == "finished"
 
 
+@dataclass
+class _Tally:
+    """Sums over the steps of a run."""
+
+    computed: int = 0
+    iterations: int = 0
+    largest_error: float = 0.0
+    fallbacks: int = 0
+    cut: int = 0
+    energy_residual: float = 0.0
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def add(self, step: Step, seconds: Mapping[str, float]) -> None:
+        for phase, value in seconds.items():
+            self.seconds[phase] = self.seconds.get(phase, 0.0) + value
+        self.computed += 1
+        self.iterations += step.iterations
+        self.largest_error = max(self.largest_error, step.result.error)
+        self.fallbacks += len(step.attempts) > step.substeps
+        self.cut += step.substeps > 1
+        self.energy_residual = max(self.energy_residual, abs(step.energy.residual))
+
+
 def run_case(
     script: CaseScript,
     assignments: Mapping[str, str],
@@ -81,70 +85,75 @@ def run_case(
     *,
     resume: bool = False,
     overwrite: bool = False,
+    accept_changes: bool = False,
     watch: Callable[[Case, Step], None] | None = None,
 ) -> Summary:
     """Run a case script with the given parameter texts into a folder; `watch` is called after each step.
 
-    resume goes on from the folder's checkpoint with the parameters stored there (steps may be raised); overwrite empties an earlier
-    run's folder first. Nothing is touched before the case is built. Returns the summary also when a step does not converge or the run
-    is interrupted by Ctrl-C.
+    resume goes on from the folder's checkpoint with the parameters stored there (steps may be raised); where script, meshes, tables or
+    versions are not as they were, only with accept_changes, and run.json says so. overwrite removes an earlier run's files first.
+    Nothing is touched before the case is built, and no two runs write into one folder. Returns the summary also when a step does not
+    converge or the run is interrupted by Ctrl-C.
     """
     options = options or RunOptions()
     directory = Path(directory)
+    stored: Description | None = None
     if resume:
-        assignments = _resumed_assignments(directory, script, assignments)
+        assignments, stored = resumed_assignments(directory, script, assignments)
     else:
-        _check_folder(directory, overwrite)
+        check_folder(directory, overwrite)
     parameters = parse_parameters(script, assignments)
-    case = script.build(parameters)
-    description = _describe(case, script, parameters, assignments, options)
-    checkpoint = read_checkpoint(directory / "checkpoint.h5") if resume else None
-    start = checkpoint[0].number if checkpoint else 0
-    if start > case.simulation.steps:
-        raise InputError(f"--resume: expected at least the {start} steps that {directory} holds, got {case.simulation.steps}")
-    if checkpoint is None:  # a new run, or one that stopped before its first checkpoint
-        _check_folder(directory, overwrite or resume)
-        _empty(directory)
-    _write_json(directory / "run.json", {**description, "status": "running"})
-    table = StepTable(directory / "steps.csv", case.sensors, start)
-    series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
-    about = f"{case.description}; fcsim {__version__}; parameters: {asdict(parameters)}"
-    compressor = Compressor()
-    status, message, last = "finished", "", None
-    totals: dict[str, float] = {}
-    iterations, largest, fallbacks, cut, computed, residual = 0, 0.0, 0, 0, 0, 0.0
-    begin = time.perf_counter()
+    with files_read() as read:
+        case = script.build(parameters)
+    description = describe(case, script, parameters, assignments, asdict(options), read)
+    directory.mkdir(parents=True, exist_ok=True)
+    with alone_in(directory, "fcsim run"):
+        moments = None
+        if stored is not None:
+            moments = read_checkpoint(directory / "checkpoint.h5")
+            description = _resumed(description, stored, case, moments, directory, accept_changes)
+        check_folder(directory, overwrite or resume)
+        if moments is None:  # a new run, or one that stopped before its first checkpoint
+            empty(directory)
+        remove_partial_files(directory)
+        write_description(directory, replace(description, status="running"))
+        outputs = Outputs(directory, case, parameters, options, moments[0].number if moments else 0)
+        return _run(case, moments, outputs, directory, description, watch)
+
+
+def _resumed(
+    now: Description, stored: Description, case: Case, moments: tuple[Moment, Moment] | None, directory: Path, accept: bool
+) -> Description:
+    """The description of the run that goes on, with notes on what has changed."""
+    if moments is None:
+        return now
+    notes = accepted(changes(stored, now), accept)
+    check_moments(moments, case.simulation.model, case.simulation.steps, directory / "checkpoint.h5")
+    return replace(now, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
+
+
+def _run(
+    case: Case,
+    moments: tuple[Moment, Moment] | None,
+    outputs: Outputs,
+    directory: Path,
+    description: Description,
+    watch: Callable[[Case, Step], None] | None,
+) -> Summary:
+    """Take the steps one after the other, and leave the folder whole however that ends."""
+    status, message = "finished", ""
+    tally, begin = _Tally(), time.perf_counter()
+    start = moments[0].number if moments else 0
+
+    def reached() -> int:
+        return outputs.last.number if outputs.last is not None else start
+
+    def describe_end() -> None:
+        write_end(directory, replace(description, status=status, message=message, steps_done=reached()))
+
     try:
-        for step in case.simulation.run(*checkpoint) if checkpoint else case.simulation:
-            output = time.perf_counter()
-            final = step.number == case.simulation.steps
-            if series and (step.number % options.vtk_every == 0 or final):
-                series.write(step)
-            if options.export_every and step.number % options.export_every == 0:
-                title = f"{case.title}, step {step.number}"
-                write_step(
-                    directory / "fclib",
-                    step,
-                    case.fclib_set,
-                    options.export_forms,
-                    title=title,
-                    description=about,
-                    compression=compressor,
-                )
-            seconds = {**step.seconds, "output": time.perf_counter() - output}
-            table.write(step, seconds)
-            if final or (options.checkpoint_every and step.number % options.checkpoint_every == 0):
-                write_checkpoint(directory / "checkpoint.h5", step)
-            seconds["output"] = time.perf_counter() - output
-            for phase, value in seconds.items():
-                totals[phase] = totals.get(phase, 0.0) + value
-            iterations += step.iterations
-            cut += step.substeps > 1
-            residual = max(residual, abs(step.energy.residual))
-            largest = max(largest, step.result.error)
-            fallbacks += len(step.attempts) > step.substeps
-            computed += 1
-            last = step
+        for step in case.simulation.run(*moments) if moments else case.simulation:
+            tally.add(step, outputs.take(step))
             if watch is not None:
                 watch(case, step)
     except NotConverged as error:
@@ -152,122 +161,18 @@ def run_case(
     except BaseException as error:
         if not is_interrupt(error):
             status, message = "failed", f"{type(error).__name__}: {error}"
+            try:
+                outputs.end(describe_end)
+            except OSError as another:
+                error.add_note(f"and then: {another}")
             raise
-        status, message = "interrupted", "interrupted from the keyboard; go on with --resume"
-    finally:
-        table.close()
-        write_hdf5(directory / "steps.csv", directory / "steps.h5", case.sensors)
-        reached = last.number if last is not None else start
-        if last is not None:
-            write_checkpoint(directory / "checkpoint.h5", last)
-        _write_json(directory / "run.json", {**description, "status": status, "message": message, "steps_done": reached})
+        status, message = "interrupted", f"interrupted by {ended_by(error)}; go on with --resume"
+    outputs.end(describe_end)
     return Summary(
         status=status,
         message=message,
-        steps=reached,
-        computed=computed,
-        seconds=totals,
+        steps=reached(),
         wall_time=time.perf_counter() - begin,
-        iterations=iterations,
-        largest_error=largest,
-        fallbacks=fallbacks,
-        cut=cut,
-        energy_residual=residual,
-        notes=case.simulation.scheme.notes,
+        notes=description.notes,
+        **vars(tally),
     )
-
-
-def _check_folder(directory: Path, overwrite: bool) -> None:
-    """Refuse a folder that holds anything but an earlier run's results, and those too unless they may be replaced."""
-    if directory.exists() and not directory.is_dir():
-        raise InputError(f"{directory}: expected a folder for the results, found a file")
-    entries = {entry.name for entry in directory.iterdir()} if directory.exists() else set()
-    foreign = entries - set(OWN_ENTRIES)
-    if foreign:
-        raise InputError(f"{directory}: expected an empty or new folder for the results, found {', '.join(sorted(foreign)[:5])}")
-    if entries and not overwrite:
-        raise InputError(f"{directory}: holds the results of an earlier run; go on with --resume, replace it with --overwrite")
-
-
-def _empty(directory: Path) -> None:
-    """Make the folder, or remove an earlier run's results."""
-    for name in OWN_ENTRIES:
-        path = directory / name
-        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    directory.mkdir(parents=True, exist_ok=True)
-
-
-def _resumed_assignments(directory: Path, script: CaseScript, given: Mapping[str, str]) -> dict[str, str]:
-    """The parameters of the run to go on with and those given now; only the number of steps may differ."""
-    path = directory / "run.json"
-    if not path.is_file():
-        raise InputError(f"{directory}: expected the folder of an earlier run to resume, found no run.json")
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"{path}: expected JSON: {error}") from None
-    if stored.get("case") != script.name:
-        raise InputError(f"{directory}: expected a run of case {script.name!r} to resume, found {stored.get('case')!r}")
-    assignments = {**stored.get("assignments", {}), **given}
-    now = json.loads(json.dumps(asdict(parse_parameters(script, assignments))))  # tuples become lists, as in the file
-    first = stored.get("parameters", {})
-    for name in [name for name in (*first, *now) if name != "steps"]:
-        if first.get(name) != now.get(name):
-            raise InputError(f"--resume: expected the first run's {name} = {first.get(name)}, got {now.get(name)}")
-    return assignments
-
-
-def _describe(case: Case, script: CaseScript, parameters: Any, assignments: Mapping[str, str], options: RunOptions) -> dict[str, Any]:
-    """What run.json holds, apart from the status."""
-    sensors = {sensor.column: {"column": sensor.column, "label": sensor.label, "unit": sensor.unit} for sensor in case.sensors}
-    plots: dict[str, Any] = {}
-    if "imposed" in case.plots:
-        plots["imposed"] = sensors[case.plots["imposed"]]
-    if "reaction" in case.plots:
-        plots["reaction"] = [sensors[column] for column in case.plots["reaction"]]
-    if "bound" in case.plots:
-        value, label = case.plots["bound"]
-        plots["bound"] = {"value": value, "label": label}
-    if "histories" in case.plots:
-        time_axis = {"column": "t", "label": "time", "unit": "s"}
-        plots["histories"] = [
-            {
-                "name": history.name,
-                "against": time_axis if history.against == "t" else sensors[history.against],
-                "curves": [sensors[column] for column in history.columns],
-            }
-            for history in case.plots["histories"]
-        ]
-    simulation = case.simulation
-    return {
-        "case": script.name,
-        "title": case.title,
-        "description": case.description,
-        "parameters": asdict(parameters),
-        "assignments": dict(assignments),
-        "scheme": repr(simulation.scheme),
-        "notes": simulation.scheme.notes,
-        "h": simulation.scheme.h,
-        "steps": simulation.steps,
-        "solver": simulation.solver.name,
-        "tol": simulation.solver.tol,
-        "options": asdict(options),
-        "plots": plots,
-        "versions": versions(),
-    }
-
-
-def versions() -> dict[str, str]:
-    """Versions of fcsim, Python and the packages that matter to a result."""
-    found = {"fcsim": __version__, "python": platform.python_version()}
-    for name in ("numpy", "scipy", "numba", "fenics-dolfinx", "dolfinx-solver-real", "gmsh"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    with replacing(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,25 +11,27 @@ from typing import Any
 import h5py
 import numpy as np
 
+from fcsim.errors import InputError
 from fcsim.files import replacing, replacing_hdf5
 from fcsim.running.case import Sensor
+from fcsim.tables import read_rows
 from fcsim.timestep.step import Step
 
 PHASES = ("detection", "assembly", "solve", "output")
 
 
 class StepTable:
-    """steps.csv, one row a step, flushed at once; a resumed run drops the rows after its checkpoint."""
+    """steps.csv, one row a step, flushed at once; a resumed run drops the rows after its checkpoint.
+
+    Raises InputError where the rows to go on from are not those of `start` steps with these columns.
+    """
 
     def __init__(self, path: Path, sensors: Sequence[Sensor], start: int) -> None:
         self._sensors = sensors
-        kept: list[list[str]] = []
-        if start and path.is_file():
-            with path.open(newline="", encoding="utf-8") as file:
-                kept = [row for row in csv.reader(file) if row and row[0].isdigit() and int(row[0]) <= start]
         header = [*COLUMNS, *(f"seconds_{phase}" for phase in PHASES), *(sensor.column for sensor in sensors)]
+        kept = _rows_up_to(path, start, header) if start else []
         with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([header, *(row for row in kept if len(row) == len(header))])
+            csv.writer(file).writerows([header, *kept])
         self._file = path.open("a", newline="", encoding="utf-8")
         self._writer = csv.writer(self._file)
 
@@ -39,14 +42,33 @@ class StepTable:
         self._writer.writerow([*values, *phases, *(_text(sensor.measure(step)) for sensor in self._sensors)])
         self._file.flush()
 
+    def to_the_disk(self) -> None:
+        """Return when the rows are on the disk: a checkpoint stands for all before it."""
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
     def close(self) -> None:
         self._file.close()
 
 
+def _rows_up_to(path: Path, start: int, header: list[str]) -> list[list[str]]:
+    """The rows of the steps 1 to `start`."""
+    if not path.is_file():
+        raise InputError(f"{path}: expected the rows of {start} steps to go on from, found no such file")
+    found, *rows = read_rows(path) or [[]]
+    if found != header:
+        differing = sorted({*found} ^ {*header}) or ["the same in another order"]
+        raise InputError(f"{path}: expected the columns of this case to go on with, it differs in {', '.join(differing)[:300]}")
+    kept = [row for row in rows if len(row) == len(header) and row[0].isdecimal() and int(row[0]) <= start]
+    if [int(row[0]) for row in kept] != list(range(1, start + 1)):
+        raise InputError(f"{path}: expected one row for each of the {start} steps to go on from, found {len(kept)}")
+    return kept
+
+
 def write_hdf5(table: Path, path: Path, sensors: Sequence[Sensor]) -> None:
     """Write the rows of steps.csv as HDF5: one dataset (nsteps,) a column, with the attributes `unit` and, of sensors, `label`."""
-    with table.open(newline="", encoding="utf-8") as file:
-        header, *rows = list(csv.reader(file))
+    header, *rows = read_rows(table)
+    rows = [row for row in rows if len(row) == len(header)]  # a full disk may cut the last one
     units = {name: unit for name, (unit, _) in COLUMNS.items()} | {f"seconds_{phase}": "s" for phase in PHASES}
     units |= {sensor.column: sensor.unit for sensor in sensors}
     labels = {sensor.column: sensor.label for sensor in sensors}

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
@@ -90,15 +89,6 @@ MOST_ALPHA = 1e6
 """Regularisation, relative to W's diagonal, beyond which a step is no step."""
 
 
-def regularised(W: Any, alpha: float, dimension: int) -> Any:
-    """Return W + alpha I in W's own storage."""
-    if sp.issparse(W):
-        return sp.bsr_array(sp.csr_array(W) + alpha * sp.eye_array(W.shape[0], format="csr"), blocksize=(dimension, dimension))
-    shifted = W.copy()
-    shifted.flat[:: len(W) + 1] += alpha
-    return shifted
-
-
 def _inner_monitor(inner: LocalProblem, error: float, monitor: Monitor, options: ProximalOptions) -> Monitor:
     """Watch an inner problem until its residual, in the outer problem's unit, is error / ratio."""
     watch = Monitor(inner.q, inner.mu, inner.dimension, 1.0, floor=monitor.scale, time_limit=monitor.time_limit, start=monitor.start)
@@ -115,7 +105,7 @@ def proximal_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
         raise InputError(f"option internal: {options.internal!r} does not work in {problem.dimension}D")
     own = override(internal.options, dict(options.internal_options))
     moving = options.strategy == "prox"
-    scale = float(np.abs(problem.W.diagonal()).mean()) or 1.0
+    scale = float(np.abs(problem.delassus.diagonal).mean()) or 1.0
     error = monitor.record(r, problem.W @ r + problem.q)
     alpha = _error(0.0, error, 0, options) if options.alpha_rule == "error" else options.alpha
     alpha_least, least, waited = options.alpha_least, error, 0
@@ -127,7 +117,7 @@ def proximal_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
             return Iterate(r, Status.TIME_LIMIT)
         if shift != alpha * scale:
             shift = alpha * scale
-            W = regularised(problem.W, shift, problem.dimension)
+            W = problem.delassus.shifted(shift).W
         q = problem.q - shift * r if moving else problem.q
         inner = LocalProblem(W, q, problem.mu, dimension=problem.dimension)
         watch = _inner_monitor(inner, error, monitor, options)

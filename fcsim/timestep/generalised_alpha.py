@@ -96,8 +96,8 @@ class GeneralisedAlpha:
         return law_contacts(self.law, contacts)
 
     @property
-    def kinematics(self) -> Kinematics:
-        return "turning"
+    def kinematics(self) -> Kinematics | None:
+        return None
 
     @property
     def elastic_weight(self) -> float:

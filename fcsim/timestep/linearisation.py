@@ -1,13 +1,13 @@
 """The elastic forces of a step with turning bodies, linearised where its iterations stand.
 
-The step's equation is R(v) = b - w F(x(v)) + H r - (what is linear in v) = 0 with the elastic force F of the scheme's configuration x(v) and
-weight w. With the constant matrix S = s T K T^T, s = dF's factor in the scheme's matrix, T from the rotations in the middle of the step,
-the problem at the iterate v_i is
+With the elastic force F of the scheme's configuration x(v), its weight w and b for all that is linear in v, the step's equation is
+R(v) = M v - b + w F(x(v)) - H r = 0. With the constant matrix S = s T K T^T, where s is the factor of K in the scheme's matrix and T turns
+by the bodies' rotations in the middle of the step, the problem at the iterate v_i is
 
-    A v = H r + b - e_i,  e_i = w F(x(v_i)) - S v_i
+    A v = H r + b - e_i,  A = M + S,  e_i = w F(x(v_i)) - S v_i
 
-and A, W and all factors are the same for all iterations: only the right side changes. S differs from the derivative of w F by the strain and by
-what the body's rotation differs from T's, which is the rate of convergence. Linear bodies have e_i = w K x(0) at once.
+so that A, W and all factors are the same for all iterations: only the right side changes. S differs from the derivative of w F by the
+strain and by the rest of the rotation, which is the rate of convergence. Linear bodies have e_i = w K x(0) at once.
 """
 
 from __future__ import annotations
@@ -69,19 +69,18 @@ class Linearisation:
         e = scheme.elastic_weight * force
         return e if self.rotation is None else e - scheme.factors(self.model)[1] * elastic.turned_stiffness(self.rotation, v)
 
-    def change(self, old: FloatArray, new: FloatArray, load: FloatArray) -> FloatArray:
-        """Change of the term of each body (n_deformable,), relative to what is tolerated: converged where none is above 1.
+    def allowed(self, term: FloatArray, load: FloatArray) -> FloatArray:
+        """What each body's term (n_deformable,) may change once it is settled; load (n_dofs,): the rest of the right side."""
+        round_off = self.scheme.elastic_weight * ROUND_OFF * self.model.elastic.largest_force
+        allowed: FloatArray = TOLERANCE * (self.norms(load) + self.norms(term)) + round_off
+        return np.where(allowed > 0, allowed, 1.0)
 
-        old, new (n_dofs,): the terms; load (n_dofs,): the rest of the right side.
-        """
+    def norms(self, x: FloatArray) -> FloatArray:
+        """Euclidean norms (n_deformable,) of the bodies' shares of x (n_dofs,)."""
         ends = self.model.dof_offset[: len(self.model.deformable)]
+        return np.sqrt(np.add.reduceat(np.square(x[: self.model.n_elastic]), ends)) if len(ends) else np.empty(0)
 
-        def norms(x: FloatArray) -> FloatArray:
-            return np.sqrt(np.add.reduceat(np.square(x[: self.model.n_elastic]), ends)) if len(ends) else np.empty(0)
-
-        allowed = TOLERANCE * (norms(load) + norms(old)) + self.scheme.elastic_weight * self._round_off
-        return norms(new - old) / np.where(allowed > 0, allowed, 1.0)
-
-    @cached_property
-    def _round_off(self) -> FloatArray:
-        return ROUND_OFF * self.model.elastic.largest_force
+    def of_dofs(self, of_bodies: FloatArray) -> FloatArray:
+        """Values (n_dofs,) from the deformable bodies' (n_deformable,); 1 for rigid ones."""
+        sizes = np.diff(self.model.dof_offset[: len(of_bodies) + 1])
+        return np.concatenate([np.repeat(of_bodies, sizes), np.ones(self.model.n_dofs - self.model.n_elastic)])

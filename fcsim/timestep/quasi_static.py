@@ -86,7 +86,7 @@ class QuasiStatic:
         return contacts
 
     @property
-    def kinematics(self) -> Kinematics:
+    def kinematics(self) -> Kinematics | None:
         return "linear"
 
     @property

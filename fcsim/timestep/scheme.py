@@ -55,8 +55,8 @@ class Scheme(Protocol):
         ...
 
     @property
-    def kinematics(self) -> Kinematics:
-        """Of deformable bodies where neither they nor the model name theirs."""
+    def kinematics(self) -> Kinematics | None:
+        """Of deformable bodies where neither they nor the model name theirs; None: as their supports allow."""
         ...
 
     @property

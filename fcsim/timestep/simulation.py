@@ -8,24 +8,20 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.errors import InputError
-from fcsim.problem import GlobalProblem
-from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory
-from fcsim.timestep.chain import Clock, SolverSettings, not_converged, solve_chain
-from fcsim.timestep.linearisation import MAX_ITERATIONS, Linearisation
+from fcsim.timestep.chain import Clock, SolverSettings, not_converged
+from fcsim.timestep.equation import Equation, solve_equation
+from fcsim.timestep.linearisation import Linearisation
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Attempt, Moment, Step
-from fcsim.timestep.step_compliance import StepCompliance
-from fcsim.timestep.warm_start import MEMORY, warm_start
+from fcsim.timestep.warm_start import MEMORY
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +139,7 @@ class Simulation:
     def _part(
         self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
     ) -> Step | None:
-        """The step, or its next part of the length h / 2^cuts; None where the solver chain fails. What was tried goes into `attempts`."""
+        """The step, or its next part of the length h / 2^cuts; None where it has no answer. What was tried goes into `attempts`."""
         model, state = self.model, start.state
         scheme = self.scheme.cut(2**cuts) if cuts else self.scheme
         whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
@@ -151,48 +147,22 @@ class Simulation:
         contacts = scheme.select(self.detector(model.positions(configuration)))
         H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
         clock.lap("detection")
-        elastic = Linearisation(scheme, model, state)
         rest = scheme.right_hand_side(model, state)
         rigid_mass = scheme.rigid_mass(model, state, rest)
+        elastic = Linearisation(scheme, model, state)
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
         factor = factor if elastic.rotation is None else factor.turned(elastic.rotation)
-        driven = scheme.driven(model, state)
-        w = scheme.contact_velocity(state, contacts, H)
-        clock.lap("assembly")
+        w, driven = scheme.contact_velocity(state, contacts, H), scheme.driven(model, state)
+        equation = Equation(scheme, model, state, contacts, H, factor, rest, driven, w, elastic, 0.5**cuts)
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
         serving = None if kept is None else kept.pop(cuts, Memory.of(contacts.identity)).follow(contacts.identity)
-        compliance, term = StepCompliance(factor), elastic.term(elastic.first)
-        for iteration in range(MAX_ITERATIONS):
-            load = rest - term
-            problem = self._problem(factor, H, load, w, driven, contacts.mu)
-            reduction = Reduction(problem, compliance)
-            if len(contacts):
-                compliance = replace(compliance, summed=reduction.local.W)
-            clock.lap("assembly")
-            if not iteration:
-                r = warm_start(reduction.local, contacts, memory) if len(contacts) else np.empty(0)
-            tol = self.solver.tol * min(1.0, self._longest_flight(reduction, scheme.force_per_reaction))
-            result, serving = solve_chain(self.solver, reduction, r if not iteration else result.r, tol, 0.5**cuts, attempts, serving)
-            clock.lap("solve")
-            if result is None:
-                break
-            v = np.empty(model.n_dofs)
-            v[model.free_dofs] = result.v if model.driven == "eliminated" else result.v[model.free_dofs]  # type: ignore[index]
-            v[model.driven_dofs] = driven
-            if elastic.rotation is None:
-                break
-            old, term = term, elastic.term(v)
-            clock.lap("assembly")
-            if not np.any(elastic.change(old, term, rest) > 1):
-                break
-        else:
-            result = None
+        answer, serving = solve_equation(equation, self.solver, self._extent, memory, serving, attempts, clock)
         if kept is not None and serving is not None:
             kept[cuts] = serving
-        if result is None:
+        if answer is None:
             return None
-        impulse = H @ result.r
-        support = scheme.support_impulse(model, factor.apply(v) - load - impulse, impulse)
+        result, v, impulse = answer.result, answer.v, H @ answer.result.r
+        support = scheme.support_impulse(model, factor.apply(v) - answer.load - impulse, impulse)
         after = scheme.advance(model, state, v, impulse, rigid_mass)
         clock.lap("assembly")
         return Step(
@@ -203,10 +173,10 @@ class Simulation:
             state=after,
             contacts=contacts,
             H=H,
-            problem=problem,
+            problem=answer.problem,
             result=result,
-            reduction=reduction,
-            start=r,
+            reduction=answer.reduction,
+            start=answer.start,
             earlier=tuple(start.memory[: MEMORY - 1]),
             anchor=anchor,
             support_impulse=support,
@@ -214,32 +184,3 @@ class Simulation:
             seconds=clock.seconds,
             whole_per_part=whole_per_part,
         )
-
-    def _problem(self, factor: SystemFactor, H: Any, load: FloatArray, w: FloatArray, driven: FloatArray, mu: FloatArray) -> GlobalProblem:
-        """The problem on the model's unknowns; what driven dofs do enters f and w."""
-        model = self.model
-        free = model.free_dofs
-        f = load
-        if np.any(driven):
-            moved = np.zeros(model.n_dofs)
-            moved[model.driven_dofs] = driven
-            w = w + H.T @ moved
-            f = load - factor.apply(moved)
-        if model.driven == "eliminated":
-            f, free_H = f[free], sp.csr_array(H[free])
-        else:
-            f = f.copy()
-            f[model.driven_dofs] = driven
-            mask = np.zeros(model.n_dofs)
-            mask[free] = 1
-            free_H = sp.csr_array(sp.diags_array(mask) @ H)
-        return GlobalProblem(factor.matrix(), free_H, f, w, mu, dimension=model.dimension)
-
-    def _longest_flight(self, reduction: Reduction, force_per_reaction: float) -> float:
-        """How far the bodies may fly freely in one step, the size of the model, relative to how far they do; infinity where they rest.
-
-        Bodies that only contact holds move freely by f / (eta M / h^2) in q, which may be kilometres: an error relative to that would
-        take metres of penetration for converged, so that free motion counts up to the size of the model only.
-        """
-        free = float(np.linalg.norm(reduction.q))
-        return self._extent * force_per_reaction * float(np.sqrt(reduction.problem.nc)) / free if free else np.inf

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
-from fcsim.problem.delassus import DelassusSum
+from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.timestep._turned_rows_kernels import turned_rows
 
 

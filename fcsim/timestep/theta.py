@@ -67,8 +67,8 @@ class Theta:
         return law_contacts(self.law, contacts)
 
     @property
-    def kinematics(self) -> Kinematics:
-        return "turning"
+    def kinematics(self) -> Kinematics | None:
+        return None
 
     @property
     def elastic_weight(self) -> float:
@@ -120,10 +120,10 @@ class Theta:
 
         d(v.M v / 2 + y.K y / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dy.K dy) - G
 
-        with d the change over the step, y the displacement without the turning bodies' rotation (see `frames`), F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's
-        dissipation: none at theta = 1/2, never negative above (V. Acary, "Energy conservation and dissipation properties of
-        time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016), but for G, see `turning`. For the work of
-        impacts see `Velocity`.
+        with d the change over the step, y the displacement without the turning bodies' rotation (see `frames`),
+        F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's dissipation: none at theta = 1/2,
+        never negative above (V. Acary, "Energy conservation and dissipation properties of time-integration methods for nonsmooth
+        elastodynamics with contact", ZAMM 96, 2016), but for G, see `turning`. For the work of impacts see `Velocity`.
         """
         h, theta = self.h, self.theta
         v, dv = theta * after.v + (1 - theta) * before.v, after.v - before.v

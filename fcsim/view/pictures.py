@@ -109,8 +109,8 @@ def describe(run: RunFolder, scene: Scene, instant: Instant) -> str:
 
 
 def _time(run: RunFolder, instant: Instant) -> str:
-    step_length = run.description.get("h")
-    digits = max(0, math.ceil(-math.log10(step_length) - 1e-9)) if isinstance(step_length, float) and step_length > 0 else 3
+    h = run.description.h
+    digits = max(0, math.ceil(-math.log10(h) - 1e-9)) if h is not None and h > 0 else 3
     return f"t = {instant.t:.{digits}f} s"
 
 
@@ -119,17 +119,17 @@ def _factor(scene: Scene) -> str:
 
 
 def _imposed_label(run: RunFolder) -> str:
-    imposed = run.plots.get("imposed") or {}
-    return str(imposed.get("label", imposed.get("column", ""))).replace(" -", " −")
+    imposed = run.plots.imposed
+    return "" if imposed is None else (imposed.label or imposed.column).replace(" -", " −")
 
 
 def _imposed(run: RunFolder, instant: Instant) -> str:
     """The imposed displacement with its unit; empty where the run names no such column."""
-    imposed = run.plots.get("imposed") or {}
-    value = run.at(imposed.get("column", ""), instant.t)
-    if value is None:
+    imposed = run.plots.imposed
+    value = None if imposed is None else run.at(imposed.column, instant.t)
+    if imposed is None or value is None:
         return ""
-    scale, unit = prefixed(imposed.get("unit", "m"), run.numbers(imposed["column"]))
+    scale, unit = prefixed(imposed.unit or "m", run.numbers(imposed.column))
     return f"{value / scale:.3f} {unit}".replace("-", "−")
 
 

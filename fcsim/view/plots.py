@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.errors import InputError
+from fcsim.running.description import HistoryPlot
 from fcsim.running.folder import RunFolder
 from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE, figure, matplotlib, prefixed, save
 
@@ -43,10 +44,10 @@ def write_plots(run: RunFolder, directory: Path | None = None, *, format: str = 
             drawing = make(run)
             if drawing is not None:
                 written.append(save(drawing, directory / f"{name}.{format}"))
-        for history in run.plots.get("histories") or []:
+        for history in run.plots.histories:
             drawing = history_plot(run, history)
             if drawing is not None:
-                written.append(save(drawing, directory / f"{history['name']}.{format}"))
+                written.append(save(drawing, directory / f"{history.name}.{format}"))
     return written
 
 
@@ -55,31 +56,27 @@ def reaction_plot(run: RunFolder) -> Figure | None:
 
     A quantity whose largest value is negative is drawn with its sign changed, and its label says so.
     """
-    imposed = run.plots.get("imposed") or {}
-    entries = run.plots.get("reaction") or []
-    entries = [entries] if isinstance(entries, dict) else entries
-    x = run.numbers(imposed.get("column", ""))
-    curves = [(entry, values) for entry in entries if (values := run.numbers(entry.get("column", ""))) is not None]
-    if x is None or not curves:
+    imposed, bound = run.plots.imposed, run.plots.bound
+    x = None if imposed is None else run.numbers(imposed.column)
+    curves = [(entry, values) for entry in run.plots.reaction if (values := run.numbers(entry.column)) is not None]
+    if imposed is None or x is None or not curves:
         return None
-    bound = run.plots.get("bound") or {}
-    unit = curves[0][0].get("unit", "N")
-    scale, y_unit = prefixed(unit, bound.get("value"), *(values for _, values in curves))
-    x_scale, x_unit = prefixed(imposed.get("unit", "m"), x)
+    scale, y_unit = prefixed(curves[0][0].unit or "N", None if bound is None else bound.value, *(values for _, values in curves))
+    x_scale, x_unit = prefixed(imposed.unit or "m", x)
     x_sign = _sign(x)
 
     drawing, axes = _one_panel()
     shapes = (("-", 2.6), ("--", 1.6), (":", 1.6), ("-.", 1.6))  # curves that coincide, as at equilibrium, stay visible
     for (entry, values), colour, (dash, width) in zip(curves, (BLUE, ORANGE, GREEN, PURPLE), shapes, strict=False):
-        label = _signed(entry.get("label", entry["column"]), _sign(values))
+        label = _signed(entry.label or entry.column, _sign(values))
         axes.plot(x_sign * x / x_scale, _sign(values) * values / scale, dash, color=colour, linewidth=width, label=label)
-    if isinstance(bound.get("value"), int | float):
-        value = bound["value"] / scale
-        label = f"{bound.get('label', 'bound')}: {value:.4g} {y_unit}"
+    if bound is not None:
+        value = bound.value / scale
+        label = f"{bound.label}: {value:.4g} {y_unit}"
         axes.axhline(value, color=RED, linestyle=(0, (6, 2)), linewidth=1.4, label=label)
-        if min(np.nanmin(_sign(values) * values) for _, values in curves) < -0.5 * bound["value"]:
+        if min(np.nanmin(_sign(values) * values) for _, values in curves) < -0.5 * bound.value:
             axes.axhline(-value, color=RED, linestyle=(0, (6, 2)), linewidth=1.4)
-    axes.set_xlabel(f"{_signed(imposed.get('label', imposed['column']), x_sign)} [{x_unit}]")
+    axes.set_xlabel(f"{_signed(imposed.label or imposed.column, x_sign)} [{x_unit}]")
     axes.set_ylabel(f"reaction [{y_unit}]")
     axes.margins(x=0.02, y=0.08)
     axes.set_title(run.title)
@@ -118,25 +115,22 @@ def energy_plot(run: RunFolder) -> Figure | None:
     return drawing
 
 
-def history_plot(run: RunFolder, history: Mapping[str, Any]) -> Figure | None:
+def history_plot(run: RunFolder, history: HistoryPlot) -> Figure | None:
     """A case's history: curves of sensors against time or another sensor, as run.json's "plots" names them; None where columns miss."""
-    against, entries = history.get("against") or {}, history.get("curves") or []
-    x = run.numbers(against.get("column", ""))
-    curves = [(entry, values) for entry in entries if (values := run.numbers(entry.get("column", ""))) is not None]
+    against = history.against
+    x = run.numbers(against.column)
+    curves = [(entry, values) for entry in history.curves if (values := run.numbers(entry.column)) is not None]
     if x is None or not curves:
         return None
-    x_scale, x_unit = prefixed(against.get("unit", "s"), x)
-    scale, unit = prefixed(curves[0][0].get("unit", ""), *(values for _, values in curves))
+    x_scale, x_unit = prefixed(against.unit, x)
+    scale, unit = prefixed(curves[0][0].unit, *(values for _, values in curves))
     drawing, axes = _one_panel()
     colours = (BLUE, ORANGE, GREEN, PURPLE, RED, SKY, BLACK, GREY)
     for k, (entry, values) in enumerate(curves):
         dash = "-" if k == 0 or len(curves) > 2 else "--"
-        axes.plot(
-            x / x_scale, values / scale, dash, color=colours[k % len(colours)], label=entry.get("label", entry["column"]), linewidth=1.6
-        )
-    axes.set(
-        xlabel=f"{against.get('label', 'time')} [{x_unit}]", ylabel=f"[{unit}]" if len(curves) > 1 else f"{curves[0][0]['label']} [{unit}]"
-    )
+        axes.plot(x / x_scale, values / scale, dash, color=colours[k % len(colours)], label=entry.label or entry.column, linewidth=1.6)
+    y_label = f"[{unit}]" if len(curves) > 1 else f"{curves[0][0].label} [{unit}]"
+    axes.set(xlabel=f"{against.label or against.column} [{x_unit}]", ylabel=y_label)
     axes.set_title(run.title)
     axes.margins(x=0.01)
     if len(curves) > 1:
@@ -179,7 +173,7 @@ def convergence_plot(run: RunFolder) -> Figure | None:
         if name == "error":
             values = np.where(values > 0, values, np.nan)  # an exact zero has no place on a logarithmic axis
             axes.set_yscale("log")
-            if isinstance(tolerance := run.description.get("tol"), int | float) and tolerance > 0:
+            if (tolerance := run.description.tol) is not None and tolerance > 0:
                 axes.axhline(tolerance, color=RED, linestyle=(0, (6, 2)), linewidth=1.4, label=f"tolerance {tolerance:.0e}")
         axes.plot(number, values, ".", color=BLUE, markersize=5)
         axes.set_ylabel("iterations" if name == "iterations" else "relative error")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from fcsim.errors import InputError
+from fcsim.files import inside
 from fcsim.running.folder import open_run
 from fcsim.view.film import FORMATS, film_instants, write_film
 from fcsim.view.pictures import write_pictures
@@ -40,6 +41,8 @@ def render(
         raise InputError(f"film: expected {' or '.join(map(repr, FORMATS))}, or None for no film, got {film!r}")
     report: Progress = progress or (lambda what, done, total: None)
     run = open_run(directory)
+    for place in ("plots", "pictures"):
+        inside(run.directory, run.directory / place)
     written = write_plots(run)
     report("plots", 1, 1)
     if not run.instants:

@@ -53,7 +53,8 @@ from fcsim.solvers.newton.iterations import NewtonOptions, newton, newton_iterat
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt
 from fcsim.solvers.newton.regularised import DENSE_UP_TO, SUPERLU_UP_TO, RegularisedNewton, ShiftedSpace, shifted_matrix
 from fcsim.solvers.variational.admm import AdmmOptions, admm, split
-from fcsim.solvers.variational.inequality import Inequality, ProblemWatch
+from fcsim.solvers.variational.inequality import Inequality
+from fcsim.solvers.variational.watches import ProblemWatch
 
 SPARSE_BELOW = 0.15
 """Density of W below which sparse elimination is cheaper than dense."""

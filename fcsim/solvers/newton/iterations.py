@@ -27,6 +27,7 @@ from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.direct import DenseSystem, NewtonSystem, SparseSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range
+from fcsim.solvers.turns import Turns, to_the_end
 
 SYSTEMS: dict[str, type[NewtonSystem]] = {
     "dense": DenseSystem,
@@ -175,14 +176,16 @@ def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Newt
 
 
 def newton_iterations(
-    space: NewtonSpace,
-    r: FloatArray,
-    diagonal_blocks: FloatArray,
-    mu: FloatArray,
-    monitor: Monitor,
-    options: NewtonOptions,
+    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
 ) -> Iterate:
-    """Newton's method in any space; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
+    """Newton's method in any space, see `newton_turns`."""
+    return to_the_end(newton_turns(space, r, diagonal_blocks, mu, monitor, options))
+
+
+def newton_turns(
+    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
+) -> Turns:
+    """Newton's method by turns of one iteration each; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
 
     Where an adapted rho led to a solution, the next solve with this memory begins near it."""
     shape = diagonal_blocks.shape[:2]
@@ -234,6 +237,7 @@ def newton_iterations(
             split = options.formulation in ("AC", "JM")  # the cone's formulations have one rho a contact
             rho = adapt_rho(rho, first_rho, (t * du).reshape(shape), (t * dr).reshape(shape), split)
             merits.clear()  # another rho, another merit function
+        yield
 
 
 def _direction(space: NewtonSpace, F: FloatArray, A: FloatArray, B: FloatArray, safeguard: bool) -> tuple[FloatArray, FloatArray, float]:

@@ -25,12 +25,16 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.linear.factors import Factor, SingularMatrix, factorise
-from fcsim.problem import LocalProblem
+from fcsim.problem import Delassus, LocalProblem
+from fcsim.problem.delassus import power_norm
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
 from fcsim.solvers.memory import Kept
+from fcsim.solvers.turns import Turns, to_the_end
 from fcsim.solvers.variational._set_kernels import splitting_residuals
-from fcsim.solvers.variational.inequality import Cone, Inequality, LightCriterion, Operator, ProblemWatch, Watch, coulomb_term, power_norm
+from fcsim.solvers.variational.convex_sets import Cone
+from fcsim.solvers.variational.inequality import Inequality, coulomb_term
+from fcsim.solvers.variational.watches import LightCriterion, ProblemWatch, Watch
 
 STALE = 0.2
 """Contraction up to which the factor of an earlier W serves."""
@@ -111,7 +115,7 @@ class LocalSplitting:
         self.gain = self._vi.operator.norm
         self._x = None
         forget_factor(self._monitor)  # the old one makes room for the new
-        self._factor = self._vi.operator.factor(rho, self._symmetric)
+        self._factor = self._vi.factor(rho, self._symmetric)
         if self._monitor is not None and self._monitor.memory is not None:
             memory = self._monitor.memory
             self._monitor.memory = memory.having(SplittingFactor(memory.identity, rho, self._factor))
@@ -164,7 +168,7 @@ class GlobalSplitting:
         self._problem, self._reduction = p, reduction
         self._H, self._HT = sp.csr_array(p.H), sp.csr_array(p.H.T)
         self._M, self._HHT = sp.csr_array(p.M), sp.csr_array(self._H @ self._HT)
-        self._cone = Inequality(Operator(np.empty((0, 0)), p.dimension), p.w, Cone(p.mu))
+        self._cone = Inequality(Delassus(np.empty((0, 0)), p.dimension), p.w, Cone(p.mu))
 
     def set_rho(self, rho: float) -> None:
         self.rho = rho
@@ -227,7 +231,7 @@ def admm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: 
         splitting.set_rho(options.rho * _global_scale(reduction, options.initial_rho))
     except SingularMatrix:
         return Iterate(r, Status.SINGULAR)
-    return iterate(splitting, p.mu, p.dimension, r, ProblemWatch(velocity, monitor, options.max_iterations), options)
+    return to_the_end(iterate(splitting, p.mu, p.dimension, r, ProblemWatch(velocity, monitor, options.max_iterations), options))
 
 
 def _global_scale(reduction: Reduction, initial_rho: str) -> float:
@@ -258,6 +262,11 @@ class _Rescaled:
 
 def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, monitor: Monitor | None = None) -> Iterate:
     """ADMM on a variational inequality in local form; monitor: whose memory keeps the factor for the next problem."""
+    return to_the_end(split_turns(vi, r, watch, options, monitor))
+
+
+def split_turns(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, monitor: Monitor | None = None) -> Turns:
+    """The same by turns of one iteration each."""
     operator = vi.operator
     if options.symmetry == "symmetrise":
         operator = operator.symmetric_part
@@ -267,10 +276,11 @@ def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, mon
             W: Any = sp.csr_array(sp.diags_array(scale) @ operator.W @ sp.diags_array(scale))
         else:
             W = scale[:, None] * operator.W * scale
-        scaled = Inequality(Operator(W, operator.dimension), scale * vi.q, vi.convex_set, vi.mu)
-        iterated = split(scaled, r / scale, _Rescaled(watch, scale), replace(options, rescaling="none"))
+        scaled = Inequality(Delassus(W, operator.dimension), scale * vi.q, vi.convex_set, vi.mu)
+        iterated = yield from split_turns(scaled, r / scale, _Rescaled(watch, scale), replace(options, rescaling="none"))
         return Iterate(scale * iterated.r, iterated.status)
-    vi = Inequality(operator, vi.q, vi.convex_set, vi.mu)
+    if operator is not vi.operator:
+        vi = Inequality(operator, vi.q, vi.convex_set, vi.mu)
     symmetric = options.symmetry in ("assume", "symmetrise") or (options.symmetry == "check" and operator.symmetric)
     splitting = LocalSplitting(vi, symmetric, monitor)
     rho = options.rho * _local_scale(operator, options.initial_rho)
@@ -279,17 +289,17 @@ def split(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOptions, mon
             splitting.set_rho(rho)
     except SingularMatrix:
         return Iterate(r, Status.SINGULAR)
-    return iterate(splitting, vi.mu, operator.dimension, r, watch, options)
+    return (yield from iterate(splitting, vi.mu, operator.dimension, r, watch, options))
 
 
-def _local_scale(operator: Operator, initial_rho: str) -> float:
+def _local_scale(operator: Delassus, initial_rho: str) -> float:
     """What the option rho is multiplied by: 1, ||W|| or sqrt(lambda_min lambda_max) of W."""
     if initial_rho == "given":
         return 1.0
     return operator.norm if initial_rho == "norm" else float(np.sqrt(operator.norm * operator.least_singular_value))
 
 
-def _scales(operator: Operator, rescaling: str) -> FloatArray:
+def _scales(operator: Delassus, rescaling: str) -> FloatArray:
     d = operator.dimension
     if rescaling == "scalar":
         return np.full(operator.size, 1 / np.sqrt(operator.norm))
@@ -310,7 +320,7 @@ def _balancing(primal: float, dual: float, sizes: tuple[float, float], options: 
 
 def iterate(
     splitting: LocalSplitting | GlobalSplitting, mu: FloatArray | None, d: int, r: FloatArray, watch: Watch, options: AdmmOptions
-) -> Iterate:
+) -> Turns:
     """The iteration of both forms; z_hat, zeta_hat are the accelerated z, zeta."""
     z, zeta = splitting.start(r)
     z_hat, zeta_hat, momentum, energy = z, zeta, 1.0, np.inf
@@ -356,4 +366,5 @@ def iterate(
                 z_hat, zeta_hat = z + beta * (z - z_last), zeta + beta * (zeta - zeta_last)
             else:
                 z_hat, zeta_hat, momentum, energy = z_last, zeta_last, 1.0, last / options.restart_eta
+        yield
     return Iterate(splitting.answer(z, zeta), status)

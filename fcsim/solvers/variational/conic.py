@@ -17,7 +17,9 @@ from fcsim.arrays import FloatArray
 from fcsim.errors import MissingDependency
 from fcsim.problem import GlobalProblem
 from fcsim.solvers.base import Iterate, Status
-from fcsim.solvers.variational.inequality import Cone, Disk, Inequality, Watch
+from fcsim.solvers.variational.convex_sets import Cone, Disk
+from fcsim.solvers.variational.inequality import Inequality
+from fcsim.solvers.variational.watches import Watch
 
 
 def clarabel_module() -> ModuleType:

@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import block_rows
+from fcsim.problem import Delassus
 from fcsim.solvers.base import Iterate, Status
 from fcsim.solvers.variational._set_kernels import sweep_cone, sweep_cylinder
 from fcsim.solvers.variational.admm import AdmmOptions, split
 from fcsim.solvers.variational.conic import clarabel_program
-from fcsim.solvers.variational.inequality import Cone, Disk, Inequality, LightCriterion, Operator, Watch
+from fcsim.solvers.variational.convex_sets import Cone, Disk
+from fcsim.solvers.variational.inequality import Inequality
 from fcsim.solvers.variational.interior_point import primal_dual
 from fcsim.solvers.variational.projection import ProjectionOptions, project
+from fcsim.solvers.variational.watches import LightCriterion, Watch
 
 Engine = Callable[[Inequality, FloatArray, Watch], Iterate]
 
@@ -68,7 +71,7 @@ def gauss_seidel(vi: Inequality, r: FloatArray, watch: Watch) -> Iterate:
     """Sweeps over the contacts (PGS for normal reactions alone); a cone's contact by local projections, others exactly."""
     k = vi.operator.dimension
     offset = 1 if isinstance(vi.convex_set, Disk) else 0
-    indptr, indices, blocks = vi.operator.derived("rows", lambda operator: _embedded_rows(operator, offset))
+    indptr, indices, blocks = vi.operator.derived(_embedded_rows, offset)
     q, x = _embedded(vi.q, k, offset), _embedded(vi.project(r), k, offset)
     diagonal = vi.operator.diagonal_blocks
     norms = np.linalg.norm(diagonal, ord=2, axis=(1, 2))
@@ -98,7 +101,7 @@ def _embedded(x: FloatArray, k: int, offset: int) -> FloatArray:
     return rows
 
 
-def _embedded_rows(operator: Operator, offset: int) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+def _embedded_rows(operator: Delassus, offset: int) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
     """W by block rows with blocks (3, 3): N, T1, T2; what a program does not have gets a unit diagonal."""
     k = operator.dimension
     if k > 1 and offset == 0:

@@ -15,12 +15,14 @@ from scipy.sparse.linalg import LinearOperator
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.problem import LocalProblem
+from fcsim.problem import Delassus, LocalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
 from fcsim.solvers.variational.conic import clarabel_global
 from fcsim.solvers.variational.convex import ENGINES, polished
-from fcsim.solvers.variational.inequality import Cone, Cylinder, Disk, Inequality, Operator, SubproblemWatch, Watch, coulomb_term
+from fcsim.solvers.variational.convex_sets import Cone, Cylinder, Disk
+from fcsim.solvers.variational.inequality import Factors, Inequality, coulomb_term
+from fcsim.solvers.variational.watches import SubproblemWatch, Watch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,12 +85,12 @@ Update = Callable[[FloatArray, FloatArray, float], FloatArray]
 
 def tresca(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: FixedPointOptions) -> Iterate:
     """TRESCA, CYLINDER-QP, FP-VI-CYL: the QP over half-cylinders of radius mu r_N, r_N from the last one."""
-    operator = Operator(problem.W, problem.dimension)
+    operator, factors = problem.delassus, Factors()
     engine = ENGINES[options.internal]
 
     def update(r: FloatArray, u: FloatArray, target: float) -> FloatArray:
         radius = problem.mu * np.maximum(r[:: problem.dimension], 0)
-        program = Inequality(operator, problem.q, Cylinder(radius))
+        program = Inequality(operator, problem.q, Cylinder(radius), factors=factors)
         return engine(program, r, SubproblemWatch(program, monitor, target, options.internal_iterations)).r
 
     return _fixed_point(lambda r: problem.W @ r + problem.q, update, r, monitor, options)
@@ -96,11 +98,11 @@ def tresca(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Fixe
 
 def aclm(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: ConeProgramOptions) -> Iterate:
     """ACLM, IPM: the QP over second-order cones with the sliding velocity ||u_T|| of the last one in De Saxcé's term."""
-    operator = Operator(problem.W, problem.dimension)
+    operator, factors = problem.delassus, Factors()
     engine = ENGINES[options.internal]
 
     def update(r: FloatArray, u: FloatArray, target: float) -> FloatArray:
-        program = Inequality(operator, problem.q + coulomb_term(u, problem.mu, problem.dimension), Cone(problem.mu))
+        program = Inequality(operator, problem.q + coulomb_term(u, problem.mu, problem.dimension), Cone(problem.mu), factors=factors)
         return engine(program, r, SubproblemWatch(program, monitor, target, options.internal_iterations)).r
 
     return _fixed_point(lambda r: problem.W @ r + problem.q, update, r, monitor, options)
@@ -115,7 +117,7 @@ def aclm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: 
     def compliance(r: FloatArray) -> FloatArray:
         return HT @ (reduction.velocity(r)[0] - free)
 
-    operator = Operator(LinearOperator((p.m, p.m), matvec=compliance, rmatvec=compliance, dtype=np.float64), p.dimension)
+    operator = Delassus(LinearOperator((p.m, p.m), matvec=compliance, rmatvec=compliance, dtype=np.float64), p.dimension)
 
     def update(r: FloatArray, u: FloatArray, target: float) -> FloatArray:
         g = coulomb_term(u, p.mu, p.dimension)
@@ -137,7 +139,7 @@ def soclcp(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Fixe
     Contacts that slide open with u_N = mu ||u_T||, so its solution solves the problem only where nothing slides; elsewhere the error
     says so and the status is STAGNATED.
     """
-    program = Inequality(Operator(problem.W, problem.dimension), problem.q, Cone(problem.mu))
+    program = Inequality(problem.delassus, problem.q, Cone(problem.mu))
     target = monitor.tol * monitor.scale
     watch = SubproblemWatch(program, monitor, target, max(options.max_iterations - monitor.iterations, 0))
     iterate = ENGINES[options.internal](program, r, watch)
@@ -156,14 +158,15 @@ def panagiotopoulos(problem: LocalProblem, r: FloatArray, monitor: Monitor, opti
     if sp.issparse(W):
         W = sp.csr_array(W)
     W_NN, W_NT, W_TN, W_TT = (W[rows][:, columns] for rows in (normal, tangent) for columns in (normal, tangent))
-    normal_operator, tangent_operator = Operator(W_NN, 1), Operator(W_TT, d - 1)
+    normal_operator, tangent_operator = Delassus(W_NN, 1), Delassus(W_TT, d - 1)
+    normal_factors, tangent_factors = Factors(), Factors()
     q_N, q_T = problem.q[normal], problem.q[tangent]
 
     def update(r: FloatArray, u: FloatArray, target: float) -> FloatArray:
         r_N, r_T = r[normal], r[tangent]
-        program = Inequality(normal_operator, q_N + W_NT @ r_T, Cylinder(np.zeros(problem.nc)))
+        program = Inequality(normal_operator, q_N + W_NT @ r_T, Cylinder(np.zeros(problem.nc)), factors=normal_factors)
         r_N = ENGINES[options.internal_normal](program, r_N, SubproblemWatch(program, monitor, target, options.internal_iterations)).r
-        program = Inequality(tangent_operator, q_T + W_TN @ r_N, Disk(problem.mu * r_N))
+        program = Inequality(tangent_operator, q_T + W_TN @ r_N, Disk(problem.mu * r_N), factors=tangent_factors)
         r_T = ENGINES[options.internal](program, r_T, SubproblemWatch(program, monitor, target, options.internal_iterations)).r
         new = np.empty_like(r)
         new[normal], new[tangent] = r_N, r_T

@@ -13,9 +13,11 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.linear.factors import SingularMatrix, factorise
+from fcsim.problem.shifted_factor import ShiftedInverse
 from fcsim.solvers.base import Iterate, Status
 from fcsim.solvers.variational.conic import ConicRows, scaled_program
-from fcsim.solvers.variational.inequality import Inequality, ShiftedInverse, Watch
+from fcsim.solvers.variational.inequality import Inequality
+from fcsim.solvers.variational.watches import Watch
 
 
 class _NesterovTodd:

@@ -17,7 +17,8 @@ from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
-from fcsim.solvers.variational.inequality import Inequality, ProblemWatch, Watch
+from fcsim.solvers.variational.inequality import Inequality
+from fcsim.solvers.variational.watches import ProblemWatch, Watch
 
 
 def khobotov_ratio(rho: float, dr: FloatArray, dF: FloatArray, change: float) -> float:

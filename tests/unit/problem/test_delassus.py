@@ -1,102 +1,103 @@
-"""W as a sum over bodies against dense products H_b^T C H_b of the same matrices."""
+"""The operator as solvers see it: every derived quantity against dense NumPy, for every storage."""
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
-from fcsim.linear.factors import mirror
-from fcsim.problem import delassus
-from fcsim.problem._delassus_kernels import alike_in_contacts, union_of_neighbours
-from fcsim.problem.delassus import DelassusSum
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import Delassus, LocalProblem
 
-
-def dense(matrix: Any) -> np.ndarray:
-    return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)
-
-
-def contact_matrix(n: int, nc: int, d: int, rng: np.random.Generator) -> sp.csr_array:
-    """Contacts on few unknowns each, in some rows only; the first contact and the first unknown touch nothing."""
-    H = rng.standard_normal((n, nc * d)) * np.repeat(rng.random((n, nc)) < 0.25, d, axis=1) * (rng.random((n, nc * d)) < 0.7)
-    H[:, :d], H[0] = 0, 0
-    return sp.csr_array(H)
+STORAGES: dict[str, Any] = {
+    "dense": lambda W, d: W,
+    "csr": lambda W, d: sp.csr_array(W),
+    "csc": lambda W, d: sp.csc_array(W),
+    "bsr": lambda W, d: sp.bsr_array(W, blocksize=(d, d)),
+}
 
 
-@pytest.mark.parametrize("stored", ["dense", "by rows", "by rows where few blocks are there"])
+def operator(storage: str, d: int, nc: int = 8, symmetric: bool = True) -> tuple[Delassus, np.ndarray]:
+    rng = np.random.default_rng(nc + d)
+    pattern = np.kron(rng.random((nc, nc)) < 0.4, np.ones((d, d)))
+    H = rng.standard_normal((nc * d, nc * d)) * pattern
+    W = H.T @ H + (0.0 if symmetric else 1.0) * np.triu(pattern, 1)
+    W[:d] = 0  # a contact without compliance of its own
+    W[:, :d] = 0
+    return Delassus(STORAGES[storage](W, d), d), W
+
+
 @pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("storage", STORAGES)
 @pytest.mark.parametrize("symmetric", [True, False])
-@pytest.mark.parametrize("nc", [1, 4, 45])
-def test_sum_of_the_bodies_shares(monkeypatch: pytest.MonkeyPatch, stored: str, d: int, symmetric: bool, nc: int) -> None:
-    """Five bodies of two kinds and three diagonal ones, their unknowns in any order; some unknowns have no body."""
-    if stored != "dense":
-        monkeypatch.setattr(delassus, "DENSE_W_UP_TO" if stored == "by rows" else "SPARSE_FROM", 0)
-        monkeypatch.setattr(delassus, "FILLED", 1.1)
-    rng = np.random.default_rng(nc)
-    size, kind, group = 7, np.array([1, 0, 1, 1, 0]), np.array([0, 3, 4, 9])
-    bodies = [np.arange(k * size, (k + 1) * size) for k in range(5)] + [35 + np.arange(*ends) for ends in pairwise(group)]
-    n = 35 + 9 + 4
-    shuffle = rng.permutation(n)
-    C = rng.standard_normal((2, size, size))
-    C = C + C.transpose(0, 2, 1) if symmetric else C
-    diagonal = rng.standard_normal(9)
-    H = contact_matrix(n, nc, d, rng)
-    body, column, inverse = np.full(n, -1), np.zeros(n, dtype=np.int64), np.zeros((n, n))
-    for number, own in enumerate(bodies):
-        body[shuffle[own]], column[shuffle[own]] = number, np.arange(len(own))
-        share = C[kind[number]] if number < 5 else np.diag(diagonal[own - 35])
-        inverse[np.ix_(shuffle[own], shuffle[own])] = share
-    W = DelassusSum(H, body, column, len(bodies), d)
-    W.add(0, C, kind, symmetric=symmetric)
-    W.add_diagonal(5, diagonal, group)
-    found, expected = W.matrix(), H.toarray().T @ inverse @ H.toarray()
-    assert sp.issparse(found) == (stored != "dense")
-    assert_allclose(dense(found), expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1))
-    if sp.issparse(found):
-        assert found.blocksize == (d, d)
-        assert found.has_sorted_indices
-        assert len(found.indices) == np.count_nonzero(shared_bodies(H, body, len(bodies), d))
-
-
-def shared_bodies(H: sp.csr_array, body: np.ndarray, count: int, d: int) -> np.ndarray:
-    """How many bodies two contacts share (nc, nc)."""
-    touches = (H.toarray() != 0).reshape(H.shape[0], -1, d).any(axis=2).astype(int)
-    of_body = np.array([touches[body == b].any(axis=0) for b in range(count)]).astype(int)
-    return of_body.T @ of_body
-
-
-def test_entries_of_h_stored_twice_are_summed() -> None:
-    H = sp.csc_array((np.array([1.0, 2.0, 4.0]), np.array([0, 0, 1]), np.array([0, 2, 3])), shape=(2, 2))
-    W = DelassusSum(H, np.zeros(2, dtype=np.int64), np.arange(2), 1, 2)
-    W.add(0, np.array([[[2.0, 1.0], [1.0, 3.0]]]), np.zeros(1, dtype=np.int64))
-    assert_allclose(W.matrix(), [[18, 12], [12, 48]])
-
-
-def test_pattern_of_block_rows() -> None:
-    """Contacts 0, 2, 5 on a body, 2, 3 on another, 1 on none, 4 alone."""
-    starts, columns = union_of_neighbours(np.array([0, 3, 3, 5, 6]), np.array([0, 2, 5, 2, 3, 4]), 6)
-    rows = [columns[a:b].tolist() for a, b in pairwise(starts)]
-    assert rows == [[0, 2, 5], [], [0, 2, 3, 5], [2, 3], [4], [0, 2, 5]]
+def test_against_numpy(storage: str, d: int, symmetric: bool) -> None:
+    op, W = operator(storage, d, symmetric=symmetric)
+    nc, x, q = op.nc, np.arange(float(len(W))), np.ones(len(W))
+    assert (op.size, op.nc) == (len(W), 8)
+    assert_allclose(op @ x, W @ x, rtol=1e-12)
+    assert_allclose(op.affine(x, q), W @ x + q, rtol=1e-12)
+    assert_allclose(op.diagonal, np.diag(W))
+    assert_allclose(op.diagonal_blocks, np.array([W[a * d : a * d + d, a * d : a * d + d] for a in range(nc)]))
+    assert op.entries == np.count_nonzero(W)
+    assert op.symmetric is symmetric
+    assert op.norm == pytest.approx(np.linalg.norm(W, 2), rel=0.05)
+    assert_allclose(np.asarray(op.symmetric_part @ np.eye(len(W))), (W + W.T) / 2, atol=1e-12)
+    compliance = op.compliance
+    assert compliance[0] == pytest.approx(compliance[1:].mean())
+    assert compliance[1] == pytest.approx(np.trace(W[d : 2 * d, d : 2 * d]) / d)
+    indptr, column, blocks = op.blocks
+    again = sp.bsr_array((blocks, column, indptr), shape=W.shape)
+    assert_allclose(again.toarray(), W, atol=0)
+    assert_allclose(op.stored @ x, W @ x, rtol=1e-12)
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_neighbours_alike_in_contacts_are_one_group(d: int) -> None:
-    """Unknowns 0, 1 touch contacts 0 and 2 (in different rows), 2 none, 3 and 5 contact 1, 4 contacts 1 and 2."""
-    H = np.zeros((6, 3 * d))
-    H[0, [0, 2 * d]], H[1, [1, 2 * d + 1]], H[[3, 5], d], H[4, [d, 2 * d]] = 1, 1, 1, 1
-    H = sp.csc_array(H)
-    assert_array_equal(alike_in_contacts(H.indptr, H.indices, 6, np.arange(6), d), [0, 2, 3, 4, 5, 6])
-    assert_array_equal(alike_in_contacts(H.indptr, H.indices, 6, np.array([0, 1, 3, 5]), d), [0, 2, 4])
-    assert_array_equal(alike_in_contacts(H.indptr, H.indices, 6, np.empty(0, dtype=np.int64), d), [0])
+@pytest.mark.parametrize("storage", STORAGES)
+def test_shifted_and_its_factor(storage: str, d: int) -> None:
+    op, W = operator(storage, d)
+    shift = np.arange(1.0, 9.0)
+    moved = op.shifted(shift)
+    assert_allclose(moved @ np.eye(len(W)), W + np.diag(np.repeat(shift, d)), atol=1e-12)
+    assert moved.is_sparse is op.is_sparse
+    assert not moved.is_sparse or moved.W.blocksize == (d, d)
+    assert_allclose(op @ np.eye(len(W)), W, atol=0)  # the operator itself is as it was
+    b = np.ones(len(W))
+    for symmetric in (True, False):
+        assert_allclose(op.factor(0.5, symmetric=symmetric).solve(b), np.linalg.solve(W + 0.5 * np.eye(len(W)), b), rtol=1e-9)
 
 
-@pytest.mark.parametrize("size", [0, 1, 31, 33, 70])
-def test_mirror(size: int) -> None:
-    A = np.random.default_rng(0).standard_normal((size, size))
-    upper = np.triu(A)
-    mirror(A)
-    assert_array_equal(A, upper + np.triu(upper, 1).T)
+def test_singular_is_said() -> None:
+    op, _ = operator("dense", 3)
+    with pytest.raises(SingularMatrix):
+        op.factor(0.0, symmetric=True)
+
+
+def test_one_decision_how_to_eliminate() -> None:
+    def of(nc: int, band: int, dense: bool) -> Delassus:
+        W = sp.kron(sp.diags_array([np.ones(nc - abs(k)) for k in range(-band, band + 1)], offsets=range(-band, band + 1)), np.ones((3, 3)))
+        return Delassus(W.toarray() if dense else sp.csr_array(W), 3)
+
+    for dense in (True, False):
+        assert of(20, 1, dense).elimination == "dense"  # small
+        assert of(300, 1, dense).elimination == "sparse"
+        assert of(300, 100, dense).elimination == "dense"  # filled
+    assert of(300, 1, True).stored.is_sparse
+    assert not of(300, 100, False).stored.is_sparse
+    stored = of(300, 1, True).stored
+    assert stored.stored is stored
+
+
+def test_derived_once() -> None:
+    calls: list[int] = []
+
+    def make(op: Delassus, k: int) -> int:
+        calls.append(k)
+        return op.size + k
+
+    problem = LocalProblem(np.eye(3), np.zeros(3), np.zeros(1))
+    assert problem.delassus is problem.delassus
+    assert [problem.delassus.derived(make, k) for k in (1, 1, 2)] == [4, 4, 5]
+    assert calls == [1, 2]

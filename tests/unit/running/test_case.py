@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from fcsim.errors import InputError
-from fcsim.running.case import History, load_case, parse_parameters
+from fcsim.running.case import History, load_case
+from fcsim.running.parameters import parse_parameters
 
 
 def test_folder_and_script_are_the_same_case(case_folder: Path) -> None:

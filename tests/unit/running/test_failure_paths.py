@@ -11,13 +11,13 @@ import h5py
 import numpy as np
 import pytest
 
+from fcsim.command_line import run as run_command
 from fcsim.command_line.main import main
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.io import write_mesh
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Part
 from fcsim.running.checkpoint import read_checkpoint
-from fcsim.running.report import Progress
 
 SCRIPT = """
 from dataclasses import dataclass
@@ -177,7 +177,7 @@ def test_a_full_disk(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         smallest = min(path.stat().st_size for path in (out / "fclib").rglob("*.hdf5"))
         resource.setrlimit(resource.RLIMIT_FSIZE, (smallest // 2, limits[1]))
 
-    monkeypatch.setattr(Progress, "update", fill_the_disk)
+    monkeypatch.setattr(run_command, "show_step", fill_the_disk)
     arguments = ["run", str(folder), "--out", str(out), "--export-every", "1", "--vtk-every", "0"]
     try:
         assert main(arguments) == 2

@@ -284,8 +284,11 @@ def test_unconverged_step_ends_the_run(case_folder: Path, tmp_path: Path, whole:
     assert steps_without_seconds(out) == steps_without_seconds(whole)[:5]
     assert checkpoint(out)["step"] == 5
     (case_folder / "two_blocks.py").write_text(text)
-    run_case(script, {}, out, PLAIN, resume=True)
+    with pytest.raises(InputError, match=r"two_blocks\.py has changed"):
+        run_case(script, {}, out, PLAIN, resume=True)
+    run_case(script, {}, out, PLAIN, resume=True, accept_changes=True)
     assert_same_end(out, whole, steps_without_seconds)
+    assert json.loads((out / "run.json").read_text())["notes"] == ["resumed although two_blocks.py has changed"]
 
 
 def test_an_error_inside_a_run_is_not_called_finished(case_folder: Path, tmp_path: Path) -> None:

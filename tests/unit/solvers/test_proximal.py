@@ -13,7 +13,6 @@ from numpy.testing import assert_allclose
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Status, solve
-from fcsim.solvers.proximal import regularised
 
 PPA = ["PPA-NSN-AC", "PPA-NSGS-AC"]
 
@@ -147,18 +146,6 @@ def test_hard_inner_problems_raise_alpha(natural_map_error) -> None:
     result = solve(p, "PPA-NSN-AC", tol=1e-9, alpha=1e-6, internal_options={"max_iterations": 2}, patience=1000)
     assert natural_map_error(p, result.r) <= 1.01e-9 or not result.solved
     assert result.solved and result.iterations > 3
-
-
-def test_regularised_matrix_keeps_its_storage() -> None:
-    W = random_problem(1).W
-    kept = W.copy()
-    expected = W + 0.5 * np.eye(len(W))
-    assert_allclose(regularised(W, 0.5, 3), expected, atol=1e-15)
-    assert_allclose(W, kept, atol=0)
-    for sparse in (sp.csr_array(W), sp.bsr_array(sp.csr_array(W), blocksize=(3, 3))):
-        shifted = regularised(sparse, 0.5, 3)
-        assert shifted.format == "bsr" and shifted.blocksize == (3, 3)
-        assert_allclose(shifted.toarray(), expected, atol=1e-15)
 
 
 def test_internal_method_of_another_dimension_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -169,8 +169,8 @@ def test_a_step_is_a_function_of_its_state() -> None:
 def test_warm_start_takes_fewer_iterations() -> None:
     steps = list(press(steps=12))
     simulation = press(steps=12)
-    cold = [simulation.step(Moment(s.number - 1, s.previous)).result.iterations for s in steps]
-    warm = [s.result.iterations for s in steps]
+    cold = [simulation.step(Moment(s.number - 1, s.previous)).iterations for s in steps]
+    warm = [s.iterations for s in steps]
     assert sum(warm) < sum(cold)
 
 
@@ -188,8 +188,9 @@ def test_fallback_chain_is_walked_and_reported(broken_solver: str) -> None:
     settings = SolverSettings(name=broken_solver, fallback=(broken_solver, "NSN-NM", "NSGS-AC"))
     steps, reference = list(press(settings=settings)), list(press())
     last = steps[-1]
-    assert [(a.solver, a.start) for a in last.attempts] == [("BROKEN", "previous steps"), ("BROKEN", "zero"), ("NSN-NM", "zero")]
-    assert [a.status for a in last.attempts] == ["stagnated", "stagnated", "solved"]
+    chain, rounds = [("BROKEN", "previous steps"), ("BROKEN", "zero"), ("NSN-NM", "zero")], len(last.attempts) // 3
+    assert [(a.solver, a.start) for a in last.attempts] == rounds * chain  # a round for each linearisation of the turning bodies
+    assert [a.status for a in last.attempts] == rounds * ["stagnated", "stagnated", "solved"]
     assert last.attempts[0].error > 1e-8 >= last.attempts[-1].error
     assert last.result.method == "NSN-NM" and last.result.solved
     assert_allclose(last.state.v, reference[-1].state.v, atol=1e-7)

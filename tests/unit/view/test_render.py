@@ -16,6 +16,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from fcsim.errors import InputError, MissingDependency
+from fcsim.records import to_json
+from fcsim.running.description import Column, HistoryPlot, Plots
 from fcsim.running.folder import Instant, RunFolder, open_run
 from fcsim.view import SeriesWriter, render, scene
 from fcsim.view.film import film_instants, write_film
@@ -112,8 +114,8 @@ def test_the_title_states_time_displacement_and_factor(run_directory):
 
 def test_no_text_of_the_instants_covers_another_or_leaves_the_page(run_directory):
     run = open_run(run_directory)
-    plots = {**run.plots, "imposed": {**run.plots["imposed"], "label": "imposed displacement of the upper platen of the wall along -x"}}
-    run = replace(run, description={**run.description, "plots": plots})
+    imposed = replace(run.plots.imposed, label="imposed displacement of the upper platen of the wall along -x")
+    run = replace(run, description=replace(run.description, plots=replace(run.plots, imposed=imposed)))
     with scene.Scene(scene.survey(run, run.instants, 50.0), width=700) as view:
         page = instants_figure(run, view, list(run.instants))
         renderer = FigureCanvasAgg(page).get_renderer()
@@ -286,7 +288,10 @@ def test_prefixes(unit, value, expected):
 
 
 def test_description_is_read_from_run_json(run_directory):
-    assert open_run(run_directory).description == json.loads((run_directory / "run.json").read_text())
+    stored = json.loads((run_directory / "run.json").read_text())
+    read = to_json(open_run(run_directory).description)
+    assert {name: read[name] for name in stored if name != "plots"} == {name: value for name, value in stored.items() if name != "plots"}
+    assert read["plots"] == {**stored["plots"], "histories": []}
 
 
 def energies_of(run: RunFolder, **columns: list[float]) -> RunFolder:
@@ -309,14 +314,14 @@ def test_the_energy_plot_adds_up_what_steps_exchange(run_directory):
 
 def test_histories_of_a_case(run_directory, tmp_path):
     run = open_run(run_directory)
-    time, top = {"column": "t", "label": "time", "unit": "s"}, {"column": "top_x", "label": "top", "unit": "m"}
-    forces = [{"column": name, "label": name, "unit": "N"} for name in ("bottom_Rx", "top_Rx")]
-    axes = history_plot(run, {"name": "forces", "against": top, "curves": forces}).axes[0]
+    time, top = Column("t", "time", "s"), Column("top_x", "top", "m")
+    forces = tuple(Column(name, name, "N") for name in ("bottom_Rx", "top_Rx"))
+    axes = history_plot(run, HistoryPlot("forces", top, forces)).axes[0]
     assert axes.get_xlabel().startswith("top [") and axes.get_ylabel() == "[kN]"
     np.testing.assert_allclose(axes.lines[0].get_ydata(), run.columns["bottom_Rx"] / 1e3)
     assert [line.get_label() for line in axes.lines] == ["bottom_Rx", "top_Rx"]
-    assert history_plot(run, {"name": "none", "against": time, "curves": [{"column": "speed"}]}) is None
-    histories = [{"name": "top", "against": time, "curves": [top]}, {"name": "none", "against": time, "curves": []}]
-    described = RunFolder(tmp_path, {**run.description, "plots": {"histories": histories}}, run.columns, ())
+    assert history_plot(run, HistoryPlot("none", time, (Column("speed"),))) is None
+    histories = (HistoryPlot("top", time, (top,)), HistoryPlot("none", time, ()))
+    described = RunFolder(tmp_path, replace(run.description, plots=Plots(histories=histories)), run.columns, ())
     assert "top.png" in [path.name for path in write_plots(described)]
     assert "none.png" not in [path.name for path in (tmp_path / "plots").iterdir()]

@@ -11,12 +11,14 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim.errors import InputError
-from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem import Delassus, GlobalProblem, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import Memory, Status, solve
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.variational.admm import AdmmOptions, SplittingFactor, split
-from fcsim.solvers.variational.inequality import Cone, Inequality, Operator, ProblemWatch, SubproblemWatch
+from fcsim.solvers.variational.convex_sets import Cone
+from fcsim.solvers.variational.inequality import Inequality
+from fcsim.solvers.variational.watches import ProblemWatch, SubproblemWatch
 
 Problems = dict[str, Callable[[], LocalProblem]]
 OPTIONS: list[dict[str, Any]] = [
@@ -73,8 +75,8 @@ def test_units(coulomb_problems: Problems) -> None:
 def test_one_factorisation_for_each_rho(sparse: bool, coulomb_problems: Problems, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = coulomb_problems["sparse" if sparse else "full rank"]()
     shifts: list[float] = []
-    factorise = Operator._factorise
-    monkeypatch.setattr(Operator, "_factorise", lambda self, rho, symmetric: shifts.append(rho) or factorise(self, rho, symmetric))
+    factor = Delassus.factor
+    monkeypatch.setattr(Delassus, "factor", lambda self, rho, *, symmetric: shifts.append(rho) or factor(self, rho, symmetric=symmetric))
     assert solve(problem, "ADMM", initial_rho="given", rho=1.0, rho_update="constant").solved
     assert shifts == [1.0]
     shifts.clear()
@@ -129,7 +131,7 @@ def test_singular_shift_is_a_status(coulomb_problems: Problems) -> None:
 def test_convex_program(coulomb_problems: Problems) -> None:
     """Without De Saxcé's term: the KKT conditions of the second-order cone program in NumPy."""
     problem = coulomb_problems["full rank"]()
-    vi = Inequality(Operator(problem.W, 3), problem.q, Cone(problem.mu))
+    vi = Inequality(Delassus(problem.W, 3), problem.q, Cone(problem.mu))
     watch = SubproblemWatch(vi, Monitor(problem.q, problem.mu, 3, 1e-8), 1e-10, 5000)
     iterate = split(vi, np.zeros(problem.m), watch, AdmmOptions())
     assert iterate.status is Status.SOLVED
@@ -142,10 +144,10 @@ def test_convex_program(coulomb_problems: Problems) -> None:
 def test_shared_operator_keeps_its_factors(coulomb_problems: Problems) -> None:
     problem = coulomb_problems["full rank"]()
     vi = Inequality.coulomb(problem)
-    first = vi.operator.factor(0.5, True)
-    assert vi.operator.factor(0.5, True) is first
+    first = vi.factor(0.5, True)
+    assert vi.factor(0.5, True) is first
     split(vi, np.zeros(problem.m), ProblemWatch(vi.velocity, Monitor(problem.q, problem.mu, 3, 1e-8), 100), AdmmOptions(rho=2.0))
-    assert vi.operator.factor(0.5, True) is first or len(vi.operator._factors) <= 4
+    assert vi.factor(0.5, True) is first or len(vi.factors._made) <= 4
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -163,7 +165,7 @@ def test_factor_of_a_sparse_operator(definite: bool, kind: str, d: int) -> None:
     if kind == "bsr":
         given = given + sp.bsr_array(np.zeros_like(W) + np.kron(np.eye(nc), np.ones((d, d))), blocksize=(d, d))
         given.data[np.repeat(np.arange(nc), np.diff(given.indptr)) == given.indices] -= 1
-    factor = Operator(given, d).factor(rho, True)
+    factor = Delassus(given, d).factor(rho, symmetric=True)
     assert ("Cholesky" in factor.name) is definite
     b = rng.standard_normal(nc * d)
     assert_allclose(factor.solve(b), np.linalg.solve(W + rho * np.eye(nc * d), b), rtol=1e-9)

@@ -9,13 +9,17 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
-from fcsim.problem import LocalProblem
+from fcsim.problem import Delassus, LocalProblem
 from fcsim.problem.cone import project_cone, project_disk
+from fcsim.problem.delassus import power_norm
+from fcsim.problem.shifted_factor import ShiftedInverse
 from fcsim.solvers.base import Monitor, Status
 from fcsim.solvers.variational.conic import conic_rows
 from fcsim.solvers.variational.convex import ENGINES
-from fcsim.solvers.variational.inequality import Cone, Cylinder, Disk, Inequality, Operator, ShiftedInverse, SubproblemWatch, power_norm
+from fcsim.solvers.variational.convex_sets import Cone, Cylinder, Disk
+from fcsim.solvers.variational.inequality import Inequality
 from fcsim.solvers.variational.interior_point import _Algebra, _NesterovTodd
+from fcsim.solvers.variational.watches import SubproblemWatch
 
 RADIUS = np.array([0.0, 0.3, 0.1, 1.0, 0.02, 5.0])
 MU = np.array([0.0, 0.3, 0.1, 1.0, 0.02, 0.5])
@@ -35,15 +39,15 @@ def program(name: str) -> tuple[Inequality, Callable[[np.ndarray], np.ndarray]]:
     if rest == "sparse":
         W = sp.bsr_array(np.kron(np.eye(6) + np.eye(6, k=1) + np.eye(6, k=-1), np.ones((3, 3))) * W + np.eye(n), blocksize=(3, 3))
     if kind == "cones":
-        return Inequality(Operator(W, d), q, Cone(MU)), lambda z: project_cone(z.reshape(-1, d), MU).ravel()
+        return Inequality(Delassus(W, d), q, Cone(MU)), lambda z: project_cone(z.reshape(-1, d), MU).ravel()
     if kind in ("disks", "intervals"):
-        return Inequality(Operator(W, d), q, Disk(RADIUS)), lambda z: project_disk(z.reshape(-1, d), RADIUS).ravel()
+        return Inequality(Delassus(W, d), q, Disk(RADIUS)), lambda z: project_disk(z.reshape(-1, d), RADIUS).ravel()
 
     def half_cylinder(z: np.ndarray) -> np.ndarray:
         rows = z.reshape(-1, d)
         return np.column_stack([np.maximum(rows[:, 0], 0), project_disk(rows[:, 1:], RADIUS)]).ravel()
 
-    return Inequality(Operator(W, d), q, Cylinder(RADIUS)), half_cylinder
+    return Inequality(Delassus(W, d), q, Cylinder(RADIUS)), half_cylinder
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
@@ -134,14 +138,14 @@ def test_operator_numbers() -> None:
     rng = np.random.default_rng(4)
     Q = np.linalg.qr(rng.standard_normal((30, 30)))[0]
     for values in (np.linspace(0.5, 4, 30), np.r_[np.zeros(10), np.linspace(1, 3, 20)]):
-        operator = Operator((Q * values) @ Q.T, 3)
+        operator = Delassus((Q * values) @ Q.T, 3)
         assert 0.9 * values[-1] <= operator.norm <= values[-1] * (1 + 1e-9)
         if values[0] > 0:
             assert_allclose(operator.least_singular_value, values[0], rtol=0.1)
         else:
             assert operator.least_singular_value <= 2e-6 * values[-1]
         assert operator.symmetric and operator.symmetric_part is operator
-    skewed = Operator(operator.W + 0.1 * np.triu(np.ones((30, 30)), 1), 3)
+    skewed = Delassus(operator.W + 0.1 * np.triu(np.ones((30, 30)), 1), 3)
     assert not skewed.symmetric
     assert_allclose(skewed.symmetric_part.W, 0.5 * (skewed.W + skewed.W.T))
     assert power_norm(lambda x: x, 0) == 0.0

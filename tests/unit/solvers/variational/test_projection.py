@@ -12,8 +12,9 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers import SOLVERS, Status, solve
 from fcsim.solvers.base import Monitor
-from fcsim.solvers.variational.inequality import Inequality, ProblemWatch
+from fcsim.solvers.variational.inequality import Inequality
 from fcsim.solvers.variational.projection import HyperplaneOptions, khobotov_ratio, project_on_hyperplanes, solodov_tseng_ratio
+from fcsim.solvers.variational.watches import ProblemWatch
 
 NAMES = [name for name, method in SOLVERS.items() if method.family == "projection"]
 

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fcsim.errors import FcsimError, InputError
-from fcsim.running.case import CaseScript, load_case, parse_parameters
+from fcsim.running.case import CaseScript, load_case
+from fcsim.running.parameters import parse_parameters
 
 
 def refinement_command[T](

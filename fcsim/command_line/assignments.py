@@ -1,0 +1,35 @@
+"""--set NAME=VALUE of the commands, and the numbers that several of them take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from fcsim.errors import InputError
+
+
+def read_assignments(texts: Sequence[str]) -> dict[str, str]:
+    """The values by name, as texts. Raises InputError where one is no NAME=VALUE, or a name is given two values."""
+    assignments: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        name, value = name.strip(), value.strip()
+        if not equals or not name:
+            raise InputError(f"--set {text}: expected NAME=VALUE")
+        if assignments.setdefault(name, value) != value:
+            raise InputError(f"--set {text}: expected one value of {name}, got {assignments[name]} before")
+    return assignments
+
+
+def checked_tolerance(tol: float) -> float:
+    """A tolerance on the relative error. From 1 on r = 0 would always do, without an iteration."""
+    if not 0 < tol < 1:
+        raise InputError(f"--tol: expected a number between 0 and 1, got {tol:g}")
+    return tol
+
+
+def positive(option: str, value: float, *, infinite: bool = False) -> float:
+    """A number above 0, finite unless it may be infinite."""
+    if not (value > 0 and (infinite or math.isfinite(value))):
+        raise InputError(f"{option}: expected a number > 0, got {value:g}")
+    return value

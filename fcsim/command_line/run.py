@@ -1,0 +1,114 @@
+"""fcsim run: a case into a folder of results, with a bar while it runs and a table of its time at the end."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fcsim.command_line.assignments import checked_tolerance, read_assignments
+from fcsim.command_line.terminal import Bar, print_table, say
+from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
+from fcsim.interrupts import ended_politely
+
+if TYPE_CHECKING:
+    from fcsim.running.case import Case, CaseScript
+    from fcsim.running.run import Summary
+    from fcsim.timestep.step import Step
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command `run`."""
+    run = commands.add_parser("run", help="run a case", description="Run a case script and write its results into a folder.")
+    run.add_argument("case", help="folder of a case, as cases/masonry_wall, or its script")
+    run.add_argument("--steps", type=int, help="number of steps")
+    run.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="change a parameter of the case")
+    run.add_argument("--out", type=Path, help="folder of the results (default: results/CASE)")
+    run.add_argument("--solver", help="solver of every step (see fcsim solvers)")
+    run.add_argument("--tol", type=float, help="tolerance on the error of every step")
+    run.add_argument("--export-every", type=int, default=10, metavar="K", help="write an FCLIB file every K steps, 0 = none (default 10)")
+    run.add_argument("--export-form", choices=("global", "local", "both"), default="global", help="form of the FCLIB files")
+    run.add_argument("--vtk-every", type=int, default=10, metavar="K", help="write VTK files every K steps, 0 = none (default 10)")
+    run.add_argument("--checkpoint-every", type=int, default=20, metavar="K", help="steps between checkpoints (default 20)")
+    run.add_argument("--resume", action="store_true", help="go on with an interrupted run in the folder of the results")
+    run.add_argument("--accept-changes", action="store_true", help="resume also where script, meshes, tables or versions have changed")
+    run.add_argument("--overwrite", action="store_true", help="replace an earlier run's results")
+    run.add_argument("--parameters", action="store_true", help="list the case's parameters and stop")
+    run.set_defaults(act=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from fcsim.running.case import load_case
+    from fcsim.running.run import RunOptions, run_case
+
+    script = load_case(options.case)
+    if options.parameters:
+        _list_parameters(script)
+        return EXIT_OK
+    assignments = read_assignments(options.assignments)
+    if options.tol is not None and options.tol >= 0:
+        checked_tolerance(options.tol)
+    for name in ("steps", "solver", "tol"):
+        if getattr(options, name) is not None:
+            assignments[name] = str(getattr(options, name))
+    directory = options.out or Path("results") / script.name
+    forms = ("global", "local") if options.export_form == "both" else (options.export_form,)
+    settings = RunOptions(
+        export_every=options.export_every,
+        export_forms=forms,
+        vtk_every=options.vtk_every,
+        checkpoint_every=options.checkpoint_every,
+    )
+    with ended_politely(), Bar("step") as bar:
+        summary = run_case(
+            script,
+            assignments,
+            directory,
+            settings,
+            resume=options.resume,
+            overwrite=options.overwrite,
+            accept_changes=options.accept_changes,
+            watch=lambda case, step: show_step(bar, case, step),
+        )
+    _print_summary(summary, directory)
+    return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
+
+
+def _list_parameters(script: CaseScript) -> None:
+    defaults = script.parameters()
+    for parameter in fields(script.parameters):
+        say(f"{parameter.name:20s} {getattr(defaults, parameter.name)}")
+
+
+def show_step(bar: Bar, case: Case, step: Step) -> None:
+    """Show the step that has just ended, and above the bar what was out of the ordinary in it."""
+    if step.substeps > 1:
+        bar.say(f"step {step.number}: cut into {step.substeps} parts")
+    elif len(step.attempts) > 1:
+        tried = "; ".join(f"{a.solver} from {a.start}: {a.status}" for a in step.attempts)
+        bar.say(f"step {step.number}: fallback chain used ({tried})")
+    text = f"{len(step.contacts)} contacts, {step.result.iterations} iterations, error {step.result.error:.1e}"
+    bar.update(step.number, case.simulation.steps, text)
+
+
+def _print_summary(summary: Summary, directory: Path) -> None:
+    """Print how the run ended, the seconds by phase and where the results are."""
+    phases = sum(summary.seconds.values())
+    rows = [
+        (phase, f"{seconds:.2f}", f"{seconds / max(summary.computed, 1):.4f}", f"{100 * seconds / phases:.0f} %" if phases else "-")
+        for phase, seconds in [*summary.seconds.items(), ("sum", phases)]
+    ]
+    title = f"{summary.status}: {summary.computed} steps computed, {summary.wall_time:.1f} s"
+    print_table(("phase", "seconds", "seconds a step", "share"), rows, title=title)
+    say(
+        f"iterations {summary.iterations}, largest error {summary.largest_error:.1e}, steps that needed the fallback chain "
+        f"{summary.fallbacks}, steps that were cut {summary.cut}, largest residual of the energy balance {summary.energy_residual:.1e} J"
+    )
+    for note in summary.notes:
+        say(note)
+    if summary.message:
+        say(summary.message)
+    say(f"results: {directory} (run.json, steps.csv, vtk/*.pvd for ParaView, fclib/)")
+    if summary.converged:
+        say(f"pictures, film and plots: fcsim render {directory}")

@@ -1,0 +1,144 @@
+"""fcsim solve: the problem of an FCLIB file by a solver of the table."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fcsim.command_line.assignments import checked_tolerance, positive, read_assignments
+from fcsim.command_line.terminal import say
+from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
+from fcsim.version import __version__
+
+if TYPE_CHECKING:
+    from fcsim.arrays import FloatArray
+    from fcsim.export_fclib import FclibFile
+    from fcsim.problem import GlobalProblem, LocalProblem
+    from fcsim.solvers import Result
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command `solve`."""
+    solve = commands.add_parser("solve", help="solve an FCLIB problem", description="Solve the problem of an FCLIB file.")
+    solve.add_argument("file", type=Path)
+    solve.add_argument("--solver", default="auto", help="name of a solver (see fcsim solvers; default auto, which chooses)")
+    solve.add_argument("--tol", type=float, default=1e-8, help="tolerance on the error (default 1e-8)")
+    solve.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="an option of the solver")
+    solve.add_argument("--start", choices=("zero", "guess", "solution"), default="zero", help="where to begin: r = 0, or as stored")
+    solve.add_argument("--time-limit", type=float, default=float("inf"), metavar="SECONDS")
+    solve.add_argument("--json", action="store_true", help="print the answer as JSON")
+    solve.add_argument("--write-solution", type=Path, metavar="FILE", help="write the problem with its solution as an FCLIB file")
+    solve.set_defaults(act=_solve)
+
+
+def _solve(options: argparse.Namespace) -> int:
+    from fcsim.export_fclib import read_fclib
+    from fcsim.problem import GlobalProblem, LocalProblem
+    from fcsim.solvers import solve
+
+    if options.tol > 0:
+        checked_tolerance(options.tol)
+    positive("--time-limit", options.time_limit, infinite=True)
+    overrides = solver_options(options.solver, options.assignments)
+    content = read_fclib(options.file)
+    problem = content.problem
+    if not isinstance(problem, GlobalProblem | LocalProblem):
+        raise InputError(f"{options.file}: a rolling friction problem (spacedim 5); it can be read and described, not solved")
+    start = _start(content, options.start)
+    result = solve(problem, options.solver, start, tol=options.tol, time_limit=options.time_limit, **overrides)
+    if options.write_solution is not None:
+        _write(options.write_solution, content, problem, result)
+    if options.json:
+        say(json.dumps(_answer(options, content, problem, result), indent=1, allow_nan=False))
+    else:
+        _print_answer(options, content, problem, result)
+    return EXIT_OK if result.solved else EXIT_NOT_CONVERGED
+
+
+def solver_options(name: str, texts: Sequence[str]) -> dict[str, Any]:
+    """Read `name=value` texts as the types of the solver's options; InputError for what is no value of the type."""
+    from fcsim.running.parameters import read_value
+    from fcsim.solvers import method
+
+    defaults = method(name).options
+    values: dict[str, Any] = {}
+    for option, text in read_assignments(texts).items():
+        kind: type[Any] = type(getattr(defaults, option, ""))
+        if kind not in (int, float, str, bool):
+            raise InputError(f"--set {option}={text}: this option of {name} is set from Python only")
+        try:
+            values[option] = read_value(text, kind)
+        except ValueError:
+            expected = "on or off" if kind is bool else f"a value of type {kind.__name__}"
+            raise InputError(f"--set {option}={text}: solver {name} expects {expected}") from None
+    return values
+
+
+def _start(content: FclibFile, where: str) -> FloatArray | None:
+    """The reactions to begin with, None for zero."""
+    if where == "guess":
+        if not content.guesses:
+            raise InputError(f"{content.path}: --start guess expects /guesses, the file holds none")
+        return content.guesses[0].r
+    if where == "solution":
+        if content.solution is None:
+            raise InputError(f"{content.path}: --start solution expects /solution, the file holds none")
+        return content.solution.r
+    return None
+
+
+def _write(path: Path, content: FclibFile, problem: GlobalProblem | LocalProblem, result: Result) -> None:
+    from fcsim.export_fclib import Solution, write_fclib
+
+    write_fclib(
+        path,
+        problem,
+        solution=Solution(result.u, result.r, result.v, result.multiplier),
+        guesses=content.guesses,
+        title=content.info.title,
+        description=content.info.description,
+        math_info=f"solved by fcsim {__version__}, {result.method}: {result.status.value}, error {result.error:.3e}",
+    )
+
+
+def _finite(values: Mapping[str, object]) -> dict[str, object]:
+    """The values, None for floats that JSON has no word for."""
+    return {name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in values.items()}
+
+
+def _answer(options: argparse.Namespace, content: FclibFile, problem: GlobalProblem | LocalProblem, result: Result) -> dict[str, object]:
+    return _finite(
+        {
+            "file": str(options.file),
+            "solver": result.method,
+            "status": result.status.name,
+            "error": result.error,
+            "tol": options.tol,
+            "iterations": result.iterations,
+            "seconds": result.time,
+            "seconds_by_phase": result.seconds,
+            "nc": problem.nc,
+            "n": _unknowns(problem),
+            "dimension": problem.dimension,
+            "form": content.form,
+            "checks": _finite(vars(result.checks)),
+        }
+    )
+
+
+def _unknowns(problem: GlobalProblem | LocalProblem) -> int:
+    return int(getattr(problem, "n", problem.m))
+
+
+def _print_answer(options: argparse.Namespace, content: FclibFile, problem: GlobalProblem | LocalProblem, result: Result) -> None:
+    say(f"{options.file}: {content.form} form, {problem.nc} contacts in {problem.dimension}D, n = {_unknowns(problem)}")
+    say(f"{result.method}: {result.status.value}; error {result.error:.3e} (tol {options.tol:g}), {result.iterations} iterations")
+    say("seconds: " + ", ".join(f"{phase} {value:.3f}" for phase, value in result.seconds.items()))
+    finite = {name: value for name, value in _finite(vars(result.checks)).items() if value is not None}
+    say("checks:  " + ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in finite.items()))
+    if options.write_solution is not None:
+        say(f"written: {options.write_solution}")

@@ -1,0 +1,49 @@
+"""fcsim solvers: the table of solvers with their options."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import textwrap
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from fcsim.command_line.terminal import say, table_lines
+from fcsim.errors import EXIT_OK
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command `solvers`."""
+    solvers = commands.add_parser("solvers", help="list the solvers", description="Print the table of solvers.")
+    solvers.set_defaults(act=_solvers)
+
+
+def _solvers(options: argparse.Namespace) -> int:
+    from fcsim.solvers import SOLVERS
+
+    rows = [(name, m.family, m.forms, ",".join(map(str, m.dimensions)), m.source) for name, m in SOLVERS.items()]
+    lines = table_lines(("name", "family", "forms", "dim", "source"), rows, texts=5)
+    say(lines[0])
+    for line, method in zip(lines[1:], SOLVERS.values(), strict=True):
+        say(line)
+        described = (f"Siconos: {method.siconos}; " if method.siconos else "") + _described(method.options)
+        described += f"; limits: {method.limits}" if method.limits else ""
+        say(textwrap.fill(described, 132, initial_indent="    ", subsequent_indent="    "))
+    say("forms: L local (reduced), G global; options with their defaults, changed by --set NAME=VALUE")
+    return EXIT_OK
+
+
+def _described(options: DataclassInstance) -> str:
+    """A method's options and their defaults in one line; a hybrid's stages by their functions."""
+    texts = []
+    for field in dataclasses.fields(options):
+        value = getattr(options, field.name)
+        if field.name in ("first", "stages"):
+            value = " then ".join(f"{stage.options.max_iterations} {stage.run.__name__}" for stage in value) or "none"
+        elif isinstance(value, Mapping):
+            value = ", ".join(f"{key} {entry}" for key, entry in value.items()) or "none"
+        texts.append(f"{field.name}={value:.6g}" if isinstance(value, float) else f"{field.name}={value}")
+    return "; ".join(texts)

@@ -1,0 +1,54 @@
+"""Signals that end a command, and the interrupts that they become, in one place."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import NoReturn
+
+ENDING = {signal.SIGINT: "the keyboard", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP (the terminal was closed)"}
+
+
+class Ended(KeyboardInterrupt):
+    """A polite end from outside; `by` says whose."""
+
+    def __init__(self, by: str) -> None:
+        super().__init__(by)
+        self.by = by
+
+
+def _end(number: int, frame: FrameType | None) -> NoReturn:
+    raise Ended(ENDING[signal.Signals(number)])
+
+
+@contextmanager
+def ended_politely() -> Iterator[None]:
+    """SIGTERM, and SIGINT and SIGHUP unless they are ignored (nohup, jobs in the background), raise `Ended` within the block; a reader that
+    left raises BrokenPipeError instead of killing."""
+    before = {number: signal.getsignal(number) for number in (*ENDING, signal.SIGPIPE)}
+    for number in ENDING:
+        if number == signal.SIGTERM or before[number] != signal.SIG_IGN:
+            signal.signal(number, _end)
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def ended_by(error: BaseException | None) -> str:
+    """Who ended what was interrupted, also where compiled code wrapped the interrupt."""
+    while error is not None and not isinstance(error, Ended):
+        error = error.__cause__ or error.__context__
+    return error.by if error is not None else "the keyboard"
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Whether an exception is Ctrl-C's: itself, or a SystemError that compiled code made of it when it struck inside."""
+    seen: BaseException | None = error
+    while seen is not None and not isinstance(seen, KeyboardInterrupt):
+        seen = (seen.__cause__ or seen.__context__) if isinstance(seen, SystemError) else None
+    return seen is not None

@@ -1,0 +1,60 @@
+"""The Delassus operator W = H^T M^-1 H as the sum of the bodies' shares h C h^T.
+
+C is a body's compliance, M^-1 on those of its unknowns that contacts touch, and h its part of H^T: contacts that share no body have no
+block in W.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.problem._delassus_kernels import add_bodies, add_diagonal_bodies, entries_by_body, union_of_neighbours
+
+DENSE_W_UP_TO = 3000
+"""Up to this many contact unknowns W is stored dense (72 MB), above as block-sparse rows."""
+SPARSE_FROM, FILLED = 1000, 0.4
+"""Contact unknowns from which, and share of its blocks below which, W is stored by block rows: less to write, and to read in products."""
+
+
+class DelassusSum:
+    """W (m, m) while the bodies' shares are added: dense up to `DENSE_W_UP_TO` unknowns, else by block rows.
+
+    It is by block rows from `SPARSE_FROM` unknowns on already where less than the share `FILLED` of its blocks is there.
+    """
+
+    def __init__(self, H: Any, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
+        """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
+        unknown of its body's compliance it is. Both are read only where H has entries."""
+        H = H.tocsc()
+        self._m, self._axes = H.shape[1], tuple(range(dimension))
+        self._nc = nc = self._m // dimension
+        self._bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
+        starts, columns = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
+        if self._m > min(SPARSE_FROM, DENSE_W_UP_TO):
+            starts, columns = union_of_neighbours(*self._bodies[:2], nc)
+        self._dense = self._m <= DENSE_W_UP_TO and not (self._m > SPARSE_FROM and len(columns) < FILLED * nc**2)
+        if self._dense:
+            starts, columns = starts[:0], columns[:0]
+        self._values = np.zeros(self._m**2 if self._dense else len(columns) * dimension**2)
+        self._rows = starts, columns
+
+    def add(self, begin: int, C: FloatArray, kind: IntArray, *, symmetric: bool = True) -> None:
+        """Add the shares of the bodies begin, begin + 1, ... with the compliances C[kind[0]], C[kind[1]], ... of C (c, k, k)."""
+        C = np.ascontiguousarray(C if symmetric else C.transpose(0, 2, 1))
+        add_bodies(*self._rows, self._values, *self._bodies, begin, C, kind, symmetric, self._axes, self._nc)
+
+    def add_diagonal(self, begin: int, C: FloatArray, group: IntArray) -> None:
+        """Add the shares of the bodies from `begin` on whose compliances are diagonal: C[group[k]:group[k + 1]] that of the k-th."""
+        add_diagonal_bodies(*self._rows, self._values, *self._bodies, begin, C, group, self._axes, self._nc)
+
+    def matrix(self) -> Any:
+        """W, a dense array or a bsr_array."""
+        d, m = len(self._axes), self._m
+        if self._dense:
+            return self._values.reshape(m, m)
+        starts, columns = self._rows
+        return sp.bsr_array((self._values.reshape(-1, d, d), columns, starts), shape=(m, m), blocksize=(d, d))

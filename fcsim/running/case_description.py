@@ -1,0 +1,74 @@
+"""What a case, its parameters and this machine's packages put into run.json."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from fcsim.running.case import Case, CaseScript, History, Sensor
+from fcsim.running.description import FORMAT, Bound, Column, Description, HistoryPlot, Plots
+from fcsim.running.resume import model_digest
+from fcsim.version import __version__
+
+PACKAGES = ("numpy", "scipy", "numba", "fenics-dolfinx", "dolfinx-solver-real", "gmsh")
+
+
+def describe(
+    case: Case, script: CaseScript, parameters: Any, assignments: Mapping[str, str], options: Mapping[str, Any], read: Mapping[str, str]
+) -> Description:
+    """What run.json holds, apart from the status; `read`: the meshes and tables that the case read, with their digests."""
+    simulation = case.simulation
+    return Description(
+        format=FORMAT,
+        case=script.name,
+        title=case.title,
+        description=case.description,
+        parameters=asdict(parameters),
+        assignments=dict(assignments),
+        scheme=repr(simulation.scheme),
+        notes=tuple(simulation.scheme.notes),
+        h=simulation.scheme.h,
+        steps=simulation.steps,
+        solver=simulation.solver.name,
+        tol=simulation.solver.tol,
+        fclib_set=case.fclib_set,
+        options=options,
+        plots=_plots(case),
+        versions=versions(),
+        sources={script.path.name: script.sha256, **read},
+        model=model_digest(simulation.model),
+    )
+
+
+def _plots(case: Case) -> Plots:
+    sensors = {sensor.column: _column(sensor) for sensor in case.sensors}
+    imposed, bound = case.plots.get("imposed"), case.plots.get("bound")
+    return Plots(
+        imposed=None if imposed is None else sensors[imposed],
+        reaction=tuple(sensors[column] for column in case.plots.get("reaction", ())),
+        bound=None if bound is None else Bound(float(bound[0]), str(bound[1])),
+        histories=tuple(_history(history, sensors) for history in case.plots.get("histories", ())),
+    )
+
+
+def _column(sensor: Sensor) -> Column:
+    return Column(sensor.column, sensor.label, sensor.unit)
+
+
+def _history(history: History, sensors: Mapping[str, Column]) -> HistoryPlot:
+    against = Column("t", "time", "s") if history.against == "t" else sensors[history.against]
+    return HistoryPlot(history.name, against, tuple(sensors[column] for column in history.columns))
+
+
+def versions() -> dict[str, str]:
+    """Versions of fcsim, Python and the packages that matter to a result."""
+    found = {"fcsim": __version__, "python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,90 @@
+"""Going on with a run: only where it is the same run, or where the user accepts what has changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from fcsim.assembly.model import Model
+from fcsim.errors import InputError
+from fcsim.mesh.part import Body
+from fcsim.records import json_text
+from fcsim.running.case import CaseScript
+from fcsim.running.description import FILE, Description, read_description
+from fcsim.running.parameters import parse_parameters
+from fcsim.timestep.step import Moment
+
+LENGTH_DIGITS = 9
+"""Nodes are the same where they agree in so many digits of the model's size: machines round differently."""
+
+
+def resumed_assignments(directory: Path, script: CaseScript, given: Mapping[str, str]) -> tuple[dict[str, str], Description]:
+    """The parameters of the run to go on with and those given now, and the run itself; only the number of steps may differ."""
+    if not (directory / FILE).is_file():
+        raise InputError(f"{directory}: expected the folder of an earlier run to resume, found no {FILE}")
+    stored = read_description(directory)
+    if stored.case != script.name:
+        raise InputError(f"{directory}: expected a run of case {script.name!r} to resume, found {stored.case!r}")
+    assignments = {**stored.assignments, **given}
+    now = json.loads(json_text(asdict(parse_parameters(script, assignments))))  # tuples become lists, as in the file
+    for name in [name for name in (*stored.parameters, *now) if name != "steps"]:
+        if stored.parameters.get(name) != now.get(name):
+            raise InputError(f"--resume: expected the first run's {name} = {stored.parameters.get(name)}, got {now.get(name)}")
+    return assignments, stored
+
+
+def changes(stored: Description, now: Description) -> list[str]:
+    """What is not as it was when the run began: script, meshes and tables, the model, the step, versions."""
+    found = []
+    for path in sorted({*stored.sources, *now.sources}):
+        before, after = stored.sources.get(path), now.sources.get(path)
+        if before != after:
+            how = "is read now" if before is None else "is not read now" if after is None else "has changed"
+            found.append(f"{path} {how}")
+    for name in ("model", "scheme", "h", "solver", "tol"):
+        if getattr(stored, name) != getattr(now, name):
+            found.append("the model's mesh has changed" if name == "model" else f"{name} was {getattr(stored, name)}")
+    for name in sorted({*stored.versions, *now.versions}):
+        before, after = stored.versions.get(name, "absent"), now.versions.get(name, "absent")
+        if before != after:
+            found.append(f"{name} was {before}, is {after}")
+    return found
+
+
+def accepted(changed: list[str], accept: bool) -> tuple[str, ...]:
+    """Notes on the changes where these are accepted; InputError where there are some and they are not."""
+    if changed and not accept:
+        raise InputError(f"--resume: expected the run as it began; {'; '.join(changed)} (go on all the same with --accept-changes)")
+    return tuple(f"resumed although {change}" for change in changed)
+
+
+def check_moments(moments: tuple[Moment, Moment], model: Model, steps: int, path: Path) -> None:
+    """InputError where a checkpoint cannot be of this model: shapes, numbers that are none, a step beyond the last."""
+    for moment in moments:
+        arrays = {name: getattr(moment.state, name) for name in ("x", "v", "rate", "inertia")}
+        for name, values in arrays.items():
+            if values is not None and values.shape != (model.n_dofs,):
+                raise InputError(f"{path}, {name}: expected {model.n_dofs} degrees of freedom as in the model, got {values.shape}")
+        for name, values in (*arrays.items(), ("t", moment.state.t), *((f"r of memory {k}", m.r) for k, m in enumerate(moment.memory))):
+            if values is not None and not np.all(np.isfinite(values)):
+                raise InputError(f"{path}, {name}: expected finite numbers")
+        if not 0 <= moment.number <= steps:
+            raise InputError(f"--resume: expected at least the {moment.number} steps that {path.parent} holds, got {steps}")
+
+
+def model_digest(model: Model) -> str:
+    """SHA-256 of a model's bodies: nodes, to nine digits of the whole's size, cells and facets."""
+    digest = hashlib.sha256()
+    reference = model.reference
+    size = float(np.ptp(reference, axis=0).max(initial=0.0)) or 1.0
+    digest.update(np.round(reference / size, LENGTH_DIGITS).astype(np.float64).tobytes() + f"{size:.9g}".encode())
+    for body in model.bodies:
+        digest.update(body.name.encode())
+        if isinstance(body, Body):
+            digest.update(np.ascontiguousarray(body.part.cells, dtype=np.int64).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,108 @@
+"""Frozen dataclasses as rows of a CSV table: one schema for writer and reader, checked cell by cell.
+
+Fields are of str, int, float, bool, or one of these | None (an empty cell). Floats are written with all their digits.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import functools
+import io
+import types
+import typing
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, cast
+
+from fcsim.errors import InputError
+from fcsim.files import replacing
+
+EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+
+
+@functools.cache
+def columns(kind: Any) -> dict[str, tuple[type, bool]]:
+    """The columns of a row of type `kind`: their types, and whether a cell may be empty."""
+    found: dict[str, tuple[type, bool]] = {}
+    for name, hint in typing.get_type_hints(kind).items():
+        if name not in {field.name for field in dataclasses.fields(kind)}:
+            continue
+        choices = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+        found[name] = next(choice for choice in choices if choice is not types.NoneType), types.NoneType in choices
+    return found
+
+
+def cells(row: Any) -> list[str]:
+    """The texts of a row."""
+    return [cell(getattr(row, field.name)) for field in dataclasses.fields(row)]
+
+
+def cell(value: Any) -> str:
+    """A value as the text of its cell, on one line."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(float(value))  # NumPy's floats included
+    return " ".join(str(value).splitlines())
+
+
+def line(values: Iterable[Any]) -> str:
+    """One line of CSV with its end."""
+    file = io.StringIO()
+    csv.writer(file, lineterminator="\n").writerow(values)
+    return file.getvalue()
+
+
+def read_cell(kind: type, text: str) -> Any:
+    """The text as a value; ValueError for what is none."""
+    if kind is bool:
+        if text.lower() not in ("true", "false"):
+            raise ValueError(text)
+        return text.lower() == "true"
+    return kind(text)
+
+
+def write_table(path: Path, kind: type, rows: Iterable[Any]) -> Path:
+    """Write rows with their header, whole or not at all."""
+    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        file.write(line(columns(kind)))
+        file.writelines(line(cells(row)) for row in rows)
+    return path
+
+
+def read_rows(path: Path) -> list[list[str]]:
+    """The cells of a table of text, header first, torn last lines as they are; InputError where the file is no text."""
+    try:
+        return list(csv.reader(io.StringIO(path.read_text(encoding="utf-8"), newline="")))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: expected a table as UTF-8 text ({error})") from None
+
+
+def read_table[T](path: Path, kind: type[T], rows: list[list[str]] | None = None) -> list[T]:
+    """Read a table of rows of type `kind`; `rows` where the cells are there already. InputError with file, line and column.
+
+    Columns whose fields have a default may be missing at the right, as in tables of earlier versions.
+    """
+    given = read_rows(path) if rows is None else rows
+    names = tuple(columns(cast(Any, kind)))
+    required = sum(field.default is dataclasses.MISSING for field in dataclasses.fields(cast(Any, kind)))
+    header = tuple(given[0]) if given else ()
+    if not required <= len(header) <= len(names) or header != names[: len(header)]:
+        raise InputError(f"{path}: expected the columns {','.join(names)}; got {','.join(header)[:500] or 'nothing'}")
+    return [_row(kind, header, cells, f"{path}, line {number}") for number, cells in enumerate(given[1:], 2)]
+
+
+def _row[T](kind: type[T], header: tuple[str, ...], texts: list[str], where: str) -> T:
+    if len(texts) != len(header):
+        raise InputError(f"{where}: expected {len(header)} columns, got {len(texts)}")
+    values: dict[str, Any] = {}
+    for name, text in zip(header, texts, strict=True):
+        of, optional = columns(cast(Any, kind))[name]
+        try:
+            values[name] = None if optional and not text else read_cell(of, text)
+        except ValueError:
+            raise InputError(f"{where}, column {name}: expected {EXPECTED[of]}, got {text[:60]!r}") from None
+    return kind(**values)

@@ -1,0 +1,102 @@
+"""W as a sum over bodies against dense products H_b^T C H_b of the same matrices."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from numpy.testing import assert_allclose, assert_array_equal
+
+from fcsim.linear.factors import mirror
+from fcsim.problem import delassus_sum
+from fcsim.problem._delassus_kernels import alike_in_contacts, union_of_neighbours
+from fcsim.problem.delassus_sum import DelassusSum
+
+
+def dense(matrix: Any) -> np.ndarray:
+    return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)
+
+
+def contact_matrix(n: int, nc: int, d: int, rng: np.random.Generator) -> sp.csr_array:
+    """Contacts on few unknowns each, in some rows only; the first contact and the first unknown touch nothing."""
+    H = rng.standard_normal((n, nc * d)) * np.repeat(rng.random((n, nc)) < 0.25, d, axis=1) * (rng.random((n, nc * d)) < 0.7)
+    H[:, :d], H[0] = 0, 0
+    return sp.csr_array(H)
+
+
+@pytest.mark.parametrize("stored", ["dense", "by rows", "by rows where few blocks are there"])
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("nc", [1, 4, 45])
+def test_sum_of_the_bodies_shares(monkeypatch: pytest.MonkeyPatch, stored: str, d: int, symmetric: bool, nc: int) -> None:
+    """Five bodies of two kinds and three diagonal ones, their unknowns in any order; some unknowns have no body."""
+    if stored != "dense":
+        monkeypatch.setattr(delassus_sum, "DENSE_W_UP_TO" if stored == "by rows" else "SPARSE_FROM", 0)
+        monkeypatch.setattr(delassus_sum, "FILLED", 1.1)
+    rng = np.random.default_rng(nc)
+    size, kind, group = 7, np.array([1, 0, 1, 1, 0]), np.array([0, 3, 4, 9])
+    bodies = [np.arange(k * size, (k + 1) * size) for k in range(5)] + [35 + np.arange(*ends) for ends in pairwise(group)]
+    n = 35 + 9 + 4
+    shuffle = rng.permutation(n)
+    C = rng.standard_normal((2, size, size))
+    C = C + C.transpose(0, 2, 1) if symmetric else C
+    diagonal = rng.standard_normal(9)
+    H = contact_matrix(n, nc, d, rng)
+    body, column, inverse = np.full(n, -1), np.zeros(n, dtype=np.int64), np.zeros((n, n))
+    for number, own in enumerate(bodies):
+        body[shuffle[own]], column[shuffle[own]] = number, np.arange(len(own))
+        share = C[kind[number]] if number < 5 else np.diag(diagonal[own - 35])
+        inverse[np.ix_(shuffle[own], shuffle[own])] = share
+    W = DelassusSum(H, body, column, len(bodies), d)
+    W.add(0, C, kind, symmetric=symmetric)
+    W.add_diagonal(5, diagonal, group)
+    found, expected = W.matrix(), H.toarray().T @ inverse @ H.toarray()
+    assert sp.issparse(found) == (stored != "dense")
+    assert_allclose(dense(found), expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1))
+    if sp.issparse(found):
+        assert found.blocksize == (d, d)
+        assert found.has_sorted_indices
+        assert len(found.indices) == np.count_nonzero(shared_bodies(H, body, len(bodies), d))
+
+
+def shared_bodies(H: sp.csr_array, body: np.ndarray, count: int, d: int) -> np.ndarray:
+    """How many bodies two contacts share (nc, nc)."""
+    touches = (H.toarray() != 0).reshape(H.shape[0], -1, d).any(axis=2).astype(int)
+    of_body = np.array([touches[body == b].any(axis=0) for b in range(count)]).astype(int)
+    return of_body.T @ of_body
+
+
+def test_entries_of_h_stored_twice_are_summed() -> None:
+    H = sp.csc_array((np.array([1.0, 2.0, 4.0]), np.array([0, 0, 1]), np.array([0, 2, 3])), shape=(2, 2))
+    W = DelassusSum(H, np.zeros(2, dtype=np.int64), np.arange(2), 1, 2)
+    W.add(0, np.array([[[2.0, 1.0], [1.0, 3.0]]]), np.zeros(1, dtype=np.int64))
+    assert_allclose(W.matrix(), [[18, 12], [12, 48]])
+
+
+def test_pattern_of_block_rows() -> None:
+    """Contacts 0, 2, 5 on a body, 2, 3 on another, 1 on none, 4 alone."""
+    starts, columns = union_of_neighbours(np.array([0, 3, 3, 5, 6]), np.array([0, 2, 5, 2, 3, 4]), 6)
+    rows = [columns[a:b].tolist() for a, b in pairwise(starts)]
+    assert rows == [[0, 2, 5], [], [0, 2, 3, 5], [2, 3], [4], [0, 2, 5]]
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_neighbours_alike_in_contacts_are_one_group(d: int) -> None:
+    """Unknowns 0, 1 touch contacts 0 and 2 (in different rows), 2 none, 3 and 5 contact 1, 4 contacts 1 and 2."""
+    H = np.zeros((6, 3 * d))
+    H[0, [0, 2 * d]], H[1, [1, 2 * d + 1]], H[[3, 5], d], H[4, [d, 2 * d]] = 1, 1, 1, 1
+    H = sp.csc_array(H)
+    assert_array_equal(alike_in_contacts(H.indptr, H.indices, 6, np.arange(6), d), [0, 2, 3, 4, 5, 6])
+    assert_array_equal(alike_in_contacts(H.indptr, H.indices, 6, np.array([0, 1, 3, 5]), d), [0, 2, 4])
+    assert_array_equal(alike_in_contacts(H.indptr, H.indices, 6, np.empty(0, dtype=np.int64), d), [0])
+
+
+@pytest.mark.parametrize("size", [0, 1, 31, 33, 70])
+def test_mirror(size: int) -> None:
+    A = np.random.default_rng(0).standard_normal((size, size))
+    upper = np.triu(A)
+    mirror(A)
+    assert_array_equal(A, upper + np.triu(upper, 1).T)
