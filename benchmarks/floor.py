@@ -3,11 +3,11 @@
     python benchmarks/floor.py                 120 steps of cases/masonry_wall
     python benchmarks/floor.py --set divisions=16,8,8 --steps 6
 
-Counted while the wall runs, in the condensed elimination of Newton's system (condensed_system.py and border_system.py in
-fcsim/solvers): the fronts of the closed contacts' block, triangular solves and products for the border, and the LU of what is left there;
-and the bytes that are read: of W and the border's columns by products, of the border's response by the system that is left. The floor
-is those flops at the rates of this machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above it stand
-gathering of blocks, small arrays and Python.
+Counted while the wall runs, in the condensed elimination of Newton's system (condensed.py, held.py, border.py, remainder.py in
+fcsim/solvers/newton/systems): the fronts of the closed contacts' block, triangular solves and products for the border, and the LU of what
+is left there; and the bytes that are read: of W and the border's columns by products, of the border's response by the system that is
+left. The floor is those flops at the rates of this machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above
+it stand gathering of blocks, small arrays and Python.
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ from rich.table import Table
 from fcsim.linear.fronts import MultifrontalCholesky
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
-from fcsim.solvers.newton.systems import border as border_system
-from fcsim.solvers.newton.systems import condensed as condensed_system
+from fcsim.solvers.newton.systems import condensed, remainder
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
 SIZE = 700
@@ -89,24 +88,24 @@ class Count:
         self.calls: Counter[str] = Counter()
 
     def install(self) -> None:
-        system, border = condensed_system.CondensedSystem, border_system.BorderSystem
-        hold, extend, condensed, product = system._hold, system._extend, system._condensed, system._product
-        complete, lu = border.complete, border_system.DenseLU
+        hold, extended = condensed.hold, condensed.extended
+        product, solve, complete = condensed.CondensedSystem._product, condensed._Step.solve, remainder.Remainder.complete
+        lu = remainder.DenseLU
 
-        def counted_hold(this: Any, *given: Any) -> bool:
-            held: bool = hold(this, *given)
-            self._add("Cholesky, closed contacts", sum(n**3 / 3 + n**2 * b + n * b**2 for n, b in _fronts(this)))
+        def counted_hold(W: Any, rows: Any, d: int, contacts: np.ndarray, **given: Any) -> Any:
+            held = hold(W, rows, d, contacts, **given)
+            if held is not None:
+                self._add("Cholesky, closed contacts", sum(n**3 / 3 + n**2 * b + n * b**2 for n, b in _fronts(held)))
             return held
 
-        def counted_extend(this: Any, contacts: np.ndarray) -> None:
-            before = len(this._border) * this._d
-            extend(this, contacts)
-            n, k = this._PT.shape[1], len(this._border) * this._d
+        def counted_extended(border: Any, held: Any, *given: Any) -> Any:
+            wider = extended(border, held, *given)
+            before, (k, n) = len(border.PT), wider.PT.shape
             if k > before:
-                self._add(
-                    f"triangular solves, border, {_precision(this._PT)}", sum(n * n + 2 * n * b for n, b in _fronts(this)) * (k - before)
-                )
-                self._add(f"products, border, {_precision(this._PT)}", n * (k**2 - before**2))  # half of the symmetric product
+                precision = _precision(wider.PT)
+                self._add(f"triangular solves, border, {precision}", sum(n * n + 2 * n * b for n, b in _fronts(held)) * (k - before))
+                self._add(f"products, border, {precision}", n * (k**2 - before**2))  # half of the symmetric product
+            return wider
 
         def counted_product(this: Any, x: np.ndarray) -> np.ndarray:
             blocks = this._W.data if sp.issparse(this._W) else this._W
@@ -114,26 +113,26 @@ class Count:
             result: np.ndarray = product(this, x)
             return result
 
-        def counted_condensed(this: Any, *given: Any) -> np.ndarray:
-            step: np.ndarray = condensed(this, *given)
-            self._read("border's columns", 2 * this._PT.itemsize * len(this._border) * this._d * this._PT.shape[1])
+        def counted_solve(this: Any, *given: Any) -> np.ndarray:
+            self._read("border's columns", 2 * this._border.PT.nbytes)
+            step: np.ndarray = solve(this, *given)
             return step
 
-        def counted_complete(this: Any, x: np.ndarray, unknown: np.ndarray, G: np.ndarray, *given: Any) -> None:
-            self._read("border's response", G.itemsize * (x.size**2 + x.shape[1] * np.count_nonzero(unknown) ** 2))
-            complete(this, x, unknown, G, *given)
+        def counted_complete(this: Any, x: np.ndarray, *given: Any) -> None:
+            self._read("border's response", this._G.itemsize * (x.size**2 + x.shape[1] * np.count_nonzero(this._unknown) ** 2))
+            complete(this, x, *given)
 
         def counted_lu(A: np.ndarray, overwrite: bool = False) -> Any:
             self._add(f"LU of what is left, {_precision(A)}", 2 * len(A) ** 3 / 3)
             return lu(A, overwrite)
 
         for owner, name, counted in (
-            (system, "_hold", counted_hold),
-            (system, "_extend", counted_extend),
-            (system, "_condensed", counted_condensed),
-            (system, "_product", counted_product),
-            (border, "complete", counted_complete),
-            (border_system, "DenseLU", counted_lu),
+            (condensed, "hold", counted_hold),
+            (condensed, "extended", counted_extended),
+            (condensed.CondensedSystem, "_product", counted_product),
+            (condensed._Step, "solve", counted_solve),
+            (remainder.Remainder, "complete", counted_complete),
+            (remainder, "DenseLU", counted_lu),
         ):
             setattr(owner, name, counted)
 
@@ -150,12 +149,11 @@ def _precision(A: np.ndarray) -> str:
     return "double precision" if A.dtype == np.float64 else "single precision"
 
 
-def _fronts(system: Any) -> list[tuple[int, int]]:
+def _fronts(held: Any) -> list[tuple[int, int]]:
     """Own and border unknowns of the held factor's fronts; a dense factor is one."""
-    factor = system._factor
-    if isinstance(factor, MultifrontalCholesky):
-        return [(len(L), len(border)) for _, border, L, _ in factor._fronts]
-    return [(len(factor.contacts) * system._d, 0)]
+    if isinstance(held.factor, MultifrontalCholesky):
+        return [(len(L), len(border)) for _, border, L, _ in held.factor._fronts]
+    return [(len(held.factor._factor), 0)]
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ from typing import Any
 
 from report import Record, circumstances, table, write_markdown
 
-from fcsim.bench.judge import read_problems
+from fcsim.bench.fclib_problem import read_problems
 from fcsim.bench.reporting.summary import duration, geometric_mean
 from fcsim.bench.reporting.time_table import CLOCKS
 from fcsim.bench.workers import solves

@@ -11,6 +11,7 @@ from fcsim.version import __version__ as __version__
 
 _runtime.limit_threads()
 _runtime.keep_freed_memory()
+_runtime.writable_caches()
 
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from fcsim.assembly.supports import Support
     from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
     from fcsim.command_line.main import main
-    from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, two_pass
+    from fcsim.contact_detection import Contacts, ContactSurface, Detector, Everything, SurfacePair, two_pass
     from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
     from fcsim.contact_law import Gap, Velocity
     from fcsim.errors import FcsimError, InputError
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from fcsim.timestep.state import State, at_rest
     from fcsim.timestep.step import Step
     from fcsim.timestep.theta import Theta
+    from fcsim.witness import Witness
 
 _HOME = {
     "AccelerationRecord": "assembly.time_functions",
@@ -47,6 +49,7 @@ _HOME = {
     "ContactSurface": "contact_detection",
     "Contacts": "contact_detection",
     "Detector": "contact_detection",
+    "Everything": "contact_detection",
     "FcsimError": "errors",
     "FloatArray": "arrays",
     "Gap": "contact_law",
@@ -72,6 +75,7 @@ _HOME = {
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
     "Velocity": "contact_law",
+    "Witness": "witness",
     "at_rest": "timestep.state",
     "build_model": "assembly.model",
     "contact_force": "running.sensors",
@@ -97,6 +101,7 @@ __all__ = [
     "ContactSurface",
     "Contacts",
     "Detector",
+    "Everything",
     "FcsimError",
     "FloatArray",
     "Gap",
@@ -121,6 +126,7 @@ __all__ = [
     "SurfacePair",
     "Theta",
     "Velocity",
+    "Witness",
     "at_rest",
     "build_model",
     "contact_force",

@@ -15,8 +15,16 @@ class MissingDependency(FcsimError, ImportError):
     """An optional package is not installed; the message says which extra brings it."""
 
 
+class Unphysical(FcsimError, RuntimeError):
+    """A simulation left what its model covers: what followed would be wrong, so it stops there; the message says why and what helps."""
+
+
 class NotConverged(FcsimError, RuntimeError):
     """A step did not converge, even after the whole fallback chain; the simulation stops there."""
+
+
+class Penetration(Unphysical):
+    """The witness saw bodies overlap by more than it bears; the simulation stops there."""
 
 
 EXIT_OK, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130

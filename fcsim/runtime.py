@@ -14,12 +14,15 @@ import ctypes
 import os
 import platform
 import signal
+import stat
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -32,6 +35,25 @@ def limit_threads() -> None:
     """Give BLAS and OpenMP FCSIM_THREADS threads (default 1) wherever the user's environment does not say otherwise."""
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, os.environ.get("FCSIM_THREADS", "1"))
+
+
+def writable_caches() -> None:
+    """Let compiled forms (ffcx) and functions (numba) be kept in a private folder for temporary files where HOME cannot be written."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path(os.path.expanduser("~")) / ".cache")  # noqa: PTH111 - Path.home() may raise
+    existing = next((folder for folder in (cache, *cache.parents) if folder.exists()), Path("/"))
+    if os.access(existing, os.W_OK | os.X_OK) and not existing.as_posix().startswith("/proc"):
+        return
+    private = Path(tempfile.gettempdir()) / f"fcsim-cache-{os.getuid()}"
+    try:
+        private.mkdir(mode=0o700, exist_ok=True)
+        about = private.lstat()
+        if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.getuid() or about.st_mode & 0o077:  # what is compiled is loaded
+            private = Path(tempfile.mkdtemp(prefix="fcsim-cache-"))
+    except OSError:
+        return
+    os.environ["XDG_CACHE_HOME"] = str(private)
+    if not os.access(Path(__file__).parent, os.W_OK):
+        os.environ.setdefault("NUMBA_CACHE_DIR", str(private / "numba"))
 
 
 KEPT_ARRAY, KEPT_MEMORY = 128 * 2**20, 512 * 2**20

@@ -105,4 +105,7 @@ def _row[T](kind: type[T], header: tuple[str, ...], texts: list[str], where: str
             values[name] = None if optional and not text else read_cell(of, text)
         except ValueError:
             raise InputError(f"{where}, column {name}: expected {EXPECTED[of]}, got {text[:60]!r}") from None
-    return kind(**values)
+    try:
+        return kind(**values)
+    except InputError as error:
+        raise InputError(f"{where}, {error}") from None

@@ -78,7 +78,7 @@ def build(p: Parameters) -> Case:
     simulation = Simulation(
         model,
         Detector(wall_contacts(wall, model, p, mu_blocks, mu_platens), model.n_nodes),
-        Theta(p.h, p.theta, Gap()),
+        Theta(p.h, p.theta, Gap(recovery=np.inf)),
         p.steps,
         SolverSettings(name=p.solver or SOLVER[p.blocks_are], tol=p.tol),
     )

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
+from fcsim.files import note_read
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
@@ -152,6 +153,7 @@ def _read[T: Table](path: Path, column: str, quantity: str, time: str, kind: typ
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: expected a CSV file of times and values: {error}") from None
+    note_read(path)
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip() and not line.lstrip().startswith("#")]
     rows = list(zip([number for number, _ in lines], csv.reader([line for _, line in lines]), strict=True))
     if not rows:

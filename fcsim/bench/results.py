@@ -8,13 +8,12 @@ takes its place when the file is read.
 from __future__ import annotations
 
 import csv
-import io
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from fcsim.errors import InputError
+from fcsim.tables import cells, columns, line, read_table
 
 FILE = "results.csv"
 SLACK = 1.01
@@ -78,51 +77,17 @@ class Measurement:
         """What is measured once: problem, form, solver, tolerance."""
         return self.problem, self.form, self.solver, self.tol
 
+    def __post_init__(self) -> None:
+        if self.outcome not in STATUSES:
+            raise InputError(f"column status: expected one of {', '.join(STATUSES)}, got {self.status!r}")
 
-FIELDS = tuple(field.name for field in fields(Measurement))
-_KINDS = {field.name: str(field.type) for field in fields(Measurement)}
+
+FIELDS = tuple(columns(Measurement))
 
 
 def results_file(path: Path) -> Path:
     """The table itself: `path`, or results.csv in the folder `path`."""
     return path / FILE if path.is_dir() else path
-
-
-def _text(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(float(value))  # NumPy's floats included
-    return " ".join(str(value).splitlines())  # a row is one line
-
-
-def _value(kind: str, text: str) -> Any:
-    if kind.endswith("| None"):
-        return None if text == "" else _value(kind.removesuffix("| None").strip(), text)
-    if kind == "bool":
-        return {"true": True, "false": False}[text.lower()]
-    return {"int": int, "float": float, "str": str}[kind](text)
-
-
-_EXPECTED = {"bool": "true or false", "int": "a whole number", "float": "a number"}
-
-
-def _measurement(row: list[str], where: str) -> Measurement:
-    if len(row) != len(FIELDS):
-        raise InputError(f"{where}: expected {len(FIELDS)} columns, got {len(row)}")
-    values: dict[str, Any] = {}
-    for name, text in zip(FIELDS, row, strict=True):
-        try:
-            values[name] = _value(_KINDS[name], text)
-        except (KeyError, ValueError):
-            expected = _EXPECTED[_KINDS[name].removesuffix("| None").strip()]
-            raise InputError(f"{where}, column {name}: expected {expected}, got {text!r}") from None
-    measurement = Measurement(**values)
-    if measurement.outcome not in STATUSES:
-        raise InputError(f"{where}, column status: expected one of {', '.join(STATUSES)}, got {measurement.status!r}")
-    return measurement
 
 
 def read_results(path: Path) -> list[Measurement]:
@@ -137,17 +102,10 @@ def read_results(path: Path) -> list[Measurement]:
         text = file.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise InputError(f"{file}: expected a table as UTF-8 text ({error})") from None
-    rows = csv.reader(text[: text.rfind("\n") + 1].splitlines())
-    header = next(rows, None)
-    if header is None:  # nothing was written, or the header not to its end
+    rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
+    if not rows:  # nothing was written, or the header not to its end
         return []
-    if tuple(header) != FIELDS:
-        raise InputError(f"{file}: expected the columns {','.join(FIELDS)}; got {','.join(header)[:500]}")
-    kept: dict[tuple[Any, ...], Measurement] = {}
-    for number, row in enumerate(rows, 2):
-        measurement = _measurement(row, f"{file}, line {number}")
-        kept[measurement.key] = measurement
-    return list(kept.values())
+    return list({measurement.key: measurement for measurement in read_table(file, Measurement, rows)}.values())
 
 
 def append(path: Path, measurement: Measurement) -> None:
@@ -158,11 +116,7 @@ def append(path: Path, measurement: Measurement) -> None:
             file.seek(0)
             whole = file.read().rfind(b"\n") + 1
             file.truncate(whole)
-        line = io.StringIO()
-        writer = csv.writer(line, lineterminator="\n")
-        if whole == 0:
-            writer.writerow(FIELDS)
-        writer.writerow([_text(getattr(measurement, name)) for name in FIELDS])
-        file.write(line.getvalue().encode())
+        header = line(FIELDS) if whole == 0 else ""
+        file.write((header + line(cells(measurement))).encode())
         file.flush()
         os.fsync(file.fileno())

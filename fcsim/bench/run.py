@@ -98,6 +98,9 @@ class Progress:
     """[s]"""
 
 
+Watch = Callable[[Progress, Measurement | None], None]
+
+
 class Estimate:
     """Remaining time from the durations of the last measurements."""
 
@@ -155,7 +158,7 @@ def bench(
     settings: Settings,
     directory: Path,
     launch: Callable[[], AbstractContextManager[Launcher | None]],
-    watch: Callable[[Progress, Measurement | None], None] = lambda progress, measurement: None,
+    watch: Watch = lambda progress, measurement: None,
     started: Callable[[], None] = lambda: None,
 ) -> Progress | None:
     """Make the measurements that the table of `directory` lacks, and append each as it ends.
@@ -175,66 +178,72 @@ def bench(
             return _measure(chains, limits, settings, directory, launcher, watch)
 
 
-def _measure(
-    chains: Sequence[Chain],
-    limits: Limits,
-    settings: Settings,
-    directory: Path,
-    launcher: Launcher,
-    watch: Callable[[Progress, Measurement | None], None],
-) -> Progress:
-    waiting = deque(chain for chain in chains if chain.missing(limits))
-    estimate = Estimate(launcher.places, limits)
-    for chain in waiting:
-        for tol in chain.missing(limits):
-            estimate.waiting[chain.solver, tol] += 1
-    total = sum(len(chain.tols) for chain in chains)
-    progress = Progress(total, total - sum(estimate.waiting.values()))
-    running: dict[Future[Measurement], tuple[Chain, float]] = {}
-    unreadable: set[str] = set()
+class _Turns:
+    """The chains of a bench while their measurements are made: what runs, what was measured, what cannot be read."""
 
-    def keep(chain: Chain, measurement: Measurement, seconds: float | None) -> None:
-        append(directory, measurement)
+    def __init__(
+        self, chains: Sequence[Chain], limits: Limits, settings: Settings, directory: Path, launcher: Launcher, watch: Watch
+    ) -> None:
+        self.limits, self.settings, self.directory, self.launcher, self.watch = limits, settings, directory, launcher, watch
+        self.waiting = deque(chain for chain in chains if chain.missing(limits))
+        self.estimate = Estimate(launcher.places, limits)
+        for chain in self.waiting:
+            for tol in chain.missing(limits):
+                self.estimate.waiting[chain.solver, tol] += 1
+        total = sum(len(chain.tols) for chain in chains)
+        self.progress = Progress(total, total - sum(self.estimate.waiting.values()))
+        self.running: dict[Future[Measurement], tuple[Chain, float]] = {}
+        self.unreadable: set[str] = set()
+
+    def keep(self, chain: Chain, measurement: Measurement, seconds: float | None) -> None:
+        """Append a measurement to the table; seconds: None where it was not made."""
+        append(self.directory, measurement)
         key = chain.solver, measurement.tol
         chain.known[measurement.tol] = measurement
-        estimate.waiting[key] -= 1
+        self.estimate.waiting[key] -= 1
         if seconds is not None:
-            estimate.durations[key].append(seconds)
-            progress.measured += 1
-        progress.done += 1
-        estimate.update(progress)
-        watch(progress, measurement)
+            self.estimate.durations[key].append(seconds)
+            self.progress.measured += 1
+        self.progress.done += 1
+        self.estimate.update(self.progress)
+        self.watch(self.progress, measurement)
 
-    def advance(chain: Chain) -> bool:
-        """Ask for the next measurement; False where the chain is at its end."""
-        if chain.entry.path.as_posix() in unreadable:
-            return False
-        for tol in chain.missing(limits):
-            late = chain.hopeless(tol, limits)
-            request = chain.request(tol, limits)
+    def advance(self, chain: Chain) -> None:
+        """Ask for a chain's next measurement, if it has one."""
+        if chain.entry.path.as_posix() in self.unreadable:
+            return
+        for tol in chain.missing(self.limits):
+            late = chain.hopeless(tol, self.limits)
+            request = chain.request(tol, self.limits)
             if late is None:
-                running[launcher.submit(request)] = chain, monotonic()
-                return True
-            keep(chain, blank(request, settings, f"TIME_LIMIT: {NOT_TRIED}: {late:g} not met in time"), None)
-        return False
+                self.running[self.launcher.submit(request)] = chain, monotonic()
+                return
+            self.keep(chain, blank(request, self.settings, f"TIME_LIMIT: {NOT_TRIED}: {late:g} not met in time"), None)
 
-    watch(progress, None)
-    while waiting or running:
-        while waiting and len(running) < launcher.places:
-            advance(waiting.popleft())
+    def take(self, future: Future[Measurement]) -> None:
+        """Keep what has ended and go on with its chain."""
+        chain, started = self.running.pop(future)
+        try:
+            measurement = future.result()
+        except InputError as error:  # the problem cannot be read: no solver is to blame
+            if chain.entry.path.as_posix() not in self.unreadable:
+                self.unreadable.add(chain.entry.path.as_posix())
+                self.progress.notes.append(str(error))
+            return
+        self.keep(chain, measurement, monotonic() - started)
+        self.advance(chain)
+
+
+def _measure(chains: Sequence[Chain], limits: Limits, settings: Settings, directory: Path, launcher: Launcher, watch: Watch) -> Progress:
+    turns = _Turns(chains, limits, settings, directory, launcher, watch)
+    watch(turns.progress, None)
+    while turns.waiting or turns.running:
+        while turns.waiting and len(turns.running) < launcher.places:
+            turns.advance(turns.waiting.popleft())
         # a timeout, so that signals are seen
-        finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
+        finished, _ = wait(turns.running, timeout=0.5, return_when=FIRST_COMPLETED)
         for future in finished:
-            chain, started = running.pop(future)
-            try:
-                measurement = future.result()
-            except InputError as error:  # the problem cannot be read: no solver is to blame
-                if chain.entry.path.as_posix() not in unreadable:
-                    unreadable.add(chain.entry.path.as_posix())
-                    progress.notes.append(str(error))
-                continue
-            keep(chain, measurement, monotonic() - started)
-            advance(chain)
+            turns.take(future)
         if not finished:
-            watch(progress, None)
-    return progress
+            watch(turns.progress, None)
+    return turns.progress

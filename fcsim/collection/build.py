@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.bench.judge import FclibProblem
 from fcsim.collection.folder import members, parse_name, refuse_folder, whole_folder
-from fcsim.collection.manifest import AT_REST, Entry, sha256, write_manifest
+from fcsim.collection.manifest import AT_REST, Entry, write_manifest
 from fcsim.collection.plots import write_distributions
 from fcsim.collection.properties import Properties, properties
 from fcsim.collection.readme import facts, write_readme
 from fcsim.collection.run_about import RunAbout, notes_on
 from fcsim.errors import InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, Solution, file_name, read_fclib, write_fclib
-from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.files import sha256
+from fcsim.problem import GlobalProblem, Judge, LocalProblem
 from fcsim.problem.delassus_sum import DENSE_W_UP_TO
 from fcsim.problem.reduction import reduce
 from fcsim.running.case import Case, load_case
@@ -82,33 +82,38 @@ def build_collection(
             options = RunOptions(export_every=every, vtk_every=1 << 60, checkpoint_every=0)  # VTK files of the last step only
             if run_case(load_case(source), assignments or {}, made, options, watch=watch).status == "interrupted":
                 raise KeyboardInterrupt
-        run = open_run(source if is_run else made)
-        about = RunAbout.of(run)
-        chosen = _exported(run, every)
-        entries: list[Entry] = []
-        described: list[Properties] = []
-        for done, (step, path) in enumerate(chosen, 1):
-            content = read_fclib(path)
-            written, known = _write_problem(content, step, run, about, folder, spectrum_up_to)
-            entries += written
-            described.append(known)
-            if progress is not None:
-                progress("problems", done, len(chosen))
-        entries.sort(key=lambda entry: entry.place)
-        complete = run.description.status == "finished"
-        drawn, notes = _draw(run, entries, folder)
-        notes = [*notes_on(run, entries), *notes]
-        write_manifest(folder, entries)
-        write_readme(
-            folder / "README.md",
-            about.title,
-            facts={**about.facts(authors), **facts(entries, described)},
-            text=about.text(every),
-            pictures={name: text for name, text in PICTURES.items() if name in drawn},
-            notes=notes,
-        )
+        built = _write_collection(open_run(source if is_run else made), folder, every, authors, spectrum_up_to, progress)
         shutil.rmtree(made, ignore_errors=True)
-    return Built(out, tuple(entries), tuple(notes), complete)
+    return replace(built, directory=out)
+
+
+def _write_collection(run: RunFolder, folder: Path, every: int, authors: str, spectrum_up_to: int, progress: Progress | None) -> Built:
+    """Write the problems of a run's folder with manifest, README and pictures into an empty folder."""
+    about = RunAbout.of(run)
+    chosen = _exported(run, every)
+    entries: list[Entry] = []
+    described: list[Properties] = []
+    for done, (step, path) in enumerate(chosen, 1):
+        content = read_fclib(path)
+        written, known = _write_problem(content, step, run, about, folder, spectrum_up_to)
+        entries += written
+        described.append(known)
+        if progress is not None:
+            progress("problems", done, len(chosen))
+    entries.sort(key=lambda entry: entry.place)
+    complete = run.description.status == "finished"
+    drawn, notes = _draw(run, entries, folder)
+    notes = [*notes_on(run, entries), *notes]
+    write_manifest(folder, entries)
+    write_readme(
+        folder / "README.md",
+        about.title,
+        facts={**about.facts(authors), **facts(entries, described)},
+        text=about.text(every),
+        pictures={name: text for name, text in PICTURES.items() if name in drawn},
+        notes=notes,
+    )
+    return Built(folder, tuple(entries), tuple(notes), complete)
 
 
 PICTURES = {
@@ -147,7 +152,7 @@ def _write_problem(
         forms = {"global": problem, **forms}
     entries = []
     for form, written in forms.items():
-        error = FclibProblem(name, form, written).error(solution.r)
+        error = Judge(written).error(solution.r)
         path = folder / form / name
         path.parent.mkdir(exist_ok=True)
         write_fclib(
@@ -183,6 +188,7 @@ def _write_problem(
                 fill=known.fill,
                 dimension=known.dimension,
                 source="",
+                parameters=about.parameters_text,
             )
         )
     return entries, known

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.bench.judge import FclibProblem
 from fcsim.collection.folder import members, parse_name
-from fcsim.collection.manifest import AT_REST, MANIFEST, Entry, read_manifest, sha256
+from fcsim.collection.manifest import AT_REST, MANIFEST, Entry, read_manifest
 from fcsim.errors import InputError
-from fcsim.export_fclib import Solution, read_fclib
-from fcsim.problem import GlobalProblem, LocalProblem, check
+from fcsim.export_fclib import FclibFile, Solution, read_fclib
+from fcsim.files import sha256
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import GlobalProblem, Judge, LocalProblem, check
 
 Progress = Callable[[str, int, int], None]
 
@@ -59,9 +60,11 @@ def check_collection(directory: str | Path, progress: Progress | None = None) ->
     readable and consistent, and the solutions' errors are reported (real files hold zeros there). A file that fails stops nothing.
     """
     directory = Path(directory)
-    stated: dict[str, Entry] | None = None
+    stated: dict[str, list[Entry]] | None = None
     if (directory / MANIFEST).is_file():
-        stated = {entry.place: entry for entry in read_manifest(directory)}
+        stated = {}
+        for entry in read_manifest(directory):
+            stated.setdefault(entry.place, []).append(entry)
     try:
         places = [path.relative_to(directory).as_posix() for member in members(directory) for path in member.paths]
     except InputError:
@@ -77,18 +80,29 @@ def check_collection(directory: str | Path, progress: Progress | None = None) ->
     return rows
 
 
-def _check(directory: Path, place: str, stated: dict[str, Entry] | None) -> Checked:
-    entry = (stated or {}).get(place)
+def _check(directory: Path, place: str, stated: dict[str, list[Entry]] | None) -> Checked:
+    entries = (stated or {}).get(place, [])
+    entry = entries[0] if entries else None
     path = directory / place
     if not path.is_file():
         return Checked(place, failures=("missing: the manifest lists it, the folder does not hold it",))
+    if entry is not None and not path.resolve().is_relative_to(directory.resolve()):
+        return Checked(place, failures=("a link that leads out of the collection",))
     failures = ["not in the manifest"] if stated is not None and entry is None else []
-    if entry is not None and (found := sha256(path)) != entry.sha256:
-        failures.append(f"changed: SHA-256 {found[:12]}..., the manifest states {entry.sha256[:12]}...")
+    if len(entries) > 1:
+        failures.append(f"listed {len(entries)} times in the manifest, for one file")
+    found = sha256(path) if entries else ""
+    for digest in sorted({row.sha256 for row in entries} - {found}):
+        failures.append(f"changed: SHA-256 {found[:12]}..., the manifest states {digest[:12]}...")
     try:
         content = read_fclib(path)
     except InputError as unreadable:
         return Checked(place, failures=(*failures, str(unreadable).removeprefix(f"{path}: ")))
+    return _check_content(path, place, content, entry, failures)
+
+
+def _check_content(path: Path, place: str, content: FclibFile, entry: Entry | None, failures: list[str]) -> Checked:
+    """The sizes, and the stored solution, of a file that could be read."""
     problem, solution = content.problem, content.solution
     n = None if isinstance(problem, LocalProblem) else problem.n
     sizes = {"form": content.form, "dimension": problem.dimension, "nc": problem.nc, "m": problem.m}
@@ -107,10 +121,10 @@ def _check(directory: Path, place: str, stated: dict[str, Entry] | None) -> Chec
         if entry is not None and entry.error is not None:
             failures.append("no /solution, the manifest states its error")
         return Checked(**row, note="no solution", failures=tuple(failures))
-    judge = FclibProblem(path.stem, content.form, problem)
     try:
+        judge = Judge(problem)
         error = judge.error(solution.r)
-    except RuntimeError as singular:  # SuperLU
+    except SingularMatrix as singular:
         return Checked(**row, failures=(*failures, f"the stored solution cannot be judged: {singular}"))
     cone = check(solution.r, solution.u, problem.mu, problem.dimension).cone
     equations = _equations(problem, solution, judge.scale)

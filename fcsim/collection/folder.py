@@ -2,54 +2,99 @@
 
 from __future__ import annotations
 
+import glob
+import os
 import re
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from fcsim.collection.manifest import MANIFEST
+from fcsim.collection.manifest import MANIFEST, read_manifest
 from fcsim.errors import InputError
+from fcsim.files import alone_in
 
 FORMS = ("global", "local")
-OWN_ENTRIES = {*FORMS, MANIFEST, "README.md", "picture.png", "distributions.png", "selection.png"}
+BESIDE = (MANIFEST, "README.md", "picture.png", "distributions.png", "selection.png")
 
 
 @contextmanager
 def whole_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
     """Yield an empty folder beside `path` that takes its place if the block ends well and is removed if it does not.
 
-    Raises InputError where `path` holds something, unless it is a collection and may be overwritten.
+    Two processes that make the same collection do not touch each other's; what killed ones left is removed. Raises InputError where
+    `path` holds something, unless it is a collection, all of it, and may be overwritten.
     """
     refuse_folder(path, overwrite)
     path = path.resolve()
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary, old = (path.with_name(f".{path.name}.{what}") for what in ("partial", "replaced"))
-    shutil.rmtree(temporary, ignore_errors=True)  # of a process that was killed
-    temporary.mkdir()
+    _remove_abandoned(path)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=PARTIAL, dir=path.parent))
+    temporary.chmod(0o777 & ~_umask())  # mkdtemp lets nobody else in
     try:
-        yield temporary
-        refuse_folder(path, overwrite)
-        if path.exists():
-            shutil.rmtree(old, ignore_errors=True)
-            path.rename(old)
-        temporary.rename(path)
-        shutil.rmtree(old, ignore_errors=True)
+        with alone_in(temporary, "fcsim collection"):
+            yield temporary
+            refuse_folder(path, overwrite)
+            if path.exists():
+                _remove_collection(path)
+            temporary.rename(path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+PARTIAL = ".fcsim-collection.partial"
+
+
+def _umask() -> int:
+    current = os.umask(0)
+    os.umask(current)
+    return current
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove what processes that were killed left while they made this collection; those at work hold a lock."""
+    for folder in path.parent.glob(f".{glob.escape(path.name)}.*{PARTIAL}"):
+        try:
+            with alone_in(folder, "fcsim collection"):
+                shutil.rmtree(folder, ignore_errors=True)
+        except (InputError, OSError):
+            continue
+
+
+def _remove_collection(path: Path) -> None:
+    """Remove the files of a collection one by one, its manifest last, and what is empty then."""
+    own = _own_files(path) if any(path.iterdir()) else {MANIFEST}
+    for place in [*sorted(own - {MANIFEST}), MANIFEST]:
+        (path / place).unlink(missing_ok=True)
+    for form in FORMS:
+        if (path / form).is_dir():
+            (path / form).rmdir()
+    path.rmdir()
+
+
+def _own_files(path: Path) -> set[str]:
+    return {*BESIDE, *(entry.place for entry in read_manifest(path))}
+
+
 def refuse_folder(path: Path, overwrite: bool, source: Path | None = None) -> None:
-    """Raise InputError where a collection may not be written to `path`, as where that is or holds the `source` it is made from."""
+    """Raise InputError where a collection may not be written to `path`, as where that is or holds the `source` it is made from.
+
+    Only a folder whose manifest.csv lists all that it holds counts as a collection that may be replaced.
+    """
     if source is not None and source.resolve().is_relative_to(path.resolve()):
         raise InputError(f"{path}: expected a folder apart from {source}, which the collection is made from")
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: expected a new folder for the collection, found a file")
-    entries = {entry.name for entry in path.iterdir()} if path.exists() else set()
-    if foreign := sorted(entries - OWN_ENTRIES):
+    if not path.exists() or not any(path.iterdir()):
+        return
+    found = {(Path(folder, name)).relative_to(path).as_posix() for folder, _, names in os.walk(path) for name in names}
+    links = {entry.name for entry in path.iterdir() if entry.is_symlink()}
+    own = _own_files(path) if (path / MANIFEST).is_file() else set()
+    if foreign := sorted((found - own) | links) or ([] if own else sorted(entry.name for entry in path.iterdir())):
         raise InputError(f"{path}: expected a new folder or a collection to replace, found {', '.join(foreign[:5])} in it")
-    if entries and not overwrite:
+    if not overwrite:
         raise InputError(f"{path}: holds a collection; replace it with --overwrite")
 
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from fcsim.errors import InputError
-from fcsim.files import replacing
+from fcsim.tables import read_table, write_table
 
 MANIFEST = "manifest.csv"
 
@@ -56,31 +53,24 @@ class Entry:
     source: str
     """The file that this one is a copy of; empty in a built collection."""
 
+    parameters: str = ""
+    """Of the case that the problem came of, as JSON: mu, E, ...; empty where they are not known."""
+
+    def __post_init__(self) -> None:
+        if self.form not in ("global", "local"):
+            raise InputError(f"form: expected global or local, got {self.form!r}")
+        if self.name in ("", ".", "..") or any(c in self.name for c in "/\\\0"):
+            raise InputError(f"name: expected the name of a file, got {self.name!r}")
+
     @property
     def place(self) -> str:
         """Path in the collection's folder."""
         return f"{self.form}/{self.name}"
 
 
-COLUMNS = tuple(field.name for field in fields(Entry))
-_KINDS = {field.name: str(field.type) for field in fields(Entry)}
-_READ: dict[str, Any] = {"int": int, "float": float, "str": str, "bool": lambda text: {"true": True, "false": False}[text.lower()]}
-
-
-def _text(value: Any) -> str:
-    if value is None:
-        return ""
-    return str(value).lower() if isinstance(value, bool) else repr(float(value)) if isinstance(value, float) else str(value)
-
-
 def write_manifest(directory: Path, entries: Iterable[Entry]) -> Path:
     """Write directory/manifest.csv, whole or not at all."""
-    path = Path(directory) / MANIFEST
-    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows([_text(getattr(entry, name)) for name in COLUMNS] for entry in entries)
-    return path
+    return write_table(Path(directory) / MANIFEST, Entry, entries)
 
 
 def read_manifest(directory: str | Path) -> list[Entry]:
@@ -88,29 +78,12 @@ def read_manifest(directory: str | Path) -> list[Entry]:
     path = Path(directory) / MANIFEST
     if not path.is_file():
         raise InputError(f"{directory}: expected the folder of a collection, found no {MANIFEST} in it")
-    try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: expected a table as UTF-8 text ({error})") from None
-    if not rows or tuple(rows[0]) != COLUMNS:
-        raise InputError(f"{path}: expected the columns {','.join(COLUMNS)}; got {','.join(rows[0])[:300] if rows else 'nothing'}")
-    return [_entry(row, f"{path}, line {number}") for number, row in enumerate(rows[1:], 2)]
+    return read_table(path, Entry)
 
 
-def _entry(row: list[str], where: str) -> Entry:
-    if len(row) != len(COLUMNS):
-        raise InputError(f"{where}: expected {len(COLUMNS)} columns, got {len(row)}")
-    values: dict[str, Any] = {}
-    for name, text in zip(COLUMNS, row, strict=True):
-        kind, _, optional = _KINDS[name].partition(" | ")
-        try:
-            values[name] = None if optional and not text else _READ[kind](text)
-        except (KeyError, ValueError):
-            raise InputError(f"{where}, column {name}: expected a value of type {kind}, got {text!r}") from None
-    return Entry(**values)
-
-
-def sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes, as `sha256sum` prints it."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def read_manifests_below(directory: Path) -> dict[str, Entry]:
+    """What the manifests in a folder and its folders say of the files, by their paths from `directory`."""
+    known: dict[str, Entry] = {}
+    for path in sorted(directory.rglob(MANIFEST)):
+        known |= {(path.parent / entry.place).relative_to(directory).as_posix(): entry for entry in read_manifest(path.parent)}
+    return known

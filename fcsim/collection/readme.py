@@ -13,7 +13,8 @@ from fcsim.files import replacing
 MANIFEST_TEXT = (
     "`manifest.csv` has one row a file: its name and form, step and time [s], nc, n, m, contact density m/n, symmetry, rank and condition "
     "of W (largest over smallest nonzero singular value), solver with its iterations, status and tolerance, the error of the stored "
-    "solution, SHA-256, the share of W's entries that are not zero, dimension, and the file that it was copied from. The error is "
+    "solution, SHA-256, the share of W's entries that are not zero, dimension, the file that it was copied from, and the parameters of "
+    "the case. The error is "
     "||r - P_K(r - (u + g(u)))|| / ||q||, recomputed from r alone. `fcsim collection check DIR` verifies every file."
 )
 

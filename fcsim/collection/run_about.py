@@ -35,8 +35,13 @@ class RunAbout:
         return str(self.parameters.get("seed", "none, no random numbers are used"))
 
     @property
+    def parameters_text(self) -> str:
+        """As the manifest has them."""
+        return json.dumps(dict(self.parameters), sort_keys=True) if self.parameters else ""
+
+    @property
     def of_each_file(self) -> str:
-        parts = [self.description, f"software: {self.software}", f"parameters: {json.dumps(self.parameters)}", f"seed: {self.seed}"]
+        parts = [self.description, f"software: {self.software}", f"parameters: {json.dumps(dict(self.parameters))}", f"seed: {self.seed}"]
         return "; ".join(part for part in parts if part)
 
     def facts(self, authors: str) -> dict[str, str]:

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
+from itertools import count as numbers
 from pathlib import Path
 
 import numpy as np
 
-from fcsim.bench.judge import FclibProblem
-from fcsim.collection.folder import Member, Name, members, natural, parse_name, refuse_folder, whole_folder
+from fcsim.collection.folder import FORMS, Member, Name, members, natural, parse_name, refuse_folder, whole_folder
 from fcsim.collection.grade import choose
-from fcsim.collection.manifest import AT_REST, MANIFEST, Entry, read_manifest, sha256, write_manifest
+from fcsim.collection.manifest import AT_REST, Entry, read_manifests_below, write_manifest
 from fcsim.collection.plots import write_distributions, write_selection
 from fcsim.collection.properties import Properties, properties
 from fcsim.collection.readme import facts, write_readme
 from fcsim.errors import FcsimError, InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, file_name, read_fclib
+from fcsim.files import sha256
 from fcsim.linear.factors import SingularMatrix
-from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem import GlobalProblem, Judge, LocalProblem
 from fcsim.problem.delassus_sum import DENSE_W_UP_TO
-from fcsim.problem.reduction import eliminate_equalities, reduce
+from fcsim.problem.reduction import reduced
 from fcsim.solvers import method, solve
 
 Progress = Callable[[str, int, int], None]
@@ -82,55 +84,111 @@ def select_problems(
         if not value > 0:
             raise InputError(f"{name}: expected a number > 0, got {value}")
     refuse_folder(out, overwrite, directory)
-    found = members(directory)
-    known = {entry.place: entry for entry in read_manifest(directory)} if (directory / MANIFEST).is_file() else {}
-    graded: list[Graded] = []
-    notes: list[str] = []
-    for done, member in enumerate(found, 1):
-        try:
-            graded.append(_grade(member, known.get(_place(directory, member.path)), solver, tol, time_limit))
-        except FcsimError as error:
-            notes.append(f"{member.stem}: left out, {error}")
-        if progress is not None:
-            progress("cold starts", done, len(found))
-    if not graded:
-        raise InputError(f"{directory}: expected problems that {solver} can be tried on, none is left:\n" + "\n".join(notes))
-    graded.sort(key=lambda g: (natural(g.name.fclib_set), np.inf if g.name.step is None else g.name.step, natural(g.member.stem)))
+    known = read_manifests_below(directory)
+    asked = _Asked(directory, count, solver, tol, time_limit, seed, spectrum_up_to)
+    graded, notes = _grade_all(members(directory), known, asked, progress)
     if count > len(graded):
         notes.append(f"{count} problems were asked for, there are {len(graded)}.")
     places = choose(np.array([g.iterations for g in graded]), np.array([g.solved for g in graded]), count, seed)
     with whole_folder(out, overwrite) as folder:
         entries: list[Entry] = []
         described: list[Properties] = []
-        for done, place in enumerate(places, 1):
-            rows, about = _copy(graded[place], folder, directory, known, solver, tol, spectrum_up_to, {e.name for e in entries})
+        names = _names([graded[place] for place in places], directory)
+        for done, (place, name) in enumerate(zip(places, names, strict=True), 1):
+            rows, about = _copy(graded[place], name, folder, known, asked)
             entries += rows
             described.append(about)
             if progress is not None:
                 progress("copies", done, len(places))
         entries.sort(key=lambda entry: entry.place)
         write_manifest(folder, entries)
-        pictures = _draw(graded, places, entries, folder, solver, notes)
-        if (directory / "picture.png").is_file():
-            shutil.copyfile(directory / "picture.png", folder / "picture.png")
-            pictures = {"picture.png": "the case", **pictures}
-        sets = sorted({g.name.fclib_set for g in graded})
-        write_readme(
-            folder / "README.md",
-            f"{len(places)} problems of graded difficulty: {', '.join(sets[:5])}{' and others' if len(sets) > 5 else ''}",
-            facts={"required accuracy": f"{tol:g}", **facts(entries, described)},
-            text=_text(directory, graded, count, solver, tol, time_limit, seed),
-            pictures=pictures,
-            notes=notes,
-        )
+        _write_readme(folder, asked, graded, places, entries, described, notes)
     return Selection(out, tuple(entries), tuple(graded), tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What a selection was asked for."""
+
+    directory: Path
+    count: int
+    solver: str
+    tol: float
+    time_limit: float
+    seed: int
+    spectrum_up_to: int
+
+
+def _grade_all(
+    found: Sequence[Member], known: Mapping[str, Entry], asked: _Asked, progress: Progress | None
+) -> tuple[list[Graded], list[str]]:
+    """All problems with their difficulty in the order of time, and a note for each that is left out."""
+    graded: list[Graded] = []
+    notes: list[str] = []
+    for done, member in enumerate(found, 1):
+        try:
+            graded.append(_grade(member, known.get(_place(asked.directory, member.path)), asked))
+        except FcsimError as error:
+            notes.append(f"{member.stem}: left out, {error}")
+        if progress is not None:
+            progress("cold starts", done, len(found))
+    if not graded:
+        raise InputError(f"{asked.directory}: expected problems that {asked.solver} can be tried on, none is left:\n" + "\n".join(notes))
+    graded.sort(key=lambda g: (natural(g.name.fclib_set), np.inf if g.name.step is None else g.name.step, natural(g.member.stem)))
+    return graded, notes
+
+
+def _names(chosen: Sequence[Graded], directory: Path) -> list[str]:
+    """A file name for each problem, no two the same, not even on file systems that know no capitals.
+
+    SET-i<iterations>-<contacts>-<step>, with the whole of the old name for the set, then with its folders, then with a number, where
+    another problem has the name.
+    """
+    taken: set[str] = set()
+    names = []
+    for graded in chosen:
+        folders = [part for part in graded.member.path.relative_to(directory).parent.parts if part not in FORMS]
+        stem, step = graded.member.stem, graded.name.step or 0
+        sets = chain((graded.name.fclib_set, stem, "-".join([*folders, stem])), (f"{'-'.join([*folders, stem])}_{k}" for k in numbers(2)))
+        name = next(name for s in sets if (name := file_name(s, graded.iterations, graded.nc, step)).lower() not in taken)
+        taken.add(name.lower())
+        names.append(name)
+    return names
+
+
+def _write_readme(
+    folder: Path,
+    asked: _Asked,
+    graded: Sequence[Graded],
+    places: Sequence[int] | np.ndarray,
+    entries: Sequence[Entry],
+    described: Sequence[Properties],
+    notes: list[str],
+) -> None:
+    """README.md with its pictures; the problems that it counts are those of the folder."""
+    held = len(members(folder))
+    if held != len(places) or sum(1 for _ in folder.rglob("*.hdf5")) != len(entries):
+        raise RuntimeError(f"{folder}: {len(places)} problems were chosen, the folder holds {held}")
+    pictures = _draw(graded, places, entries, folder, asked.solver, notes)
+    if (asked.directory / "picture.png").is_file():
+        shutil.copyfile(asked.directory / "picture.png", folder / "picture.png")
+        pictures = {"picture.png": "the case", **pictures}
+    sets = sorted({g.name.fclib_set for g in graded})
+    write_readme(
+        folder / "README.md",
+        f"{held} problems of graded difficulty: {', '.join(sets[:5])}{' and others' if len(sets) > 5 else ''}",
+        facts={"required accuracy": f"{asked.tol:g}", **facts(entries, described)},
+        text=_text(asked, graded),
+        pictures=pictures,
+        notes=notes,
+    )
 
 
 def _place(directory: Path, path: Path) -> str:
     return path.relative_to(directory).as_posix()
 
 
-def _grade(member: Member, known: Entry | None, solver: str, tol: float, time_limit: float) -> Graded:
+def _grade(member: Member, known: Entry | None, asked: _Asked) -> Graded:
     """Solve a problem from r = 0; InputError says why it has no difficulty."""
     if known is not None and known.status == AT_REST:
         raise InputError("at rest: q is round-off")
@@ -138,7 +196,7 @@ def _grade(member: Member, known: Entry | None, solver: str, tol: float, time_li
     if not problem.nc:
         raise InputError("no contacts")
     try:
-        result = solve(problem, solver, tol=tol, time_limit=time_limit)
+        result = solve(problem, asked.solver, tol=asked.tol, time_limit=asked.time_limit)
         status, iterations = result.status.name, result.iterations
     except SingularMatrix:
         status, iterations = "SINGULAR", 0
@@ -153,20 +211,8 @@ def _problem(content: FclibFile) -> GlobalProblem | LocalProblem:
     raise InputError("a rolling friction problem (spacedim 5)")
 
 
-def _copy(
-    graded: Graded,
-    folder: Path,
-    directory: Path,
-    known: dict[str, Entry],
-    solver: str,
-    tol: float,
-    spectrum_up_to: int,
-    taken: set[str],
-) -> tuple[list[Entry], Properties]:
+def _copy(graded: Graded, name: str, folder: Path, known: Mapping[str, Entry], asked: _Asked) -> tuple[list[Entry], Properties]:
     """Copy the files of a problem and return their rows and the problem's properties."""
-    name = file_name(graded.name.fclib_set, graded.iterations, graded.nc, graded.name.step or 0)
-    if name in taken:  # two problems of one set and step: the whole of the old name tells them apart
-        name = file_name(graded.member.stem, graded.iterations, graded.nc, graded.name.step or 0)
     entries: list[Entry] = []
     about = None
     for path in graded.member.paths:
@@ -175,10 +221,10 @@ def _copy(
         target = folder / content.form / name
         target.parent.mkdir(exist_ok=True)
         shutil.copyfile(path, target)
-        row = known.get(_place(directory, path))
+        row = known.get(_place(asked.directory, path))
         if about is None:
-            local = reduce(problem).local if isinstance(problem, GlobalProblem) else eliminate_equalities(problem)
-            about = properties(problem, local, 0 if row is not None and row.rank is not None else spectrum_up_to)
+            local = reduced(problem).local
+            about = properties(problem, local, 0 if row is not None and row.rank is not None else asked.spectrum_up_to)
             if row is not None and row.rank is not None:
                 about = replace(about, rank=row.rank, condition=row.condition, n=row.n)
         r = None if content.solution is None else content.solution.r
@@ -195,15 +241,16 @@ def _copy(
                 symmetric=about.symmetric,
                 rank=about.rank,
                 condition=about.condition,
-                solver=solver,
+                solver=asked.solver,
                 iterations=graded.iterations,
-                error=None if r is None else FclibProblem(name, content.form, problem).error(r),
+                error=None if r is None else Judge(problem).error(r),
                 sha256=sha256(target),
                 status=graded.status,
-                tol=tol,
+                tol=asked.tol,
                 fill=about.fill,
                 dimension=about.dimension,
-                source=_place(directory, path),
+                source=_place(asked.directory, path),
+                parameters="" if row is None else row.parameters,
             )
         )
     assert about is not None
@@ -232,14 +279,14 @@ def _draw(
     return {"selection.png": "difficulty of all problems and of those chosen", "distributions.png": "distributions of those chosen"}
 
 
-def _text(directory: Path, graded: Sequence[Graded], count: int, solver: str, tol: float, time_limit: float, seed: int) -> str:
+def _text(asked: _Asked, graded: Sequence[Graded]) -> str:
     return (
-        f"Chosen from {len(graded)} problems. The difficulty of a problem is the number of iterations of {solver} from r = 0 to the error "
-        f"{tol:g} ({sum(g.solved for g in graded)} solved; time limit {time_limit:g} s); unsolved problems count as the hardest. "
-        "The range of log iterations is divided into classes of equal width that get equal shares, each spread over time; within, the "
-        f"choice is systematic from starts drawn by the seed {seed}. The files are copies, byte by byte, under names that state these "
-        "iterations: the solution in them, and what their info says of iterations, are those of the program that made them.\n\n"
+        f"Chosen from {len(graded)} problems. The difficulty of a problem is the number of iterations of {asked.solver} from r = 0 to the "
+        f"error {asked.tol:g} ({sum(g.solved for g in graded)} solved; time limit {asked.time_limit:g} s); unsolved problems count as the "
+        "hardest. The range of log iterations is divided into classes of equal width that get equal shares, each spread over time; within, "
+        f"the choice is systematic from starts drawn by the seed {asked.seed}. The files are copies, byte by byte, under names that state "
+        "these iterations: the solution in them, and what their info says of iterations, are those of the program that made them.\n\n"
         "To make it again:\n\n"
-        f"    fcsim collection select {directory.name} --count {count} --by iterations --solver {solver} --tol {tol:g} "
-        f"--time-limit {time_limit:g} --seed {seed} --out DIR"
+        f"    fcsim collection select {asked.directory.name} --count {asked.count} --by iterations --solver {asked.solver} "
+        f"--tol {asked.tol:g} --time-limit {asked.time_limit:g} --seed {asked.seed} --out DIR"
     )

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fcsim.command_line.terminal import say
 from fcsim.errors import EXIT_OK
-
-if TYPE_CHECKING:
-    from fcsim.arrays import FloatArray
-    from fcsim.problem import GlobalProblem, LocalProblem
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -25,7 +20,7 @@ def _info(options: argparse.Namespace) -> int:
     import numpy as np
 
     from fcsim.export_fclib import read_fclib
-    from fcsim.problem import GlobalProblem, LocalProblem
+    from fcsim.problem import GlobalProblem, Judge, LocalProblem
 
     content = read_fclib(options.file)
     problem = content.problem
@@ -51,24 +46,9 @@ def _info(options: argparse.Namespace) -> int:
     if content.solution is not None:
         stated = "stored"
         if isinstance(problem, GlobalProblem | LocalProblem):
-            stated += f", error {_stored_error(problem, content.solution.r):.3e}"
+            judge = Judge(problem)
+            stated += f", error {judge.scaled_error(content.solution.r):.3e} (published: {judge.error(content.solution.r):.3e})"
         say(f"  solution     {stated}")
     if content.guesses:
         say(f"  guesses      {len(content.guesses)}")
     return EXIT_OK
-
-
-def _stored_error(problem: GlobalProblem | LocalProblem, r: FloatArray) -> float:
-    """The error of a stored solution, which files do not promise to be one."""
-    import scipy.sparse as sp
-
-    from fcsim.problem import GlobalProblem, LocalProblem, error
-    from fcsim.problem.reduction import eliminate_equalities, reduce
-
-    if not isinstance(problem, GlobalProblem):
-        return error(eliminate_equalities(problem), r)
-    reduction = reduce(problem)
-    v, _ = reduction.velocity(r)
-    # only q enters the scale: no W is formed for one error
-    trivial = LocalProblem(sp.csr_array((problem.m, problem.m)), reduction.q, problem.mu, dimension=problem.dimension)
-    return error(trivial, r, problem.H.T @ v + problem.w)

@@ -17,7 +17,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="fcsim",
         description="Frictional contact between deformable bodies: run cases, solve and describe FCLIB problems.",
-        epilog="Exit codes: 0 all converged, 1 a step or problem did not converge, 2 bad input, 130 interrupted.",
+        epilog="Exit codes: 0 all converged, 1 no convergence or penetration seen, 2 bad input, 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"fcsim {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

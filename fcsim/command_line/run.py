@@ -72,7 +72,7 @@ def _run(options: argparse.Namespace) -> int:
             watch=lambda case, step: show_step(bar, case, step),
         )
     _print_summary(summary, directory)
-    return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
+    return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED, "failed": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
 
 
 def _list_parameters(script: CaseScript) -> None:
@@ -103,8 +103,12 @@ def _print_summary(summary: Summary, directory: Path) -> None:
     print_table(("phase", "seconds", "seconds a step", "share"), rows, title=title)
     say(
         f"iterations {summary.iterations}, largest error {summary.largest_error:.1e}, steps that needed the fallback chain "
-        f"{summary.fallbacks}, steps that were cut {summary.cut}, largest residual of the energy balance {summary.energy_residual:.1e} J"
+        f"{summary.fallbacks}, that another solver led since it had to answer before {summary.led}, that were cut {summary.cut}, largest "
+        f"residual of the energy balance {summary.energy_residual:.1e} J, energy that contacts created {summary.energy_created:.1e} J"
     )
+    if summary.overlap.depth:
+        seen = summary.overlap
+        say(f"largest overlap {seen.depth:.2e} m, {100 * seen.share:.2g} % of a body's extent, between {seen.between}")
     for note in summary.notes:
         say(note)
     if summary.message:

@@ -1,9 +1,10 @@
-"""Contact detection, node-to-segment and integral: from positions to contacts, and from contacts to the matrix H."""
+"""Contact detection, of everything or of listed pairs: from positions to contacts, and from contacts to the matrix H."""
 
 from fcsim.contact_detection.contact_matrix import contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.detection import Detection
 from fcsim.contact_detection.detector import Detector
+from fcsim.contact_detection.general.everything import Everything
 from fcsim.contact_detection.surfaces.broad_phase import PairList
 from fcsim.contact_detection.surfaces.sharp_edges import split_at_sharp_edges
 from fcsim.contact_detection.surfaces.surface import ContactSurface, SurfacePair, two_pass
@@ -13,6 +14,7 @@ __all__ = [
     "Contacts",
     "Detection",
     "Detector",
+    "Everything",
     "PairList",
     "SurfacePair",
     "contact_matrix",

@@ -3,50 +3,101 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from math import inf
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.friction import Elliptic, Friction, friction_terms, slip_after
+from fcsim.contact_law.law import Meeting, Outcome, Remembered, Terms, Variables
+from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
+
+RECOVERY = 0.1
+"""Share of the smaller body's size by which a penetration is taken back a second, unless told otherwise."""
+TOUCHING = 1e-8
+"""A gap below this share of the smaller body's size is contact for the law on velocities: the twins of a flat impact differ by less."""
 
 
 @dataclass(frozen=True)
 class Gap:
-    """0 <= g + h u_N ⊥ r_N >= 0 on all contacts within the alert distance (LMGC90's GAP_SGR_CLB, inelastic).
+    """0 <= g + h u_N ⊥ r_N >= 0 on all contacts within the alert distance, inelastic (LMGC90's GAP_SGR_CLB for recovery = inf).
 
-    A penetration, g < 0, is gone after one step; the reaction that pushes it out works like a spring and adds energy.
+    recovery [1/s]: a penetration, g < 0, that is there already is taken back by at most recovery times the smaller body's size a
+    second: 0 <= max(g/h, -recovery size) + u_N ⊥ r_N. So much deeper than h recovery size nothing lies in a sound run, and the law is
+    that of LMGC90; where bodies begin within each other, or something was not seen in time, they come out slowly. With recovery = inf
+    it is gone after one step, thrown out at the velocity |g|/h: energy from nothing. Quasi-statics have no time to go by: there it is
+    taken back in one step.
+    friction: see `fcsim.contact_law.friction`; None = the coefficients of the pairs.
     """
+
+    recovery: float = RECOVERY
+    friction: Friction | Elliptic | None = None
+
+    def __post_init__(self) -> None:
+        if not self.recovery >= 0:
+            raise InputError(f"recovery: expected a share of the size a second >= 0 (inf: at once), got {self.recovery}")
+
+    def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
+        """All."""
+        return np.ones(len(contacts), dtype=bool)
+
+    def terms(self, meeting: Meeting) -> Terms:
+        w = np.zeros((len(meeting), meeting.contacts.dimension))
+        w[:, 0] = closing(meeting, self.recovery)
+        mu, scale, frame = friction_terms(self.friction, meeting)
+        return Terms(w, mu, scale=scale, frame=frame)
+
+    def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
+        return remembered_slip(self.friction, meeting, outcome)
 
 
 @dataclass(frozen=True)
 class Velocity:
     """Moreau's impact law on contacts with g <= 0: 0 <= u_N + e u_N^- ⊥ r_N >= 0, restitution 0 <= e <= 1, where they approach, u_N^- <= 0.
 
+    g <= 0 up to `TOUCHING` sizes of the smaller body and round-off, so that the twin nodes of a flat impact are struck together.
     A contact that separates, u_N^- > 0, and that the step would close again: 0 <= theta u_N + (1-theta) u_N^- ⊥ r_N >= 0. Its gap does not
     shrink over the step and its reaction does no work; with u_N >= 0 instead, the reaction would add energy. The normal reactions'
     work is then never positive for theta <= 1/(1+e), and zero for e = 1 at theta = 1/2 (generalised alpha: as theta = 1/2).
+    A penetration is not taken back: it does not grow. friction: as in `Gap`.
     """
 
     restitution: float = 0.0
+    friction: Friction | Elliptic | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.restitution <= 1:
             raise InputError(f"restitution: expected a number between 0 and 1, got {self.restitution}")
 
+    def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
+        """Those that touch."""
+        return contacts.gap <= TOUCHING * proportions.size_at(contacts) + proportions.round_off_at(contacts)
 
-def law_contacts(law: Gap | Velocity, contacts: Contacts) -> Contacts:
-    """The contacts that a law takes: all, or those with g <= 0."""
-    return contacts if isinstance(law, Gap) else contacts.take(contacts.gap <= 0)
+    def terms(self, meeting: Meeting) -> Terms:
+        theta, u = meeting.timing.theta, meeting.before[:, 0]
+        w = np.zeros((len(meeting), meeting.contacts.dimension))
+        w[:, 0] = np.where(u > 0, (1 - theta) / theta, self.restitution) * u
+        mu, scale, frame = friction_terms(self.friction, meeting)
+        return Terms(w, mu, scale=scale, frame=frame)
+
+    def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
+        return remembered_slip(self.friction, meeting, outcome)
 
 
-def law_velocity(law: Gap | Velocity, h: float, theta: float, v: FloatArray, contacts: Contacts, H: Any) -> FloatArray:
-    """w (m,) [m/s] of a law: w_N = g/h, or e u_N^-, of separating contacts (1-theta)/theta u_N^-; v (n_dofs,) [m/s] at its beginning."""
-    w = np.zeros((len(contacts), contacts.dimension))
-    if isinstance(law, Gap):
-        w[:, 0] = contacts.gap / h
-    else:
-        u = (H.T @ v).reshape(w.shape)[:, 0]
-        w[:, 0] = np.where(u > 0, (1 - theta) / theta, law.restitution) * u
-    return w.ravel()
+def closing(meeting: Meeting, recovery: float) -> FloatArray:
+    """w_N (nc,) = max(g / length_per_u, -recovery size) in the unit of u; increments of quasi-statics are not bounded."""
+    timing, gap = meeting.timing, meeting.contacts.gap
+    w = gap / timing.length_per_u
+    if recovery == inf or not timing.moving:
+        return w
+    deep = gap < 0
+    return np.where(deep, np.maximum(w, -recovery * meeting.size), w) if deep.any() else w
+
+
+def remembered_slip(friction: Friction | Elliptic | None, meeting: Meeting, outcome: Outcome) -> Remembered:
+    """The distance slid, where a coefficient depends on it."""
+    if friction is None or isinstance(friction, Elliptic):
+        return Remembered()
+    return Remembered({"slip": slip_after(meeting, outcome)})

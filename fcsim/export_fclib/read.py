@@ -76,20 +76,44 @@ def _read(path: Path, file: h5py.File) -> FclibFile:
     )
 
 
+def _entry(parent: h5py.Group, name: str) -> h5py.Group | h5py.Dataset | None:
+    """What a group holds under a name; nothing that lies in another file, or unpacks to far more than the file holds."""
+    if isinstance(parent.get(name, getlink=True), h5py.ExternalLink):
+        raise InputError(f"{_place(parent, name)}: expected the problem within this file, got a link to another")
+    entry = parent.get(name)
+    if not isinstance(entry, h5py.Dataset):
+        return entry
+    if entry.external or entry.is_virtual:
+        raise InputError(f"{_place(parent, name)}: expected the problem within this file, got data stored in others")
+    return entry
+
+
+UNPACKED, UNPACKED_PER_BYTE = 64 * 2**20, 200
+"""[bytes] What is read of a dataset may take so much memory, and so much for each byte that it has in the file: zeros shrink most."""
+
+
+def _refuse_bomb(dataset: h5py.Dataset, count: int | None) -> None:
+    entries = dataset.size if count is None else min(dataset.size, count)
+    if entries * dataset.dtype.itemsize > UNPACKED + UNPACKED_PER_BYTE * dataset.id.get_storage_size():
+        raise InputError(f"{dataset.name}: expected data, got {dataset.id.get_storage_size()} bytes that unpack to {dataset.size} entries")
+
+
 def _group(parent: h5py.Group, name: str) -> h5py.Group:
-    group = parent.get(name)
+    group = _entry(parent, name)
     if not isinstance(group, h5py.Group):
         raise InputError(f"{_place(parent, name)}: expected a group, got {'nothing' if group is None else 'a dataset'}")
     return group
 
 
-def _array(group: h5py.Group, name: str, kinds: str, what: str) -> NDArray[Any]:
-    dataset = group.get(name)
+def _array(group: h5py.Group, name: str, kinds: str, what: str, count: int | None = None) -> NDArray[Any]:
+    """The array of this name, of a vector the first `count` entries."""
+    dataset = _entry(group, name)
     if not isinstance(dataset, h5py.Dataset):
         raise InputError(f"{_place(group, name)}: expected {what}, got {'nothing' if dataset is None else 'a group'}")
     if dataset.dtype.kind not in kinds:
         raise InputError(f"{dataset.name}: expected {what}, got values of type {dataset.dtype}")
-    return np.asarray(dataset[()])
+    _refuse_bomb(dataset, count)
+    return np.asarray(dataset[()] if count is None or dataset.ndim != 1 else dataset[: max(count, 0)])
 
 
 def _place(group: h5py.Group, name: str) -> str:
@@ -127,10 +151,10 @@ def _indices(group: h5py.Group, name: str, count: int) -> NDArray[Any]:
 
 def _head(group: h5py.Group, name: str, count: int, kinds: str, what: str) -> NDArray[Any]:
     """Return the first `count` entries of a dataset that may be longer."""
-    array = _array(group, name, kinds, what)
+    array = _array(group, name, kinds, what, count)
     if array.ndim != 1 or len(array) < count:
         raise InputError(f"{_place(group, name)}: expected at least {count} entries, got shape {array.shape}")
-    return array[:count]
+    return array
 
 
 def _in_range(indices: NDArray[Any], size: int, group: h5py.Group, name: str) -> None:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, Matrix
 from fcsim.errors import InputError
-from fcsim.problem.problem import Matrix, _matrix, _vector
+from fcsim.problem.problem import as_matrix, as_vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class GlobalRollingProblem:
         if (self.G is None) != (self.b is None):
             raise InputError("G and b: expected both or none of the equality constraints' matrix and vector")
         for name in ("f", "w", "mu", "mu_r") + (() if self.b is None else ("b",)):
-            object.__setattr__(self, name, _vector(getattr(self, name), name))
+            object.__setattr__(self, name, as_vector(getattr(self, name), name))
         for name in ("mu", "mu_r"):
             coefficients = getattr(self, name)
             if 5 * len(coefficients) != len(self.w):
@@ -46,10 +46,10 @@ class GlobalRollingProblem:
                 )
             if np.any(coefficients < 0):
                 raise InputError(f"{name}: expected coefficients >= 0, got {coefficients.min()} at contact {int(coefficients.argmin())}")
-        object.__setattr__(self, "M", _matrix(self.M, "M", (len(self.f), len(self.f))))
-        object.__setattr__(self, "H", _matrix(self.H, "H", (len(self.f), len(self.w))))
+        object.__setattr__(self, "M", as_matrix(self.M, "M", (len(self.f), len(self.f))))
+        object.__setattr__(self, "H", as_matrix(self.H, "H", (len(self.f), len(self.w))))
         if self.b is not None:
-            object.__setattr__(self, "G", _matrix(self.G, "G", (len(self.f), len(self.b))))
+            object.__setattr__(self, "G", as_matrix(self.G, "G", (len(self.f), len(self.b))))
 
     @property
     def n(self) -> int:

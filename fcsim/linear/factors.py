@@ -38,21 +38,36 @@ class Factor(Protocol):
 
 
 class DenseCholesky:
-    """Cholesky factorisation of a dense symmetric positive definite matrix."""
+    """Cholesky factorisation L L^T of a dense symmetric positive definite matrix; conditioning: the least pivot over the largest."""
 
     name = "dense Cholesky (LAPACK)"
 
-    def __init__(self, A: FloatArray, overwrite: bool = False) -> None:
-        """overwrite: a Fortran-ordered A is factored in place."""
-        potrf, self._potrs = sla.lapack.get_lapack_funcs(("potrf", "potrs"), (A,))
-        self._factor, info = potrf(A, lower=True, clean=False, overwrite_a=overwrite)
+    def __init__(self, A: FloatArray, overwrite: bool = False, dtype: Any = None) -> None:
+        """overwrite: a Fortran-ordered A is factored in place; dtype: the precision in which L is kept, that of A where not given."""
+        potrf = sla.lapack.get_lapack_funcs("potrf", (A,))
+        L, info = potrf(A, lower=True, clean=False, overwrite_a=overwrite)
         if info != 0:
             raise SingularMatrix(f"matrix of size {len(A)} is not positive definite: pivot {info}")
+        pivots = L.diagonal()
+        self.conditioning = float(np.min(pivots, initial=np.inf) / np.max(pivots, initial=0.0)) ** 2 if len(A) else 1.0
+        self._factor = L if dtype is None else L.astype(dtype, copy=False)
+        self._potrs = sla.lapack.get_lapack_funcs("potrs", (self._factor,))
+        self._trsm, self._trsv = sla.blas.get_blas_funcs(("trsm", "trsv"), (self._factor,))
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         if not rhs.size:  # LAPACK's wrapper takes no empty arrays
             return rhs.copy()
         solution: FloatArray = self._potrs(self._factor, rhs, lower=True)[0]
+        return solution
+
+    def forward(self, X: FloatArray) -> FloatArray:
+        """Overwrite X (n, k), in C order, with L^-1 X and return it."""
+        solution: FloatArray = self._trsm(1.0, self._factor, X.T, side=1, lower=True, trans_a=True, overwrite_b=True).T
+        return solution
+
+    def backward(self, z: FloatArray) -> FloatArray:
+        """Return L^-T z for z (n,)."""
+        solution: FloatArray = self._trsv(self._factor, z, lower=True, trans=True)
         return solution
 
     def inverse_on_last(self, count: int) -> FloatArray:
@@ -117,6 +132,10 @@ class SuperLU:
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         return self._factor.solve(np.ascontiguousarray(rhs))
+
+    def solve_transposed(self, rhs: FloatArray) -> FloatArray:
+        """Return A^-T rhs: with SuperLU(J.T) of a J by rows nothing is converted, and this solves J x = rhs."""
+        return self._factor.solve(np.ascontiguousarray(rhs), trans="T")
 
 
 class Mumps:

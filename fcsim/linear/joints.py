@@ -5,6 +5,7 @@ Contacts of one joint (the same pair of bodies) are coupled with the same contac
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,24 @@ PADDING = 0.08
 """Share of zeros in a front: they are large, so that operations count (a tenth fewer on walls than with 0.15)."""
 
 
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """The pattern of block rows with its elimination tree, which serves every W that has it."""
+
+    indptr: IntArray
+    indices: IntArray
+    tree: EliminationTree
+
+    def is_that_of(self, rows: Any) -> bool:
+        """Whether block rows (bsr) have this pattern."""
+        return np.array_equal(rows.indptr, self.indptr) and np.array_equal(rows.indices, self.indices)
+
+
 class BlockRows:
     """W by sorted block rows with the elimination tree of its pattern; SingularMatrix where the pattern is not symmetric."""
 
-    def __init__(self, W: Any, d: int, previous: BlockRows | None = None) -> None:
-        """W: dense or sparse; previous: where its pattern is the same, its tree serves again."""
+    def __init__(self, W: Any, d: int, earlier: Pattern | None = None) -> None:
+        """W: dense or sparse; earlier: where W has this pattern, it is not analysed again."""
         if isinstance(W, np.ndarray):
             indptr, indices, blocks = block_rows_of_dense(W, d)
             rows = sp.bsr_array((blocks, indices, indptr), shape=W.shape)
@@ -37,33 +51,33 @@ class BlockRows:
                 rows.sort_indices()
         self.W = rows
         self.indptr, self.indices, self.blocks = rows.indptr, rows.indices, rows.data
-        self.tree: EliminationTree
-        if previous is not None and previous.has_pattern(self.indptr, self.indices):
-            self.tree = previous.tree
+        if earlier is not None and earlier.is_that_of(rows):
+            self.pattern = earlier
             return
         if not has_symmetric_pattern(self.indptr, self.indices):
             raise SingularMatrix("the pattern of W is not symmetric")
-        self.tree = elimination_tree(self.indptr, self.indices, PADDING)
+        self.pattern = Pattern(self.indptr, self.indices, elimination_tree(self.indptr, self.indices, PADDING))
+
+    @property
+    def tree(self) -> EliminationTree:
+        return self.pattern.tree
 
     def product(self, x: FloatArray) -> FloatArray:
         """W x (m,); contacts where x is zero cost next to nothing."""
         if self.blocks.shape[1] != 3:
-            return self.W @ x
+            Wx: FloatArray = self.W @ x
+            return Wx
         blocks = x.reshape(-1, 3)
         return product(self.indptr, self.indices, self.blocks, np.zeros_like(blocks), blocks).ravel()
 
-    def has_pattern(self, indptr: IntArray, indices: IntArray) -> bool:
-        """Whether these are the rows' own."""
-        return np.array_equal(indptr, self.indptr) and np.array_equal(indices, self.indices)
 
-
-def joint_rows(W: Any, d: int, previous: BlockRows | None = None) -> BlockRows | None:
+def joint_rows(W: Any, d: int, earlier: Pattern | None = None) -> BlockRows | None:
     """Sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
-    if W.shape[0] < FRONTS_FROM:
+    if not sp.issparse(W) or W.shape[0] < FRONTS_FROM:
         return None
     rows = sp.bsr_array(W, blocksize=(d, d))
-    if previous is not None and previous.has_pattern(rows.indptr, rows.indices):
-        return BlockRows(rows, d, previous)
+    if earlier is not None and earlier.is_that_of(rows):
+        return BlockRows(rows, d, earlier)
     nc = rows.shape[0] // d
     if len(rows.indices) < JOINT * nc or joint_count(rows.indptr, rows.indices) * JOINT > nc:
         return None

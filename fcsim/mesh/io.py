@@ -8,31 +8,27 @@ the name. No format keeps the material, nor `plane` and `thickness`: they are gi
 
 from __future__ import annotations
 
-import contextlib
-import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Literal
-from urllib.parse import quote, unquote
+from urllib.parse import quote
 
 import numpy as np
 
 from fcsim.arrays import IntArray
-from fcsim.errors import InputError, MissingDependency
-from fcsim.files import replacing
-from fcsim.mesh.cell_type import CELL_TYPES, FROM_MESHIO, GMSH_NUMBERS, TO_MESHIO
+from fcsim.errors import InputError
+from fcsim.files import note_read, replacing
+from fcsim.mesh.cell_type import CELL_TYPES, GMSH_NUMBERS, TO_MESHIO
+from fcsim.mesh.foreign import SURFACE, meshio_package, quietly, read_apart
 from fcsim.mesh.material import Material
-from fcsim.mesh.named_mesh import Block, NamedMesh, from_gmsh, named_mesh
+from fcsim.mesh.named_mesh import NamedMesh
 from fcsim.mesh.part import Part
 from fcsim.runtime import gmsh_model
 
 KEEPS_SURFACES = (".msh", ".vtu", ".vtk", ".xdmf")
 KEEPS_CELLS = (*KEEPS_SURFACES, ".inp", ".med", ".mesh")  # the other formats of meshio lose cells or digits
 _MSH_NAME = 127  # gmsh cuts longer names of physical groups
-_SURFACE = "surface:"
-_TAGS = ("gmsh:physical", "medit:ref", "cell_tags")
 
 
 def read_mesh(
@@ -108,15 +104,8 @@ def _check_writable(path: Path, part: Part, surfaces: bool) -> None:
 def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> NamedMesh:
     if not path.is_file():
         raise InputError(f"{path}: expected a mesh file, got none at this place")
-    if path.suffix == ".msh":
-        with gmsh_model(path.stem) as gmsh:
-            try:
-                gmsh.merge(str(path))
-            except Exception as error:  # gmsh's only exception class
-                raise InputError(f"{path}: expected a mesh that gmsh can read, got: {error}") from None
-            return from_gmsh(gmsh, str(path), plane=plane, thickness=thickness)
-    mesh = _read_meshio(path)
-    return named_mesh(str(path), mesh.points, _blocks(mesh), plane=plane, thickness=thickness)
+    note_read(path)
+    return read_apart(path, plane, thickness)
 
 
 def _write_msh(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> None:
@@ -138,7 +127,7 @@ def _write_msh(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> None
 
 
 def _write_meshio(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> None:
-    meshio = _meshio()
+    meshio = meshio_package()
     points = np.zeros((len(part.points), 3))  # VTK has no 2D points
     points[:, : part.dimension] = part.points
     cells = [(TO_MESHIO.get(part.cell_type, part.cell_type), part.cells)]
@@ -148,54 +137,6 @@ def _write_meshio(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> N
         cells.append((TO_MESHIO.get(facet_type, facet_type), np.concatenate(list(surfaces.values()))))
         of_surface = np.repeat(np.arange(len(surfaces)), [len(facets) for facets in surfaces.values()])
         none = np.zeros(len(part.cells), dtype=np.int32)
-        data = {_SURFACE + quote(name): [none, (of_surface == i).astype(np.int32)] for i, name in enumerate(surfaces)}
+        data = {SURFACE + quote(name): [none, (of_surface == i).astype(np.int32)] for i, name in enumerate(surfaces)}
     options: dict[str, Any] = {"data_format": "XML"} if path.suffix == ".xdmf" else {}  # one file, which can be renamed whole
-    _quietly(path, "a mesh that this format can hold", lambda: meshio.Mesh(points, cells, cell_data=data).write(path, **options))
-
-
-def _read_meshio(path: Path) -> Any:
-    meshio = _meshio()
-    if path.suffix not in meshio.extension_to_filetypes:
-        raise InputError(f"{path}: expected the extension of a mesh file (as {', '.join(KEEPS_SURFACES)}), got {path.suffix!r}")
-    return _quietly(path, "a mesh that meshio can read", lambda: meshio.read(path))
-
-
-def _quietly(path: Path, expected: str, call: Any) -> Any:
-    """Call meshio, which prints what is wrong and leaves by SystemExit, and raise InputError instead."""
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
-            return call()
-    except (Exception, SystemExit) as error:  # readers of many formats: what they raise on a broken file is anything
-        message = " ".join(said.getvalue().split()) or f"{type(error).__name__}: {error}"
-        raise InputError(f"{path}: expected {expected}, got: {message}") from None
-
-
-def _blocks(mesh: Any) -> list[Block]:
-    """The elements of a meshio mesh, once for each group that they are in, and those that are in none."""
-    names = {int(values[0]): name for name, values in mesh.field_data.items() if np.size(values) == 2}
-    blocks = []
-    for b, cells in enumerate(mesh.cells):
-        groups: dict[str, np.ndarray] = {}
-        for key, data in mesh.cell_data.items():
-            if key.startswith(_SURFACE):
-                groups[unquote(key.removeprefix(_SURFACE))] = np.flatnonzero(data[b])
-            elif key in _TAGS:
-                tags = np.asarray(data[b]).reshape(-1).astype(np.int64)
-                groups |= {names.get(tag, str(tag)): np.flatnonzero(tags == tag) for tag in np.unique(tags).tolist() if tag != 0}
-        groups |= {name: np.asarray(sets[b]) for name, sets in mesh.cell_sets.items() if sets[b] is not None}
-        cell_type, elements = FROM_MESHIO.get(cells.type, cells.type), np.asarray(cells.data)
-        alone = np.ones(len(elements), dtype=bool)
-        for name, members in groups.items():
-            alone[members] = False
-            blocks.append(Block(cell_type, elements[members], name))
-        blocks.append(Block(cell_type, elements[alone]))
-    return blocks
-
-
-def _meshio() -> ModuleType:
-    try:
-        import meshio
-    except ImportError as error:
-        raise MissingDependency(f"meshio is needed for mesh files other than .msh ({error}): pip install 'fcsim[fem]'") from None
-    return meshio
+    quietly(path, "a mesh that this format can hold", lambda: meshio.Mesh(points, cells, cell_data=data).write(path, **options))

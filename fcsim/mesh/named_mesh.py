@@ -125,6 +125,7 @@ def named_mesh(
     dimension = max((CELL_TYPES[t].dimension for t in cell_types), default=0)
     cell_types = [t for t in cell_types if CELL_TYPES[t].dimension == dimension]
     points = np.asarray(points, dtype=float)
+    _check_numbers(source, points, blocks)
     planar = dimension == 2 and (points.shape[1] == 2 or np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points[:, :2], axis=0).max())
     if dimension == 0 or (dimension == 2 and not planar):
         got = "a surface mesh in space" if dimension else "none" + (f" but {', '.join(types)}" if types else "")
@@ -154,6 +155,19 @@ def named_mesh(
     )
 
 
+def _check_numbers(source: str, points: FloatArray, blocks: Sequence[Block]) -> None:
+    """InputError for coordinates that are none, and for elements of nodes that are not there."""
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise InputError(f"{source}: expected points of two or three coordinates, got an array of shape {points.shape}")
+    if not np.all(np.isfinite(points)):
+        raise InputError(f"{source}: expected finite coordinates, got {points[~np.isfinite(points).all(axis=1)][0].tolist()}")
+    for block in blocks:
+        low, high = block.elements.min(), block.elements.max()
+        if low < 0 or high >= len(points):
+            what = f"{block.cell_type} elements" + (f" of group {block.group!r}" if block.group else "")
+            raise InputError(f"{source}: expected {what} of the nodes 0 to {len(points) - 1}, got {low} to {high}")
+
+
 def _by_group(blocks: Sequence[Block]) -> dict[str, IntArray]:
     collected: dict[str, list[IntArray]] = {}
     for block in blocks:
@@ -172,7 +186,10 @@ def from_gmsh(gmsh: Any, source: str, **plane_and_thickness: Any) -> NamedMesh:
     def add(entity: tuple[int, int], group: str) -> None:
         for number, _, nodes in zip(*gmsh.model.mesh.getElements(*entity), strict=True):
             described, _, _, size, *_ = gmsh.model.mesh.getElementProperties(number)
-            blocks.append(Block(GMSH_TYPES.get(number, described), np.searchsorted(tags, nodes).reshape(-1, size), group))
+            places = np.searchsorted(tags, nodes)
+            if np.any(places >= len(tags)) or np.any(tags[places] != nodes):
+                raise InputError(f"{source}: expected elements of nodes that are there, got some of others in {group or 'no group'}")
+            blocks.append(Block(GMSH_TYPES.get(number, described), places.reshape(-1, size), group))
 
     for dimension, tag in sorted(gmsh.model.getPhysicalGroups(), key=lambda group: group[1]):
         for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, tag):

@@ -96,11 +96,7 @@ class Delassus:
     @cached_property
     def compliance(self) -> FloatArray:
         """tr(W_aa) / d (nc,), one positive number a contact; where it is not positive (both bodies held), the mean of the others."""
-        own = self.diagonal.reshape(-1, self.dimension).mean(axis=1)
-        positive = own > 0
-        if positive.all():
-            return own
-        return np.where(positive, own, own[positive].mean() if positive.any() else 1.0)
+        return own_compliance(self.diagonal.reshape(-1, self.dimension).mean(axis=1))
 
     @cached_property
     def symmetric(self) -> bool:
@@ -201,6 +197,14 @@ def diagonal_blocks(W: Matrix, d: int) -> FloatArray:
     W = W if W.format in ("csr", "csc") else sp.csr_array(W)
     blocks = diagonal_blocks_of_rows(W.indptr, W.indices, W.data, d)
     return blocks if W.format == "csr" else blocks.transpose(0, 2, 1)
+
+
+def own_compliance(own: FloatArray) -> FloatArray:
+    """tr(W_aa) / d (nc,) where it is positive, elsewhere (both bodies held) the mean of the others; 1 where there is none."""
+    positive = own > 0
+    if positive.all():
+        return own
+    return np.where(positive, own, own[positive].mean() if positive.any() else 1.0)
 
 
 def power_norm(apply: Callable[[FloatArray], FloatArray], size: int) -> float:

@@ -16,13 +16,18 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.errors import InputError
 from fcsim.linear.factors import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
 from fcsim.linear.singularity import refuse_singular
 from fcsim.problem._delassus_kernels import alike_in_contacts
 from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
+from fcsim.problem.delassus import diagonal_blocks, own_compliance
 from fcsim.problem.delassus_sum import DelassusSum
-from fcsim.problem.problem import GlobalProblem, LocalProblem
+from fcsim.problem.elimination import Elimination
+from fcsim.problem.problem import Answer, GlobalProblem, LocalProblem, Reduced
 
+CONTACTS_AT_ONCE = 1000
+"""Contacts whose own blocks of W are computed together where W as a whole is not wanted."""
 EQUAL = 1e-13
 """Blocks of M whose entries differ by less, relative to the largest, are one body's (5e-15 to 1e-14 between the blocks of a wall)."""
 
@@ -181,9 +186,27 @@ class Reduction:
         return self.problem.w + self._H.T @ self._free
 
     @property
+    def mu(self) -> FloatArray:
+        return self.problem.mu
+
+    @property
+    def dimension(self) -> int:
+        return self.problem.dimension
+
+    @cached_property
     def diagonal_blocks(self) -> FloatArray:
-        """The contacts' own blocks W_aa (nc, d, d)."""
-        return self.local.diagonal_blocks
+        """The contacts' own blocks W_aa (nc, d, d): of `local` where that is there, else of some contacts at a time, without all of W."""
+        p, d = self.problem, self.problem.dimension
+        if "local" in self.__dict__:
+            return self.local.diagonal_blocks
+        H, starts = self._H.tocsc(), range(0, max(p.nc, 1), CONTACTS_AT_ONCE)
+        parts = [self.factor.delassus(H[:, d * a : d * (a + CONTACTS_AT_ONCE)], d) for a in starts]
+        return np.concatenate([diagonal_blocks(W, d) for W in parts])
+
+    @cached_property
+    def compliance(self) -> FloatArray:
+        """tr(W_aa) / d (nc,), see `Delassus.compliance`."""
+        return own_compliance(np.einsum("aii->a", self.diagonal_blocks) / self.dimension)
 
     @cached_property
     def local(self) -> LocalProblem:
@@ -195,6 +218,11 @@ class Reduction:
         """Return v (n,) = M^-1 (H r + G l + f) and the multiplier l (p,), None without equality constraints."""
         x = self._free + self.factor.solve(self._H @ r)
         return (x, None) if self.problem.G is None else (x[: self.problem.n], x[self.problem.n :])
+
+    def answer(self, r: FloatArray) -> Answer:
+        """u = H^T v + w with v, l and the momentum residual."""
+        v, multiplier = self.velocity(r)
+        return Answer(self.problem.H.T @ v + self.problem.w, v, multiplier, self.momentum_residual(r, v, multiplier))
 
     def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None) -> float:
         """Return ||M v - H r - G l - f|| / ||f||."""
@@ -227,79 +255,12 @@ def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reductio
     return Reduction(problem, factor)
 
 
-class Elimination:
-    """A mixed local problem u = W r + V l + q, V^T r + R l + s = 0 with what stands for R^-1: its multiplier l and its form without l.
-
-    R is singular where constraints are redundant. As long as s and the rows of V^T are in its range, which is so where
-    [[W, V], [V^T, R]] comes from one positive semidefinite M^-1, V l is unique all the same; otherwise SingularMatrix is raised.
-    """
-
-    def __init__(self, problem: LocalProblem) -> None:
-        if problem.V is None or problem.R is None or problem.s is None:
-            raise ValueError("expected a problem with V, R and s")
-        self.problem = problem
-        V = sp.csr_array(problem.V)
-        self._touched = np.flatnonzero(np.diff(V.indptr))  # the contact unknowns that the constraints meet
-        self._V: FloatArray = V[self._touched].toarray()
-        rhs = np.column_stack([self._V.T, problem.s])
-        R = problem.R.toarray() if sp.issparse(problem.R) else problem.R
-        solved = _solve_consistent(R, rhs)
-        self._RV, self._Rs = solved[:, :-1], solved[:, -1]
-
-    @cached_property
-    def q(self) -> FloatArray:
-        """q - V R^-1 s (m,): u without reactions."""
-        q = self.problem.q.copy()
-        q[self._touched] -= self._V @ self._Rs
-        return q
-
-    def multiplier(self, r: FloatArray) -> FloatArray:
-        """l (p,) = -R^-1 (V^T r + s)."""
-        return -self._RV @ r[self._touched] - self._Rs
-
-    def velocity(self, r: FloatArray) -> FloatArray:
-        """Return u (m,) = W r + V l + q."""
-        u = self.problem.W @ r + self.problem.q
-        u[self._touched] += self._V @ self.multiplier(r)
-        return u
-
-    @cached_property
-    def diagonal_blocks(self) -> FloatArray:
-        """The contacts' own blocks (nc, d, d) of W - V R^-1 V^T."""
-        p, d = self.problem, self.problem.dimension
-        V, RV = np.zeros((p.m, self._V.shape[1])), np.zeros((self._V.shape[1], p.m))
-        V[self._touched], RV[:, self._touched] = self._V, self._RV
-        return p.diagonal_blocks - np.einsum("aik,kaj->aij", V.reshape(p.nc, d, -1), RV.reshape(-1, p.nc, d))
-
-    @cached_property
-    def local(self) -> LocalProblem:
-        """The problem with W - V R^-1 V^T, filled in only among the contact unknowns that the constraints meet, and no constraints."""
-        p, d = self.problem, self.problem.dimension
-        tile = self._V @ self._RV
-        if isinstance(p.W, np.ndarray):
-            W = p.W.copy()
-            W[np.ix_(self._touched, self._touched)] -= tile
-        else:
-            rows, columns = np.repeat(self._touched, len(self._touched)), np.tile(self._touched, len(self._touched))
-            W = sp.bsr_array(p.W - sp.csr_array((tile.ravel(), (rows, columns)), shape=p.W.shape), blocksize=(d, d))
-        return LocalProblem(W, self.q, p.mu, dimension=d)
-
-
-def _solve_consistent(R: FloatArray, rhs: FloatArray) -> FloatArray:
-    """Return R^-1 rhs, or the least solution of a singular R whose range holds rhs; otherwise SingularMatrix."""
-    size = float(np.abs(rhs).max(initial=0.0))
-    try:
-        solved = DenseLU(R).solve(rhs)
-        if np.abs(R @ solved - rhs).max(initial=0.0) <= 1e-10 * size and np.linalg.cond(R) < 1e12:
-            return solved
-    except SingularMatrix:
-        pass
-    solved = np.linalg.lstsq(R, rhs, rcond=1e-10)[0]
-    if not np.abs(R @ solved - rhs).max(initial=0.0) <= 1e-8 * size:
-        raise SingularMatrix(f"R of {len(R)} equality constraints is singular, and V and s are not in its range: l is not determined by r")
-    return solved
-
-
-def eliminate_equalities(problem: LocalProblem) -> LocalProblem:
-    """Return the local problem without V, R, s: l = -R^-1 (V^T r + s), so W - V R^-1 V^T and q - V R^-1 s."""
-    return problem if problem.V is None else Elimination(problem).local
+def reduced(problem: GlobalProblem | LocalProblem | Reduction) -> Reduced:
+    """A problem in whatever form with the way to its local form: its `Reduction`, its `Elimination` where it is mixed, else itself."""
+    if isinstance(problem, GlobalProblem):
+        return reduce(problem)
+    if isinstance(problem, LocalProblem):
+        return problem if problem.V is None else Elimination(problem)
+    if isinstance(problem, Reduction):
+        return problem
+    raise InputError(f"problem: expected a GlobalProblem, a LocalProblem or a Reduction, got {type(problem).__name__}")

@@ -29,7 +29,7 @@ def describe(
         parameters=asdict(parameters),
         assignments=dict(assignments),
         scheme=repr(simulation.scheme),
-        notes=tuple(simulation.scheme.notes),
+        notes=simulation.notes,
         h=simulation.scheme.h,
         steps=simulation.steps,
         solver=simulation.solver.name,

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from fcsim.contact_law.law import Variables
 from fcsim.errors import InputError
 from fcsim.files import replacing_hdf5
+from fcsim.timestep.energy import Ledger
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Moment, Step
+from fcsim.timestep.step import Lead, Moment, Step
 from fcsim.timestep.warm_start import Reactions
 
 _ARRAYS = tuple(field.name for field in fields(State) if field.name != "t")
@@ -39,6 +41,15 @@ def _write_moment(group: h5py.Group, moment: Moment) -> None:
     for age, reactions in enumerate(moment.memory):
         for name in ("identity", "frame", "r"):
             memory[f"{age}/{name}"] = getattr(reactions, name)
+    group.attrs["ledger"] = np.array(list(asdict(moment.ledger).values()), dtype=np.float64)
+    lead = moment.lead
+    group.attrs["lead"], group.attrs["lead_counts"] = lead.solver, np.array([lead.streak, lead.steps])
+    if (variables := moment.variables) is not None:
+        law = group.create_group("law")
+        law.attrs["stored"] = variables.stored
+        law["identity"] = variables.identity
+        for name, values in variables.values.items():
+            law[f"values/{name}"] = values
 
 
 def content_digest(file: h5py.File) -> str:
@@ -98,7 +109,20 @@ def _read_moment(group: h5py.Group) -> Moment:
         raise ValueError(f"{len(group['memory'])} reactions of earlier steps")
     stored = [group[f"memory/{age}"] for age in range(len(group["memory"]))]
     memory = tuple(_reactions(entry) for entry in stored)
-    return Moment(int(group.attrs["step"]), state, memory, int(group.attrs["cuts"]))
+    supplied, gained, lowest, created, begun = map(float, group.attrs["ledger"])
+    ledger = Ledger(supplied, gained, lowest, created, bool(begun))
+    lead = Lead(str(group.attrs["lead"]), *map(int, group.attrs["lead_counts"]))
+    variables = _variables(group["law"]) if "law" in group else None
+    return Moment(int(group.attrs["step"]), state, memory, int(group.attrs["cuts"]), variables, ledger, lead)
+
+
+def _variables(group: h5py.Group) -> Variables:
+    """What the contact law remembers, see `fcsim.contact_law`."""
+    identity = group["identity"][()]
+    values = {name: entry[()] for name, entry in group["values"].items()} if "values" in group else {}
+    if identity.ndim != 1 or any(array.dtype != np.float64 or len(array) != len(identity) for array in values.values()):
+        raise ValueError(f"{group.name}: expected variables of {len(identity)} contacts")
+    return Variables(identity, values, float(group.attrs["stored"]))
 
 
 def _array(dataset: h5py.Dataset, ndim: int) -> np.ndarray:

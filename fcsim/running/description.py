@@ -58,6 +58,15 @@ class Plots:
     histories: tuple[HistoryPlot, ...] = ()
 
 
+@dataclass(frozen=True)
+class SeenOverlap:
+    """Depth [m], also as a share of a body's smallest extent, and between which bodies and where; see `fcsim.witness`."""
+
+    depth: float = 0.0
+    share: float = 0.0
+    between: str = ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Description:
     """The content of run.json.
@@ -65,7 +74,7 @@ class Description:
     parameters   the case's, all of them; assignments: those given, as texts
     sources      SHA-256 of the script, and of the meshes and tables that it read, by their paths; model: of the mesh as it was built
     status       running, finished, not converged, interrupted or failed; message: why; steps_done: up to where the files go
-    notes        what is to be known of the results
+    overlap      the largest that the witness saw; notes: what is to be known of the results
     """
 
     format: str = ""
@@ -89,6 +98,7 @@ class Description:
     status: str = ""
     message: str = ""
     steps_done: int | None = None
+    overlap: SeenOverlap = field(default_factory=SeenOverlap)
 
     @property
     def is_a_runs(self) -> bool:

@@ -15,13 +15,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from fcsim.errors import NotConverged
+from fcsim.errors import NotConverged, Unphysical
 from fcsim.files import alone_in, files_read, remove_partial_files
 from fcsim.interrupts import ended_by, is_interrupt
 from fcsim.running.case import Case, CaseScript
 from fcsim.running.case_description import describe
 from fcsim.running.checkpoint import read_checkpoint
-from fcsim.running.description import Description, write_description, write_end
+from fcsim.running.description import Description, SeenOverlap, write_description, write_end
 from fcsim.running.outputs import Outputs, RunOptions
 from fcsim.running.own_files import check_folder, empty
 from fcsim.running.parameters import parse_parameters
@@ -33,8 +33,10 @@ __all__ = ["RunOptions", "Summary", "run_case"]
 
 @dataclass(frozen=True)
 class Summary:
-    """How a run ended: status "finished", "not converged" or "interrupted"; seconds by phase; steps that needed the fallback chain,
-    steps that were cut; energy_residual the largest of a step [J]; notes: what is to be known of the results."""
+    """How a run ended: status "finished", "not converged", "failed" (penetration seen, energy created) or "interrupted"; seconds by phase;
+    steps that needed the fallback chain, that another solver led since it had to answer before (see `Lead`), that were cut;
+    energy_residual the largest of a step [J]; energy_created by contacts in all, see `Ledger` [J]; overlap the largest that was seen;
+    notes: what is to be known of the results."""
 
     status: str
     message: str
@@ -45,8 +47,11 @@ class Summary:
     iterations: int
     largest_error: float
     fallbacks: int
+    led: int
     cut: int
     energy_residual: float
+    energy_created: float
+    overlap: SeenOverlap
     notes: tuple[str, ...] = ()
 
     @property
@@ -62,8 +67,11 @@ class _Tally:
     iterations: int = 0
     largest_error: float = 0.0
     fallbacks: int = 0
+    led: int = 0
     cut: int = 0
     energy_residual: float = 0.0
+    energy_created: float = 0.0
+    overlap: SeenOverlap = field(default_factory=SeenOverlap)
     seconds: dict[str, float] = field(default_factory=dict)
 
     def add(self, step: Step, seconds: Mapping[str, float]) -> None:
@@ -74,7 +82,11 @@ class _Tally:
         self.largest_error = max(self.largest_error, step.result.error)
         self.fallbacks += len(step.attempts) > step.substeps
         self.cut += step.substeps > 1
+        self.led += bool(step.attempts) and step.attempts[0].leads
+        self.energy_created = step.ledger.created
         self.energy_residual = max(self.energy_residual, abs(step.energy.residual))
+        if step.overlap is not None and step.overlap.depth > self.overlap.depth:
+            self.overlap = SeenOverlap(step.overlap.depth, step.overlap.share, step.overlap.between)
 
 
 def run_case(
@@ -129,7 +141,7 @@ def _resumed(
         return now
     notes = accepted(changes(stored, now), accept)
     check_moments(moments, case.simulation.model, case.simulation.steps, directory / "checkpoint.h5")
-    return replace(now, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
+    return replace(now, overlap=stored.overlap, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
 
 
 def _run(
@@ -142,14 +154,14 @@ def _run(
 ) -> Summary:
     """Take the steps one after the other, and leave the folder whole however that ends."""
     status, message = "finished", ""
-    tally, begin = _Tally(), time.perf_counter()
+    tally, begin = _Tally(overlap=description.overlap), time.perf_counter()
     start = moments[0].number if moments else 0
 
     def reached() -> int:
         return outputs.last.number if outputs.last is not None else start
 
     def describe_end() -> None:
-        write_end(directory, replace(description, status=status, message=message, steps_done=reached()))
+        write_end(directory, replace(description, status=status, message=message, steps_done=reached(), overlap=tally.overlap))
 
     try:
         for step in case.simulation.run(*moments) if moments else case.simulation:
@@ -158,6 +170,8 @@ def _run(
                 watch(case, step)
     except NotConverged as error:
         status, message = "not converged", str(error)
+    except Unphysical as error:
+        status, message = "failed", str(error)
     except BaseException as error:
         if not is_interrupt(error):
             status, message = "failed", f"{type(error).__name__}: {error}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -102,6 +103,8 @@ COLUMNS: dict[str, tuple[str, Callable[[Step], Any]]] = {
     "iterations": ("", lambda step: step.iterations),
     "error": ("", lambda step: step.result.error),
     "penetration": ("m", lambda step: step.penetration),
+    "overlap": ("m", lambda step: math.nan if step.overlap is None else step.overlap.depth),
+    "overlap_between": ("", lambda step: "" if step.overlap is None else step.overlap.between),
     "momentum_residual": ("", lambda step: step.result.checks.momentum),
     "kinetic_energy": ("J", lambda step: step.energy.kinetic),
     "elastic_energy": ("J", lambda step: step.energy.elastic),
@@ -112,6 +115,10 @@ COLUMNS: dict[str, tuple[str, Callable[[Step], Any]]] = {
     "normal_dissipation": ("J", lambda step: step.energy.normal_dissipation),
     "tangential_dissipation": ("J", lambda step: step.energy.tangential_dissipation),
     "friction_dissipation": ("J", lambda step: step.energy.friction_dissipation),
+    "contact_energy": ("J", lambda step: step.energy.contact),
+    "contact_gain": ("J", lambda step: step.energy.contact_gain),
+    "energy_created": ("J", lambda step: step.ledger.created),
     "energy_residual": ("J", lambda step: step.energy.residual),
 }
-"""Columns of steps.csv before the phases' seconds and the case's sensors: unit and value; see `Step` and `Energy`."""
+"""Columns of steps.csv before the phases' seconds and the case's sensors: unit and value; see `Step`, `Energy` and `Overlap` (nan
+at the steps where it was not measured)."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,16 @@ class _VTK:
             raise MissingDependency(f"VTK cannot be imported ({error}), which the VTK files need: pip install 'fcsim[view]'") from None
         self.core, self.data, self.io, self.support = core, data, io, support
 
+    @contextmanager
+    def _quiet(self) -> Iterator[None]:
+        """VTK prints pages on a full disk; the error says it in a line."""
+        shown = self.core.vtkObject.GetGlobalWarningDisplay()
+        self.core.vtkObject.SetGlobalWarningDisplay(0)
+        try:
+            yield
+        finally:
+            self.core.vtkObject.SetGlobalWarningDisplay(shown)
+
     def array(self, name: str, values: NDArray) -> Any:
         array = self.support.numpy_to_vtk(np.ascontiguousarray(values), deep=True)
         array.SetName(name)
@@ -58,7 +69,7 @@ class _VTK:
         writer.EncodeAppendedDataOff()
         writer.SetCompressorTypeToZLib()
         writer.SetCompressionLevel(COMPRESSION_LEVEL)
-        with replacing(path) as temporary:
+        with replacing(path) as temporary, self._quiet():
             writer.SetFileName(str(temporary))
             if writer.Write() != 1 or writer.GetErrorCode():
                 raise OSError(f"{path}: VTK could not write the file (error code {writer.GetErrorCode()}; disk full, or not writable?)")
@@ -80,7 +91,8 @@ class SeriesWriter:
     blocks     points in the reference configuration; point data displacement [m], velocity [m/s]; cell data von_mises [Pa]
                (at the cell's centre), body
     contacts   points at the foot points; reaction (global axes), reaction_normal, reaction_tangential [N], gap [m], status (0 open,
-               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there
+               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there; and what the contact
+               law remembers, by its names (fracture, slip, ...)
     rigid      the surfaces of the rigid bodies; point data displacement [m], velocity [m/s]; cell data body
 
     Every file is written under a temporary name and renamed, the collection last, so that an interrupted run leaves whole files.
@@ -106,7 +118,7 @@ class SeriesWriter:
         """Write the three data sets of a step and take them up in the collections.
 
         Reads step.number; step.state.t, .x, .v; step.contacts; step.contact_force (nc, d) [N] in the frame (N, T1[, T2]);
-        step.contact_status (nc,); step.result.u (d nc,) [m/s]. Entries of the same or a later time are replaced.
+        step.contact_status (nc,); step.result.u (d nc,) [m/s]; step.law_variables. Entries of the same or a later time are replaced.
         """
         t = float(step.state.t)
         displacement = self._model.node_displacement(step.state.x)
@@ -241,4 +253,6 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
         "displacement": _in_space(np.einsum("ak,akj->aj", on_master, displacement[contacts.nodes])),
     }.items():
         points.GetPointData().AddArray(vtk.array(name, values))
+    for name, values in step.law_variables.items():
+        points.GetPointData().AddArray(vtk.array(name, values if values.ndim == 1 else _in_space(values)))
     return points

@@ -13,6 +13,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.problem import Checks, LocalProblem, natural_map_residual
+from fcsim.problem.judge import relative
 from fcsim.solvers.memory import Memory
 
 
@@ -62,6 +63,9 @@ def choice(name: str, value: str, known: dict[str, Any] | tuple[str, ...]) -> No
 class Monitor:
     """Computes the one error of an iterate, keeps the history (iteration, seconds, error) and the best iterate, watches the clock.
 
+    compliance: s (nc,) of the scaled error, None for the published one, whose s is 1.
+    velocity: u (m,) from r (m,) by the problem's own equations. Methods may carry u along as they move r; that drifts from W r + q, so
+    that an error at or below `tol` counts only when it was computed with this u.
     memory: what earlier solves left and what this one leaves, None where nothing is to be kept (see `fcsim.solvers.memory`).
     """
 
@@ -72,13 +76,16 @@ class Monitor:
         dimension: int,
         tol: float,
         *,
+        compliance: FloatArray | None = None,
         floor: float = 0.0,
         time_limit: float = float("inf"),
         start: float | None = None,
+        velocity: Callable[[FloatArray], FloatArray] | None = None,
         memory: Memory | None = None,
     ) -> None:
-        self.memory = memory
+        self.memory, self._velocity = memory, velocity
         self.mu, self.dimension = mu, dimension
+        self.compliance = np.ones(len(mu)) if compliance is None else compliance
         self.tol = tol
         self.start = time.perf_counter() if start is None else start
         self.time_limit = time_limit
@@ -86,22 +93,28 @@ class Monitor:
         self.iterations = 0
         self.best = float("inf")
         self.best_r: FloatArray | None = None
-        self.scale = max(float(np.linalg.norm(q)), floor)  # what the error divides by
+        with np.errstate(over="ignore"):
+            self.scale = max(float(np.linalg.norm(q)), floor)  # what the error divides by
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
-        """The error of formulation eq. 13 at (r, u = W r + q)."""
-        residual = natural_map_residual(r, u, self.mu, self.dimension)
-        if residual == 0:
-            return 0.0
-        return residual / self.scale if self.scale > 0 else float("inf")
+        """The error, see `fcsim.problem.scaled_error`, at (r, u = W r + q)."""
+        return relative(natural_map_residual(r, u, self.mu, self.dimension, self.compliance), self.scale)
 
     def record(self, r: FloatArray, u: FloatArray) -> float:
         """Compute the error, note it in the history under the current iteration and remember the iterate if it is the best so far."""
         error = self.error(r, u)
+        if error <= self.tol and self._velocity is not None:
+            error = self.error(r, self._velocity(r))
         self.history.append((self.iterations, time.perf_counter() - self.start, error))
         if error < self.best:
             self.best, self.best_r = error, r.copy()
         return error
+
+    def inner(self, q: FloatArray, tol: float, floor: float = 0.0) -> Monitor:
+        """A monitor for a problem of the same contacts on the way, with other velocities q (m,): the same error and clock, no memory."""
+        return Monitor(
+            *(q, self.mu, self.dimension, tol), compliance=self.compliance, floor=floor, time_limit=self.time_limit, start=self.start
+        )
 
     def out_of_time(self) -> bool:
         return time.perf_counter() - self.start > self.time_limit
@@ -109,10 +122,11 @@ class Monitor:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """What a method's run function returns: the last iterate and why it stopped."""
+    """What a method's run function returns: the last iterate and why it stopped; message: what another program said about that."""
 
     r: FloatArray
     status: Status
+    message: str = ""
 
 
 Run = Callable[[LocalProblem, FloatArray, Monitor, Any], Iterate]
@@ -144,9 +158,10 @@ class Method:
 class Result:
     """The answer of a solver.
 
-    r (m,), u (m,), v (n,) or None for a problem in local form, multiplier l (p,) or None; error as in `fcsim.problem.error`;
+    r (m,), u (m,), v (n,) or None for a problem in local form, multiplier l (p,) or None; error: the one that decided, `scaled_error` or
+    `published_error` (see `fcsim.problem.scaled_error` and `error`), both with the caller's floor;
     seconds by phase ("reduction", "solve"; their sum is `time`); history rows (iteration, seconds, error); memory: what may serve the
-    next, nearly equal problem, None where `solve` was given none.
+    next, nearly equal problem, None where `solve` was given none; message: what a program that was called said where it failed.
     """
 
     r: FloatArray
@@ -154,12 +169,15 @@ class Result:
     v: FloatArray | None
     status: Status
     error: float
+    scaled_error: float
+    published_error: float
     iterations: int
     seconds: dict[str, float]
     history: list[tuple[int, float, float]]
     checks: Checks
     method: str
     multiplier: FloatArray | None = None
+    message: str = ""
     memory: Memory | None = None
 
     @property

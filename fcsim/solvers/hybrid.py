@@ -7,8 +7,9 @@ from typing import Any
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import LocalProblem
-from fcsim.solvers.base import Iterate, Monitor, Run, Status, override
+from fcsim.solvers.base import Iterate, Monitor, Options, Run, Status, override
 
 
 @dataclass(frozen=True)
@@ -20,18 +21,21 @@ class Stage:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HybridOptions:
-    """first: stages run once; stages: run in order after them, the whole list up to `cycles` times until solved.
+class HybridOptions(Options):
+    """max_iterations: of all stages together; first: stages run once; stages: run in order after them, the whole list up to `cycles` times
+    until solved.
 
     Siconos' strategies for NSN_AC as data: VI_EG_NSN is (extragradient, Newton) once; PLI_NSN_LOOP is (projections with local
     iterations, Newton) in cycles; NSN_AND_PLI_NSN_LOOP has Newton as `first` before the same cycles.
     """
 
+    max_iterations: int = 1_000_000
     first: tuple[Stage, ...] = ()
     stages: tuple[Stage, ...] = ()
     cycles: int = 1
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.cycles < 1:
             raise InputError(f"option cycles: expected an integer >= 1, got {self.cycles}")
 
@@ -45,11 +49,21 @@ def hybrid(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Hybr
     for cycle, stages in enumerate((options.first, *(options.stages,) * options.cycles)):
         before = monitor.best
         for stage in stages:
-            limit = monitor.iterations + stage.options.max_iterations
-            last = stage.run(problem, r, monitor, override(stage.options, {"max_iterations": limit}))
+            if monitor.iterations >= options.max_iterations and monitor.history:
+                return Iterate(r, Status.MAX_ITERATIONS)
+            limit = min(monitor.iterations + stage.options.max_iterations, options.max_iterations)
+            last = _stage(stage, problem, r, monitor, limit)
             if last.status in (Status.SOLVED, Status.TIME_LIMIT):
                 return last
             r = last.r if monitor.best_r is None else monitor.best_r
         if cycle > 0 and monitor.best >= before:
             break
     return Iterate(r, last.status)
+
+
+def _stage(stage: Stage, problem: LocalProblem, r: FloatArray, monitor: Monitor, limit: int) -> Iterate:
+    """Run one stage up to `limit` iterations of the monitor; a factorisation that fails in it ends the stage, not the hybrid."""
+    try:
+        return stage.run(problem, r, monitor, override(stage.options, {"max_iterations": limit}))
+    except SingularMatrix as singular:
+        return Iterate(r, Status.SINGULAR, str(singular))

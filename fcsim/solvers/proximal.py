@@ -91,7 +91,7 @@ MOST_ALPHA = 1e6
 
 def _inner_monitor(inner: LocalProblem, error: float, monitor: Monitor, options: ProximalOptions) -> Monitor:
     """Watch an inner problem until its residual, in the outer problem's unit, is error / ratio."""
-    watch = Monitor(inner.q, inner.mu, inner.dimension, 1.0, floor=monitor.scale, time_limit=monitor.time_limit, start=monitor.start)
+    watch = monitor.inner(inner.q, 1.0, floor=monitor.scale)
     watch.tol = monitor.scale / watch.scale * min(max(error, monitor.tol), 1.0) / options.internal_error_ratio
     return watch
 
@@ -110,7 +110,9 @@ def proximal_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
     alpha = _error(0.0, error, 0, options) if options.alpha_rule == "error" else options.alpha
     alpha_least, least, waited = options.alpha_least, error, 0
     W, shift = problem.W, 0.0
-    while error > monitor.tol:
+    while not error <= monitor.tol:
+        if not np.isfinite(error):
+            return Iterate(r, Status.DIVERGED)
         if monitor.iterations >= options.max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():

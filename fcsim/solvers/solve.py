@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.problem import GlobalProblem, LocalProblem, check
-from fcsim.problem.reduction import Elimination, Reduction, reduce
-from fcsim.solvers.base import Monitor, Result, Status, override
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import Answer, GlobalProblem, LocalProblem, Reduced, check, natural_map_residual
+from fcsim.problem.elimination import Elimination
+from fcsim.problem.judge import relative
+from fcsim.problem.reduction import Reduction, reduced
+from fcsim.solvers.base import Iterate, Method, Monitor, Result, Status, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.table import method
+
+ERRORS = ("scaled", "published")
 
 
 def solve(
@@ -22,6 +28,7 @@ def solve(
     r: FloatArray | None = None,
     *,
     tol: float = 1e-8,
+    error: str = "published",
     floor: float = 0.0,
     time_limit: float = float("inf"),
     memory: Memory | None = None,
@@ -31,7 +38,8 @@ def solve(
 
     problem    in global or local form, or a `Reduction` whose factor of M is known already (a simulation's)
     r          (m,) starting point, default 0
-    tol        on the one error of `fcsim.problem.error`; `floor` [unit of q] as there
+    tol        on the error that decides; `floor` [unit of q] as in `fcsim.problem.error`
+    error      "scaled", which does not depend on the units (`fcsim.problem.scaled_error`), or "published" (`fcsim.problem.error`)
     time_limit [s], tested between iterations
     memory     what a solve of a nearly equal problem left (`Result.memory`); None: nothing is kept. It shortens the way, never the check
     overrides  options of the method by name
@@ -42,75 +50,110 @@ def solve(
     """
     chosen = method(solver)
     options = override(chosen.options, overrides)
+    choice("error", error, ERRORS)
     if not tol > 0:
         raise InputError(f"tol: expected a number > 0, got {tol}")
     start = time.perf_counter()
-    given: LocalProblem | Reduction | Elimination
-    if isinstance(problem, GlobalProblem):
-        given = reduce(problem)
-    elif isinstance(problem, LocalProblem):
-        given = problem if problem.V is None else Elimination(problem)
-    elif isinstance(problem, Reduction):
-        given = problem
-    else:
-        raise InputError(f"problem: expected a GlobalProblem, a LocalProblem or a Reduction, got {type(problem).__name__}")
-    as_it_is = chosen.run_mixed if isinstance(given, Elimination) else None if isinstance(given, LocalProblem) else chosen.run_global
-    if getattr(options, "linear", "") != "kkt":
-        as_it_is = None
-    local = given if isinstance(given, LocalProblem) else given.local if as_it_is is None else None
-    whole = given if isinstance(given, LocalProblem) else given.problem
-    q, mu, dimension = given.q, whole.mu, whole.dimension
-    if dimension not in chosen.dimensions:
-        raise InputError(f"solver {solver!r}: works in {' and '.join(f'{d}D' for d in chosen.dimensions)}, the problem has {dimension}D")
-    r = np.zeros(len(q)) if r is None else np.array(r, dtype=np.float64)
-    if r.shape != q.shape:
-        raise InputError(f"r: expected a starting point of shape {q.shape}, got {r.shape}")
-    if not np.all(np.isfinite(r)):
-        raise InputError("r: expected a starting point of finite numbers, got NaN or infinity")
-    if memory is not None and len(memory.identity) != len(mu):
-        raise InputError(f"memory: expected one of the problem's {len(mu)} contacts, got one of {len(memory.identity)} (see Memory.follow)")
-    reduced = time.perf_counter()
-    monitor = Monitor(q, mu, dimension, tol, floor=floor, time_limit=time_limit, start=start, memory=memory)
+    given = reduced(problem)  # M^-1 or R^-1
+    run, form = _way(chosen, solver, options, given)  # the local form, or the problem as it is
+    r = _starting_point(r, given, memory)
+    s = given.compliance
+    answers = _Answers(given)
+    monitor = Monitor(
+        *(given.q, given.mu, given.dimension, tol),
+        compliance=s if error == "scaled" else None,
+        floor=floor,
+        time_limit=time_limit,
+        start=start,
+        velocity=answers.velocity,
+        memory=memory,
+    )
+    reduction = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
-        run = chosen.run if as_it_is is None else as_it_is
-        r, status = _run(run, given if local is None else local, q, r, monitor, options)
-    v, multiplier, momentum = None, None, None
-    if isinstance(given, Reduction):
-        v, multiplier = given.velocity(r)
-        momentum = given.momentum_residual(r, v, multiplier)
-        u = given.problem.H.T @ v + given.problem.w
-    elif isinstance(given, Elimination):
-        multiplier = given.multiplier(r)
-        u = given.velocity(r)
-    else:
-        u = given.W @ r + given.q
-    error = monitor.error(r, u)
-    if status is Status.SOLVED and not error <= tol:  # NaN included: the independent residual has the last word
-        status = Status.STAGNATED
-    end = time.perf_counter()
+        iterate = _run(run, form, given.q, r, monitor, options)
+        r, status = iterate.r, iterate.status
+        answer = answers.of(r)  # u, v, l from r by the equations alone: what a method carried along does not count
+        deciding = monitor.error(r, answer.u)
+        errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, x), monitor.scale) for x in (s, None)]
+    if (deciding <= tol) != status.solved:  # NaN is no solution
+        status = Status.SOLVED if deciding <= tol else Status.STAGNATED
     return Result(
         r=r,
-        u=u,
-        v=v,
+        u=answer.u,
+        v=answer.v,
+        multiplier=answer.multiplier,
         status=status,
-        error=error,
+        error=deciding,
+        scaled_error=errors[0],
+        published_error=errors[1],
+        checks=check(r, answer.u, given.mu, given.dimension, answer.momentum, given.q),
         iterations=monitor.iterations,
-        seconds={"reduction": reduced - start, "solve": end - reduced},
         history=monitor.history,
-        checks=check(r, u, mu, dimension, momentum, q),
+        seconds={"reduction": reduction - start, "solve": time.perf_counter() - reduction},
         method=solver,
-        multiplier=multiplier,
+        message=iterate.message,
         memory=monitor.memory,
     )
 
 
-def _run(run: Any, problem: Any, q: FloatArray, r: FloatArray, monitor: Monitor, options: Any) -> tuple[FloatArray, Status]:
+def _way(chosen: Method, solver: str, options: Any, given: Reduced) -> tuple[Any, Any]:
+    """The method's run function and the form of the problem that it takes: local, or as it is where linear="kkt" asks for that."""
+    if given.dimension not in chosen.dimensions:
+        known = " and ".join(f"{d}D" for d in chosen.dimensions)
+        raise InputError(f"solver {solver!r}: works in {known}, the problem has {given.dimension}D")
+    if getattr(options, "linear", "") != "kkt":
+        return chosen.run, given.local
+    run = {Reduction: chosen.run_global, Elimination: chosen.run_mixed}.get(type(given))
+    if run is None:
+        form = {Reduction: "a global problem", Elimination: "a mixed local problem"}.get(type(given), "a local problem without constraints")
+        ways = [name for name, way in (("global", chosen.run_global), ("mixed local", chosen.run_mixed)) if way is not None]
+        raise InputError(f"option linear: expected 'kkt' with a {' or '.join(ways)} problem for {solver!r}, got it with {form}")
+    return run, given
+
+
+def _starting_point(r: FloatArray | None, given: Reduced, memory: Memory | None) -> FloatArray:
+    """r (m,) as floats of one's own, 0 where none is given; InputError where it or the memory do not fit the problem."""
+    if memory is not None and len(memory.identity) != len(given.mu):
+        expected = f"expected one of the problem's {len(given.mu)} contacts"
+        raise InputError(f"memory: {expected}, got one of {len(memory.identity)} (see Memory.follow)")
+    if r is None:
+        return np.zeros(len(given.q))
+    r = np.array(r, dtype=np.float64)
+    if r.shape != given.q.shape:
+        raise InputError(f"r: expected a starting point of shape {given.q.shape}, got {r.shape}")
+    if not np.all(np.isfinite(r)):
+        raise InputError("r: expected a starting point of finite numbers, got NaN or infinity")
+    return r
+
+
+class _Answers:
+    """The problem's answers; the last is remembered, since the iterate that ends a method is the one that is handed back."""
+
+    def __init__(self, given: Reduced) -> None:
+        self._given = given
+        self._last: tuple[FloatArray, Answer] | None = None
+
+    def of(self, r: FloatArray) -> Answer:
+        """What follows from r (m,)."""
+        if self._last is None or not np.array_equal(self._last[0], r):
+            self._last = r.copy(), self._given.answer(r)
+        return self._last[1]
+
+    def velocity(self, r: FloatArray) -> FloatArray:
+        """u (m,) from r (m,)."""
+        return self.of(r).u
+
+
+def _run(run: Any, problem: Any, q: FloatArray, r: FloatArray, monitor: Monitor, options: Any) -> Iterate:
     """Run the method; where it stops unsolved, hand back the best iterate seen."""
     zero = np.zeros_like(r)
     # r = 0 answers a problem without contacts, and one at rest up to round-off (see `floor`)
     if monitor.error(zero, q) <= monitor.tol:
-        return zero, Status.SOLVED
-    iterate = run(problem, r, monitor, options)
+        return Iterate(zero, Status.SOLVED)
+    try:
+        iterate: Iterate = run(problem, r, monitor, options)
+    except SingularMatrix as singular:  # in a factorisation that the method takes for granted
+        iterate = Iterate(r, Status.SINGULAR, str(singular))
     if not iterate.status.solved and monitor.best_r is not None:
-        return monitor.best_r, iterate.status
-    return iterate.r, iterate.status
+        return replace(iterate, r=monitor.best_r)
+    return iterate

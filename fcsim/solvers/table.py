@@ -24,8 +24,9 @@ from fcsim.solvers.lcp.planar import (
     planar_lemke,
     planar_nsgs,
 )
-from fcsim.solvers.newton.iterations import NewtonOptions, newton
-from fcsim.solvers.newton.whole import newton_global, newton_mixed
+from fcsim.solvers.newton.iterations import newton
+from fcsim.solvers.newton.kkt import newton_global, newton_mixed
+from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.proximal import ProximalOptions, proximal_point
 from fcsim.solvers.variational.admm import AdmmOptions, admm, admm_global
 from fcsim.solvers.variational.fixed_points import (

@@ -14,7 +14,7 @@ from fcsim.errors import InputError, NotConverged
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory, Result, Status, method, solve
 from fcsim.solvers.base import override
-from fcsim.timestep.step import Attempt
+from fcsim.timestep.step import Attempt, Lead
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,15 +22,16 @@ class SolverSettings:
     """Which solver a step uses, and what follows when it does not converge.
 
     The chain of a step: `name` from the previous steps' reactions (see `warm_start`), `name` from zero, then each of `fallback` from
-    zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. floor [m/s; quasi-statics: m]: see
+    zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. A link that had to answer three times in a
+    row begins the next 25 chains, see `Lead`; `Step.attempts` says what was tried. floor [m/s; quasi-statics: m]: see
     `fcsim.problem.error`.
     """
 
-    name: str = "NSN-AC"
+    name: str = "auto"
     tol: float = 1e-8
     floor: float = 1e-3
     options: Mapping[str, Any] = field(default_factory=dict)
-    fallback: tuple[str, ...] = ("NSN-NM", "NSN-AC-HYBRID", "auto")
+    fallback: tuple[str, ...] = ("NSN-AC", "NSN-NM", "NSN-AC-HYBRID", "auto")
 
     def __post_init__(self) -> None:
         override(method(self.name).options, dict(self.options))
@@ -50,21 +51,24 @@ def solve_chain(
     share: float,
     attempts: list[Attempt],
     kept: Memory | None,
+    lead: Lead,
 ) -> tuple[Result | None, Memory | None]:
     """Return the first answer of the chain below `tol`, None where no link reaches it, and what the chain leaves for the next problem.
 
-    warm (m,): where the first link begins; share: of the step that is solved; kept: what the problem before left. What was tried is
-    added to `attempts`.
+    warm (m,): where the first link begins; share: of the step that is solved; kept: what the problem before left; lead: who
+    begins. What was tried is added to `attempts`.
     """
     chain: list[tuple[str, str, Mapping[str, Any]]] = [(settings.name, "previous steps", settings.options)]
+    if lead.steps:
+        chain.insert(0, (lead.solver, "previous steps", {}))
     if np.any(warm):
         chain.append((settings.name, "zero", settings.options))
     chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
-    for name, start, options in chain:
+    for k, (name, start, options) in enumerate(chain):
         r = warm if start == "previous steps" else None
         result = solve(reduction, name, r, tol=tol, floor=settings.floor, memory=kept, **options)
         kept = result.memory
-        attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol))
+        attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol, k == 0 and lead.steps > 0))
         if result.solved:
             return replace(result, memory=None), kept
     return None, kept

@@ -17,6 +17,7 @@ class Energy:
     """Energies at the end of a step, and what was exchanged during it; all [J] (2D: J per the model's thickness).
 
     kinetic, elastic         v.M v / 2 and x.K x / 2 at the end of the step
+    contact                  what joints hold at the end of the step: springs, and what cohesion would give back; see `fcsim.contact_law`
     load_work                work of gravity and loads
     support_work             work of the supports that drive degrees of freedom
     damping_dissipation      of the Rayleigh damping
@@ -25,6 +26,8 @@ class Energy:
     tangential_dissipation   minus the work of the tangential reactions
     friction_dissipation     -sum r_T . u_T with the velocity u_T at the end of the step, of which Coulomb's law speaks: never negative.
                              It differs from tangential_dissipation while u_T changes within the step, and is no term of the balance
+    contact_gain             what contacts gave that no joint held: the work of all reactions less what `contact` lost. Friction and impacts
+                             make it negative; what is positive was created. No term of the balance
     residual                 change of kinetic + elastic - load_work - support_work + the dissipations but the last: round-off
 
     The docstring of each scheme's `energy` has its identity.
@@ -40,11 +43,52 @@ class Energy:
     tangential_dissipation: float
     friction_dissipation: float
     residual: float
+    contact: float = 0.0
+    contact_gain: float = 0.0
+
+    def with_joints(self, before: float, after: float) -> Energy:
+        """The balance where joints held `before` [J] at the beginning and `after` at the end."""
+        gain = -self.normal_dissipation - self.tangential_dissipation + after - before
+        return replace(self, contact=after, contact_gain=gain)
+
+    @property
+    def at_beginning(self) -> float:
+        """Kinetic and elastic energy at the beginning of the step."""
+        dissipated = self.damping_dissipation + self.numerical_dissipation + self.normal_dissipation + self.tangential_dissipation
+        return self.kinetic + self.elastic - (self.load_work + self.support_work - dissipated + self.residual)
 
     def then(self, later: Energy) -> Energy:
         """Return the balance over this time and the one that follows: energies of the later, sums of all else."""
-        sums = {f.name: getattr(self, f.name) + getattr(later, f.name) for f in fields(self) if f.name not in ("kinetic", "elastic")}
+        states = ("kinetic", "elastic", "contact")
+        sums = {f.name: getattr(self, f.name) + getattr(later, f.name) for f in fields(self) if f.name not in states}
         return replace(later, **sums)
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """What contact has created since the simulation began [J].
+
+    supplied  kinetic and elastic energy at the beginning and the amounts of the works of loads and supports since
+    gained    sum of `Energy.contact_gain`: falls as friction and impacts dissipate; lowest: its least value so far
+    created   its largest rise above an earlier value: energy that came from nothing. What swings about zero, as the work of a lasting
+              contact does in the theta scheme, does not add up
+    """
+
+    supplied: float = 0.0
+    gained: float = 0.0
+    lowest: float = 0.0
+    created: float = 0.0
+    begun: bool = False
+
+    def after(self, step: Energy) -> Ledger:
+        """The ledger after another step."""
+        supplied = (self.supplied if self.begun else step.at_beginning) + abs(step.load_work) + abs(step.support_work)
+        gained = self.gained + step.contact_gain
+        lowest = min(self.lowest, gained)
+        return Ledger(supplied, gained, lowest, max(self.created, gained - lowest), True)
+
+
+UNWRITTEN = Ledger()
 
 
 def momentum(model: Model, state: State) -> FloatArray:

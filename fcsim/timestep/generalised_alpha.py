@@ -30,8 +30,8 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.coulomb import Gap, Velocity, law_contacts, law_velocity
+from fcsim.contact_law.coulomb import Gap
+from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
@@ -42,11 +42,11 @@ from fcsim.timestep.state import State
 
 @dataclass(frozen=True)
 class GeneralisedAlpha:
-    """h [s] the step, 0 <= rho <= 1 the spectral radius at infinite frequency, law: Gap() or Velocity(restitution)."""
+    """h [s] the step, 0 <= rho <= 1 the spectral radius at infinite frequency, law: see `fcsim.contact_law`."""
 
     h: float
     rho: float = 0.8
-    law: Gap | Velocity = field(default_factory=Gap)
+    law: Law = field(default_factory=Gap)
 
     def __post_init__(self) -> None:
         positive("h", self.h)
@@ -77,6 +77,10 @@ class GeneralisedAlpha:
     def force_per_reaction(self) -> float:
         return 1 / self.h
 
+    @property
+    def timing(self) -> Timing:
+        return Timing(self.h, 0.5, self.h, 1 / self.h)
+
     def cut(self, parts: int) -> GeneralisedAlpha:
         return replace(self, h=self.h / parts)
 
@@ -92,8 +96,8 @@ class GeneralisedAlpha:
         rate, _ = self._memory(model, state)
         return model.advance(state.x, self.h * ((1 - self.alpha_f) * state.v + (self.alpha_f - 0.5) * rate))
 
-    def select(self, contacts: Contacts) -> Contacts:
-        return law_contacts(self.law, contacts)
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return self.h * state.v
 
     @property
     def kinematics(self) -> Kinematics | None:
@@ -136,9 +140,6 @@ class GeneralisedAlpha:
         h, alpha_f = self.h, self.alpha_f
         x = model.advance(state.x, h * alpha_f * state.v)
         return alpha_f * model.load(state.t + h, x) + (1 - alpha_f) * model.load(state.t, x)
-
-    def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        return law_velocity(self.law, self.h, 0.5, state.v, contacts, H)
 
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)

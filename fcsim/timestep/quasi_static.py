@@ -6,14 +6,15 @@ that exclude rigid motion; eta > 0 regularises floating bodies with their own ma
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.coulomb import Gap
+from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
@@ -24,10 +25,11 @@ from fcsim.timestep.state import State
 
 @dataclass(frozen=True)
 class QuasiStatic:
-    """h [s] the step of the load's time; eta >= 0 the mass regularisation (dimensionless)."""
+    """h [s] the step of the load's time; eta >= 0 the mass regularisation (dimensionless); law: see `fcsim.contact_law`."""
 
     h: float
     eta: float = 0.0
+    law: Law = field(default_factory=Gap)
 
     def __post_init__(self) -> None:
         positive("h", self.h)
@@ -43,6 +45,10 @@ class QuasiStatic:
         if not self.eta:
             return ("statics without regularisation (eta = 0)",)
         return (f"statics regularised by the mass: eta = {self.eta:g}, K + {self.eta / self.h**2:.6g} M",)
+
+    @property
+    def timing(self) -> Timing:
+        return Timing(self.h, 1.0, 1.0, 1.0, moving=False)
 
     def cut(self, parts: int) -> QuasiStatic:
         """A shorter load step with the same regularisation eta/h^2."""
@@ -82,8 +88,8 @@ class QuasiStatic:
     def detection_configuration(self, model: Model, state: State) -> FloatArray:
         return state.x
 
-    def select(self, contacts: Contacts) -> Contacts:
-        return contacts
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return None
 
     @property
     def kinematics(self) -> Kinematics | None:
@@ -107,11 +113,6 @@ class QuasiStatic:
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         return model.load(state.t + self.h, state.x)
-
-    def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        w = np.zeros((len(contacts), contacts.dimension))
-        w[:, 0] = contacts.gap
-        return w.ravel()
 
     def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
         return model.rigid_mass(state.x)

@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
@@ -34,6 +34,16 @@ class Scheme(Protocol):
         """What the summary of a run says of the scheme."""
         ...
 
+    @property
+    def law(self) -> Law:
+        """The contact law."""
+        ...
+
+    @property
+    def timing(self) -> Timing:
+        """What the unknown u means for a gap over a step."""
+        ...
+
     def cut(self, parts: int) -> Scheme:
         """Return the scheme of a `parts`-th of the step."""
         ...
@@ -50,8 +60,9 @@ class Scheme(Protocol):
         """Return the configuration x (n_dofs,) in which contacts are detected."""
         ...
 
-    def select(self, contacts: Contacts) -> Contacts:
-        """Return the contacts that the law takes."""
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        """Return the increment (n_dofs,) of that configuration over the step if nothing changed the velocities, which detection looks
+        along; None where there is no such thing."""
         ...
 
     @property
@@ -79,10 +90,6 @@ class Scheme(Protocol):
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         """Return f (n_dofs,) without the elastic forces."""
-        ...
-
-    def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        """Return w (m,), without what driven dofs add."""
         ...
 
     def driven(self, model: Model, state: State) -> FloatArray:

@@ -12,16 +12,20 @@ from numpy.typing import NDArray
 
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, contact_matrix
-from fcsim.errors import InputError
+from fcsim.contact_detection import Detection
+from fcsim.contact_law.proportions import Proportions, proportions
+from fcsim.errors import InputError, Penetration
 from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
-from fcsim.timestep.equation import Equation, solve_equation
-from fcsim.timestep.linearisation import Linearisation
+from fcsim.timestep.creation import refuse_creation
+from fcsim.timestep.encounter import encounter
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step_equation.equation import Equation, Past, solve_equation
+from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.warm_start import MEMORY
+from fcsim.witness import Watch, Witness, begin, penetration_seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,12 @@ class Simulation:
 
     A step that does not converge is halved, and halved again up to `cuttings` times (0: never); sub-steps that converge are doubled
     again as soon as they end where a longer one would. Steps always end on the grid of h, and only there is something yielded.
+
+    created: contacts that create more than this share of the energy that the run began with and that loads and supports have supplied
+    raise EnergyCreated (inf: never); see `Ledger`. Not in quasi-statics, where joints that begin under pressure are meant.
+
+    The witness measures the bodies' overlap before the first step, every few steps and after the last, and refuses or stops what is
+    beyond its tolerance: InputError before the first step, Penetration after the step that is yielded last. None: nobody looks.
     """
 
     model: Model
@@ -45,6 +55,8 @@ class Simulation:
     initial: State | None = None
     keep: int = 25
     cuttings: int = 5
+    created: float = 0.05
+    witness: Witness | None = field(default_factory=Witness)
 
     def __post_init__(self) -> None:
         if self.keep < 0:
@@ -53,6 +65,8 @@ class Simulation:
             raise InputError(f"steps: expected a whole number >= 0, got {self.steps}")
         if not 0 <= self.cuttings <= 20:
             raise InputError(f"cuttings: expected a whole number from 0 to 20, got {self.cuttings}")
+        if not self.created > 0:
+            raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
         object.__setattr__(self, "model", self.model.moving(self.scheme.kinematics))
         self.scheme.refuse(self.model)  # before anything runs
 
@@ -86,9 +100,42 @@ class Simulation:
         return self._systems[factors]
 
     @cached_property
+    def _proportions(self) -> Proportions:
+        return proportions(self.model)
+
+    @cached_property
+    def _free_mass(self) -> float:
+        """Mass [kg] of what no support drives."""
+        model = self.model
+        along = np.zeros(model.n_dofs)
+        first = model.dof_of_node[:, 0]
+        along[first[first >= 0]] = 1.0
+        model.rigid_part(along)[:, 0] = 1.0
+        along[model.driven_dofs] = 0.0
+        return float(along @ model.apply_mass(along))
+
+    @cached_property
     def _extent(self) -> float:
         """Size of the model [m]."""
         return float(np.ptp(self.model.reference, axis=0).max())
+
+    @cached_property
+    def watch(self) -> Watch | None:
+        """The witness at work, from the initial state on; InputError where it refuses that."""
+        initial = self.initial or at_rest(self.model)
+        return None if self.witness is None else begin(self.witness, self.model, initial.x)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the summary of a run says of the scheme and of the witness."""
+        seen = ("overlap of bodies is not witnessed",) if self.watch is None else self.watch.notes
+        return (*self.scheme.notes, *seen)
+
+    def _witnessed(self, step: Step) -> Step:
+        """The step with its overlap, where it is one that is measured."""
+        if self.watch is None or (step.number % self.watch.witness.every and step.number != self.steps):
+            return step
+        return replace(step, overlap=self.watch.look(step.state.x))
 
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
         """Yield the steps after a moment (default: the initial state).
@@ -96,14 +143,17 @@ class Simulation:
         With that moment's `anchor` the steps between the two are computed again first, and what follows is bit by bit what the whole
         run gives; without it, up to the solver's tolerance.
         """
+        watch = self.watch  # refuses before anything is computed
         after = after or Moment(0, self.initial or at_rest(self.model))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None
         while moment.number < self.steps:
-            step = self.step(moment, kept, anchor)
+            step = self._witnessed(self.step(moment, kept, anchor))
             moment = step.moment
             if step.number > after.number:
                 yield step
+            if watch is not None and watch.witness.stop and step.overlap is not None and step.overlap.beyond:
+                raise Penetration(penetration_seen(step.number, step.state.t, step.overlap, watch.witness.tolerance))
             del step  # its W is not kept while the next one is made
             if self.keep and moment.number % self.keep == 0:
                 kept, anchor = {}, moment
@@ -125,6 +175,11 @@ class Simulation:
                     )
                 cuts += 1
                 continue
+            ledger = moment.ledger.after(replace(part, before=None).energy)
+            part = replace(part, ledger=ledger)
+            if self.scheme.timing.moving:
+                # what moves slower than the solvers' floor is at rest
+                refuse_creation(part, self.created, 0.5 * self._free_mass * self.solver.floor**2, self._extent)
             position, substeps = position + (end >> cuts), substeps + 1
             if cuts and position % (end >> (cuts - 1)) == 0:
                 cuts -= 1
@@ -142,28 +197,28 @@ class Simulation:
         """The step, or its next part of the length h / 2^cuts; None where it has no answer. What was tried goes into `attempts`."""
         model, state = self.model, start.state
         scheme = self.scheme.cut(2**cuts) if cuts else self.scheme
-        whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
-        configuration = scheme.detection_configuration(model, state)
-        contacts = scheme.select(self.detector(model.positions(configuration)))
-        H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
+        met = encounter(model, self.detector, scheme, state, self._proportions, start.variables)
         clock.lap("detection")
         rest = scheme.right_hand_side(model, state)
         rigid_mass = scheme.rigid_mass(model, state, rest)
         elastic = Linearisation(scheme, model, state)
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
         factor = factor if elastic.rotation is None else factor.turned(elastic.rotation)
-        w, driven = scheme.contact_velocity(state, contacts, H), scheme.driven(model, state)
-        equation = Equation(scheme, model, state, contacts, H, factor, rest, driven, w, elastic, 0.5**cuts)
+        equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts)
+        whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
-        serving = None if kept is None else kept.pop(cuts, Memory.of(contacts.identity)).follow(contacts.identity)
-        answer, serving = solve_equation(equation, self.solver, self._extent, memory, serving, attempts, clock)
-        if kept is not None and serving is not None:
-            kept[cuts] = serving
+        identity = met.contacts.identity
+        past = Past(memory, start.lead, None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity))
+        answer, past = solve_equation(equation, self.solver, self._extent, past, attempts, clock)
+        if kept is not None and past.serving is not None:
+            kept[cuts] = past.serving
         if answer is None:
             return None
-        result, v, impulse = answer.result, answer.v, H @ answer.result.r
+        result, v = answer.result, answer.v
+        impulse = met.H @ met.reaction(result.r)
         support = scheme.support_impulse(model, factor.apply(v) - answer.load - impulse, impulse)
         after = scheme.advance(model, state, v, impulse, rigid_mass)
+        variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
         return Step(
             number=start.number,
@@ -171,8 +226,8 @@ class Simulation:
             scheme=scheme,
             previous=state,
             state=after,
-            contacts=contacts,
-            H=H,
+            contacts=met.contacts,
+            H=met.H,
             problem=answer.problem,
             result=result,
             reduction=answer.reduction,
@@ -183,4 +238,7 @@ class Simulation:
             attempts=tuple(attempts),
             seconds=clock.seconds,
             whole_per_part=whole_per_part,
+            encounter=met,
+            variables=variables,
+            lead=past.lead,
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,20 +13,24 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.law import Variables
 from fcsim.problem import GlobalProblem, contact_status
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result, Status
-from fcsim.timestep.energy import Energy
+from fcsim.timestep.encounter import Encounter
+from fcsim.timestep.energy import UNWRITTEN, Energy, Ledger
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.warm_start import Reactions
+from fcsim.witness import Overlap
 
 
 @dataclass(frozen=True)
 class Attempt:
     """One link of the fallback chain: the solver, where it started ("previous steps" or "zero") and how it ended.
 
-    share: the part of the step that was attempted, 1 or, where the step was cut, 1/2, 1/4, ...; tol: the error asked for
+    share: the part of the step that was attempted, 1 or, where the step was cut, 1/2, 1/4, ...; tol: the error asked for; leads: it began
+    the chain because the steps before needed it, see `Lead`
     """
 
     solver: str
@@ -36,20 +40,51 @@ class Attempt:
     iterations: int
     share: float
     tol: float
+    leads: bool = False
 
     def __str__(self) -> str:
         return f"{self.solver} from {self.start}: {self.status}, error {self.error:.2e}"
 
 
+@dataclass(frozen=True)
+class Lead:
+    """Which solver begins the chain instead of the settings' own, learned from the steps before.
+
+    solver  the link that has worked where the first one did not, `streak` times in a row; it leads for `steps` more steps
+    """
+
+    solver: str = ""
+    streak: int = 0
+    steps: int = 0
+
+    def after(self, first: str, worked: str) -> Lead:
+        """The lead after a solve in which `first` began and `worked` had the answer."""
+        if self.steps > 1:
+            return Lead(self.solver, self.streak, self.steps - 1) if worked == self.solver else Lead()
+        if self.steps or worked == first:
+            return Lead()
+        streak = self.streak + 1 if worked == self.solver else 1
+        return Lead(worked, streak, LEADS if streak == LEARNED else 0)
+
+
+NOBODY = Lead()
+LEARNED, LEADS = 3, 25
+"""After so many solves in a row that the same later link had to answer, it begins the chain, for so many solves."""
+
+
 @dataclass(frozen=True, eq=False)
 class Moment:
     """The end of step `number`, all that the next steps depend on: its state, the last reactions (newest first), and how many times
-    the next step is halved before it is tried."""
+    the next step is halved before it is tried; variables: what the contact law remembers, None = nothing has been met yet; ledger:
+    what contact has created so far; lead: which solver begins the next chain."""
 
     number: int
     state: State
     memory: tuple[Reactions, ...] = ()
     cuts: int = 0
+    variables: Variables | None = None
+    ledger: Ledger = UNWRITTEN
+    lead: Lead = NOBODY
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +94,7 @@ class Step:
     scheme            the scheme whose step it is, of the sub-step's length where the step was cut
     previous, state   the states at its beginning and end
     H                 contact matrix (n_dofs, m) over all dofs, driven ones included
-    problem, result   the global problem and its answer
+    problem, result   the global problem and its answer; the result's r acts as `reaction`
     reduction         its local form, and v from r
     start, earlier    (m,) where the solver began, and the reactions of earlier steps, newest first, see `warm_start`
     anchor            where the factors began that served this step, see `Simulation`
@@ -70,6 +105,10 @@ class Step:
     before            balance of energy of the earlier sub-steps, None where there are none
     whole_per_part    reactions of the whole step per reaction of the sub-step: the ratio of their lengths for impulses, 1 for forces
     cuts              see `Moment`
+    encounter         the contacts under their law: what it was told and what it gave
+    variables         what the law remembers at the end of the step
+    ledger, lead      see `Moment`
+    overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
     """
 
     number: int
@@ -88,10 +127,15 @@ class Step:
     support_impulse: FloatArray
     attempts: tuple[Attempt, ...]
     seconds: Mapping[str, float]
+    encounter: Encounter
     substeps: int = 1
     before: Energy | None = None
     whole_per_part: float = 1.0
     cuts: int = 0
+    variables: Variables | None = None
+    ledger: Ledger = UNWRITTEN
+    lead: Lead = NOBODY
+    overlap: Overlap | None = None
 
     @property
     def memory(self) -> tuple[Reactions, ...]:
@@ -100,7 +144,7 @@ class Step:
 
     @property
     def moment(self) -> Moment:
-        return Moment(self.number, self.state, self.memory, self.cuts)
+        return Moment(self.number, self.state, self.memory, self.cuts, self.variables, self.ledger, self.lead)
 
     @property
     def reactions(self) -> Reactions:
@@ -120,13 +164,29 @@ class Step:
     @cached_property
     def energy(self) -> Energy:
         """The balance of energy over the step."""
-        own = self.scheme.energy(self.model, self.previous, self.state, self.H, self.result, self.support_impulse)
+        acting = replace(self.result, r=self.reaction, u=self.encounter.velocity(self.result.u))
+        own = self.scheme.energy(self.model, self.previous, self.state, self.H, acting, self.support_impulse)
+        held = self.encounter.meeting.variables
+        own = own.with_joints(held.stored if held else 0.0, self.variables.stored if self.variables else 0.0)
         return own if self.before is None else self.before.then(own)
+
+    @cached_property
+    def reaction(self) -> FloatArray:
+        """(m,) [N s; quasi-statics: N] what acts on the slave bodies in the contacts' frames: the problem's r, less adhesion."""
+        return self.encounter.reaction(self.result.r)
+
+    @property
+    def law_variables(self) -> dict[str, FloatArray]:
+        """What the contact law remembers of the step's contacts, by name: (nc,) or (nc, c)."""
+        if self.variables is None:
+            return {}
+        nothing = {name: np.full((len(self.contacts), *values.shape[1:]), np.nan) for name, values in self.variables.values.items()}
+        return {name: self.variables.of(name, self.contacts.identity, fresh) for name, fresh in nothing.items()}
 
     @cached_property
     def contact_force(self) -> FloatArray:
         """Forces (nc, d) [N] on the slave bodies in the contacts' frames (N, T1[, T2])."""
-        return self.force_per_reaction * self.result.r.reshape(-1, self.contacts.dimension)
+        return self.force_per_reaction * self.reaction.reshape(-1, self.contacts.dimension)
 
     @cached_property
     def contact_status(self) -> NDArray[np.int8]:

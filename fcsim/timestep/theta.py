@@ -20,8 +20,8 @@ from typing import Any
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.coulomb import Gap, Velocity, law_contacts, law_velocity
+from fcsim.contact_law.coulomb import Gap
+from fcsim.contact_law.law import Law, Timing
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
@@ -31,11 +31,11 @@ from fcsim.timestep.state import State
 
 @dataclass(frozen=True)
 class Theta:
-    """h [s] the step, 0 < theta <= 1, law: Gap() or Velocity(restitution)."""
+    """h [s] the step, 0 < theta <= 1, law: see `fcsim.contact_law`."""
 
     h: float
     theta: float = 0.5
-    law: Gap | Velocity = field(default_factory=Gap)
+    law: Law = field(default_factory=Gap)
 
     def __post_init__(self) -> None:
         positive("h", self.h)
@@ -48,6 +48,10 @@ class Theta:
     @property
     def notes(self) -> tuple[str, ...]:
         return ()
+
+    @property
+    def timing(self) -> Timing:
+        return Timing(self.h, self.theta, self.h, 1 / self.h)
 
     def cut(self, parts: int) -> Theta:
         return replace(self, h=self.h / parts)
@@ -63,8 +67,8 @@ class Theta:
         """The mid configuration x_m = x + h (1 - theta) v."""
         return model.advance(state.x, self.h * (1 - self.theta) * state.v)
 
-    def select(self, contacts: Contacts) -> Contacts:
-        return law_contacts(self.law, contacts)
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return self.h * state.v
 
     @property
     def kinematics(self) -> Kinematics | None:
@@ -102,9 +106,6 @@ class Theta:
         omega, free = model.rigid_part(state.v)[:, d:], model.rigid_free[:, d:]
         return model.rigid_bodies.free_end_mass(middle, momentum, omega, self.h * self.theta, free)
 
-    def contact_velocity(self, state: State, contacts: Contacts, H: Any) -> FloatArray:
-        return law_velocity(self.law, self.h, self.theta, state.v, contacts, H)
-
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)
 
@@ -121,9 +122,10 @@ class Theta:
         d(v.M v / 2 + y.K y / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dy.K dy) - G
 
         with d the change over the step, y the displacement without the turning bodies' rotation (see `frames`),
-        F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's dissipation: none at theta = 1/2,
-        never negative above (V. Acary, "Energy conservation and dissipation properties of time-integration methods for nonsmooth
-        elastodynamics with contact", ZAMM 96, 2016), but for G, see `turning`. For the work of impacts see `Velocity`.
+        F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's
+        dissipation: none at theta = 1/2, never negative above (V. Acary, "Energy conservation and dissipation properties of
+        time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016), but for G, see `turning`. For the work of
+        impacts see `Velocity`.
         """
         h, theta = self.h, self.theta
         v, dv = theta * after.v + (1 - theta) * before.v, after.v - before.v

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import SOLVERS, Result, Status, solve
-from fcsim.solvers.newton.iterations import NewtonOptions
+from fcsim.solvers.newton.options import NewtonOptions
 
 NEWTON = [name for name, method in SOLVERS.items() if isinstance(method.options, NewtonOptions)]
 GLOBAL = [name for name, method in SOLVERS.items() if method.run_global is not None]

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fcsim.bench.judge import FclibProblem
+from fcsim.bench.fclib_problem import FclibProblem
 from fcsim.bench.workers import siconos_client, solves
 from fcsim.bench.workers.killable import Task, run_killable
 from fcsim.export_fclib import GlobalRollingProblem, read_fclib, write_fclib

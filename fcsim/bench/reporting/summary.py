@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from fcsim.arrays import FloatArray
 from fcsim.bench.reporting.profiles import RESOLUTION
 from fcsim.bench.reporting.time_table import TimeTable, tolerance_name
+from fcsim.tables import cell, line
 
 AT_TIME_LIMIT = ("KILLED_TIME", "TIME_LIMIT")
 BROKEN = ("KILLED_MEMORY", "CRASHED")
@@ -249,16 +248,9 @@ def csv_text(summaries: Sequence[Summary]) -> str:
     """Everything as one tidy CSV: a row for each tolerance and solver, with full digits; empty where there is no value."""
     own = [name for name in Summary.__dataclass_fields__ if name != "solvers"]
     of_solver = list(SolverSummary.__dataclass_fields__)
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(own + of_solver)
-    for s in summaries:
-        for row in s.solvers:
-            values = [getattr(s, name) for name in own] + [getattr(row, name) for name in of_solver]
-            writer.writerow(
-                [
-                    "" if v is None or (isinstance(v, float) and not math.isfinite(v)) else repr(v) if isinstance(v, float) else v
-                    for v in values
-                ]
-            )
-    return file.getvalue()
+    rows = ([getattr(s, name) for name in own] + [getattr(row, name) for name in of_solver] for s in summaries for row in s.solvers)
+    return line(own + of_solver) + "".join(line(_finite(value) for value in row) for row in rows)
+
+
+def _finite(value: object) -> str:
+    return "" if isinstance(value, float) and not math.isfinite(value) else cell(value)

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.bench.judge import FclibProblem
+from fcsim.bench.fclib_problem import FclibProblem
 from fcsim.bench.results import SLACK
 from fcsim.bench.workers.killable import FINISHED
 from fcsim.files import replacing
 from fcsim.problem import GlobalProblem
-from fcsim.problem.reduction import eliminate_equalities, reduce
+from fcsim.problem.reduction import reduced
 
 WORKER = Path(__file__).with_name("siconos_worker.py")
 TIGHTEST = 1e-16
@@ -46,7 +46,7 @@ def write_problem(problem: FclibProblem, path: Path) -> None:
     p = problem.problem
     arrays: dict[str, Any] = {"dimension": p.dimension, "mu": p.mu}
     # equality constraints are eliminated for Siconos, which does not know them
-    local = reduce(p).local if isinstance(p, GlobalProblem) else eliminate_equalities(p)
+    local = reduced(p).local
     matrices, arrays["q"] = {"W": local.W}, local.q
     if isinstance(p, GlobalProblem) and p.G is None:
         matrices |= {"M": p.M, "H": p.H}
@@ -139,7 +139,7 @@ def write_with_reduction_time(problem: FclibProblem, path: Path) -> None:
     def once() -> tuple[float, float]:
         fresh = replace(p)
         wall, cpu = time.perf_counter(), time.process_time()
-        _ = reduce(fresh).local.q if isinstance(fresh, GlobalProblem) else eliminate_equalities(fresh).q
+        _ = reduced(fresh).local.q
         return time.perf_counter() - wall, time.process_time() - cpu
 
     once()  # loads compiled code, as before the measured runs of our methods

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from fcsim.bench.judge import FclibProblem
+from fcsim.bench.fclib_problem import FclibProblem
 from fcsim.bench.results import SLACK
 from fcsim.bench.workers.killable import FINISHED, Task, run_killable
 from fcsim.linear.joints import FRONTS_FROM, JOINT

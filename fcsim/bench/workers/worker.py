@@ -27,7 +27,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from fcsim.bench.judge import FclibProblem, read_problem
+from fcsim.bench.fclib_problem import FclibProblem, read_problem
 from fcsim.bench.results import SLACK, Measurement
 from fcsim.bench.workers.flops import counting
 from fcsim.bench.workers.killable import FINISHED, MEMORY_LIMIT, TIME_LIMIT, Ended, Task, die_with_parent, run_killable

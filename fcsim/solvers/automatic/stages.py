@@ -49,9 +49,11 @@ from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.rows import ContactRows
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
-from fcsim.solvers.newton.iterations import NewtonOptions, newton, newton_iterations
+from fcsim.solvers.newton.iterations import newton
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt
-from fcsim.solvers.newton.regularised import DENSE_UP_TO, SUPERLU_UP_TO, RegularisedNewton, ShiftedSpace, shifted_matrix
+from fcsim.solvers.newton.options import NewtonOptions
+from fcsim.solvers.newton.regularised import RegularisedNewton
+from fcsim.solvers.newton.systems.choice import ONCE_DENSE, ONCE_SPARSE
 from fcsim.solvers.variational.admm import AdmmOptions, admm, split
 from fcsim.solvers.variational.inequality import Inequality
 from fcsim.solvers.variational.watches import ProblemWatch
@@ -193,11 +195,11 @@ class _Run:
             self.newton_cost = 1e-3 + 1.5e-7 * entries
             self.splitting_cost = 1e-3 + 0.4 * self.newton_cost + share * (5e-5 + 1e-9 * entries)
         else:
-            small = m <= DENSE_UP_TO
+            small = m <= ONCE_DENSE
             self.newton_cost = (2.5e-4 + 2.5e-11 * m**3 if small else 5e-4 + 3e-11 * m**3) + 4e-9 * m**2
             self.splitting_cost = 3e-4 + 2e-11 * m**3 + share * (4e-5 + 1e-9 * m**2)
         self.proximal_cost = self.newton_cost
-        if self.sparse and joints is None and entries <= SUPERLU_UP_TO:
+        if self.sparse and joints is None and entries <= ONCE_SPARSE:
             self.proximal_cost = 8e-4 + 3.5e-8 * entries
         self._rows: ContactRows | None = None
         self._chunk, self._sweeps_left, self._untried = options.probe, 0.0, options.splitting > 0
@@ -260,11 +262,7 @@ class _Run:
             return Iterate(r, Status.STAGNATED)
         factor = 1.0 if self.warm else COLD_RHO
         options = replace(PLAIN_NEWTON, rho_factor=factor, max_iterations=self.options.max_iterations, patience=self.options.patience)
-        system = None if self.joints is not None else shifted_matrix(self.problem)
-        if system is None:
-            return newton(self.problem, r, self.monitor, options)
-        space = ShiftedSpace(system, self.problem.q, r)
-        return newton_iterations(space, r, system.diagonal_blocks, self.problem.mu, self.monitor, options)
+        return newton(self.problem, r, self.monitor, options, once=True)
 
     def proximal(self, r: FloatArray) -> Iterate:
         """Proximal point with Newton inside; where it stagnates, again from ADMM's iterate, from r with another schedule, and nearby."""

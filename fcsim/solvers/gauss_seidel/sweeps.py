@@ -172,7 +172,9 @@ def iterate(sweep: Sweep, point: Point, nc: int, monitor: Monitor, options: Swee
     tau, interval = monitor.tol, options.error_frequency
     last_full = last_progress = monitor.iterations
     least, caution = error, 1.0
-    while error > monitor.tol:
+    while not error <= monitor.tol:
+        if not np.isfinite(error):
+            return Iterate(r, Status.DIVERGED)
         if monitor.iterations >= options.max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():

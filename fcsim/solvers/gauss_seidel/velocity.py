@@ -17,7 +17,7 @@ from fcsim.errors import InputError
 from fcsim.linear._block_rows_kernels import product
 from fcsim.linear.block_rows import block_rows, embed_blocks, embed_vector
 from fcsim.linear.factors import SingularMatrix
-from fcsim.problem import LocalProblem
+from fcsim.problem import LocalProblem, diagonal_blocks
 from fcsim.problem.reduction import BlockFactor
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
@@ -44,9 +44,11 @@ def nsgsv(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Veloc
         raise InputError(f"NSGSV: expected at most largest_inverse = {options.largest_inverse} contact unknowns, the problem has {m}")
     try:
         M = BlockFactor(problem.W).delassus(sp.eye_array(m), d)  # I^T W^-1 I by connected components of W
-        compliance = np.linalg.inv(LocalProblem(M, problem.q, problem.mu, dimension=d).diagonal_blocks)
-    except (SingularMatrix, np.linalg.LinAlgError, InputError):  # InputError: infinite entries
-        return Iterate(r, Status.SINGULAR)
+        compliance = np.linalg.inv(diagonal_blocks(M, d))
+    except (SingularMatrix, np.linalg.LinAlgError) as singular:
+        return Iterate(r, Status.SINGULAR, str(singular))
+    if not np.all(np.isfinite(M.data if sp.issparse(M) else M)):
+        return Iterate(r, Status.SINGULAR, "W has no finite inverse")
     solver = ONE_CONTACT[options.one_contact]
     rho = np.ascontiguousarray(RHO_RULES[solver.rho](compliance)[:, :2])
     W_rows, M_rows = block_rows(problem.W, d), block_rows(M, d)

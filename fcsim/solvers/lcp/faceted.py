@@ -61,7 +61,7 @@ def faceted_cone(problem: LocalProblem, r: FloatArray, monitor: Monitor, options
     if monitor.record(r, u) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     if options.crash_sweeps:
-        crash = Monitor(problem.q, problem.mu, problem.dimension, monitor.tol, time_limit=monitor.time_limit, start=monitor.start)
+        crash = monitor.inner(problem.q, monitor.tol)
         r = nsgs(problem, r, crash, GaussSeidelOptions(max_iterations=options.crash_sweeps)).r
         u = problem.W @ r + problem.q
     polygons = Polygons(problem, options)
@@ -72,13 +72,13 @@ def faceted_cone(problem: LocalProblem, r: FloatArray, monitor: Monitor, options
         if monitor.out_of_time():
             return Iterate(r, Status.TIME_LIMIT)
         lcp = coulomb_lcp(problem, polygons.generators)
-        solution = _solve(lcp, lcp.support(r, u) if warm else None, monitor, options)
+        solution, message = _solve(lcp, lcp.support(r, u) if warm else None, monitor, options)
         monitor.iterations += 1
         if solution is None:
             if monitor.out_of_time():
-                return Iterate(r, Status.TIME_LIMIT)
+                return Iterate(r, Status.TIME_LIMIT, message)
             if not polygons.relax():
-                return Iterate(r, Status.STAGNATED)
+                return Iterate(r, Status.STAGNATED, message)
             continue
         r, warm = lcp.reaction(solution), True
         u = problem.W @ r + problem.q
@@ -97,18 +97,21 @@ def faceted_cone(problem: LocalProblem, r: FloatArray, monitor: Monitor, options
     return Iterate(r, Status.MAX_ITERATIONS)
 
 
-def _solve(lcp: CoulombLCP, start: BoolArray | None, monitor: Monitor, options: FacetedOptions) -> FloatArray | None:
-    """z of the LCP or None; from the basis `start` first, from z = 0 where that leads nowhere."""
+def _solve(lcp: CoulombLCP, start: BoolArray | None, monitor: Monitor, options: FacetedOptions) -> tuple[FloatArray | None, str]:
+    """z of the LCP or None, and why; from the basis `start` first, from z = 0 where that leads nowhere."""
     if options.engine == "PATH":
-        return solve_by_path(lcp.M, lcp.q, time_limit=monitor.start + monitor.time_limit - time.perf_counter())
+        answered = solve_by_path(lcp.M, lcp.q, time_limit=monitor.start + monitor.time_limit - time.perf_counter())
+        return answered.z, answered.message
+    message = "Lemke: singular basis"
     for basis in ([start] if start is not None else []) + [None]:
         try:
             answer = lemke(lcp.M, lcp.q, start=basis, max_pivots=options.max_pivots * len(lcp.q), stop=monitor.out_of_time)
         except SingularMatrix:
             continue
+        message = f"Lemke: {answer.status.value}"
         if answer.status is LCPStatus.SOLVED:
-            return answer.z
-    return None
+            return answer.z, message
+    return None, message
 
 
 class Polygons:

@@ -11,6 +11,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,24 +33,52 @@ def path_program() -> str:
     return program
 
 
-def solve_by_path(M: FloatArray, q: FloatArray, time_limit: float = float("inf")) -> FloatArray | None:
-    """Return z (n,) of 0 <= z ⊥ M z + q >= 0 by PATH, or None where it finds none or is stopped after time_limit [s]."""
+@dataclass(frozen=True, eq=False)
+class PathAnswer:
+    """z (n,) of 0 <= z ⊥ M z + q >= 0, None where PATH finds none; message: what it said, with its codes where they are not 0."""
+
+    z: FloatArray | None
+    message: str
+
+
+def solve_by_path(M: FloatArray, q: FloatArray, time_limit: float = float("inf")) -> PathAnswer:
+    """Solve 0 <= z ⊥ M z + q >= 0 by PATH, stopped after time_limit [s]."""
     program = path_program()
     with tempfile.TemporaryDirectory(prefix="fcsim-path-") as folder:
         stub = Path(folder) / "lcp"
         stub.with_suffix(".nl").write_text(nl_text(M, q))
         try:
-            subprocess.run(
+            done = subprocess.run(
                 [program, str(stub), "-AMPL"],
                 cwd=folder,
                 capture_output=True,
                 timeout=None if np.isinf(time_limit) else max(time_limit, 0.01),
                 check=False,
             )
-        except (subprocess.TimeoutExpired, OSError):
-            return None
+        except subprocess.TimeoutExpired:
+            return PathAnswer(None, f"PATH: stopped after {time_limit:.3g} s")
+        except OSError as error:
+            return PathAnswer(None, f"PATH: {program} cannot be run: {error}")
+        said = done.stderr.decode(errors="replace").strip() or done.stdout.decode(errors="replace").strip()
+        ended = f", return code {done.returncode}" if done.returncode else ""
         answer = stub.with_suffix(".sol")
-        return read_sol(answer.read_text(), len(q)) if answer.exists() else None
+        if not answer.exists():
+            return PathAnswer(None, f"PATH: no .sol file{ended}: {_last_line(said)}")
+        text = answer.read_text(errors="replace")
+        z, code = read_sol(text, len(q)), _code(text)
+        told = next((line.strip() for line in text.splitlines() if line.strip()), said)
+        return PathAnswer(z, f"PATH: {told[:200]}{f', solve code {code}' if code else ''}{ended}")
+
+
+def _last_line(text: str) -> str:
+    """The last line of what a program said, 200 characters of it."""
+    return next(iter(text.splitlines()[-1:]), "nothing said")[:200]
+
+
+def _code(text: str) -> int:
+    """The solve code of a .sol file (0 to 99: solved), 0 where it has none."""
+    lines = [line.split() for line in text.splitlines() if line.startswith("objno")]
+    return int(lines[0][-1]) if lines and lines[0][-1].isdigit() else 0
 
 
 def nl_text(M: FloatArray, q: FloatArray) -> str:

@@ -201,7 +201,7 @@ def planar_enumeration(problem: LocalProblem, r: FloatArray, monitor: Monitor, o
     if monitor.record(r, problem.W @ r + problem.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     if options.guess_sweeps:
-        guess = Monitor(problem.q, problem.mu, problem.dimension, monitor.tol, time_limit=monitor.time_limit, start=monitor.start)
+        guess = monitor.inner(problem.q, monitor.tol)
         r = nsgs(problem, r, guess, GaussSeidelOptions(max_iterations=options.guess_sweeps), PLANAR).r
     first = monitor.iterations
     M, q, impulse = _three_pair_lcp(problem)

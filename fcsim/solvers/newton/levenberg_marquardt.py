@@ -35,7 +35,9 @@ def levenberg_marquardt(problem: LocalProblem, r: FloatArray, monitor: Monitor, 
     length = np.repeat(1 / np.sqrt(contact_compliance(problem)), d)
     u = W @ r + problem.q
     error = monitor.record(r, u)
-    while error > monitor.tol:
+    while not error <= monitor.tol:
+        if not np.isfinite(error):
+            return Iterate(r, Status.DIVERGED)
         if monitor.iterations >= max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():

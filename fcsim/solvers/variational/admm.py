@@ -283,8 +283,8 @@ def split_turns(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOption
         vi = Inequality(operator, vi.q, vi.convex_set, vi.mu)
     symmetric = options.symmetry in ("assume", "symmetrise") or (options.symmetry == "check" and operator.symmetric)
     splitting = LocalSplitting(vi, symmetric, monitor)
-    rho = options.rho * _local_scale(operator, options.initial_rho)
     try:
+        rho = options.rho * _local_scale(operator, options.initial_rho)
         if not splitting.resume(rho):
             splitting.set_rho(rho)
     except SingularMatrix:

@@ -1,5 +1,6 @@
 """Graded selections: of problems whose iterations are known, of folders with foreign names, of collections."""
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -118,6 +119,34 @@ def test_two_files_of_one_name(tmp_path: Path) -> None:
     selection = select_problems(tmp_path / "in", tmp_path / "out", solver="MADE-UP")
     assert len({e.name for e in selection.entries}) == 2 == len(list((tmp_path / "out" / "local").iterdir()))
     assert {e.source for e in selection.entries} == {"SET-i00008-1-00003.hdf5", "SET-i00009-1-00003.hdf5"}
+
+
+def test_a_parameter_study(tmp_path: Path) -> None:
+    """Four folders with files of equal names, as runs with other parameters leave them: no problem is lost, and all is counted."""
+    for k, iterations in enumerate((5, 5, 5, 7)):
+        write(tmp_path / "in" / f"mu{k}" / "local" / "SET-i00001-1-00003.hdf5", one_contact(iterations))
+    write(tmp_path / "in" / "mu0" / "local" / "set-i00001-1-00003.hdf5", one_contact(5))  # differs in capitals alone
+    selection = select_problems(tmp_path / "in", tmp_path / "out", solver="MADE-UP")
+    files = sorted((tmp_path / "out" / "local").iterdir())
+    assert len(files) == 5 == len({path.name.lower() for path in files}) == len(selection.entries)
+    assert {(tmp_path / "in" / row.source).read_bytes() == (tmp_path / "out" / row.place).read_bytes() for row in selection.entries} == {
+        True
+    }
+    assert len({row.source for row in selection.entries}) == 5
+    readme = (tmp_path / "out" / "README.md").read_text()
+    assert readme.startswith("# 5 problems of graded difficulty") and "| number of problems | 5 |" in readme and "5 local" in readme
+    assert not any(row.failures for row in check_collection(tmp_path / "out"))
+
+
+def test_parameters_are_taken_along(built: Built, tmp_path: Path) -> None:
+    """From the manifests of collections in the folder, as a parameter study has them."""
+    shutil.copytree(built.directory, tmp_path / "in" / "first")
+    shutil.copytree(built.directory, tmp_path / "in" / "second")
+    selection = select_problems(tmp_path / "in", tmp_path / "out", count=4, solver="NSN-AC", tol=1e-6)
+    assert len(selection.entries) == 8
+    for entry in read_manifest(tmp_path / "out"):
+        parameters = json.loads(entry.parameters)
+        assert parameters["courses"] == 1 and parameters["blocks"] == 2 and parameters["E"] == 2.2e9
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from fcsim.linear import factors as linear
 from fcsim.linear.factors import DenseCholesky, SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem, delassus_sum, reduction
-from fcsim.problem.reduction import BlockFactor, eliminate_equalities, reduce
+from fcsim.problem.reduction import BlockFactor, reduce, reduced
 
 
 def spd(size: int, rng: np.random.Generator) -> np.ndarray:
@@ -206,7 +206,7 @@ def test_local_equality_constraints_against_the_mixed_system(sparse: bool) -> No
     rng = np.random.default_rng(9)
     W, V, R, q, s = spd(6, rng), rng.standard_normal((6, 2)), -spd(2, rng), rng.standard_normal(6), rng.standard_normal(2)
     kind: Any = sp.csc_array if sparse else np.asarray
-    eliminated = eliminate_equalities(LocalProblem(kind(W), q, np.full(2, 0.3), kind(V), kind(R), s))
+    eliminated = reduced(LocalProblem(kind(W), q, np.full(2, 0.3), kind(V), kind(R), s)).local
     assert eliminated.V is None
     for r in rng.standard_normal((3, 6)):
         mixed = np.block([[np.eye(6), -V], [np.zeros((2, 6)), R]])
@@ -216,7 +216,7 @@ def test_local_equality_constraints_against_the_mixed_system(sparse: bool) -> No
 
 def test_local_problem_without_constraints_stays() -> None:
     problem = LocalProblem(np.eye(3), np.zeros(3), np.full(1, 0.3))
-    assert eliminate_equalities(problem) is problem
+    assert reduced(problem) is problem
 
 
 def test_constraints_of_a_body_without_supports() -> None:

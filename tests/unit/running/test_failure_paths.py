@@ -61,7 +61,7 @@ def build(p):
         ]
     model = build_model([block, plane], supports=supports, gravity=lambda t: (0, 0, -9.81))
     pair = SurfacePair(contact_surface(model, [("block", p.surface)]), contact_surface(model, [("plane", "z+")]), 0.5, 1e-1)
-    settings = SolverSettings(options={"max_iterations": p.max_iterations}, fallback=())
+    settings = SolverSettings(name="NSN-AC", options={"max_iterations": p.max_iterations}, fallback=())
     simulation = Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(0.25), p.steps, settings, cuttings=p.cuttings)
     return Case("press", "A pressed block", simulation)
 """

@@ -117,7 +117,7 @@ def test_the_table_as_hdf5(case_folder: Path, tmp_path: Path, steps_without_seco
     about = json.loads((tmp_path / "out" / "run.json").read_text())
     curve = {"column": "lift", "label": "vertical force on the upper block", "unit": "N"}
     assert about["plots"]["histories"] == [{"name": "lift", "against": {"column": "t", "label": "time", "unit": "s"}, "curves": [curve]}]
-    assert about["scheme"].startswith("Theta(h=0.001, theta=0.5, law=Gap())")
+    assert about["scheme"].startswith("Theta(h=0.001, theta=0.5, law=Gap(")
 
 
 def test_a_step_without_contacts_is_written(case_folder: Path, tmp_path: Path) -> None:

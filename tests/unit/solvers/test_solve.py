@@ -10,13 +10,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fcsim.errors import InputError
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Method, Result, Status, solve
 from fcsim.solvers.base import Iterate, Monitor, override
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
-from fcsim.solvers.newton.iterations import NewtonOptions, newton
+from fcsim.solvers.newton.iterations import newton
 from fcsim.solvers.newton.line_search import armijo, goldstein_price
+from fcsim.solvers.newton.options import NewtonOptions
 
 
 def problem(seed: int = 0, nc: int = 10, d: int = 3) -> LocalProblem:
@@ -290,3 +292,57 @@ def test_line_searches_from_a_bad_start() -> None:
         result: Result = solve(p, "NSN-AC", 100 * np.ones(30), line_search=search, tol=1e-10)
         assert (true_error(p, result.r) <= 1e-10) == result.solved
         assert result.solved
+
+
+# trust inside the chains
+
+
+def _drifting(problem: LocalProblem, r: np.ndarray, monitor: Monitor, options: Any) -> Iterate:
+    """A method whose u has drifted to where r = 0 would be the answer."""
+    lifted = np.zeros_like(problem.q)
+    lifted[:: problem.dimension] = 1.0
+    return Iterate(r, Status.SOLVED if monitor.record(r, lifted) <= monitor.tol else Status.STAGNATED)
+
+
+def test_a_drifted_velocity_does_not_end_a_chain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stage believes its own u; what counts is u recomputed from r, so that the hybrid goes on to one that solves."""
+    stages = (Stage(_drifting, NewtonOptions()), Stage(newton, NewtonOptions()))
+    monkeypatch.setitem(SOLVERS, "DRIFTS-FIRST", replace(SOLVERS["NSN-AC"], run=hybrid, options=HybridOptions(stages=stages)))
+    result = solve(problem(), "DRIFTS-FIRST", tol=1e-10)
+    assert result.solved
+    assert true_error(problem(), result.r) <= 1.1e-10
+
+
+def test_a_singular_matrix_inside_a_method_is_a_status(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: Any) -> Iterate:
+        raise SingularMatrix("zero pivot 3")
+
+    monkeypatch.setitem(SOLVERS, "FAILS", replace(SOLVERS["NSN-AC"], run=fails))
+    result = solve(problem(), "FAILS")
+    assert (result.status, result.message) == (Status.SINGULAR, "zero pivot 3")
+    stages = (Stage(fails, NewtonOptions()), Stage(newton, NewtonOptions()))
+    monkeypatch.setitem(SOLVERS, "FAILS-FIRST", replace(SOLVERS["NSN-AC"], run=hybrid, options=HybridOptions(stages=stages)))
+    assert solve(problem(), "FAILS-FIRST").solved
+
+
+def test_a_hybrid_keeps_to_its_iterations() -> None:
+    result = solve(problem(nc=30), "NSN-AC-HYBRID", tol=1e-14, max_iterations=3)
+    assert result.iterations <= 3
+    with pytest.raises(InputError, match="max_iterations"):
+        solve(problem(), "NSN-AC-HYBRID", max_iterations=-1)
+
+
+@pytest.mark.parametrize("name", [name for name in SOLVERS if not name.startswith("2D")])
+def test_not_a_number_is_never_solved(name: str) -> None:
+    """Entries near the largest number overflow to infinity and NaN in products; whatever a method makes of that, it is not SOLVED."""
+    huge = LocalProblem(1e300 * np.array([[2.0, 1, 0], [1, 2, 1], [0, 1, 2]]), np.array([-1e200, 1e180, 3.0]), np.array([0.5]))
+    result = solve(huge, name, np.array([1e200, 1e200, -1e200]), tol=1e-8, max_iterations=50)
+    assert result.solved is (result.error <= 1e-8)
+
+
+def test_kkt_is_refused_where_it_cannot_be_honoured() -> None:
+    with pytest.raises(InputError, match="option linear: expected 'kkt' with a global or mixed local problem for 'NSN-AC'"):
+        solve(problem(), "NSN-AC", linear="kkt")
+    mixed = LocalProblem(np.eye(3), -np.ones(3), np.array([0.5]), np.zeros((3, 1)), np.eye(1), np.zeros(1))
+    with pytest.raises(InputError, match="expected 'kkt' with a global problem for 'ADMM', got it with a mixed local problem"):
+        solve(mixed, "ADMM", linear="kkt")

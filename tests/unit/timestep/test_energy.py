@@ -41,9 +41,11 @@ def pressed(lumped: bool = True, gap: float = 1e-3, **options: Any) -> Model:
     return build_model(bodies, supports=[HELD, *drive], loads=[pull], gravity=lambda t: (1.0, 0, -9.81), lumped=lumped, **options)
 
 
-def simulate(model: Model, scheme: Scheme, steps: int, mu: float = 0.4, initial: State | None = None, body: str = "bar") -> list[Step]:
+def simulate(
+    model: Model, scheme: Scheme, steps: int, mu: float = 0.4, initial: State | None = None, body: str = "bar", **options: Any
+) -> list[Step]:
     pair = SurfacePair(contact_surface(model, [(body, "z-")]), contact_surface(model, [("plane", "z+")]), mu, 1e-2)
-    return list(Simulation(model, Detector([pair], model.n_nodes), scheme, steps, SolverSettings(tol=1e-10), initial))
+    return list(Simulation(model, Detector([pair], model.n_nodes), scheme, steps, SolverSettings(tol=1e-10), initial, **options))
 
 
 def assert_closed(model: Model, steps: list[Step], kinetic: bool = True) -> None:
@@ -68,7 +70,8 @@ def assert_closed(model: Model, steps: list[Step], kinetic: bool = True) -> None
 @pytest.mark.parametrize("lumped", [True, False])
 def test_theta_closes_the_balance(theta: float, law: Gap | Velocity, lumped: bool) -> None:
     model = pressed(lumped, alpha=2.0, beta=1e-3)
-    steps = simulate(model, Theta(2e-3, theta, law), 40)
+    # theta > 1/(1+e) makes impacts create energy, see `Velocity`: a run stops unless it may
+    steps = simulate(model, Theta(2e-3, theta, law), 40, created=np.inf)
     assert_closed(model, steps)
     numerical = np.array([step.energy.numerical_dissipation for step in steps])
     assert np.all(numerical == 0) if theta == 0.5 else np.all(numerical > 0)

@@ -23,7 +23,7 @@ from fcsim.solvers.base import Iterate
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest
-from fcsim.timestep.step import Moment
+from fcsim.timestep.step import LEADS, LEARNED, NOBODY, Lead, Moment
 from fcsim.timestep.theta import Theta
 from fcsim.timestep.warm_start import Reactions
 
@@ -188,19 +188,46 @@ def test_fallback_chain_is_walked_and_reported(broken_solver: str) -> None:
     settings = SolverSettings(name=broken_solver, fallback=(broken_solver, "NSN-NM", "NSGS-AC"))
     steps, reference = list(press(settings=settings)), list(press())
     last = steps[-1]
-    chain, rounds = [("BROKEN", "previous steps"), ("BROKEN", "zero"), ("NSN-NM", "zero")], len(last.attempts) // 3
-    assert [(a.solver, a.start) for a in last.attempts] == rounds * chain  # a round for each linearisation of the turning bodies
-    assert [a.status for a in last.attempts] == rounds * ["stagnated", "stagnated", "solved"]
-    assert last.attempts[0].error > 1e-8 >= last.attempts[-1].error
+    walked = next(step for step in steps if len(step.attempts) > 2 and step.attempts[1].solver == "BROKEN")
+    chain = [("BROKEN", "previous steps"), ("BROKEN", "zero"), ("NSN-NM", "zero")]
+    assert [(a.solver, a.start) for a in walked.attempts[:3]] == chain
+    assert [a.status for a in walked.attempts[:3]] == ["stagnated", "stagnated", "solved"]
+    assert walked.attempts[0].error > 1e-8 >= walked.attempts[-1].error
     assert last.result.method == "NSN-NM" and last.result.solved
     assert_allclose(last.state.v, reference[-1].state.v, atol=1e-7)
 
 
 def test_chain_of_a_method_stopped_by_its_options() -> None:
-    steps = list(press(settings=SolverSettings(options={"max_iterations": 0}, fallback=("NSN-AC-HYBRID",))))
-    assert steps[-1].attempts[0].status == Status.MAX_ITERATIONS.value
-    assert steps[-1].attempts[-1].solver == "NSN-AC-HYBRID"
+    steps = list(press(settings=SolverSettings(name="NSN-AC", options={"max_iterations": 0}, fallback=("NSN-AC-HYBRID",))))
+    walked = [step for step in steps if len(step.contacts) and step.attempts[0].solver == "NSN-AC" and len(step.attempts) > 1]
+    assert all(step.attempts[0].status == Status.MAX_ITERATIONS.value for step in walked)
+    assert {step.attempts[-1].solver for step in walked} == {"NSN-AC-HYBRID"}
     assert all(step.result.solved for step in steps)
+
+
+def test_a_chain_learns_which_link_answers() -> None:
+    """After three steps in which a later link had to answer, it begins; the reference is the walk itself, 25 steps long."""
+    steps = list(press(settings=SolverSettings(name="NSN-AC", options={"max_iterations": 0}, fallback=("NSN-AC-HYBRID",))))
+    firsts = [step.attempts[0] for step in steps if np.any(step.start) or len(step.attempts) > 1]
+    begun = [a.solver for a in firsts]
+    learned = begun.index("NSN-AC-HYBRID")
+    assert begun[:learned] == ["NSN-AC"] * learned and firsts[learned].leads and not firsts[0].leads
+    assert sum(len(step.attempts) > 1 for step in steps[: steps.index(next(s for s in steps if s.attempts[0] is firsts[learned]))]) >= 3
+
+
+def test_who_leads() -> None:
+    lead = NOBODY
+    for _ in range(LEARNED):
+        assert not lead.steps
+        lead = lead.after("first", "second")
+    assert (lead.solver, lead.steps) == ("second", LEADS)
+    for left in range(LEADS - 1, 0, -1):
+        lead = lead.after("second", "second")
+        assert lead.steps == left
+    assert lead.after("second", "second") == NOBODY  # then the first has its chance again
+    assert Lead("second", 3, 5).after("second", "third") == NOBODY
+    assert Lead("second", 2).after("first", "third") == Lead("third", 1)
+    assert Lead("second", 2).after("first", "first") == NOBODY
 
 
 def test_no_step_goes_on_unconverged(broken_solver: str) -> None:

@@ -39,7 +39,7 @@ def pressed(scheme: Scheme, steps: int, iterations: int, cuttings: int = 6, **op
         beta=1e-3,
     )
     pair = SurfacePair(contact_surface(model, [("block", "z-")]), contact_surface(model, [("plane", "z+")]), 0.5, 1e-1)
-    settings = SolverSettings(options={"max_iterations": iterations}, fallback=(), **options)
+    settings = SolverSettings(name="NSN-AC", options={"max_iterations": iterations}, fallback=(), **options)
     return Simulation(model, Detector([pair], model.n_nodes), scheme, steps, settings, cuttings=cuttings)
 
 

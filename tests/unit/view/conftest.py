@@ -143,7 +143,13 @@ def step(model: FakeModel, number: int, last: int, divisions: int = 8) -> Simple
     x = displacement(model, amplitude)
     state = SimpleNamespace(t=0.5 * amplitude, x=x.ravel(), v=2 * x.ravel())
     return SimpleNamespace(
-        number=number, state=state, contacts=made, contact_force=force, contact_status=status, result=SimpleNamespace(u=u.ravel())
+        number=number,
+        state=state,
+        contacts=made,
+        contact_force=force,
+        contact_status=status,
+        result=SimpleNamespace(u=u.ravel()),
+        law_variables={},
     )
 
 
@@ -157,6 +163,7 @@ def without_contacts(made: SimpleNamespace) -> SimpleNamespace:
         contacts=Contacts(**none),
         contact_force=force,
         contact_status=made.contact_status[:0],
+        law_variables={},
         result=SimpleNamespace(u=force.ravel()),
     )
 

@@ -1,185 +1,113 @@
-"""The system on the border of a condensed elimination: the unknowns that the linearised equations leave open there."""
+"""The border of a condensed elimination: contacts whose status is another than when W was factored on the held ones.
+
+A released contact a (held, but sliding or open now) has the unknown x_a = (W dr)_a, a free one (not held, but closed now) the unknown
+x_a = dr_a. With the columns P = L^-1 [W_SC, -E_R] of free (C) and released (R) contacts, z = L^-1 t and t the held contacts' W dr
+(0 at released ones),
+
+    (W dr)_C = P_C^T z + (W_CC - P_C^T P_C) x_C - P_C^T P_R x_R,        dr_R = -P_R^T z + P_R^T P_C x_C + P_R^T P_R x_R.
+
+So a change of sets costs columns, not a factorisation. The matrix of this response to x is kept.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
-from fcsim.linear._front_kernels import border_matrix
-from fcsim.linear.factors import DenseLU, SingularMatrix
-from fcsim.linear.krylov import gmres
-
-APPROXIMATE_FROM = 500
-"""Unknowns from which an earlier factor and GMRES pay where a defect is allowed; smaller systems are solved by their own factor."""
-REUSED = 14
-"""Iterations of GMRES that an earlier factor may take."""
-CHANGED = 0.1
-"""Share of the unknowns that may have come or gone since a factor was computed: each costs a solve with it."""
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.linear.block_rows import dofs_of
+from fcsim.solvers.newton.systems.held import Held, dense_part
 
 
-class _Factored:
-    """J on the `unknown` components (k, d) of k contacts by its LU, with the contacts' own blocks of J (k, d, d)."""
+class _Columns:
+    """Storage for P^T and the response, with room for columns to come, which the borders that grow from one another share.
 
-    def __init__(self, J: FloatArray, unknown: BoolArray, own: FloatArray) -> None:
-        """J in C order; it is overwritten."""
-        self.unknown, self.own = unknown, own
-        self._lu = DenseLU(J.T, overwrite=True)
-
-    def solve(self, rhs: FloatArray) -> FloatArray:
-        """J^-1 rhs for rhs (n,) or (n, columns)."""
-        return self._lu.solve_transposed(rhs)
-
-
-class _Updated:
-    """An approximate inverse of J by the factor of an earlier J0, of which other components were unknown in part.
-
-    Contacts of which the same components are unknown in both (c) have rows D D0^-1 times those of J0, with their own blocks D and D0: most
-    of a change of the linearisation, above all of rho, is such a scaling. Unknowns that came (+) are a border, those that went (E) are
-    held at zero by multipliers l:
-
-        [J0    J_c+  E] [x ]   [b ]
-        [J_+c  J_++  0] [x+] = [b+]     with the rows of J_c+ and b times D0 D^-1.
-        [E^T   0     0] [l ]   [0 ]
+    taken: columns written so far. Only the border that has all of them may write the next ones in place; another one copies first.
     """
 
-    def __init__(self, factored: _Factored, J: FloatArray, unknown: BoolArray, own: FloatArray) -> None:
-        """Raises SingularMatrix where too much has changed."""
-        d = unknown.shape[1]
-        before, own_before = np.zeros_like(unknown), np.zeros_like(own)
-        before[: len(factored.unknown)], own_before[: len(factored.own)] = factored.unknown, factored.own
-        common = (before == unknown).all(axis=1)
-        stays, stayed = (np.repeat(common, d)[np.flatnonzero(components)] for components in (unknown, before))
-        self._stays, self._came = np.flatnonzero(stays), np.flatnonzero(~stays)
-        self._stayed, self._went = np.flatnonzero(stayed), np.flatnonzero(~stayed)
-        if len(self._came) + len(self._went) > CHANGED * len(J):
-            raise SingularMatrix("too many unknowns have come or gone")
-        self._factored, self._unknown, self._scaling = factored, unknown, np.zeros_like(own)
-        self._scaling[common] = own_before[common] @ _inverse(own[common])
-        came, border = len(self._came), len(self._came) + len(self._went)
-        columns = np.zeros((len(stayed), border), dtype=J.dtype, order="F")
-        columns[self._stayed, :came] = self._scaled(J[:, self._came])[self._stays]
-        columns[self._went, np.arange(came, border)] = 1
-        self._rows = J[np.ix_(self._came, self._stays)]
-        self._columns = factored.solve(columns) if border else columns
-        complement = np.zeros((border, border), dtype=J.dtype)
-        complement[:came, :came] = J[np.ix_(self._came, self._came)]
-        self._complement = DenseLU(complement - self._border_of(self._columns)) if border else None
-
-    def solve(self, rhs: FloatArray) -> FloatArray:
-        """J^-1 rhs (n,), approximately."""
-        b = np.zeros(len(self._columns), dtype=rhs.dtype)
-        b[self._stayed] = self._scaled(rhs[:, None])[self._stays, 0]
-        x, solution, came = self._factored.solve(b), np.empty_like(rhs), len(self._came)
-        if self._complement is not None:
-            defect = -self._border_of(x)
-            defect[:came] += rhs[self._came]
-            border = self._complement.solve(defect)
-            x -= self._columns @ border
-            solution[self._came] = border[:came]
-        solution[self._stays] = x[self._stayed]
-        return solution
-
-    def _border_of(self, x: FloatArray) -> FloatArray:
-        """[J_+c x; E^T x] for x (n of J0, ...)."""
-        return np.concatenate([self._rows @ x[self._stayed], x[self._went]])
-
-    def _scaled(self, x: FloatArray) -> FloatArray:
-        """Rows x (n, columns) of the common contacts times D0 D^-1, 0 in others."""
-        spread = np.zeros((*self._unknown.shape, x.shape[1]), dtype=x.dtype)
-        spread[self._unknown] = x
-        scaled: FloatArray = (self._scaling @ spread)[self._unknown]
-        return scaled
+    def __init__(self, room: int, held: int, dtype: Any) -> None:
+        self.PT, self.response = np.empty((room, held), dtype=dtype), np.empty((room, room), dtype=dtype)
+        self.taken = 0
 
 
-class BorderSystem:
-    """outer (known + G x) + inner x = rhs on the unknown components of x (k, d), with outer and inner block diagonal (k, d, d).
+@dataclass(frozen=True, eq=False)
+class Border:
+    """contacts (k,) in the order in which they came; released (k,): whether each is held; column (nc,) of a contact, -1 for others."""
 
-    The factor is kept: as long as few of the unknown components change it is GMRES' preconditioner for the systems to come.
-    """
+    contacts: IntArray
+    released: BoolArray
+    column: IntArray
+    _columns: _Columns
+    _d: int
 
-    def __init__(self) -> None:
-        self._factored: _Factored | None = None
-        self._J: FloatArray | None = None  # None where the factor has taken its place
-        self._own = np.empty((0, 0, 0))  # the contacts' own blocks of J
-        self._approximate: _Updated | None = None
+    @property
+    def PT(self) -> FloatArray:
+        """P^T (d k, d s)."""
+        return self._columns.PT[: self._d * len(self.contacts)]
 
-    def complete(
-        self,
-        x: FloatArray,
-        unknown: BoolArray,
-        G: FloatArray,
-        known: FloatArray,
-        outer: FloatArray,
-        inner: FloatArray,
-        rhs: FloatArray,
-        target: float,
-        same: bool = False,
-    ) -> None:
-        """Fill in the unknown components (k, d) of x, which are zero; target: norm of the defect that is accepted, 0: round-off.
-
-        G may have more rows and columns than unknowns: the first k d count. same: all but x, known and rhs are those of the last call."""
-        dofs = np.flatnonzero(unknown)
-        if not len(dofs):
-            return
-        n, d = x.size, x.shape[1]
-        response = known + (G[:n, :n] @ x.ravel()).reshape(x.shape) if x.any() else known
-        left = rhs - np.einsum("aij,aj->ai", outer, response) - np.einsum("aij,aj->ai", inner, x)
-        if not same:
-            self._J = np.empty((len(dofs), len(dofs)), dtype=G.dtype)
-            border_matrix(G, outer.ravel(), inner.ravel(), dofs, d, self._J)
-            self._own = _own_blocks(G, outer, inner, unknown)
-            self._approximate = self._updated(unknown) if target and len(dofs) > APPROXIMATE_FROM else None
-        x[unknown] = self._solve(left[unknown], unknown, target)
-
-    def _updated(self, unknown: BoolArray) -> _Updated | None:
-        """The earlier factor brought up to date; None where there is none or that cannot be."""
-        assert self._J is not None
-        try:
-            return None if self._factored is None else _Updated(self._factored, self._J, unknown, self._own)
-        except SingularMatrix:
-            return None
-
-    def _solve(self, rhs: FloatArray, unknown: BoolArray, target: float) -> FloatArray:
-        J = self._J
-        if J is not None:
-            if target and self._approximate is not None:
-                found = gmres(J.__matmul__, self._approximate.solve, rhs, target, REUSED)
-                if found is not None:
-                    return found[0]
-            self._factored = self._approximate = self._J = None  # the old one makes room for the new
-            self._factored = _Factored(J, unknown, self._own)
-        assert self._factored is not None
-        return self._factored.solve(rhs)
+    @property
+    def response(self) -> FloatArray:
+        """The matrix (d k, d k) of ((W dr)_C, dr_R) by x."""
+        size = self._d * len(self.contacts)
+        return self._columns.response[:size, :size]
 
 
-def _own_blocks(G: FloatArray, outer: FloatArray, inner: FloatArray, unknown: BoolArray) -> FloatArray:
-    """The contacts' own blocks (k, d, d) of outer G + inner on the unknown components, with those of the identity on the others."""
-    k, d = unknown.shape
-    dofs = np.arange(k * d).reshape(k, d)
-    own = outer @ G[dofs[:, :, None], dofs[:, None, :]] + inner
-    return np.where(unknown[:, :, None] & unknown[:, None, :], own, np.eye(d, dtype=own.dtype))
+def empty_border(held: Held, d: int) -> Border:
+    nothing = np.empty(0, dtype=np.int64)
+    columns = _Columns(0, d * len(held.contacts), held.dtype)
+    return Border(nothing, np.empty(0, dtype=bool), np.full(len(held.is_held), -1), columns, d)
 
 
-def _inverse(blocks: FloatArray) -> FloatArray:
-    """The inverses of blocks (k, d, d); SingularMatrix where one is singular."""
-    try:
-        return np.linalg.inv(blocks)
-    except np.linalg.LinAlgError as error:
-        raise SingularMatrix(str(error)) from None
+def extended(border: Border, held: Held, W: Any, contacts: IntArray) -> Border:
+    """The border with columns for `contacts` too; W dense or by block rows."""
+    d = border._d
+    new = contacts[border.column[contacts] < 0]
+    if not len(new):
+        return border
+    released = held.is_held[new]
+    P = np.ascontiguousarray(dense_part(W, d, new, held.contacts).T, dtype=held.dtype)  # W_SC, as W is symmetric
+    if released.any():
+        own = dofs_of(np.flatnonzero(released), d)
+        P[:, own] = 0
+        P[dofs_of(held.place[new[released]], d), own] = -1
+    P = held.factor.forward(P)
+    k, end = len(border.contacts) * d, (len(border.contacts) + len(new)) * d
+    columns = _with_room(border, end)
+    columns.PT[k:end] = P.T
+    every, is_released = np.concatenate([border.contacts, new]), np.concatenate([border.released, released])
+    response = columns.response[:end, :end]
+    if k:
+        response[:k, k:] = columns.PT[:k] @ P
+        response[k:, :k] = response[:k, k:].T
+    response[k:, k:] = P.T @ P  # by the symmetric product
+    _sign(response, k, W, every, is_released, d)
+    column = border.column.copy()
+    column[new] = len(border.contacts) + np.arange(len(new))
+    return Border(every, is_released, column, columns, d)
 
 
-def split_known(A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """The components of x = W dr (k, d) that A x + B dr = rhs gives for every dr, zero elsewhere, and which ones are unknown.
+def _sign(response: FloatArray, k: int, W: Any, contacts: IntArray, released: BoolArray, d: int) -> None:
+    """Make of P^T P in rows and columns from k on the response by the formulas above: signs, and W_CC of free contacts."""
+    free, first = np.flatnonzero(~released), k // d
+    fresh = free[free >= first]
+    rows, new, held = dofs_of(free, d), dofs_of(fresh, d), dofs_of(np.flatnonzero(released), d)
+    response[np.ix_(new, rows)] = dense_part(W, d, contacts[fresh], contacts[free]) - response[np.ix_(new, rows)]
+    old = rows[rows < k]
+    if k:
+        response[np.ix_(old, new)] = response[np.ix_(new, old)].T
+    if len(held):
+        response[np.ix_(new, held)] *= -1
+        response[np.ix_(old, held[held >= k])] *= -1
 
-    All of a sticking contact (B = 0), the normal one of a closed contact where row N of A is (A_NN, 0, 0) and of B zero, as Alart and
-    Curnier's and Jean and Moreau's are.
-    """
-    unknown = np.ones(rhs.shape, dtype=bool)
-    x = np.zeros_like(rhs)
-    sticking = ~B.any(axis=(1, 2))
-    x[sticking] = np.linalg.solve(A[sticking], rhs[sticking][:, :, None])[:, :, 0]
-    unknown[sticking] = False
-    normal = ~sticking & (A[:, 0, 0] != 0) & ~A[:, 0, 1:].any(axis=1) & ~B[:, 0].any(axis=1)
-    x[normal, 0] = rhs[normal, 0] / A[normal, 0, 0]
-    unknown[normal, 0] = False
-    return x, unknown
+
+def _with_room(border: Border, end: int) -> _Columns:
+    """The border's columns with those up to `end` taken, in larger storage where there is no room or another border has grown there."""
+    columns, used = border._columns, border._d * len(border.contacts)
+    if end > len(columns.PT) or columns.taken > used:
+        larger = _Columns(end + end // 2, columns.PT.shape[1], columns.PT.dtype)
+        larger.PT[:used], larger.response[:used, :used] = columns.PT[:used], columns.response[:used, :used]
+        columns = larger
+    columns.taken = end
+    return columns

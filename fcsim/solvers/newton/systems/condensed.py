@@ -1,23 +1,30 @@
-"""Newton's linear system by condensation: what does not change between iterations and steps is eliminated once."""
+"""Newton's linear system by condensation: what does not change between iterations and steps is eliminated once.
+
+Two values do it: the held factor (`held`), of W on the contacts that were closed, and the border (`border`), the contacts whose status is
+another since then. A step adds columns to the border and solves what is left there (`remainder`); W is factored anew only when the
+border has grown too large for that.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.linear._front_kernels import gather_blocks
-from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.factors import SingularMatrix, is_symmetric
-from fcsim.linear.fronts import MultifrontalCholesky
-from fcsim.linear.joints import BlockRows, joint_rows
+from fcsim.linear.joints import Pattern, joint_rows
 from fcsim.linear.krylov import gmres
-from fcsim.solvers.newton.systems.border import BorderSystem, split_known
-from fcsim.solvers.newton.systems.direct import DenseSystem, NewtonSystem, SparseSystem
+from fcsim.solvers.memory import Kept
+from fcsim.solvers.newton.systems.border import Border, empty_border, extended
+from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
+from fcsim.solvers.newton.systems.held import Held, hold
+from fcsim.solvers.newton.systems.interface import NewtonSystem, Shifted
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
+from fcsim.solvers.newton.systems.remainder import Factored, Remainder, split_known
 
 FORCING = 1e-2
 """Defect, relative to the right-hand side, at which a Newton step by an earlier W's factor is accepted."""
@@ -38,133 +45,123 @@ CORRECTIONS = 8
 """Iterations of GMRES with an earlier W's factor before factoring anew."""
 
 
-def _dense_part(W: Any, d: int, rows: IntArray, columns: IntArray) -> FloatArray:
-    """The blocks of W, dense or by block rows, of contacts `rows` and `columns` as a dense array in C order."""
-    if isinstance(W, np.ndarray):
-        return W[np.ix_(dofs_of(rows, d), dofs_of(columns, d))]
-    part = np.zeros((d * len(rows), d * len(columns)))
-    place = np.full(W.shape[0] // d, -1)
-    place[columns] = np.arange(len(columns))
-    gather_blocks(W.indptr, W.indices, W.data, rows, place, part)
-    return part
+@dataclass(frozen=True, eq=False)
+class Condensation:
+    """The held factor, the border on it, and the last LU of what was left there; earlier: whether they belong to an earlier W."""
+
+    held: Held
+    border: Border
+    factored: Factored | None = None
+    earlier: bool = False
 
 
-class _DenseCholesky:
-    """L L^T of a symmetric W on the held contacts, as `MultifrontalCholesky`."""
+@dataclass(frozen=True, eq=False)
+class KeptCondensation(Kept):
+    """What serves the next W: the condensation, as a preconditioner, the analysis, and which choices had to be made.
 
-    def __init__(self, W: Any, d: int, held: BoolArray, dtype: Any = np.float64) -> None:
-        self.contacts = np.flatnonzero(held)
-        self._trsm, self._trsv = sla.blas.get_blas_funcs(("trsm", "trsv"), dtype=dtype)
-        L, info = sla.lapack.dpotrf(_dense_part(W, d, self.contacts, self.contacts).T, lower=True, overwrite_a=True, clean=False)
-        if info != 0:
-            raise SingularMatrix(f"W of {len(self.contacts)} held contacts is not positive definite")
-        self.conditioning = float(np.min(L.diagonal()) / np.max(L.diagonal())) ** 2
-        self._L = L.astype(dtype, copy=False)
+    status (nc,): 0 open, 1 sliding, 3 sticking in the last step; pattern: None where contacts do not come in joints.
+    """
 
-    def forward(self, X: FloatArray) -> FloatArray:
-        """Overwrite X (n, k), in C order, with L^-1 X and return it."""
-        return self._trsm(1.0, self._L, X.T, side=1, lower=True, trans_a=True, overwrite_b=True).T
-
-    def backward(self, z: FloatArray) -> FloatArray:
-        """Return L^-T z for z (n,)."""
-        return self._trsv(self._L, z, lower=True, trans=True)
+    condensation: Condensation
+    status: IntArray
+    dtype: Any
+    holds_sliding: bool
+    pattern: Pattern | None
 
 
 class CondensedSystem:
     """Elimination of what does not change between iterations: closed contacts, of which sliding ones are released again.
 
-    S are the contacts held when W_SS = L L^T was factored: all that were closed. The border are those met since then that do not stick:
-    a released contact a (held, but sliding or open now) has the unknown x_a = (W dr)_a, a free one (not held, but closed now) the unknown
-    x_a = dr_a. With the columns P = L^-1 [W_SC, -E_R] of free (C) and released (R) contacts, z = L^-1 t and t the held contacts' W dr
-    (0 at released ones),
-
-        (W dr)_C = P_C^T z + (W_CC - P_C^T P_C) x_C - P_C^T P_R x_R,        dr_R = -P_R^T z + P_R^T P_C x_C + P_R^T P_R x_R.
-
-    So a change of sets costs columns, not a factorisation; W_SS is factored anew only when the border has grown too large for that.
-    The matrix of this response is kept. Of a released contact's x the linearised equations give all that sticks, and the normal component
-    where it is closed: its tangential components alone are left to `BorderSystem`.
     W must be symmetric; where it is not positive definite on the closed contacts, those that stick are held, and where it is not on these
     the LU of the whole takes over; of joints it does also as long as the sets are far from settled. Of a sparse W whose contacts come in
-    joints the factor is multifrontal, else dense. Large factors and columns are kept in single precision, and others belong to an earlier
-    W once `follow` has brought a new one: they are then the preconditioner of GMRES on the true system. Where that does not pay all is
-    factored anew, in double precision if that was not it.
+    joints the factor is multifrontal, else dense. Large factors and columns are kept in single precision, and those of an earlier W serve
+    the next: they are then the preconditioner of GMRES on the true system. Where that does not pay all is factored anew, in double
+    precision if that was not it.
     """
 
-    def __init__(self, W: Any, dimension: int) -> None:
-        self._d = dimension
+    def __init__(self, operator: Shifted, kept: KeptCondensation | None = None) -> None:
+        """kept: what the system of an earlier W of the same contacts has left."""
+        self.operator, self._d = operator, operator.dimension
+        W = operator.matrix
+        self._rows = joint_rows(W, self._d, None if kept is None else kept.pattern)
+        self._W = W if isinstance(W, np.ndarray) else sp.bsr_array(W, blocksize=(self._d, self._d)) if self._rows is None else self._rows.W
         self._dtype: Any = np.float32 if W.shape[0] >= SINGLE_FROM else np.float64
-        self._rows: BlockRows | None = None
-        self._factor: _DenseCholesky | MultifrontalCholesky | None = None
-        self._set(W)
-        self._symmetric: bool | None = None  # not looked at yet
-        self._held: IntArray | None = None
         self._holds_sliding = True
         self._status: IntArray | None = None  # of the contacts at the last step
-        self._followed = False
+        self._condensation: Condensation | None = None
+        if kept is not None:
+            self._dtype, self._holds_sliding, self._status = kept.dtype, kept.holds_sliding, kept.status
+            self._condensation = replace(kept.condensation, earlier=True)
 
-    def _set(self, W: Any) -> None:
-        """Take W, dense or as sparse rows, with what solves where the condensation cannot."""
-        self._rows = None if isinstance(W, np.ndarray) else joint_rows(W, self._d, self._rows)
-        self._W = W if isinstance(W, np.ndarray) else sp.bsr_array(W, blocksize=(self._d, self._d)) if self._rows is None else self._rows.W
-        self._whole: NewtonSystem | None = None
+    def shifted(self, shift: FloatArray) -> CondensedSystem:
+        return CondensedSystem(Shifted(self.operator.W, self._d, shift))
+
+    def left(self, identity: IntArray) -> KeptCondensation | None:
+        """What serves the next W of these contacts, None where nothing is held."""
+        if self._condensation is None or self._status is None:
+            return None
+        pattern = None if self._rows is None else self._rows.pattern
+        return KeptCondensation(identity, self._condensation, self._status, self._dtype, self._holds_sliding, pattern)
 
     def _product(self, x: FloatArray) -> FloatArray:
         """W x (m,)."""
-        return self._W @ x if self._rows is None else self._rows.product(x)
+        Wx: FloatArray = self._W @ x if self._rows is None else self._rows.product(x)
+        return Wx
 
-    def _solve_whole(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        if self._whole is None and self._rows is not None:
-            self._whole = MultifrontalSystem(self._rows, self._d)
-        elif self._whole is None:
-            self._whole = (DenseSystem if isinstance(self._W, np.ndarray) else SparseSystem)(self._W, self._d)
-        return self._whole.solve(A, B, rhs)
+    @cached_property
+    def _whole(self) -> NewtonSystem:
+        """What solves where the condensation cannot."""
+        operator = Shifted(self._W, self._d)
+        if self._rows is not None:
+            return MultifrontalSystem(operator, self._rows)
+        return DenseSystem(operator) if isinstance(self._W, np.ndarray) else SparseSystem(operator)
 
-    @property
-    def by_joints(self) -> bool:
-        """Whether the factor is multifrontal on the joints of W."""
-        return self._rows is not None
-
-    def follow(self, W: Any) -> bool:
-        if self._held is None or W.shape != self._W.shape:
-            return False
-        self._set(W)
-        self._followed, self._symmetric = True, None
-        return True
+    @cached_property
+    def _symmetric(self) -> bool:
+        return is_symmetric(self._W)
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         closed = A.any(axis=(1, 2))
         sticking = closed & ~B.any(axis=(1, 2))
         if not closed.any():
-            return self._solve_whole(A, B, rhs)
+            return self._whole.solve(A, B, rhs)
         settled = self._settled(closed, sticking)
-        if self._held is not None and not self._outgrown(closed, sticking):
+        if self._condensation is not None and not _outgrown(self._condensation, self._holds_sliding, closed, sticking):
             found = self._by_what_is_held(A, B, rhs)
             if found is not None:
                 return found
-        self._held = None
+        self._condensation = None
         columns, rows = (self._d * np.count_nonzero(contacts) for contacts in (closed & ~sticking, closed))
-        if columns * rows * np.dtype(self._dtype).itemsize > BORDER_UP_TO or (self._rows is not None and not settled):
-            return self._solve_whole(A, B, rhs)
-        if self._symmetric is None:
-            self._symmetric = is_symmetric(self._W)
-        if not self._symmetric:
-            return self._solve_whole(A, B, rhs)
+        large = columns * rows * np.dtype(self._dtype).itemsize > BORDER_UP_TO
+        found = None
+        if not large and (settled or self._rows is None) and self._symmetric:
+            found = self._by_a_new_factor(A, B, rhs, closed, sticking)
+        return self._whole.solve(A, B, rhs) if found is None else found
+
+    def _by_a_new_factor(
+        self, A: FloatArray, B: FloatArray, rhs: FloatArray, closed: BoolArray, sticking: BoolArray
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """The step by a factor on the closed contacts or, where that fails, on the sticking ones; in the end in double precision."""
         while True:
             held, trusted = (closed, WELL_CONDITIONED) if self._holds_sliding else (sticking, 0.0)
             single = self._dtype is np.float32
-            if self._hold(held, WELL_CONDITIONED_SINGLE if single else trusted):
+            factored = self._hold(held, WELL_CONDITIONED_SINGLE if single else trusted)
+            if factored is not None:
+                self._condensation = Condensation(factored, empty_border(factored, self._d))
                 found = self._by_what_is_held(A, B, rhs)
                 if found is not None:
                     return found
+                self._condensation = None
                 if not single:
-                    break
+                    return None
             elif not single:
                 if not self._holds_sliding:
-                    break
+                    return None
                 self._holds_sliding = False
             self._dtype = np.float64
-        self._held = None
-        return self._solve_whole(A, B, rhs)
+
+    def _hold(self, contacts: BoolArray, conditioning: float) -> Held | None:
+        return hold(self._W, self._rows, self._d, contacts, with_sliding=self._holds_sliding, dtype=self._dtype, conditioning=conditioning)
 
     def _settled(self, closed: BoolArray, sticking: BoolArray) -> bool:
         """Whether few contacts have another status than in the last step; without one, whether few of the closed contacts slide."""
@@ -175,15 +172,21 @@ class CondensedSystem:
 
     def _by_what_is_held(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """The step by the factor and border that are there; None where they cannot give it."""
+        assert self._condensation is not None
+        earlier, single = self._condensation.earlier, self._dtype is np.float32
         try:
-            if self._followed or self._dtype is np.float32:
-                return self._corrected(A, B, rhs)
-            dr = self._condensed(A, B, rhs)
+            step = _Step(self, self._condensation, A, B, inexact=earlier)
+            found = self._corrected(step, A, B, rhs, earlier=earlier) if earlier or single else step.solve(rhs, 0.0)
         except SingularMatrix:
             return None
-        return dr, self._product(dr)
+        if found is None:
+            return None
+        self._condensation = step.left()
+        return found if isinstance(found, tuple) else (found, self._product(found))
 
-    def _corrected(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def _corrected(
+        self, step: _Step, A: FloatArray, B: FloatArray, rhs: FloatArray, *, earlier: bool
+    ) -> tuple[FloatArray, FloatArray] | None:
         """GMRES with factor and border as preconditioner; None where it does not pay."""
         shape = rhs.shape
         images: list[FloatArray] = []  # W times the steps
@@ -194,136 +197,79 @@ class CondensedSystem:
             return (np.einsum("aij,aj->ai", A, Wx) + np.einsum("aij,aj->ai", B, x.reshape(shape))).ravel()
 
         def precondition(x: FloatArray) -> FloatArray:
-            return self._condensed(A, B, x.reshape(shape), INNER if self._followed else 0.0, same=bool(images))
+            return step.solve(x.reshape(shape), INNER if earlier else 0.0)
 
-        accuracy = FORCING if self._followed else ACCURACY
+        accuracy = FORCING if earlier else ACCURACY
         found = gmres(product, precondition, rhs.ravel(), accuracy * float(np.linalg.norm(rhs)), CORRECTIONS)
         if found is None:
             return None
         dr, y = found
         return dr, np.tensordot(y, images, 1) if len(y) else np.zeros_like(dr)
 
-    def _outgrown(self, closed: BoolArray, sticking: BoolArray) -> bool:
-        """Whether many closed contacts are not held, or stick and are in the border all the same: factoring anew then costs less."""
-        assert self._held is not None
-        carried = np.count_nonzero(np.where(self._is_held, sticking & (self._column >= 0), closed if self._holds_sliding else sticking))
-        return bool(carried > 80 + 0.2 * len(self._held))
 
-    def _hold(self, held: BoolArray, conditioning: float) -> bool:
-        """Factor W on the held contacts (nc,) and start with an empty border; False where W is not positive definite there.
+def _outgrown(condensation: Condensation, holds_sliding: bool, closed: BoolArray, sticking: BoolArray) -> bool:
+    """Whether many closed contacts are not held, or stick and are in the border all the same: factoring anew then costs less."""
+    held, in_border = condensation.held, condensation.border.column >= 0
+    carried = np.count_nonzero(np.where(held.is_held, sticking & in_border, closed if holds_sliding else sticking))
+    return bool(carried > 80 + 0.2 * len(held.contacts))
 
-        conditioning: least pivot over the largest that counts as positive."""
-        self._PT = self._response = np.empty((0, 0))  # the old ones make room for the new
-        self._held, self._factor = None, None
-        self._border_system = BorderSystem()
-        if not held.any():
-            return False
-        d = self._d
-        dtype = self._dtype
-        try:
-            self._factor = _DenseCholesky(self._W, d, held, dtype) if self._rows is None else MultifrontalCholesky(self._rows, held, dtype)
-        except SingularMatrix:
-            return False
-        if self._factor.conditioning < conditioning:
-            return False
-        self._held = self._factor.contacts
-        self._followed = False
-        self._is_held = held
-        self._place = np.full(len(held), -1)  # of a held contact in W_SS
-        self._place[self._held] = np.arange(len(self._held))
-        self._released = np.zeros(len(held), dtype=bool)
-        self._border = np.empty(0, dtype=np.int64)
-        self._column = np.full(len(held), -1)  # of a border contact in P
-        # P^T and the response of ((W dr)_C, dr_R) to x, with room for columns to come
-        self._PT = np.empty((0, d * len(self._held)), dtype=dtype)
-        self._response = np.empty((0, 0), dtype=dtype)
-        return True
 
-    def _extend(self, contacts: IntArray) -> None:
-        """Give the contacts columns in the border."""
-        d = self._d
-        new = contacts[self._column[contacts] < 0]
-        if not len(new):
-            return
-        assert self._factor is not None
-        released = self._is_held[new]
-        self._released[new[released]] = True
-        assert self._held is not None
-        columns = np.ascontiguousarray(_dense_part(self._W, d, new, self._held).T, dtype=self._dtype)  # W_SC, as W is symmetric
-        if released.any():
-            own = dofs_of(np.flatnonzero(released), d)
-            columns[:, own] = 0
-            columns[dofs_of(self._place[new[released]], d), own] = -1
-        P = self._factor.forward(columns)
-        k, end = len(self._border) * d, (len(self._border) + len(new)) * d
-        self._reserve(end)
-        self._PT[k:end] = P.T
-        response = self._response[:end, :end]
-        if k:
-            response[:k, k:] = self._PT[:k] @ P
-            response[k:, :k] = response[:k, k:].T
-        response[k:, k:] = P.T @ P  # by the symmetric product
-        border = np.concatenate([self._border, new])
-        free = np.flatnonzero(~self._released[border])
-        rows, fresh, held = dofs_of(free, d), k + dofs_of(np.flatnonzero(~released), d), dofs_of(np.flatnonzero(self._released[border]), d)
-        # signs of the class's formulas, on the new rows and columns only
-        response[np.ix_(fresh, rows)] = _dense_part(self._W, d, new[~released], border[free]) - response[np.ix_(fresh, rows)]
-        if k:
-            old = rows[rows < k]
-            response[np.ix_(old, fresh)] = response[np.ix_(fresh, old)].T
-        if len(held):
-            response[np.ix_(fresh, held)] *= -1
-            response[np.ix_(rows[rows < k], held[held >= k])] *= -1
-        self._column[new] = len(self._border) + np.arange(len(new))
-        self._border = border
+class _Step:
+    """Solves A W dr + B dr = rhs for one A and B by a condensation, in its precision; its border gets the columns that these need."""
 
-    def _reserve(self, columns: int) -> None:
-        """Make room for so many columns of the border and half as many again."""
-        have = len(self._PT)
-        if columns <= have:
-            return
-        used, room = len(self._border) * self._d, columns + columns // 2
-        PT, response = (np.empty((room, k), dtype=self._dtype) for k in (self._PT.shape[1], room))
-        PT[:used] = self._PT[:used]
-        response[:used, :used] = self._response[:used, :used]
-        self._PT, self._response = PT, response
-
-    def _condensed(self, A: FloatArray, B: FloatArray, rhs: FloatArray, tolerance: float = 0.0, same: bool = False) -> FloatArray:
-        """The step by the factor and border that are there; tolerance: relative defect of the border's system, 0: round-off.
-
-        same: A and B are those of the last call."""
-        d, held = self._d, self._held
-        assert held is not None and self._factor is not None
-        A, B, rhs = (x.astype(self._dtype, copy=False) for x in (A, B, rhs))
+    def __init__(self, system: CondensedSystem, given: Condensation, A: FloatArray, B: FloatArray, *, inexact: bool) -> None:
+        """inexact: whether the system that is left on the border will be solved with a defect."""
+        held, self._d = given.held, system._d
+        A, B = (x.astype(held.dtype, copy=False) for x in (A, B))
         closed = A.any(axis=(1, 2))
-        open_free = ~(closed | self._is_held)  # an open contact that was held stays in the system as a released one
-        dr = np.where(open_free[:, None], rhs, 0)
+        sticking = closed & ~B.any(axis=(1, 2))
+        border = extended(given.border, held, system._W, np.flatnonzero(np.where(held.is_held, ~sticking, closed)))
+        self._given, self._border, self._product = given, border, system._product
+        self._open = ~(closed | held.is_held)  # an open contact that was held stays in the system as a released one
+        self._stays = held.contacts[~_among(border.contacts[border.released], held)]
+        self._kept = held.place[self._stays]
+        self._A, self._B = A, B
+        released, every = border.released, border.contacts
+        self._own = own = every[released]
+        # a released contact's unknown is W dr and its response dr: A and B change places
+        outer, inner = A[every], B[every]
+        outer[released], inner[released] = B[own], A[own]
+        unknown = np.repeat(~self._open[every][:, None], self._d, axis=1)
+        unknown[released] = split_known(A[own], B[own], np.zeros((len(own), self._d), dtype=held.dtype))[1]
+        self._remainder = Remainder(border.response, outer, inner, unknown, given.factored, inexact=inexact)
+
+    def left(self) -> Condensation:
+        """The condensation with the border and the factor that were needed here."""
+        return replace(self._given, border=self._border, factored=self._remainder.factored)
+
+    def solve(self, rhs: FloatArray, tolerance: float) -> FloatArray:
+        """The step dr (m,); tolerance: defect of the border's system relative to rhs (nc, d), 0: round-off."""
+        d, held, border = self._d, self._given.held, self._border
+        rhs = rhs.astype(held.dtype, copy=False)
+        dr = np.where(self._open[:, None], rhs, 0)
         coupling = np.zeros_like(rhs)
         if np.any(dr):
             coupling += self._product(dr.ravel().astype(float, copy=False)).reshape(-1, d)
-        sticking = closed & ~B.any(axis=(1, 2))
-        self._extend(np.flatnonzero(np.where(self._is_held, ~sticking, closed)))
-        kept = ~self._released[held]
-        t = np.zeros_like(rhs, shape=(len(held), d))
-        t[kept] = np.linalg.solve(A[held[kept]], rhs[held[kept]][:, :, None])[:, :, 0]
-        t -= coupling[held]
-        z = self._factor.forward(t.reshape(-1, 1))[:, 0]
-        border = self._border
-        if len(border):
-            PT = self._PT[: d * len(border)]
-            released = self._released[border]
-            known = (PT @ z).reshape(-1, d)
+        t = np.zeros_like(rhs, shape=(len(held.contacts), d))
+        t[self._kept] = np.linalg.solve(self._A[self._stays], rhs[self._stays][:, :, None])[:, :, 0]
+        t -= coupling[held.contacts]
+        z = held.factor.forward(t.reshape(-1, 1))[:, 0]
+        if len(border.contacts):
+            released, free = border.released, border.contacts[~border.released]
+            known = (border.PT @ z).reshape(-1, d)
             known[released] *= -1
-            known[~released] += coupling[border[~released]]
-            x, unknown = np.zeros_like(known), np.repeat(~open_free[border][:, None], d, axis=1)
-            own = border[released]
-            x[released], unknown[released] = split_known(A[own], B[own], rhs[own])
-            # a released contact's unknown is W dr and its response dr: A and B change places
-            outer, inner = A[border], B[border]
-            outer[released], inner[released] = B[own], A[own]
-            target = tolerance * float(np.linalg.norm(rhs))
-            self._border_system.complete(x, unknown, self._response, known, outer, inner, rhs[border], target, same)
-            z -= x.ravel() @ PT
-            dr[border[~released]] += x[~released]
-        dr[held] = self._factor.backward(z).reshape(-1, d)
+            known[~released] += coupling[free]
+            x = np.zeros_like(known)
+            x[released] = split_known(self._A[self._own], self._B[self._own], rhs[self._own])[0]
+            self._remainder.complete(x, known, rhs[border.contacts], tolerance * float(np.linalg.norm(rhs)))
+            z -= x.ravel() @ border.PT
+            dr[free] += x[~released]
+        dr[held.contacts] = held.factor.backward(z).reshape(-1, d)
         return dr.ravel().astype(float, copy=False)
+
+
+def _among(contacts: IntArray, held: Held) -> BoolArray:
+    """Which of the held contacts (s,) are among `contacts`."""
+    among = np.zeros(len(held.contacts), dtype=bool)
+    among[held.place[contacts]] = True
+    return among

@@ -1,89 +1,95 @@
-"""Newton's linear system (A W + B) dr = rhs, with A and B block diagonal (nc, d, d), and its solution by dense or sparse LU.
+"""Newton's linear system (A (W + D) + B) dr = rhs by the LU of the whole, on the contacts that are not open.
 
-A contact that opens has A = 0 and B = 1: its dr is known and its rows and columns leave the system before any factorisation.
-What uses the structure of the contacts or an earlier factor is in `condensed_system` and `multifrontal_system`.
+What uses the structure of the contacts or an earlier factor is in `condensed` and `multifrontal`.
 """
 
 from __future__ import annotations
-
-from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
 from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.factors import MUMPS_FROM, DenseLU, Factor, Mumps, SuperLU
-
-
-class NewtonSystem(Protocol):
-    """Solves (A W + B) dr = rhs (nc, d) for one W and changing A, B."""
-
-    def __init__(self, W: Any, dimension: int) -> None: ...
-
-    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return dr and W dr (m,); raises SingularMatrix."""
-        ...
-
-    def follow(self, W: Any) -> bool:
-        """Go on with another W near the present one; False where nothing is kept that would serve."""
-        ...
-
-
-def without_open(W: Any, A: FloatArray, rhs: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the active contacts, their right-hand side and dr with the open contacts' part filled in."""
-    d = A.shape[1]
-    open_contact = ~np.any(A, axis=(1, 2))
-    active = np.flatnonzero(~open_contact)
-    dr = np.where(open_contact[:, None], rhs, 0.0)
-    if np.any(dr):
-        coupling = (W @ dr.ravel()).reshape(-1, d)
-        rhs = rhs - np.einsum("aij,aj->ai", A, coupling)
-    return active, rhs[active], dr
+from fcsim.solvers.newton.systems._direct_kernels import active_matrix, active_rows
+from fcsim.solvers.newton.systems.interface import Shifted, without_open
 
 
 class DenseSystem:
-    """LU of A W + B on the active contacts."""
+    """Of a dense W: LAPACK's LU."""
 
-    def __init__(self, W: FloatArray, dimension: int) -> None:
-        self._W, self._d = W, dimension
+    def __init__(self, operator: Shifted) -> None:
+        self.operator = operator
+        self._W = np.ascontiguousarray(operator.W)
+        self._shift = np.zeros(operator.nc) if operator.shift is None else operator.shift
+
+    def shifted(self, shift: FloatArray) -> DenseSystem:
+        return DenseSystem(Shifted(self._W, self.operator.dimension, shift))
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        d = self._d
-        active, rhs, dr = without_open(self._W, A, rhs)
-        k = len(active)
-        if k:
-            dofs = dofs_of(active, d)
-            J = (A[active] @ self._W[np.ix_(dofs, dofs)].reshape(k, d, k * d)).reshape(k * d, k * d)
-            own = np.arange(k)
-            J.reshape(k, d, k, d)[own, :, own, :] += B[active]
-            dr[active] = DenseLU(J.T, overwrite=True).solve_transposed(rhs.ravel()).reshape(k, d)
-        return dr.ravel(), self._W @ dr.ravel()
-
-    def follow(self, W: FloatArray) -> bool:
-        return False
+        active, rhs, dr = without_open(self.operator, A, rhs)
+        if len(active):
+            J = np.empty((rhs.size, rhs.size))
+            active_matrix(self._W, self._shift, A, B, active, J)
+            dr[active] = DenseLU(J.T, overwrite=True).solve_transposed(rhs.ravel()).reshape(rhs.shape)
+        return dr.ravel(), self.operator.product(dr.ravel())
 
 
 class SparseSystem:
-    """Sparse LU of A W + B on the active contacts, for block-sparse W: SuperLU, or MUMPS for many entries where petsc4py is there."""
+    """Of a sparse W: SuperLU, or MUMPS for many entries where petsc4py is there."""
 
-    def __init__(self, W: Any, dimension: int) -> None:
-        self._W, self._d = sp.csr_array(W), dimension
+    def __init__(self, operator: Shifted, rows: tuple[IntArray, IntArray, FloatArray] | None = None) -> None:
+        """rows: `_complete_rows` of W where another system has them already."""
+        self.operator = operator
+        self._rows = _complete_rows(operator) if rows is None else rows
+        self._shift = np.zeros(operator.nc) if operator.shift is None else operator.shift
+
+    def shifted(self, shift: FloatArray) -> SparseSystem:
+        return SparseSystem(Shifted(self.operator.W, self.operator.dimension, shift), self._rows)
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        d = self._d
-        active, rhs, dr = without_open(self._W, A, rhs)
-        k = len(active)
-        if k:
-            dofs = dofs_of(active, d)
-            W = self._W[dofs][:, dofs]
-            block_diagonal = sp.bsr_array((A[active], np.arange(k), np.arange(k + 1)), shape=(k * d, k * d), blocksize=(d, d))
-            shift = sp.bsr_array((B[active], np.arange(k), np.arange(k + 1)), shape=(k * d, k * d), blocksize=(d, d))
-            J = sp.csr_array(block_diagonal @ W + shift)
-            factor: Factor = Mumps(J) if J.nnz > MUMPS_FROM and runtime.has_petsc() else SuperLU(J, symmetric_pattern=True)
-            dr[active] = factor.solve(rhs.ravel()).reshape(k, d)
-        return dr.ravel(), self._W @ dr.ravel()
+        d = self.operator.dimension
+        active, rhs, dr = without_open(self.operator, A, rhs)
+        if len(active):
+            dr[active] = self._factor(A, B, active).solve(rhs.ravel()).reshape(-1, d)
+        return dr.ravel(), self.operator.product(dr.ravel())
 
-    def follow(self, W: Any) -> bool:
-        return False
+    def _factor(self, A: FloatArray, B: FloatArray, active: IntArray) -> Factor:
+        """A (W + D) + B on the active contacts, factored."""
+        starts, columns, blocks = self._rows
+        place = np.full(len(A), -1, dtype=np.int32)
+        place[active] = np.arange(len(active))
+        k = len(active) * self.operator.dimension
+        values, indices, pointers = np.empty(blocks.size), np.empty(blocks.size, dtype=np.int32), np.empty(k + 1, dtype=np.int32)
+        n = active_rows(blocks, starts, columns, self._shift, A, B, active, place, values, indices, pointers)
+        J = sp.csr_array((values[:n], indices[:n], pointers), shape=(k, k))
+        if n > MUMPS_FROM and runtime.has_petsc():
+            return Mumps(J)
+        return _Transposed(SuperLU(J.T, symmetric_pattern=True))  # its rows are the columns that SuperLU reads
+
+
+class _Transposed:
+    """A^-T by the factor of A."""
+
+    def __init__(self, factor: SuperLU) -> None:
+        self.name, self._factor = factor.name, factor
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        return self._factor.solve_transposed(rhs)
+
+
+def _complete_rows(operator: Shifted) -> tuple[IntArray, IntArray, FloatArray]:
+    """W by sorted block rows with every diagonal block: starts (nc + 1,), columns, blocks (nnz, d, d)."""
+    d, nc = operator.dimension, operator.nc
+    W = sp.bsr_array(operator.W, blocksize=(d, d))
+    if not W.has_canonical_format:
+        W = W.copy()  # the caller's stays as it is
+        W.sum_duplicates()
+    row = np.repeat(np.arange(nc), np.diff(W.indptr))
+    absent = np.setdiff1d(np.arange(nc), row[row == W.indices])  # diagonal blocks that W does not store
+    if not len(absent):
+        return W.indptr.astype(np.int32), W.indices.astype(np.int32), W.data
+    rows, columns = np.concatenate([row, absent]), np.concatenate([W.indices, absent])
+    sort = np.lexsort((columns, rows))
+    blocks = np.concatenate([W.data, np.zeros((len(absent), d, d))])[sort]
+    return np.searchsorted(rows[sort], np.arange(nc + 1)).astype(np.int32), columns[sort].astype(np.int32), blocks

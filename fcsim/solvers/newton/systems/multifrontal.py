@@ -14,6 +14,7 @@ from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
 from fcsim.linear.krylov import gmres
 from fcsim.solvers.newton.systems.direct import SparseSystem
+from fcsim.solvers.newton.systems.interface import Shifted
 
 ACCURACY = 3e-4
 """Defect of a step relative to the right-hand side: from a cold start Newton takes up to a third more iterations at 1e-2, none at 3e-4."""
@@ -28,15 +29,15 @@ class MultifrontalSystem:
     factors are taken in double precision, and where these are singular the LU with pivoting over the whole matrix takes over.
     """
 
-    def __init__(self, W: Any, dimension: int) -> None:
-        """W: dense, sparse, or block rows that were analysed already."""
-        self._d = dimension
-        self._rows = W if isinstance(W, BlockRows) else BlockRows(W, dimension)
-        self._W = self._rows.W
+    def __init__(self, operator: Shifted, rows: BlockRows | None = None) -> None:
+        """rows: the operator's block rows where they were analysed already."""
+        self.operator, self._d = operator, operator.dimension
+        self._rows = BlockRows(operator.matrix, self._d) if rows is None else rows
         self._precision: Any = np.float32
 
-    def follow(self, W: Any) -> bool:
-        return False
+    def shifted(self, shift: FloatArray) -> MultifrontalSystem:
+        operator = Shifted(self.operator.W, self._d, shift)
+        return MultifrontalSystem(operator, BlockRows(operator.matrix, self._d, self._rows.pattern))
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         active = A.any(axis=(1, 2))
@@ -46,7 +47,7 @@ class MultifrontalSystem:
             right = (rhs - np.einsum("aij,aj->ai", A, Wdr.reshape(rhs.shape)))[active]
             step = self._active_step(A, B, active, right, float(np.linalg.norm(rhs)))
             if step is None:
-                return SparseSystem(self._W, self._d).solve(A, B, rhs)
+                return SparseSystem(Shifted(self._rows.W, self._d)).solve(A, B, rhs)
             dr += step[0]
             Wdr += step[1]
         return dr, Wdr

@@ -15,9 +15,12 @@ from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Memory, Status, solve
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.formulations import FORMULATIONS
-from fcsim.solvers.newton.iterations import AdaptedRho, LocalSpace, NewtonOptions, newton, newton_iterations
+from fcsim.solvers.newton.iterations import AdaptedRho, newton, newton_iterations
 from fcsim.solvers.newton.line_search import REFERENCES, armijo, goldstein
+from fcsim.solvers.newton.options import NewtonOptions
+from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems.direct import DenseSystem
+from fcsim.solvers.newton.systems.interface import Shifted
 
 
 def random_problem(seed: int, nc: int = 10, d: int = 3, mu: float = 0.5) -> LocalProblem:
@@ -134,7 +137,7 @@ def test_gradient_steps_replace_newtons() -> None:
         options = NewtonOptions(line_search="Armijo", safeguard=safeguard, max_iterations=50)
         monitor = Monitor(p.q, p.mu, 3, 1e-12)
         r = np.zeros(30)
-        iterate = newton_iterations(_Singular(p, r, options), r, p.diagonal_blocks, p.mu, monitor, options)
+        iterate = newton_iterations(_Singular(DenseSystem(Shifted(p.W, 3)), p.q, r), r, p.diagonal_blocks, p.mu, monitor, options)
         assert iterate.status is status
     assert monitor.best < 0.3 * monitor.history[0][2]  # steepest descent alone comes closer
 
@@ -143,7 +146,7 @@ def test_gradient_is_the_merits() -> None:
     """The direction of steepest descent and its length against finite differences of 0.5 ||F||^2."""
     p, rng = random_problem(4), np.random.default_rng(0)
     r, rho = rng.standard_normal(30), np.full((10, 3), 0.4)
-    space = LocalSpace(p, r, DenseSystem(p.W, p.dimension))
+    space = LocalSpace(DenseSystem(Shifted(p.W, p.dimension)), p.q, r)
 
     def merit(r: np.ndarray) -> float:
         F = FORMULATIONS["AC"]((p.W @ r + p.q).reshape(10, 3), r.reshape(10, 3), p.mu, rho)[0]
@@ -232,3 +235,21 @@ def test_adapted_rho_is_kept_from_a_solution() -> None:
     assert not failed.solved
     assert failed.memory is not None
     assert failed.memory.earlier(AdaptedRho) is None
+
+
+class _Drifting(LocalSpace):
+    """Steps whose du is not W dr: u of the iterates drifts towards what looks like a solution."""
+
+    def step(self, A: np.ndarray, B: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        dr, du = super().step(A, B, F)
+        self._dr = dr + 1e-3 * np.abs(dr).max()
+        return self._dr, du
+
+
+def test_nothing_is_accepted_on_a_velocity_that_drifted() -> None:
+    for seed in range(5):
+        p, options = random_problem(seed), NewtonOptions(max_iterations=30)
+        monitor = Monitor(p.q, p.mu, 3, 1e-6)
+        r = np.zeros(30)
+        iterate = newton_iterations(_Drifting(DenseSystem(Shifted(p.W, 3)), p.q, r), r, p.diagonal_blocks, p.mu, monitor, options)
+        assert iterate.status.solved == (true_error(p, iterate.r) <= 1e-6)

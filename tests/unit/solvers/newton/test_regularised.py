@@ -11,16 +11,18 @@ import scipy.sparse as sp
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import LocalProblem, natural_map_residual
 from fcsim.solvers.base import Monitor, Status
-from fcsim.solvers.newton import regularised
-from fcsim.solvers.newton.regularised import DenseShiftedSystem, RegularisedNewton, ShiftedMatrix, ShiftedSystem
+from fcsim.solvers.newton.regularised import RegularisedNewton
+from fcsim.solvers.newton.systems import choice
+from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
+from fcsim.solvers.newton.systems.interface import NewtonSystem, Shifted
 
 
-def sparse(W: sp.csr_array, d: int) -> ShiftedMatrix:
-    return ShiftedSystem(W, d)
+def sparse(W: sp.csr_array, d: int) -> NewtonSystem:
+    return SparseSystem(Shifted(W, d))
 
 
-def dense(W: sp.csr_array, d: int) -> ShiftedMatrix:
-    return DenseShiftedSystem(W.toarray(), d)
+def dense(W: sp.csr_array, d: int) -> NewtonSystem:
+    return DenseSystem(Shifted(W.toarray(), d))
 
 
 STORAGES = pytest.mark.parametrize("shifted_system", [sparse, dense])
@@ -39,11 +41,11 @@ def system(d: int, nc: int = 12, seed: int = 0) -> tuple[sp.csr_array, np.ndarra
 
 @STORAGES
 @pytest.mark.parametrize("d", [2, 3])
-def test_solves_the_matrix_written_out(d: int, shifted_system: Callable[[sp.csr_array, int], ShiftedMatrix]) -> None:
+def test_solves_the_matrix_written_out(d: int, shifted_system: Callable[[sp.csr_array, int], NewtonSystem]) -> None:
     W, shift, A, B, rhs = system(d)
-    own = shifted_system(W, d)
+    first = shifted_system(W, d)
     for factor in (1.0, 1e-3):  # the second shift replaces the first
-        own.regularise(factor * shift)
+        own = first.shifted(factor * shift)
         shifted = W.toarray() + np.diag(np.repeat(factor * shift, d))
         J = np.zeros_like(shifted)
         for a in range(len(shift)):
@@ -53,11 +55,11 @@ def test_solves_the_matrix_written_out(d: int, shifted_system: Callable[[sp.csr_
         assert np.allclose(J @ dr, rhs.ravel(), rtol=0, atol=1e-10 * np.linalg.cond(J))
         assert np.allclose(du, shifted @ dr, rtol=0, atol=1e-10 * np.abs(du).max())
         assert np.array_equal(dr.reshape(-1, d)[[3, 7]], rhs[[3, 7]])
-        assert np.allclose(own.diagonal_blocks, [shifted[d * a : d * a + d, d * a : d * a + d] for a in range(len(shift))])
+        assert np.allclose(own.operator.diagonal_blocks, [shifted[d * a : d * a + d, d * a : d * a + d] for a in range(len(shift))])
 
 
 @STORAGES
-def test_all_contacts_open(shifted_system: Callable[[sp.csr_array, int], ShiftedMatrix]) -> None:
+def test_all_contacts_open(shifted_system: Callable[[sp.csr_array, int], NewtonSystem]) -> None:
     W, _, A, B, rhs = system(3)
     dr, du = shifted_system(W, 3).solve(0 * A, 0 * B + np.eye(3), rhs)
     assert np.array_equal(dr, rhs.ravel())
@@ -65,7 +67,7 @@ def test_all_contacts_open(shifted_system: Callable[[sp.csr_array, int], Shifted
 
 
 @STORAGES
-def test_singular_matrix_is_said(shifted_system: Callable[[sp.csr_array, int], ShiftedMatrix]) -> None:
+def test_singular_matrix_is_said(shifted_system: Callable[[sp.csr_array, int], NewtonSystem]) -> None:
     W, _, A, B, rhs = system(3)
     with pytest.raises(SingularMatrix):
         shifted_system(0 * W, 3).solve(A, 0 * B, rhs)
@@ -80,7 +82,7 @@ def test_solution_of_the_regularised_problem(storage: str, monkeypatch: pytest.M
     H[:, :d] = 0  # a contact between two held bodies
     W, q, centre = H.T @ H, rng.standard_normal(nc * d), rng.random(nc * d)
     if storage == "dense and large":
-        monkeypatch.setattr(regularised, "DENSE_UP_TO", 0)
+        monkeypatch.setattr(choice, "ONCE_DENSE", 0)
     problem = LocalProblem(sp.csr_array(W) if storage == "sparse" else W, q, np.full(nc, mu))
     found, _ = RegularisedNewton(problem).solve(centre, alpha, 1e-12, "AC", Monitor(q, problem.mu, d, 1e-12))
     assert found.status is Status.SOLVED

@@ -1,4 +1,4 @@
-"""The border's system: solved by its own factor, or by GMRES with the factor of an earlier system on other unknowns."""
+"""What is left of the equations on the border: solved by its own factor, or by GMRES with that of an earlier system on other unknowns."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import pytest
 import scipy.linalg as sla
 from numpy.testing import assert_allclose
 
-from fcsim.solvers.newton.systems import border as border_system
-from fcsim.solvers.newton.systems.border import BorderSystem
+from fcsim.solvers.newton.systems import remainder
+from fcsim.solvers.newton.systems.remainder import Factored, Remainder
 
 CONTACTS = 200
 
@@ -34,12 +34,20 @@ class System:
         left = J @ x.ravel() + np.einsum("aij,aj->ai", self.outer, self.known).ravel() - self.rhs.ravel()
         return float(np.linalg.norm(left[self.unknown.ravel()]))
 
-    def complete(self, border: BorderSystem, target: float, **same: bool) -> np.ndarray:
+    def remainder(self, earlier: Factored | None, target: float) -> Remainder:
+        single = (array.astype(np.float32) for array in (self.G, self.outer, self.inner))
+        return Remainder(*single, self.unknown, earlier, inexact=target > 0)
+
+    def completed(self, own: Remainder, target: float) -> np.ndarray:
         x = self.x.copy()
-        single = (array.astype(np.float32) for array in (self.G, self.known, self.outer, self.inner, self.rhs))
-        border.complete(x, self.unknown, *single, target, **same)
+        own.complete(x, self.known.astype(np.float32), self.rhs.astype(np.float32), target)
         assert_allclose(x[~self.unknown], self.x[~self.unknown])
         return x
+
+    def complete(self, earlier: Factored | None, target: float) -> tuple[np.ndarray, Factored | None]:
+        """x, and the factor that serves the next system."""
+        own = self.remainder(earlier, target)
+        return self.completed(own, target), own.factored
 
     def scale_rows(self) -> None:
         """Another rho: the equations of every contact are combined anew, and a little of their coefficients changes."""
@@ -61,80 +69,83 @@ class System:
 def factored(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The sizes of the matrices that were factored."""
     sizes: list[int] = []
-    lu = border_system.DenseLU
+    lu = remainder.DenseLU
 
     def counted(A: np.ndarray, overwrite: bool = False) -> object:
         sizes.append(len(A))
         return lu(A, overwrite)
 
-    monkeypatch.setattr(border_system, "DenseLU", counted)
-    monkeypatch.setattr(border_system, "APPROXIMATE_FROM", 100)
+    monkeypatch.setattr(remainder, "DenseLU", counted)
+    monkeypatch.setattr(remainder, "APPROXIMATE_FROM", 100)
     return sizes
 
 
 def test_exact(factored: list[int]) -> None:
-    system, border = System(0), BorderSystem()
+    system = System(0)
     size = np.count_nonzero(system.unknown)
-    assert system.defect(system.complete(border, 0.0)) <= 1e-4 * np.linalg.norm(system.rhs)
+    x, earlier = system.complete(None, 0.0)
+    assert system.defect(x) <= 1e-4 * np.linalg.norm(system.rhs)
     system.change(np.array([3, 50]))
-    assert system.defect(system.complete(border, 0.0)) <= 1e-4 * np.linalg.norm(system.rhs)
+    assert system.defect(system.complete(earlier, 0.0)[0]) <= 1e-4 * np.linalg.norm(system.rhs)
     assert factored == [size, np.count_nonzero(system.unknown)]
 
 
 def test_other_rows(factored: list[int]) -> None:
-    system, border = System(1), BorderSystem()
+    system, earlier = System(1), None
     target = 1e-3 * float(np.linalg.norm(system.rhs))
     for _ in range(3):
-        assert system.defect(system.complete(border, target)) <= 1.01 * target
+        x, earlier = system.complete(earlier, target)
+        assert system.defect(x) <= 1.01 * target
         system.scale_rows()
     assert factored == [np.count_nonzero(system.unknown)]
 
 
 @pytest.mark.parametrize("contacts", [[30, 60], [2, 5], [1, 31, 32, 199]], ids=["come", "go", "both"])
 def test_other_unknowns(factored: list[int], contacts: list[int]) -> None:
-    system, border = System(2), BorderSystem()
+    system = System(2)
     size, target = np.count_nonzero(system.unknown), 1e-3 * float(np.linalg.norm(system.rhs))
-    system.complete(border, target)
+    _, earlier = system.complete(None, target)
     system.change(np.array(contacts))
     system.scale_rows()
-    assert system.defect(system.complete(border, target)) <= 1.01 * target
-    system.rhs = system.random.standard_normal(system.rhs.shape)
-    assert system.defect(system.complete(border, target, same=True)) <= 1.01 * target
+    own = system.remainder(earlier, target)
+    for _ in range(2):
+        assert system.defect(system.completed(own, target)) <= 1.01 * target
+        system.rhs = system.random.standard_normal(system.rhs.shape)
     assert factored[0] == size
     assert all(small <= 0.1 * size for small in factored[1:]), "only the complement of what changed is factored"
 
 
 def test_new_contacts(factored: list[int]) -> None:
     """A border that has grown: contacts beyond the factor's are all new."""
-    system, border = System(3), BorderSystem()
+    system = System(3)
     target = 1e-3 * float(np.linalg.norm(system.rhs))
     whole = (system.G, system.outer, system.inner, system.unknown, system.rhs, system.known, system.x)
     few = CONTACTS - 5
     system.G = system.G[: 3 * few, : 3 * few]
     system.outer, system.inner, system.unknown, system.rhs, system.known, system.x = (array[:few] for array in whole[1:])
-    system.complete(border, target)
+    _, earlier = system.complete(None, target)
     system.G, system.outer, system.inner, system.unknown, system.rhs, system.known, system.x = whole
-    assert system.defect(system.complete(border, target)) <= 1.01 * target
+    assert system.defect(system.complete(earlier, target)[0]) <= 1.01 * target
     assert factored[1:] == [10]
 
 
 def test_many_changes(factored: list[int]) -> None:
-    system, border = System(4), BorderSystem()
+    system = System(4)
     target = 1e-3 * float(np.linalg.norm(system.rhs))
-    system.complete(border, target)
+    _, earlier = system.complete(None, target)
     system.change(np.arange(20, 80))
-    assert system.defect(system.complete(border, target)) <= 1.01 * target
+    assert system.defect(system.complete(earlier, target)[0]) <= 1.01 * target
     assert factored[-1] == np.count_nonzero(system.unknown), "factored anew"
 
 
 def test_singular_own_block(factored: list[int]) -> None:
     """A contact whose own equations are singular cannot be scaled: factored anew."""
-    system, border = System(5), BorderSystem()
+    system = System(5)
     target = 1e-3 * float(np.linalg.norm(system.rhs))
-    system.complete(border, target)
+    _, earlier = system.complete(None, target)
     system.G[:] = np.float32(0.01) * np.roll(np.eye(3 * CONTACTS), 3, axis=1) + np.float32(0.01) * np.roll(np.eye(3 * CONTACTS), -3, axis=1)
     system.inner[40] = 0  # its own block is then zero, the coupling with its neighbours is all there is
-    x = system.complete(border, target)
+    x, _ = system.complete(earlier, target)
     assert np.all(np.isfinite(x))
     assert system.defect(x) <= 1e-2 * np.linalg.norm(system.rhs)
     assert factored[-1] == np.count_nonzero(system.unknown)

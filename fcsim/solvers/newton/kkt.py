@@ -1,4 +1,4 @@
-"""Nonsmooth Newton on the global problem: unknowns (v, r), matrix [[M, -H], [A H^T, B]], factored by MUMPS without forming W.
+"""Nonsmooth Newton on the KKT form of a global problem: unknowns (v, r), matrix [[M, -H], [A H^T, B]] by MUMPS, without forming W.
 
 The same for a mixed local problem: unknowns (r, l), matrix [[A W + B, A V], [V^T, R]], without eliminating l.
 """
@@ -17,7 +17,8 @@ from fcsim.linear.factors import Factor, Mumps, SuperLU, factorise
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Elimination, Reduction
 from fcsim.solvers.base import Iterate, Monitor
-from fcsim.solvers.newton.iterations import NewtonOptions, newton_iterations
+from fcsim.solvers.newton.iterations import newton_iterations
+from fcsim.solvers.newton.options import NewtonOptions
 
 
 class _SaddleMatrix:
@@ -69,7 +70,11 @@ class GlobalSpace:
         self._factor: Factor | None = None
         self._r = r
         self._v, self.multiplier = reduction.velocity(r)
-        self.u = self._HT @ self._v + p.w
+        self.recompute()
+
+    def recompute(self) -> None:
+        self.u = self._HT @ self._v + self._problem.w
+        self.exact = True
 
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         p, n = self._problem, self._problem.n
@@ -89,7 +94,7 @@ class GlobalSpace:
         self._v, self._r = self._v + step[:n], self._r + step[n : n + p.m]
         if self.multiplier is not None:
             self.multiplier = self.multiplier + step[n + p.m :]
-        self.u = self._HT @ self._v + p.w
+        self.recompute()
 
 
 def newton_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:
@@ -109,10 +114,11 @@ class MixedSpace:
         self._sparse = sp.issparse(p.W)
         kind = sp.csr_array if self._sparse else np.asarray
         self._W, self._V, self._R = kind(p.W), *(kind(x) if self._sparse else _dense(x) for x in (p.V, p.R))
-        self.u = self._velocity()
+        self.recompute()
 
-    def _velocity(self) -> FloatArray:
-        return self._W @ self._r + self._V @ self._l + self._problem.q
+    def recompute(self) -> None:
+        self.u = self._W @ self._r + self._V @ self._l + self._problem.q
+        self.exact = True
 
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         p = self._problem
@@ -136,7 +142,7 @@ class MixedSpace:
 
     def move(self, t: float) -> None:
         self._r, self._l = self._r + t * self._dr, self._l + t * self._dl
-        self.u = self._velocity()
+        self.recompute()
 
 
 def newton_mixed(elimination: Elimination, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:

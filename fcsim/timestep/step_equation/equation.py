@@ -13,40 +13,35 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory, Result
 from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
-from fcsim.timestep.linearisation import MAX_ITERATIONS, TOLERANCE, Linearisation
-from fcsim.timestep.mixing import Mixing
+from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Attempt
-from fcsim.timestep.step_compliance import StepCompliance
+from fcsim.timestep.step import Attempt, Lead
+from fcsim.timestep.step_equation.compliance import StepCompliance
+from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE, Linearisation
+from fcsim.timestep.step_equation.mixing import Mixing
 from fcsim.timestep.warm_start import Reactions, warm_start
-
-COARSER, COARSEST = 1e3, 1e-3
-"""How much less accurate the first of a step's problems with turning bodies is solved, and the least accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
 class Equation:
     """What a step's problems share: all but the elastic term of the right side.
 
-    H (n_dofs, m); factor: of the step's M; rest (n_dofs,): right side without the elastic term; driven: values of the driven unknowns;
-    w (m,) of the law; share: of the whole step that it is
+    met: its contacts; factor: of the step's M; rest (n_dofs,): right side without the elastic term; driven: values of the driven
+    unknowns; share: of the whole step that it is
     """
 
     scheme: Scheme
     model: Model
     state: State
-    contacts: Contacts
-    H: Any
+    met: Encounter
     factor: SystemFactor
     rest: FloatArray
     driven: FloatArray
-    w: FloatArray
     elastic: Linearisation
     share: float
 
@@ -60,36 +55,44 @@ class Equation:
         return moved
 
     @cached_property
-    def _free_H(self) -> Any:
+    def compliance(self) -> StepCompliance:
+        return StepCompliance(self.factor, self.met.compliance)
+
+    @cached_property
+    def _H(self) -> Any:
         """H on the problems' unknowns."""
-        model = self.model
+        model, H = self.model, self.met.scaled_H
         if model.driven == "eliminated":
-            return sp.csr_array(self.H[model.free_dofs])
+            return self.compliance.with_joints(sp.csr_array(H[model.free_dofs]))
         mask = np.zeros(model.n_dofs)
         mask[model.free_dofs] = 1
-        return sp.csr_array(sp.diags_array(mask) @ self.H)
+        return self.compliance.with_joints(sp.csr_array(sp.diags_array(mask) @ H))
 
     @cached_property
     def _w(self) -> FloatArray:
-        return self.w if self._moved is None else self.w + self.H.T @ self._moved
+        return self.met.w if self._moved is None else self.met.w + self.met.scaled_H.T @ self._moved
 
     @cached_property
-    def _driven_load(self) -> FloatArray | float:
-        return 0.0 if self._moved is None else self.factor.apply(self._moved)
+    def _given(self) -> FloatArray:
+        """What adhesion and driven dofs take from the load (n_dofs,)."""
+        adhesive = self.met.adhesive_impulse
+        given = np.zeros(self.model.n_dofs) if adhesive is None else adhesive
+        return given if self._moved is None else given + self.factor.apply(self._moved)
 
     def problem(self, load: FloatArray) -> GlobalProblem:
-        """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs do enters f and w."""
-        model = self.model
-        f = load - self._driven_load
+        """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w."""
+        model, f = self.model, load - self._given
         if model.driven == "eliminated":
             f = f[model.free_dofs]
         else:
             f[model.driven_dofs] = self.driven
-        return GlobalProblem(self.factor.matrix(), self._free_H, f, self._w, self.contacts.mu, dimension=model.dimension)
+        matrix, mu = self.compliance.matrix(), self.met.contacts.mu
+        return GlobalProblem(matrix, self._H, self.compliance.load(f), self._w, mu, dimension=model.dimension)
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:
         """The unknowns v (n_dofs,) of all dofs from the problem's."""
         model, v = self.model, np.empty(self.model.n_dofs)
+        of_problem = self.compliance.bodies(of_problem)
         v[model.free_dofs] = of_problem if model.driven == "eliminated" else of_problem[model.free_dofs]
         v[model.driven_dofs] = self.driven
         return v
@@ -107,21 +110,30 @@ class Answer:
     start: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Past:
+    """What the steps before leave for a step: their reactions, newest first, who leads the chain, and what serves the solver."""
+
+    reactions: Sequence[Reactions]
+    lead: Lead
+    serving: Memory | None
+
+
 def solve_equation(
     equation: Equation,
     settings: SolverSettings,
     extent: float,
-    memory: Sequence[Reactions],
-    serving: Memory | None,
+    past: Past,
     attempts: list[Attempt],
     clock: Clock,
-) -> tuple[Answer | None, Memory | None]:
-    """Return the answer, None where the solver chain fails or the elastic term does not settle, and what serves the next step.
+) -> tuple[Answer | None, Past]:
+    """Return the answer, None where the solver chain fails or the elastic term does not settle, and the past of the next step.
 
-    extent [m]: size of the model; memory: the last reactions; serving: what the step before left for the solver. What is tried goes into
-    `attempts`. With turning bodies each problem differs from the last by its right side; W and all factors are the same.
+    extent [m]: size of the model. What is tried goes into `attempts`. With turning bodies each problem differs from the last by its right
+    side; W and all factors are the same.
     """
-    compliance, elastic = StepCompliance(equation.factor), equation.elastic
+    compliance, elastic = equation.compliance, equation.elastic
+    lead = past.lead
     term, mixing, start, r = elastic.term(elastic.first), Mixing(), None, np.empty(0)
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term
@@ -131,23 +143,25 @@ def solve_equation(
             compliance = replace(compliance, summed=reduction.local.W)
         clock.lap("assembly")
         if start is None:
-            start = r = warm_start(reduction.local, equation.contacts, memory) if problem.nc else r
-        tol = settings.tol * min(1.0, _longest_flight(reduction, extent, equation.scheme.force_per_reaction))
-        # the first linearisation is left before its problem is solved to the end: Newton's last steps then serve the next one
-        now_tol = tol if elastic.rotation is None or mixing.points else min(COARSER * tol, max(tol, COARSEST))
-        result, serving = solve_chain(settings, reduction, r, now_tol, equation.share, attempts, serving)
+            start = r = warm_start(reduction.local, equation.met.contacts, past.reactions) if problem.nc else r
+        tol = settings.tol * min(1.0, _longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction))
+        first = len(attempts)
+        result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
         clock.lap("solve")
+        past = replace(past, serving=serving)
         if result is None:
-            return None, serving
+            return None, past
+        if not mixing.points:  # a step teaches once, whatever its linearisations
+            past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
         v, r = equation.velocity(result.v), result.r  # type: ignore[arg-type]
         answer = Answer(problem, reduction, result, v, load, start)
         if elastic.rotation is None:
-            return answer, serving
+            return answer, past
         now = elastic.term(v)
         allowed = elastic.allowed(term, equation.rest)
         change = elastic.norms(now - term) / allowed
-        if np.all(change <= 1) and result.error <= tol:
-            return answer, serving
+        if np.all(change <= 1):
+            return answer, past
         if not np.all(np.isfinite(change)):
             break
         mixing = mixing.then(term, now)
@@ -155,7 +169,7 @@ def solve_equation(
         clock.lap("assembly")
     apart = TOLERANCE * float(change.max())
     attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
-    return None, serving
+    return None, past
 
 
 def _longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:

@@ -6,18 +6,26 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 import scipy.sparse as sp
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear import factors as linear
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem
-from fcsim.solvers.newton.iterations import SYSTEMS
+from fcsim.solvers.newton.kkt import _SaddleMatrix
 from fcsim.solvers.newton.systems import condensed as condensed_system
-from fcsim.solvers.newton.systems.condensed import ACCURACY, FORCING, CondensedSystem
-from fcsim.solvers.newton.systems.direct import DenseSystem, NewtonSystem, SparseSystem
-from fcsim.solvers.newton.whole import _SaddleMatrix
+from fcsim.solvers.newton.systems.border import empty_border, extended
+from fcsim.solvers.newton.systems.choice import SYSTEMS, newton_system
+from fcsim.solvers.newton.systems.condensed import ACCURACY, FORCING
+from fcsim.solvers.newton.systems.condensed import CondensedSystem as Condensed
+from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
+from fcsim.solvers.newton.systems.held import hold
+from fcsim.solvers.newton.systems.interface import NewtonSystem, Shifted
 
 OPEN, STICK, SLIP = 0, 1, 2
+
+
+def condensed(W: np.ndarray, d: int) -> Condensed:
+    return Condensed(Shifted(W, d))
 
 
 def delassus(nc: int, d: int, seed: int) -> np.ndarray:
@@ -63,7 +71,7 @@ def test_one_step(name: str, d: int, zones: str) -> None:
     A, B = linearisation(rng.choice(3, 12, p=ZONES[zones]), d, rng)
     rhs = rng.standard_normal((12, d))
     before = W.copy(), A.copy(), B.copy(), rhs.copy()
-    system = SYSTEMS[name](sp.bsr_array(W, blocksize=(d, d)) if name == "sparse" else W, d)
+    system = newton_system(Shifted(sp.bsr_array(W, blocksize=(d, d)) if name == "sparse" else W, d), name, condensing=True)
     tolerance = 1e-3 if name == "multifrontal" else 1e-9  # an inexact step, see test_multifrontal
     assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=tolerance, atol=1e-2 * tolerance)
     for mine, given in zip((W, A, B, rhs), before, strict=True):
@@ -78,7 +86,7 @@ def test_changing_sets(seed: int, changes: int, d: int) -> None:
     rng = np.random.default_rng(seed)
     nc = 60
     W = delassus(nc, d, seed)
-    systems: list[NewtonSystem] = [CondensedSystem(W, d), DenseSystem(W, d), SparseSystem(W, d)]
+    systems: list[NewtonSystem] = [condensed(W, d), DenseSystem(Shifted(W, d)), SparseSystem(Shifted(W, d))]
     zone = rng.choice(3, nc, p=[0.2, 0.6, 0.2])
     for _ in range(25):
         moved = rng.choice(nc, changes, replace=False)
@@ -97,7 +105,7 @@ def test_following_a_changing_operator(seed: int, change: float) -> None:
     rng = np.random.default_rng(seed)
     nc, d = 60, 3
     W = delassus(nc, d, seed)
-    system = CondensedSystem(W, d)
+    system = condensed(W, d)
     zone = rng.choice(3, nc, p=[0.2, 0.6, 0.2])
     for _ in range(10):
         for _ in range(3):
@@ -110,8 +118,46 @@ def test_following_a_changing_operator(seed: int, change: float) -> None:
             assert np.linalg.norm(defect) <= 1.01 * FORCING * np.linalg.norm(rhs)
         root = np.eye(len(W)) + change * rng.standard_normal(W.shape) / len(W)
         W = root @ W @ root.T
-        assert system.follow(W)
-    assert not system.follow(np.eye(30)), "another number of contacts"
+        system = Condensed(Shifted(W, d), system.left(np.arange(nc)))
+
+
+def test_borders_that_grow_from_one_keep_their_columns_apart() -> None:
+    """Two ways on from one border: what the second adds does not appear in the first."""
+    W = delassus(12, 3, 6)
+    held = hold(W, None, 3, np.arange(12) < 9, with_sliding=True, dtype=np.float64, conditioning=0.0)
+    assert held is not None
+    first = extended(empty_border(held, 3), held, W, np.array([2, 10]))
+    one = extended(first, held, W, np.array([4]))
+    before = one.PT.copy(), one.response.copy()
+    other = extended(first, held, W, np.array([7, 11]))
+    for mine, kept in zip((one.PT, one.response), before, strict=True):
+        assert_array_equal(mine, kept)
+    whole = extended(empty_border(held, 3), held, W, np.array([2, 10, 7, 11]))
+    assert_allclose(other.response, whole.response, atol=1e-13)
+    assert_array_equal(np.flatnonzero(one.column >= 0), [2, 4, 10])
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_shift_is_part_of_the_operator(name: str, d: int) -> None:
+    """(A (W + D) + B) dr = rhs and (W + D) dr, for a shift given at once or later, which leaves the first system as it was."""
+    rng = np.random.default_rng(15)
+    W, nc = delassus(12, d, 3), 12
+    A, B = linearisation(rng.choice(3, nc), d, rng)
+    rhs, shift = rng.standard_normal((nc, d)), rng.random(nc)
+    stored = sp.bsr_array(W, blocksize=(d, d)) if name == "sparse" else W
+    system = newton_system(Shifted(stored, d), name, condensing=True)
+    tolerance = 1e-3 if name == "multifrontal" else 1e-9
+    shifted = W + np.diag(np.repeat(shift, d))
+    for own in (
+        system.shifted(shift),
+        newton_system(Shifted(stored, d, shift), name, condensing=True),
+        system.shifted(9 * shift).shifted(shift),
+    ):
+        dr, du = own.solve(A, B, rhs)
+        assert_allclose(dr, reference_step(shifted, A, B, rhs), rtol=tolerance, atol=1e-2 * tolerance)
+        assert_allclose(du, shifted @ dr, rtol=0, atol=1e-10 * np.abs(du).max())
+    assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=tolerance, atol=1e-2 * tolerance)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -122,7 +168,7 @@ def test_single_precision(seed: int, d: int, monkeypatch: pytest.MonkeyPatch) ->
     rng = np.random.default_rng(seed)
     nc = 60
     W = delassus(nc, d, seed)
-    system = CondensedSystem(W, d)
+    system = condensed(W, d)
     zone = rng.choice(3, nc, p=[0.2, 0.6, 0.2])
     for _ in range(25):
         zone[rng.choice(nc, 4, replace=False)] = rng.choice(3, 4)
@@ -137,13 +183,13 @@ def test_single_precision(seed: int, d: int, monkeypatch: pytest.MonkeyPatch) ->
 def test_double_precision_where_single_is_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compliances over seven orders of magnitude: the factor in single precision does not precondition, that in double does."""
     monkeypatch.setattr(condensed_system, "SINGLE_FROM", 0)
-    monkeypatch.setattr(CondensedSystem, "_solve_whole", lambda *_: pytest.fail("the condensed factor in double precision is enough"))
+    monkeypatch.setattr(Condensed, "_whole", property(lambda _: pytest.fail("the condensed factor in double precision is enough")))
     rng = np.random.default_rng(3)
     nc, d = 20, 3
     Q = np.linalg.qr(rng.standard_normal((nc * d, nc * d)))[0]
     W = Q @ np.diag(np.logspace(0, -7.5, nc * d)) @ Q.T
     W = 0.5 * (W + W.T)
-    system = CondensedSystem(W, d)
+    system = condensed(W, d)
     A, B = linearisation(np.full(nc, STICK), d, rng)
     rhs = rng.standard_normal((nc, d))
     dr, _ = system.solve(A, B, rhs)
@@ -152,18 +198,18 @@ def test_double_precision_where_single_is_not_enough(monkeypatch: pytest.MonkeyP
 
 def test_a_border_that_is_too_large_is_not_carried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(condensed_system, "BORDER_UP_TO", 0)
-    monkeypatch.setattr(CondensedSystem, "_hold", lambda *_: pytest.fail("no factor is to be held"))
+    monkeypatch.setattr(Condensed, "_hold", lambda *_: pytest.fail("no factor is to be held"))
     rng = np.random.default_rng(5)
     W = delassus(20, 3, 5)
     A, B = linearisation(np.repeat([STICK, SLIP], 10), 3, rng)
     rhs = rng.standard_normal((20, 3))
-    assert_allclose(CondensedSystem(W, 3).solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-9, atol=1e-11)
+    assert_allclose(condensed(W, 3).solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-9, atol=1e-11)
 
 
 def test_sets_that_empty_and_fill_again() -> None:
     rng = np.random.default_rng(7)
     W = delassus(50, 3, 8)
-    system = CondensedSystem(W, 3)
+    system = condensed(W, 3)
     for kind in (STICK, OPEN, SLIP, STICK, OPEN, STICK, SLIP, SLIP, OPEN):
         for share in (1.0, 0.7):
             zone = np.where(rng.random(50) <= share, kind, rng.choice(3, 50))
@@ -175,7 +221,7 @@ def test_sets_that_empty_and_fill_again() -> None:
 def test_condensed_system_takes_an_unsymmetric_operator() -> None:
     rng = np.random.default_rng(9)
     W = delassus(10, 3, 10) + 0.05 * rng.standard_normal((30, 30))
-    system = CondensedSystem(W, 3)
+    system = condensed(W, 3)
     for _ in range(3):
         A, B = linearisation(rng.choice(3, 10), 3, rng)
         rhs = rng.standard_normal((10, 3))
@@ -187,7 +233,7 @@ def test_condensed_system_takes_an_operator_that_is_not_positive_definite() -> N
     rng = np.random.default_rng(11)
     H = rng.standard_normal((20, 36))
     W = H.T @ H  # rank 20: 6 sticking contacts fit, 12 do not
-    system = CondensedSystem(W, 3)
+    system = condensed(W, 3)
     for count in (5, 6, 4, 6):
         zone = np.full(12, SLIP)
         zone[:count] = STICK
@@ -196,7 +242,7 @@ def test_condensed_system_takes_an_operator_that_is_not_positive_definite() -> N
         assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-7, atol=1e-8)
     W = delassus(12, 3, 12)
     W[:3, :3] -= 40 * np.eye(3)  # indefinite, regular
-    system = CondensedSystem(W, 3)
+    system = condensed(W, 3)
     for _ in range(3):
         A, B = linearisation(np.r_[STICK, STICK, rng.choice(3, 10)], 3, rng)
         rhs = rng.standard_normal((12, 3))
@@ -209,14 +255,14 @@ def test_singular_system_is_refused(name: str) -> None:
     W = np.kron(np.ones((2, 2)), np.diag([1.0, 2.0, 3.0]))
     A, B = np.stack([np.eye(3)] * 2), np.zeros((2, 3, 3))
     with pytest.raises(SingularMatrix):
-        SYSTEMS[name](W, 3).solve(A, B, np.ones((2, 3)))
+        newton_system(Shifted(W, 3), name, condensing=True).solve(A, B, np.ones((2, 3)))
 
 
 def test_sparse_system_by_the_sparse_factor(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(linear, "DENSE_UP_TO", 5)
     rng = np.random.default_rng(13)
     W = sla.block_diag(*(delassus(4, 3, seed) for seed in range(5)))
-    system = SparseSystem(sp.bsr_array(W, blocksize=(3, 3)), 3)
+    system = SparseSystem(Shifted(sp.bsr_array(W, blocksize=(3, 3)), 3))
     for _ in range(3):
         A, B = linearisation(rng.choice(3, 20), 3, rng)
         rhs = rng.standard_normal((20, 3))

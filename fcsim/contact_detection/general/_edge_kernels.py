@@ -1,0 +1,164 @@
+"""Where the sharp edges of two bodies cross, compiled: one pair of edges a row."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.general._foot_kernels import dot
+
+_FLAT = np.cos(np.deg2rad(1.0))  # faces that oppose each other closer than this touch flatly: the contact's normal is the face's
+_PARALLEL = 1e-7  # sine of the angle below which edges of flatly touching faces do not cross; vertices hold these
+_ALONG = 1e-4  # the same of edges in space, whose direction of contact is round-off
+_ARC = 0.05  # sine of how far the normal may leave the arc between an edge's faces
+
+
+@njit(cache=True)
+def _in_face(edge: int, place: int, direction: FloatArray, normals: FloatArray, edge_facets: IntArray) -> FloatArray:
+    """Unit vector in the edge's first or second facet, across the edge and away from it."""
+    n = normals[edge_facets[edge, place]]
+    t = np.cross(n, direction) if place == 0 else np.cross(direction, n)
+    return t / np.sqrt(dot(t, t))
+
+
+@njit(cache=True)
+def _flat_normal(a: int, b: int, normals: FloatArray, sizes: FloatArray, edge_facets: IntArray) -> tuple[bool, FloatArray]:
+    """The larger face's normal, from b to a, where two faces of the edges touch flatly."""
+    best, fa, fb = -_FLAT, -1, -1
+    for i in range(2):
+        for j in range(2):
+            c = dot(normals[edge_facets[a, i]], normals[edge_facets[b, j]])
+            if c < best:
+                best, fa, fb = c, edge_facets[a, i], edge_facets[b, j]
+    if fa < 0:
+        return False, normals[0]
+    return True, -normals[fa] if sizes[fa] > sizes[fb] else normals[fb]
+
+
+@njit(cache=True)
+def _pierced(
+    p: FloatArray, q: FloatArray, f: int, near: float, point: FloatArray, normals: FloatArray, facets: IntArray, sides: IntArray
+) -> bool:
+    """Whether the segment from p to q goes through the facet f."""
+    n, origin = normals[f], point[facets[f, 0]]
+    high, low = dot(p - origin, n), dot(q - origin, n)
+    if not (min(high, low) < 0.0 < max(high, low)):
+        return False
+    at = p + high / (high - low) * (q - p)
+    inside = True
+    for l in range(sides[f]):
+        a = point[facets[f, l]]
+        along = point[facets[f, l + 1 if l + 1 < sides[f] else 0]] - a
+        inside = inside and dot(np.cross(n, along), at - a) >= -near * np.sqrt(dot(along, along))
+    return inside
+
+
+@njit(cache=True)
+def _pierces(
+    a: int,
+    b: int,
+    near: float,
+    point: FloatArray,
+    normals: FloatArray,
+    facets: IntArray,
+    sides: IntArray,
+    edges: IntArray,
+    edge_facets: IntArray,
+) -> int:
+    """How many of the two faces of the edge b the edge a goes through."""
+    count = 0
+    for k in range(2):
+        if _pierced(point[edges[a, 0]], point[edges[a, 1]], edge_facets[b, k], near, point, normals, facets, sides):
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def crossings(
+    first: IntArray,
+    second: IntArray,
+    alert: FloatArray,
+    depth: FloatArray,
+    near: FloatArray,
+    point: FloatArray,
+    normals: FloatArray,
+    sizes: FloatArray,
+    edges: IntArray,
+    edge_facets: IntArray,
+    facets: IntArray,
+    sides: IntArray,
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
+    """Rows of edges that touch, their normals from the second to the first (nc, 3), gaps (nc,) [m], places s, t (nc, 2) on both, and of
+    those that overlap through how many of the two faces of one edge the other goes (nc,).
+
+    Long because it is one decision. alert, depth, near (rows,) [m]. A crossing lies inside both edges by more than `near`: vertices hold
+    the ends.
+    """
+    n = len(first)
+    rows, normal = np.empty(n, dtype=np.int64), np.empty((n, 3))
+    gap, place, pierced = np.empty(n), np.empty((n, 2)), np.full(n, 2, dtype=np.int64)
+    count = 0
+    for row in range(n):
+        a, b = first[row], second[row]
+        pa, pb = point[edges[a, 0]], point[edges[b, 0]]
+        da, db = point[edges[a, 1]] - pa, point[edges[b, 1]] - pb
+        la, lb = np.sqrt(dot(da, da)), np.sqrt(dot(db, db))
+        da, db = da / la, db / lb
+        r = pb - pa
+        flat, N = _flat_normal(a, b, normals, sizes, edge_facets)
+        if flat:
+            cross = dot(N, np.cross(da, db))
+            if abs(cross) < _PARALLEL:
+                continue
+            s, t = dot(N, np.cross(r, db)) / cross, dot(N, np.cross(r, da)) / cross
+        else:
+            across = np.cross(da, db)
+            sine = np.sqrt(dot(across, across))
+            if sine < _ALONG:
+                continue
+            N = across / sine
+            if dot(N, normals[edge_facets[b, 0]] + normals[edge_facets[b, 1]]) < 0.0:
+                N = -N
+            if dot(N, normals[edge_facets[a, 0]] + normals[edge_facets[a, 1]]) >= 0.0:
+                continue
+            extreme = True
+            for k in range(2):  # both bodies fall away from the common tangent plane
+                extreme = extreme and dot(N, _in_face(b, k, db, normals, edge_facets)) <= _ARC
+                extreme = extreme and dot(N, _in_face(a, k, da, normals, edge_facets)) >= -_ARC
+            if not extreme:
+                continue
+            s, t = dot(np.cross(r, db), across) / sine**2, dot(np.cross(r, da), across) / sine**2
+        tol = near[row]
+        if not (tol < s < la - tol and tol < t < lb - tol):
+            continue
+        g = dot(pa + s * da - pb - t * db, N)
+        if -depth[row] <= g <= alert[row]:
+            if g < -tol:
+                theirs = _pierces(a, b, tol, point, normals, facets, sides, edges, edge_facets)
+                ours = _pierces(b, a, tol, point, normals, facets, sides, edges, edge_facets)
+                pierced[count] = max(theirs, ours)
+            else:
+                pierced[count] = 2
+            rows[count], normal[count], gap[count] = row, N, g
+            place[count, 0], place[count, 1] = s / la, t / lb
+            count += 1
+    return rows[:count].copy(), normal[:count].copy(), gap[:count].copy(), place[:count].copy(), pierced[:count].copy()
+
+
+@njit(cache=True)
+def inside(at: FloatArray, body: IntArray, first_facet: IntArray, point: FloatArray, facets: IntArray, sides: IntArray) -> BoolArray:
+    """Whether points (n, 3) lie inside bodies (n,): the solid angle under which they see the closed surface is 4 pi there, 0 outside.
+
+    Source: A. Van Oosterom, J. Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30, 1983.
+    """
+    result = np.empty(len(at), dtype=np.bool_)
+    for row in range(len(at)):
+        angle = 0.0
+        for f in range(first_facet[body[row]], first_facet[body[row] + 1]):
+            for k in range(1, sides[f] - 1):
+                a, b, c = point[facets[f, 0]] - at[row], point[facets[f, k]] - at[row], point[facets[f, k + 1]] - at[row]
+                la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
+                angle += 2.0 * np.arctan2(dot(a, np.cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
+        result[row] = angle > 2.0 * np.pi
+    return result

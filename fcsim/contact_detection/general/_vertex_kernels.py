@@ -1,0 +1,215 @@
+"""Which facets of a body a vertex touches, compiled: one (vertex, body) a group of rows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.general._foot_kernels import EDGE, INSIDE, VERTEX, dot
+
+FACING = 0.1  # a facet around a vertex faces the direction N where n . N < -FACING
+_ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it is round-off: its mean normal is taken
+
+
+@njit(cache=True)
+def _facing(v: int, n: FloatArray, normals: FloatArray, star: IntArray, first_star: IntArray) -> float:
+    """How squarely a facet around the vertex v faces the direction n: the largest -n_facet . n."""
+    best = -1.0
+    for k in range(first_star[v], first_star[v + 1]):
+        best = max(best, -dot(normals[star[k]], n))
+    return best
+
+
+@njit(cache=True)
+def _covers(
+    v: int,
+    f: int,
+    foot: FloatArray,
+    n: FloatArray,
+    near: float,
+    point: FloatArray,
+    normals: FloatArray,
+    facets: IntArray,
+    sides: IntArray,
+    facet_edges: IntArray,
+    sharp: BoolArray,
+    star: IntArray,
+    first_star: IntArray,
+) -> bool:
+    """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its sharp rim only if a facet
+    around v that faces it reaches over the rim inwards. (Boxes whose corners merely meet do not hold each other.)"""
+    rims = np.empty((4, 3))
+    start = np.empty((4, 3))
+    count = 0
+    for l in range(sides[f]):
+        edge = facet_edges[f, l]
+        if edge < 0 or not sharp[edge]:
+            continue
+        a = point[facets[f, l]]
+        if sides[f] == 2:
+            along = point[facets[f, 1]] - point[facets[f, 0]]
+            inward = along if l == 0 else -along
+        else:
+            following = l + 1 if l + 1 < sides[f] else 0
+            inward = np.cross(n, point[facets[f, following]] - a)
+        inward = inward / np.sqrt(dot(inward, inward))
+        if dot(foot - a, inward) < 2.0 * near:
+            rims[count] = inward
+            start[count] = a
+            count += 1
+    if count == 0:
+        return True
+    for k in range(first_star[v], first_star[v + 1]):
+        g = star[k]
+        if -dot(normals[g], n) <= FACING:
+            continue
+        over = True
+        for r in range(count):
+            reaches = False
+            for c in range(sides[g]):
+                if dot(point[facets[g, c]] - start[r], rims[r]) > 10.0 * near:
+                    reaches = True
+            over = over and reaches
+        if over:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _pseudonormal(
+    row: int,
+    f: int,
+    feature: int,
+    normal: FloatArray,
+    normals: FloatArray,
+    facets: IntArray,
+    facet_edges: IntArray,
+    edge_facets: IntArray,
+    mean: FloatArray,
+) -> FloatArray:
+    """Direction whose scalar product with the arm from the foot tells outside from inside."""
+    if feature == INSIDE:
+        return normal[row]
+    if feature >= VERTEX:
+        return mean[facets[f, feature - VERTEX]]
+    edge = facet_edges[f, feature - EDGE]
+    n = normals[edge_facets[edge, 0]] + normals[edge_facets[edge, 1]]
+    return n / np.sqrt(dot(n, n))
+
+
+@njit(cache=True)
+def touched_facets(
+    first: IntArray,
+    vertex: IntArray,
+    facet: IntArray,
+    weights: FloatArray,
+    normal: FloatArray,
+    height: FloatArray,
+    distance: FloatArray,
+    feature: IntArray,
+    alert: FloatArray,
+    depth: FloatArray,
+    near: FloatArray,
+    point: FloatArray,
+    normals: FloatArray,
+    centres: FloatArray,
+    mean: FloatArray,
+    facets: IntArray,
+    sides: IntArray,
+    facet_edges: IntArray,
+    edge_facets: IntArray,
+    sharp: BoolArray,
+    smooth: BoolArray,
+    smooth_vertex: BoolArray,
+    star: IntArray,
+    first_star: IntArray,
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Rows that are contacts, their normals (nc, 3) and gaps (nc,) [m]; long because it is one decision, in the order of `vertices`.
+
+    first (groups + 1,): rows of a group, one vertex and the facets of one body near it; alert, depth, near (groups,) [m].
+    """
+    chosen = np.empty(len(vertex), dtype=np.int64)
+    n_chosen = 0
+    N, gap = np.empty((len(vertex), 3)), np.empty(len(vertex))
+    usable = np.empty(len(vertex), dtype=np.bool_)
+    score = np.empty(len(vertex))
+    for group in range(len(first) - 1):
+        begin, end = first[group], first[group + 1]
+        v, tol = vertex[begin], near[group]
+        closest = begin
+        for row in range(begin + 1, end):
+            if distance[row] < distance[closest]:
+                closest = row
+        # 1. inside or outside, by the nearest feature
+        f, where = facet[closest], feature[closest]
+        if distance[closest] > alert[group] and height[closest] > alert[group]:
+            continue
+        outward = _pseudonormal(closest, f, where, normal, normals, facets, facet_edges, edge_facets, mean)
+        arm = point[v].copy()
+        for k in range(4):
+            arm -= weights[closest, k] * point[facets[f, k]]
+        outside = dot(arm, outward) > 0.0 and distance[closest] > tol
+        if outside and distance[closest] > alert[group]:
+            continue
+        # 2. rows whose facet is under (over) the vertex and faced by its surroundings
+        for row in range(begin, end):
+            aside = np.sqrt(max(distance[row] ** 2 - height[row] ** 2, 0.0))
+            usable[row] = feature[row] == INSIDE or aside <= tol
+            if outside:
+                usable[row] = usable[row] and 0.0 < height[row] <= alert[group]
+            else:
+                usable[row] = usable[row] and -depth[group] <= height[row] <= tol
+            if usable[row]:
+                score[row] = _facing(v, normal[row], normals, star, first_star)
+                usable[row] = score[row] > FACING
+        # 3. the least way out of the body (the nearest facet above it); of equal ones that which is faced most squarely
+        best = -1
+        while True:
+            best = -1
+            for row in range(begin, end):
+                if usable[row]:
+                    nearer = best < 0 or abs(height[row]) < abs(height[best]) - tol
+                    alike = best >= 0 and abs(height[row]) <= abs(height[best]) + tol
+                    if nearer or (alike and score[row] > score[best] + 1e-9):
+                        best = row
+            if best < 0:
+                break
+            foot = point[v] - height[best] * normal[best]
+            if _covers(v, facet[best], foot, normal[best], tol, point, normals, facets, sides, facet_edges, sharp, star, first_star):
+                break
+            usable[best] = False
+        # 4. over a smooth edge or corner: along the line to it
+        rolls = False
+        if where >= VERTEX:
+            rolls = smooth_vertex[facets[f, where - VERTEX]]
+        elif where >= EDGE:
+            rolls = smooth[facet_edges[f, where - EDGE]]
+        if rolls and (best < 0 or distance[closest] < abs(height[best]) - tol):
+            direction = outward
+            if distance[closest] > _ROLL * tol:
+                direction = arm / distance[closest] if dot(arm, outward) > 0.0 else -arm / distance[closest]
+            if _facing(v, direction, normals, star, first_star) > FACING:
+                chosen[n_chosen], N[n_chosen], gap[n_chosen] = closest, direction, dot(arm, direction)
+                n_chosen += 1
+                continue
+        if best < 0:
+            continue
+        # 5. that facet, and those that meet it in a concave corner
+        chosen[n_chosen], N[n_chosen], gap[n_chosen] = best, normal[best], height[best]
+        n_chosen += 1
+        kept = n_chosen - 1
+        for row in range(begin, end):
+            if row == best or not (feature[row] == INSIDE and -depth[group] <= height[row] <= alert[group]):
+                continue
+            if _facing(v, normal[row], normals, star, first_star) <= FACING:
+                continue
+            concave = True
+            for other in range(kept, n_chosen):
+                g, h = facet[chosen[other]], facet[row]
+                step = centres[h] - centres[g]
+                concave = concave and dot(step, normals[g]) > tol and -dot(step, normals[h]) > tol and dot(normals[g], normals[h]) < 0.7
+            if concave:
+                chosen[n_chosen], N[n_chosen], gap[n_chosen] = row, normal[row], height[row]
+                n_chosen += 1
+    return chosen[:n_chosen].copy(), N[:n_chosen].copy(), gap[:n_chosen].copy()

@@ -1,0 +1,78 @@
+"""The boundary facets of a model's bodies, whatever their surfaces are called."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcsim.arrays import IntArray
+from fcsim.assembly.model import Model
+from fcsim.errors import InputError
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.part import Body, Part, RigidBody
+
+
+class Boundary(NamedTuple):
+    """Facets (nf, 4) of all bodies in global node numbers, -1 = none, sorted by body (nf,); number of corners, sides (nf,)."""
+
+    facets: IntArray
+    body: IntArray
+    sides: IntArray
+
+
+def boundary_of(model: Model) -> Boundary:
+    """Return the facets that bound the cells of deformable bodies, and the surfaces of rigid ones, each facet once.
+
+    Points of a rigid body that coincide exactly (a surface read triangle by triangle) count as one. InputError: a rigid body without
+    surfaces.
+    """
+    known: dict[Part, IntArray] = {}
+    found = []
+    for number, body in enumerate(model.bodies):
+        if isinstance(body, Body):
+            if body.part not in known:
+                known[body.part] = _of_cells(body.part)
+            facets = known[body.part]
+        else:
+            facets = _of_surfaces(body)
+        wide = np.pad(facets, ((0, 0), (0, 4 - facets.shape[1])), constant_values=-1)
+        found.append(np.where(wide < 0, -1, wide + model.node_offset[number]))
+    facets = np.concatenate(found)
+    body_of_facet = np.repeat(np.arange(len(found)), [len(f) for f in found])
+    return Boundary(facets, body_of_facet, (facets >= 0).sum(axis=1))
+
+
+def _of_cells(part: Part) -> IntArray:
+    """Facets of the cells that no second cell has."""
+    cell = CELL_TYPES[part.cell_type]
+    facets = part.cells[:, cell.facets].reshape(-1, cell.facet_size)
+    _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    return facets[np.sort(first[count == 1])]
+
+
+def _of_surfaces(body: RigidBody) -> IntArray:
+    """Facets of all surfaces, in the numbers of the first of coincident points; a quadrilateral with two equal corners is a triangle."""
+    pieces = [facets for facets in body.surfaces.values() if facets.size]
+    if not pieces:
+        raise InputError(f"contact of everything, body {body.name!r}: expected a rigid body with surfaces, got none")
+    width = max(piece.shape[1] for piece in pieces)
+    if width > 4:
+        raise InputError(f"contact of everything, body {body.name!r}: expected facets of 2, 3 or 4 nodes, got {width}")
+    facets = np.concatenate([np.pad(piece, ((0, 0), (0, width - piece.shape[1])), constant_values=-1) for piece in pieces])
+    _, first, place = np.unique(body.points, axis=0, return_index=True, return_inverse=True)
+    facets = np.where(facets < 0, -1, first[place.ravel()][facets])
+    if width == 4:
+        facets = _without_repeated_corner(facets)
+    _, first = np.unique(np.sort(facets, axis=1), axis=0, return_index=True)
+    return facets[np.sort(first)]
+
+
+def _without_repeated_corner(facets: IntArray) -> IntArray:
+    """Quadrilaterals with two neighbouring corners in one point as triangles."""
+    repeated = (facets == np.roll(facets, -1, axis=1)) & (facets >= 0)
+    rows = np.flatnonzero(repeated.any(axis=1))
+    result = facets.copy()
+    for row, corner in zip(rows, np.argmax(repeated[rows], axis=1), strict=True):  # few: the poles of a sphere
+        result[row] = np.append(np.delete(facets[row], corner), -1)
+    return result

@@ -1,0 +1,85 @@
+"""Sharp edges across sharp edges: the corners of a contact patch that no vertex holds, and the crossing of two edges in space.
+
+Where a face of one body lies flat on a face of the other, the patch they share is the intersection of two polygons. Its corners are
+vertices of either face (see `vertices`) and crossings of their edges; these carry the patch's moments, and their normal is the face's.
+Elsewhere two edges touch where their directions a x b lie in the arcs between their faces' normals (the Gauss map: the pair is then a
+face of the Minkowski difference); the gap is the distance along a x b.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.general._edge_kernels import crossings, inside
+from fcsim.contact_detection.general.near import NearBodies, near_edges
+from fcsim.contact_detection.general.skin import Shape, Skin
+from fcsim.contact_detection.general.vertices import VertexContacts
+
+_DEEPER = 2.0  # times the way out by a vertex: an edge that lies deeper leaves that way
+_ANOTHER_WAY = 0.9  # cosine between directions that are different
+
+
+class EdgeContacts(NamedTuple):
+    """nc contacts: edges (nc, 2) of two bodies; places (nc, 2) on them, 0 ... 1; normal (nc, 3) from the second to the first; gap (nc,)."""
+
+    edges: IntArray
+    place: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+
+    def take(self, rows: IntArray | BoolArray) -> EdgeContacts:
+        return EdgeContacts._make(array[rows] for array in self)
+
+
+def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts) -> EdgeContacts:
+    """Contacts of sharp edges, sorted by their numbers.
+
+    Edges that overlap do so truly if one goes through both faces of the other, or if what lies between them is inside both bodies. Where
+    an end is inside the other body, a much shorter way out by that end in another direction shows that the edges only cross in passing:
+    no contact.
+    """
+    rows = near_edges(skin, shape, near)
+    first, second, pair = np.ascontiguousarray(rows.T)
+    limits = (near.alert[pair], near.depth[pair], near.near[pair])
+    row, normal, gap, place, pierced = crossings(
+        *(first, second, *limits, shape.point, shape.normal, shape.size, skin.edges, skin.edge_facets, skin.facets, skin.sides)
+    )
+    found = EdgeContacts(np.column_stack([first[row], second[row]]), place, normal, gap)
+    keep = pierced > 0
+    keep[~keep] = _overlap(skin, shape, found.take(~keep))
+    deep = np.flatnonzero(keep & (pierced < 2))
+    keep[deep] = ~_leaves_by_a_vertex(skin, found.take(deep), vertices, near.near[pair[row[deep]]])
+    found = found.take(keep)
+    return found.take(np.lexsort((found.edges[:, 1], found.edges[:, 0])))
+
+
+def _overlap(skin: Skin, shape: Shape, found: EdgeContacts) -> BoolArray:
+    """Whether the middle between the nearest points of both edges is inside both bodies."""
+    ends = shape.point[skin.edges[found.edges]]
+    nearest = ends[:, :, 0] + found.place[:, :, None] * (ends[:, :, 1] - ends[:, :, 0])
+    bodies = skin.vertex_body[skin.edges[found.edges, 0]]
+    middle = nearest.mean(axis=1)
+    surface = (skin.first_facet, shape.point, skin.facets, skin.sides)
+    return inside(middle, bodies[:, 0], *surface) & inside(middle, bodies[:, 1], *surface)
+
+
+def _leaves_by_a_vertex(skin: Skin, found: EdgeContacts, vertices: VertexContacts, near: FloatArray) -> BoolArray:
+    """Whether an end of either edge has a much shorter way out of the other body in another direction."""
+    leaves = np.zeros(len(found.gap), dtype=bool)
+    if not len(vertices.gap) or not len(leaves):
+        return leaves
+    nb = skin.n_bodies
+    key = vertices.vertex * nb + skin.facet_body[vertices.facet]
+    for own, other in ((0, 1), (1, 0)):
+        body = skin.vertex_body[skin.edges[found.edges[:, other], 0]]
+        for end in range(2):
+            wanted = skin.edges[found.edges[:, own], end] * nb + body
+            place = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+            inside = (key[place] == wanted) & (vertices.gap[place] <= near)
+            shorter = -found.gap > _DEEPER * np.maximum(-vertices.gap[place], near)
+            aligned = np.abs(np.einsum("cd,cd->c", found.normal, vertices.normal[place])) > _ANOTHER_WAY
+            leaves |= inside & shorter & ~aligned
+    return leaves

@@ -1,0 +1,182 @@
+"""Contact of everything with everything: the detection that needs no list of pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.frames import frames
+from fcsim.contact_detection.general.boundary import boundary_of
+from fcsim.contact_detection.general.closed_skin import closed_skin
+from fcsim.contact_detection.general.edges import EdgeContacts, edge_contacts
+from fcsim.contact_detection.general.friction import Friction, FrictionTable
+from fcsim.contact_detection.general.near import Lengths, NearBodies, near_bodies
+from fcsim.contact_detection.general.shape import shape_of
+from fcsim.contact_detection.general.skin import Skin
+from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
+from fcsim.contact_detection.sweep import samples, with_swept
+from fcsim.errors import InputError
+
+_ALERT = 1e-2  # of a body's extent
+_SLOW = 0.1  # bodies that approach by less than this part of the alert distance in a step are looked at once
+_BETWEEN = 0.25  # of the thinner body, between two looks along the way
+
+
+@dataclass(frozen=True, eq=False)
+class Everything:
+    """Contact between all bodies of a model, deformable and rigid, in 2D and 3D, found without listing pairs.
+
+    mu        Coulomb friction: a number, a table {("brick", "floor"): 0.5, ("*", "*"): 0.7} or a function of two names
+    alert     [m] contacts are kept while their gap is not larger; by default 1 % of the smaller body's extent, its diagonal / sqrt(d)
+    exclude   pairs of names that do not touch each other
+
+    Every body's whole closed surface takes part: the boundary of a deformable body's cells, all surfaces of a rigid one. Contacts are
+    vertices on facets (both ways) and crossing edges, which together are the corners of flat patches, with the faces' normals; see
+    `vertices` and `edges` for the rules. Two bodies that supports hold completely do not touch each other.
+
+    `everything(positions)` returns the contacts sorted by identity; with the step's `displacement` also those met on the way (`sweep`).
+    InputError: a surface that is open or inside out, a table of friction without an entry that is asked for, names that do not exist.
+    """
+
+    model: Model
+    mu: Friction
+    alert: float | None = None
+    exclude: Iterable[tuple[str, str]] = ()
+    skin: Skin = field(init=False, repr=False)
+    lengths: Lengths = field(init=False, repr=False)
+    friction: FrictionTable = field(init=False, repr=False)
+    movable: BoolArray = field(init=False, repr=False)
+    excluded: IntArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        model = self.model
+        names = [body.name for body in model.bodies]
+        if self.alert is not None and not (np.isfinite(self.alert) and self.alert > 0):
+            raise InputError(f"Everything, alert: expected a distance > 0 in m, got {self.alert}")
+        skin = closed_skin(boundary_of(model), model.reference, names)
+        exclude = [tuple(model.body_number(name) for name in pair) for pair in self.exclude]
+        if any(len(pair) != 2 for pair in exclude):
+            raise InputError(f"Everything, exclude: expected pairs of body names, got {self.exclude!r}")
+        driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(names))
+        values = {
+            "skin": skin,
+            "lengths": _lengths(skin, model.reference, self.alert),
+            "friction": FrictionTable(self.mu, names),
+            "movable": driven < np.diff(model.dof_offset),
+            "excluded": np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def n_nodes(self) -> int:
+        return self.model.n_nodes
+
+    @property
+    def dimension(self) -> int:
+        return self.skin.dimension
+
+    @property
+    def nodes(self) -> IntArray:
+        """Sorted numbers of the nodes that contacts can touch."""
+        return self.skin.node
+
+    def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
+        """Contacts at `positions` (n_nodes, d) [m]; displacement (n_nodes, d) [m] of the step to come, see `Detection`."""
+        x = self._checked("positions", positions)
+        now = self._at(x)
+        if displacement is None:
+            return now
+        way = self._checked("displacement", displacement)
+        fast, count, alert = self._fast(x, way)
+        return with_swept(now, lambda there: self._at(there, fast), x, way, count, alert) if count else now
+
+    def _at(self, x: FloatArray, among: NearBodies | None = None) -> Contacts:
+        """Contacts at x of all bodies, or of those pairs."""
+        shape = shape_of(self.skin, x)
+        near = self._may_touch(near_bodies(shape.body_low, shape.body_high, self.lengths)) if among is None else among
+        vertices = vertex_contacts(self.skin, shape, near)
+        edges = edge_contacts(self.skin, shape, near, vertices)
+        return self._contacts(x, vertices, edges)
+
+    def _may_touch(self, near: NearBodies) -> NearBodies:
+        a, b = near.bodies.T
+        keep = self.movable[a] | self.movable[b]
+        if len(self.excluded):
+            keep &= ~np.isin(a * self.skin.n_bodies + b, self.excluded)
+        return near if keep.all() else near.take(keep)
+
+    def _fast(self, x: FloatArray, way: FloatArray) -> tuple[NearBodies, int, float]:
+        """Bodies that may meet on their way, into how many parts it is cut, and the largest of their alert distances [m]."""
+        skin = self.skin
+        here, move = (np.pad(field[skin.node], ((0, 0), (0, 3 - skin.dimension))) for field in (x, way))
+        least, most = (f.reduceat(move, skin.first_vertex[:-1], axis=0) for f in (np.minimum, np.maximum))
+        low = np.minimum.reduceat(np.minimum(here, here + move), skin.first_vertex[:-1], axis=0)
+        high = np.maximum.reduceat(np.maximum(here, here + move), skin.first_vertex[:-1], axis=0)
+        near = self._may_touch(near_bodies(low, high, self.lengths))
+        a, b = near.bodies.T
+        motion = np.maximum(np.abs(most[a] - least[b]), np.abs(most[b] - least[a]))
+        distance = np.sqrt(np.einsum("pd,pd->p", motion, motion))
+        moving = distance > _SLOW * near.alert
+        near, distance = near.take(moving), distance[moving]
+        if not len(distance):
+            return near, 0, 0.0
+        a, b = near.bodies.T
+        spacing = np.maximum(near.alert, _BETWEEN * np.minimum(self.lengths.thickness[a], self.lengths.thickness[b]))
+        most_looks = int(np.argmax(distance / spacing))
+        return near, samples(float(distance[most_looks]), float(spacing[most_looks])), float(near.alert.max())
+
+    def _contacts(self, x: FloatArray, vertices: VertexContacts, edges: EdgeContacts) -> Contacts:
+        """Contacts of both kinds, sorted by identity: (vertex, smooth side of the other body), then (edge, edge)."""
+        skin, d = self.skin, self.dimension
+        corners = skin.facets[vertices.facet]
+        along = edges.place[:, :, None] * [-1.0, 1.0] + [1.0, 0.0]
+        width = 2 if d == 2 else 4
+        node = np.full((len(vertices.gap) + len(edges.gap), 1 + width), -1)
+        weights = np.zeros(node.shape)
+        nv = len(vertices.gap)
+        node[:nv, 0], weights[:nv, 0] = skin.node[vertices.vertex], 1.0
+        node[:nv, 1:], weights[:nv, 1:] = skin.node[corners[:, :width]], -vertices.weights[:, :width]
+        node[:nv, 1:][weights[:nv, 1:] == 0.0] = -1
+        node[nv:, :4] = skin.node[skin.edges[edges.edges].reshape(-1, 4)[:, : 1 + width]]
+        weights[nv:, :4] = (along * np.array([1.0, -1.0])[:, None]).reshape(-1, 4)[:, : 1 + width]
+        bodies = np.concatenate(
+            [
+                np.column_stack([skin.vertex_body[vertices.vertex], skin.facet_body[vertices.facet]]),
+                skin.vertex_body[skin.edges[edges.edges, 0]].reshape(-1, 2),
+            ]
+        )
+        identity = np.concatenate(
+            [
+                vertices.vertex * skin.n_sides + skin.side[vertices.facet],
+                len(skin.node) * skin.n_sides + edges.edges[:, 0] * len(skin.edges) + edges.edges[:, 1],
+            ]
+        )
+        normal = np.concatenate([vertices.normal, edges.normal])[:, :d]
+        foot = -np.einsum("ak,akd->ad", np.minimum(weights, 0.0), x[node])
+        gap = np.concatenate([vertices.gap, edges.gap])
+        contacts = Contacts(foot, frames(normal), gap, self.friction(bodies), node, weights, bodies, identity)
+        return contacts.take(np.unique(identity, return_index=True)[1])
+
+    def _checked(self, what: str, values: FloatArray) -> FloatArray:
+        x = np.asarray(values, dtype=np.float64)
+        if x.shape != (self.n_nodes, self.dimension):
+            raise InputError(f"Everything, {what}: expected shape {(self.n_nodes, self.dimension)}, got {x.shape}")
+        if not np.isfinite(x).all():
+            raise InputError(f"Everything, {what}: expected finite numbers, got NaN or infinity")
+        return x
+
+
+def _lengths(skin: Skin, reference: FloatArray, alert: float | None) -> Lengths:
+    """Lengths of the bodies in the reference configuration."""
+    shape = shape_of(skin, reference)
+    extent = (shape.body_high - shape.body_low)[:, : skin.dimension]
+    diagonal = np.sqrt(np.einsum("bd,bd->b", extent, extent) / skin.dimension)
+    sizes = np.split(shape.size, skin.first_facet[1:-1])
+    largest, typical = (np.array([f(size) for size in sizes]) for f in (np.max, np.median))
+    return Lengths(_ALERT * diagonal if alert is None else np.full(len(sizes), alert), largest, typical, extent.min(axis=1))

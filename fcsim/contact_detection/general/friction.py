@@ -1,0 +1,62 @@
+"""Friction by pairs of bodies: one number, a table of names, or a function of two names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.errors import InputError
+
+Friction = float | Mapping[tuple[str, str], float] | Callable[[str, str], float]
+"""mu of every pair; {("brick", "floor"): 0.5, ("*", "*"): 0.7}, in either order, "*" being any body, of which the most exact entry counts;
+or a function of two names."""
+
+
+class FrictionTable:
+    """mu of pairs of bodies, asked for each pair once."""
+
+    def __init__(self, mu: Friction, names: Sequence[str]) -> None:
+        self._mu, self._names = mu, tuple(names)
+        self._known: dict[tuple[int, int], float] = {}
+        if isinstance(mu, Mapping):
+            for key in mu:
+                if not (isinstance(key, tuple) and len(key) == 2):
+                    raise InputError(f"mu: expected pairs of body names as keys, got {key!r}")
+                unknown = [name for name in key if name != "*" and name not in self._names]
+                if unknown:
+                    raise InputError(f"mu: expected names of bodies, or '*', got {unknown[0]!r}")
+                _checked(mu[key], key)
+        elif not callable(mu):
+            _checked(mu, ("*", "*"))
+
+    def __call__(self, pairs: IntArray) -> FloatArray:
+        """mu (nc,) of pairs of body numbers (nc, 2)."""
+        if not callable(self._mu) and not isinstance(self._mu, Mapping):
+            return np.full(len(pairs), float(self._mu))
+        different, place = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+        return np.array([self._of(int(a), int(b)) for a, b in different])[place.ravel()] if len(pairs) else np.empty(0)
+
+    def _of(self, a: int, b: int) -> float:
+        if (a, b) not in self._known:
+            one, other = self._names[a], self._names[b]
+            self._known[a, b] = _checked(self._mu(one, other), (one, other)) if callable(self._mu) else self._entry(one, other)
+        return self._known[a, b]
+
+    def _entry(self, one: str, other: str) -> float:
+        assert isinstance(self._mu, Mapping)
+        for key in ((one, other), (other, one), (one, "*"), ("*", one), (other, "*"), ("*", other), ("*", "*")):
+            if key in self._mu:
+                return float(self._mu[key])
+        raise InputError(f"mu: expected an entry for the bodies {one!r} and {other!r}, which touch (or one for ('*', '*')), got none")
+
+
+def _checked(mu: float, pair: tuple[str, str]) -> float:
+    try:
+        value = float(mu)
+    except (TypeError, ValueError):
+        value = np.nan
+    if not (np.isfinite(value) and value >= 0):
+        raise InputError(f"mu of {pair[0]!r} and {pair[1]!r}: expected a friction coefficient >= 0, got {mu!r}")
+    return value

@@ -1,0 +1,67 @@
+"""Broad phase: which bodies, and which vertices, facets and edges of theirs, are near enough to be looked at."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.general import _near_kernels as kernels
+from fcsim.contact_detection.general.skin import Shape, Skin
+
+
+class NearBodies(NamedTuple):
+    """Pairs of bodies (np, 2) with, for each, the distances [m] (np,) that decide: `alert`, up to which gap contacts are kept; `depth`, up
+    to which penetration; `near`, below which two places are one."""
+
+    bodies: IntArray
+    alert: FloatArray
+    depth: FloatArray
+    near: FloatArray
+
+    def take(self, rows: IntArray | BoolArray) -> NearBodies:
+        return NearBodies._make(array[rows] for array in self)
+
+
+class Lengths(NamedTuple):
+    """Lengths [m] of each body (nb,): `alert`; `largest` and `typical` size of its facets; `thickness`, the least extent of its box."""
+
+    alert: FloatArray
+    largest: FloatArray
+    typical: FloatArray
+    thickness: FloatArray
+
+
+_NEAR = 1e-6  # places nearer than this part of the smaller typical facet are one
+
+
+def near_bodies(low: FloatArray, high: FloatArray, lengths: Lengths) -> NearBodies:
+    """Pairs of bodies, sorted, whose boxes low, high (nb, 3) [m] come within the alert distance of each other."""
+    reach = 0.5 * lengths.alert
+    axis = int(np.argmax(np.ptp(0.5 * (low + high), axis=0)))
+    order = np.argsort(low[:, axis] - reach, kind="stable")
+    pairs = kernels.body_pairs(low, high, reach, order, axis)
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    alert, largest, typical = (np.minimum(length[pairs[:, 0]], length[pairs[:, 1]]) for length in lengths[:3])
+    return NearBodies(pairs, alert, largest, _NEAR * typical)
+
+
+def near_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
+    """Rows (vertex of the first body, facet of the second, pair), vertices one after the other."""
+    reach = np.maximum(near.alert, near.depth)
+    boxes = (shape.body_low, shape.body_high)
+    points = (skin.first_vertex, shape.point, shape.point)
+    return kernels.item_pairs(near.bodies, *boxes, *points, skin.first_facet, shape.low, shape.high, near.alert, reach)
+
+
+def near_edges(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
+    """Rows (sharp edge of the first body, sharp edge of the second, pair)."""
+    sharp = np.flatnonzero(skin.sharp)
+    first = np.searchsorted(sharp, skin.first_edge)
+    ends = shape.point[skin.edges[sharp]]
+    items = (first, ends.min(axis=1), ends.max(axis=1))
+    reach = np.maximum(near.alert, 0.2 * near.depth)
+    rows = kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items, *items, reach, reach)
+    rows[:, :2] = sharp[rows[:, :2]]
+    return rows

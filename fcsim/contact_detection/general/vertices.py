@@ -1,0 +1,76 @@
+"""Vertices on facets, both ways: of each pair of bodies, those of either on the faces of the other.
+
+For a vertex v near a body, the nearest feature of its closed surface (facet, edge or vertex, with angle-weighted normals) tells whether v
+is inside. Outside, v is in contact with the facet right under it while the gap is at most the alert distance; inside, with the facet that
+is its least way out among those that the surface around v faces. So a corner that lies 2 cm inside the side plane of the block it stands
+on, and 1e-9 m below its top, touches the top. A face is touched up to its rim, and there only by what reaches over it: bodies whose corners
+merely meet do not hold each other. Over a smooth convex edge or vertex the normal is along the line from it, and continuous.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.general._foot_kernels import feet
+from fcsim.contact_detection.general._vertex_kernels import touched_facets
+from fcsim.contact_detection.general.near import NearBodies, near_facets
+from fcsim.contact_detection.general.skin import Shape, Skin
+
+_SAME_PLACE = 1e-6  # a foot with all its weight but this on one vertex is that vertex
+
+
+class VertexContacts(NamedTuple):
+    """nc contacts: vertex, facet (nc,); the facet's weights (nc, 4) at the foot; normal (nc, 3) from its body to the vertex; gap [m]."""
+
+    vertex: IntArray
+    facet: IntArray
+    weights: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+
+    def take(self, rows: IntArray | BoolArray) -> VertexContacts:
+        return VertexContacts._make(array[rows] for array in self)
+
+
+def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies) -> VertexContacts:
+    """Contacts of vertices with facets, sorted by (vertex, body of the facet, gap); each physical point once."""
+    both = NearBodies(np.concatenate([near.bodies, near.bodies[:, ::-1]]), *(np.tile(part, 2) for part in near[1:]))
+    vertex, facet, pair = near_facets(skin, shape, both).T
+    vertex, facet = np.ascontiguousarray(vertex), np.ascontiguousarray(facet)
+    if not len(vertex):
+        none = np.empty(0, dtype=np.int64)
+        return VertexContacts(none, none, np.empty((0, 4)), np.empty((0, 3)), np.empty(0))
+    weights, normal, height, distance, feature = feet(vertex, facet, shape.point, skin.facets, skin.sides, shape.normal)
+    new = np.flatnonzero(np.append(True, (vertex[1:] != vertex[:-1]) | (pair[1:] != pair[:-1])))
+    first, group = np.append(new, len(vertex)), pair[new]
+    rows, N, gap = touched_facets(
+        first, vertex, facet, weights, normal, height, distance, feature,
+        both.alert[group], both.depth[group], both.near[group],
+        shape.point, shape.normal, shape.centre, shape.mean, skin.facets, skin.sides, skin.facet_edges, skin.edge_facets,
+        skin.sharp, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star,
+    )  # fmt: skip
+    found = VertexContacts(vertex[rows], facet[rows], weights[rows], N, gap)
+    found = found.take(np.lexsort((found.gap, skin.facet_body[found.facet], found.vertex)))
+    return found.take(~_seen_from_the_other_side(skin, found))
+
+
+def _seen_from_the_other_side(skin: Skin, found: VertexContacts) -> BoolArray:
+    """Contacts whose foot is a vertex that is in contact too, with its foot on theirs: the same place, kept for the lower vertex number."""
+    corner = np.argmax(found.weights, axis=1)
+    rows = np.arange(len(corner))
+    at_vertex = found.weights[rows, corner] > 1.0 - _SAME_PLACE
+    under = np.where(at_vertex, skin.facets[found.facet, corner], -1)
+    count = len(skin.node) + 1
+    ours, theirs = found.vertex * count + under, under * count + found.vertex
+    twice = at_vertex & (found.vertex > under)
+    known = np.flatnonzero(at_vertex & (found.vertex < under))
+    order = known[np.argsort(ours[known], kind="stable")]
+    place = np.minimum(np.searchsorted(ours[order], theirs), max(len(order) - 1, 0))
+    if not len(order):
+        return np.zeros(len(twice), dtype=bool)
+    partner = order[place]
+    opposed = np.einsum("cd,cd->c", found.normal, found.normal[partner]) < -0.7
+    return twice & (ours[partner] == theirs) & opposed

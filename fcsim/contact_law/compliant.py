@@ -1,0 +1,111 @@
+"""Joints with stiffness and damping: u + C r in the cone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.coulomb import remembered_slip
+from fcsim.contact_law.friction import Elliptic, Friction, friction_terms
+from fcsim.contact_law.law import Meeting, Outcome, Remembered, Terms, Variables
+from fcsim.contact_law.proportions import Proportions
+from fcsim.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Springs:
+    """The springs and dashpots of a joint: normal, tangential stiffness [Pa/m], normal_damping, tangential_damping [Pa s/m], each times the
+    contact's area. A spring is as implicit as the bodies' own stiffness: with F the force per reaction, L the length per u,
+
+        normal      F r_N = - k g_theta - c g',  g' = L/h (theta u_N + (1-theta) u_N^-),   g_theta = g + L (theta^2 u_N - (1-theta)^2 u_N^-)
+        tangential  F r_T = - k e_theta - c e',   e' = L/h (theta u_T + (1-theta) u_T^- - slip),   e_theta = e + h theta e'
+
+    with g where the contact is detected, e the stretch at the beginning of the step; so the energy of a spring is kept at theta = 1/2.
+    """
+
+    normal: float
+    tangential: float
+    normal_damping: float = 0.0
+    tangential_damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("normal", "tangential"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(f"{name}: expected a stiffness > 0 in Pa/m, got {getattr(self, name)}")
+        for name in ("normal_damping", "tangential_damping"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
+                raise InputError(f"{name}: expected a damping >= 0 in Pa s/m, got {getattr(self, name)}")
+
+    def add_to(self, terms: Terms, meeting: Meeting) -> Terms:
+        """The terms with C and w of the springs: the formulas above solved for u; the slip in them is theta times the problem's u_T."""
+        timing, area = meeting.timing, meeting.area
+        theta, L, F = timing.theta, timing.length_per_u, timing.force_per_reaction
+        before, stretch = meeting.before, self.stretch(meeting)
+        w, C = np.zeros_like(before), np.empty_like(before)
+        implicit = area * (self.normal * L * theta**2 + self.normal_damping * L * theta / timing.h)
+        start = meeting.contacts.gap - L * (1 - theta) ** 2 * before[:, 0]
+        held = self.normal * start + self.normal_damping * L * (1 - theta) / timing.h * before[:, 0]
+        w[:, 0] = area * held / implicit
+        C[:, 0] = F / implicit
+        implicit = theta * area * (self.tangential * L * theta + self.tangential_damping * L / timing.h)
+        w[:, 1:] = (1 - theta) / theta * before[:, 1:] + (area * self.tangential / implicit)[:, None] * stretch
+        C[:, 1:] = (F / implicit)[:, None]
+        if terms.adhesion is not None:
+            w -= C * terms.adhesion
+        return replace(terms, w=w, compliance=C)
+
+    def stretch(self, meeting: Meeting) -> FloatArray:
+        """The tangential stretch e (nc, d - 1) [m] at the beginning of the step in the contacts' frames; none where a contact is new."""
+        remembered = meeting.recall("stretch", np.zeros_like(meeting.before))
+        return meeting.in_frame(np.nan_to_num(remembered))[:, 1:]
+
+    def after(self, meeting: Meeting, outcome: Outcome) -> tuple[FloatArray, float]:
+        """The stretch (nc, d) [m] at the end of the step in the world axes, and the energy [J] of all springs."""
+        timing = meeting.timing
+        theta, L = timing.theta, timing.length_per_u
+        mean = theta * outcome.after + (1 - theta) * meeting.before
+        stretch = np.zeros_like(mean)
+        stretch[:, 1:] = self.stretch(meeting) + L * (mean - theta * outcome.u)[:, 1:]
+        touching = outcome.r[:, 0] > 0
+        stretch[~touching] = 0.0
+        r = outcome.r if outcome.terms.adhesion is None else outcome.r - outcome.terms.adhesion
+        # the normal spring at the end of the step, as the state stands: x = x_m + theta L u where contacts are detected at x_m
+        deep = np.where(touching | (r[:, 0] != 0), meeting.contacts.gap + theta * L * outcome.after[:, 0], 0.0)
+        if outcome.terms.adhesion is None:
+            deep = np.minimum(deep, 0.0)
+        else:  # a joint under tension is stretched by no more than its strength holds
+            longest = np.abs(timing.force_per_reaction * outcome.terms.adhesion[:, 0]) / (self.normal * meeting.area)
+            deep = np.minimum(deep, longest)
+        energy = 0.5 * meeting.area * (self.normal * deep**2 + self.tangential * np.einsum("ai,ai->a", stretch, stretch))
+        return meeting.in_space(stretch), float(energy.sum())
+
+
+@dataclass(frozen=True)
+class Compliant:
+    """Contact through springs (the joint stiffness of 3DEC and UDEC, the penalty of LS-DYNA): g + r/k >= 0, with Coulomb's friction.
+
+    springs: see `Springs`; friction: as in `Gap`. Bodies overlap by the pressure over the normal stiffness; sliding begins when the
+    tangential spring's force reaches mu r_N. The compliance is part of the problem, exactly: it is written to FCLIB files as degrees
+    of freedom of their own, whose block of M is C^-1.
+    """
+
+    springs: Springs
+    friction: Friction | Elliptic | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.friction, Elliptic):
+            raise InputError("Compliant: expected isotropic friction, since its springs are; got Elliptic")
+
+    def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
+        return np.ones(len(contacts), dtype=bool)
+
+    def terms(self, meeting: Meeting) -> Terms:
+        mu = friction_terms(self.friction, meeting).mu
+        return self.springs.add_to(Terms(np.zeros_like(meeting.before), mu), meeting)
+
+    def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
+        stretch, energy = self.springs.after(meeting, outcome)
+        return Remembered({**remembered_slip(self.friction, meeting, outcome).values, "stretch": stretch}, energy)

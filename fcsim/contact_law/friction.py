@@ -1,0 +1,169 @@
+"""Friction coefficients that are not one number: functions of slip, sliding velocity, place and time; and the elliptic cone.
+
+A coefficient is taken at the beginning of a step, from what has been slid until then: explicit, with an error of the order of h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.contact_law.law import Meeting, Outcome
+from fcsim.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Sliding:
+    """What a friction coefficient may depend on, contact by contact.
+
+    slip (nc,) [m] the distance slid under pressure so far; velocity (nc,) [m/s] ||u_T||; point (nc, d) [m]; t [s]; mu (nc,) of the pair
+    """
+
+    slip: FloatArray
+    velocity: FloatArray
+    point: FloatArray
+    t: float
+    mu: FloatArray
+
+
+Friction = Callable[[Sliding], FloatArray]
+"""mu (nc,) from what it depends on: one of the classes below, or a function of one's own (a lookup of temperature, a field)."""
+
+
+@dataclass(frozen=True)
+class SlipWeakening:
+    """mu = max(dynamic, static - (static - dynamic) slip / distance): linear slip weakening, that of fault mechanics.
+
+    distance [m]. Source: Y. Ida, Cohesive force across the tip of a longitudinal-shear crack, J. Geophys. Res. 77, 1972.
+    """
+
+    static: float
+    dynamic: float
+    distance: float
+
+    def __post_init__(self) -> None:
+        _coefficients(self, "static", "dynamic")
+        _positive(self, "distance")
+
+    def __call__(self, sliding: Sliding) -> FloatArray:
+        return self.static + (self.dynamic - self.static) * np.minimum(sliding.slip / self.distance, 1.0)
+
+
+@dataclass(frozen=True)
+class RateDependent:
+    """mu = dynamic + (static - dynamic) / (1 + ||u_T|| / velocity): weakening (or, static < dynamic, strengthening) with the rate.
+
+    velocity [m/s]: where half of the difference is gone.
+    """
+
+    static: float
+    dynamic: float
+    velocity: float
+
+    def __post_init__(self) -> None:
+        _coefficients(self, "static", "dynamic")
+        _positive(self, "velocity")
+
+    def __call__(self, sliding: Sliding) -> FloatArray:
+        return self.dynamic + (self.static - self.dynamic) / (1 + sliding.velocity / self.velocity)
+
+
+@dataclass(frozen=True)
+class StaticKinetic:
+    """mu = static where ||u_T|| <= at_rest [m/s], kinetic where it slides faster: the textbook's two coefficients."""
+
+    static: float
+    kinetic: float
+    at_rest: float = 1e-6
+
+    def __post_init__(self) -> None:
+        _coefficients(self, "static", "kinetic")
+        _positive(self, "at_rest")
+
+    def __call__(self, sliding: Sliding) -> FloatArray:
+        return np.where(sliding.velocity > self.at_rest, self.kinetic, self.static)
+
+
+@dataclass(frozen=True)
+class Elliptic:
+    """Orthotropic friction (r_1 / mu_1)^2 + (r_2 / mu_2)^2 <= r_N^2, 3D, with the slip that dissipates most (associated).
+
+    direction: in which mu_1 > 0 holds, in the world axes, projected on the tangent plane; mu_2 > 0 holds across. With S =
+    diag(1, 1, mu_2 / mu_1), r = S r' and u' = S u it is Coulomb's cone of mu_1, so the problem is solved and written as such.
+    Source: A. Zmitrowicz, Mathematical descriptions of anisotropic friction, Int. J. Solids Struct. 25, 1989.
+    """
+
+    mu_1: float
+    mu_2: float
+    direction: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        _positive(self, "mu_1")
+        _positive(self, "mu_2")
+        direction = np.asarray(self.direction, dtype=float)
+        if direction.shape != (3,) or not np.isfinite(direction).all() or not np.any(direction):
+            raise InputError(f"Elliptic, direction: expected three numbers, not all zero, got {self.direction}")
+
+
+class FrictionTerms(NamedTuple):
+    """mu (nc,), and the scale (nc, d) and frame (nc, d, d) of `Terms`."""
+
+    mu: FloatArray
+    scale: FloatArray | None = None
+    frame: FloatArray | None = None
+
+
+def friction_terms(friction: Friction | Elliptic | None, meeting: Meeting) -> FrictionTerms:
+    """Return what a law's friction gives; None is the pairs' own coefficient."""
+    contacts = meeting.contacts
+    if friction is None:
+        return FrictionTerms(contacts.mu)
+    if isinstance(friction, Elliptic):
+        return _elliptic(friction, meeting)
+    velocity = np.sqrt(np.einsum("ai,ai->a", meeting.before[:, 1:], meeting.before[:, 1:]))
+    sliding = Sliding(meeting.recall("slip", np.zeros(len(contacts))), velocity, contacts.point, meeting.t, contacts.mu)
+    mu = np.asarray(friction(sliding), dtype=np.float64)
+    if mu.shape != contacts.mu.shape or not np.all(np.isfinite(mu) & (mu >= 0)):
+        raise InputError(f"friction {friction!r}: expected {len(contacts)} finite coefficients >= 0, got {mu.shape}, {mu.tolist()[:5]} ...")
+    return FrictionTerms(mu)
+
+
+def slip_after(meeting: Meeting, outcome: Outcome) -> FloatArray:
+    """The distance (nc,) [m] slid under pressure until the end of the step, by the mean velocity theta u+ + (1 - theta) u^-."""
+    theta = meeting.timing.theta
+    mean = theta * outcome.after[:, 1:] + (1 - theta) * meeting.before[:, 1:]
+    way = meeting.timing.length_per_u * np.sqrt(np.einsum("ai,ai->a", mean, mean))
+    return meeting.recall("slip", np.zeros(len(meeting))) + np.where(outcome.r[:, 0] > 0, way, 0.0)
+
+
+def _elliptic(friction: Elliptic, meeting: Meeting) -> FrictionTerms:
+    contacts = meeting.contacts
+    if contacts.dimension != 3:
+        raise InputError("Elliptic: expected contacts in 3D; in 2D there is one tangent: use a coefficient mu")
+    normal = contacts.frame[:, 0]
+    along = np.asarray(friction.direction) / np.linalg.norm(friction.direction)
+    tangent = along - (normal @ along)[:, None] * normal
+    length = np.sqrt(np.einsum("ai,ai->a", tangent, tangent))
+    if np.any(length < 1e-6):
+        raise InputError(f"Elliptic, direction: expected one that is not normal to the surfaces, got {friction.direction}")
+    first = tangent / length[:, None]
+    frame = np.stack([normal, first, np.cross(normal, first)], axis=1)
+    scale = np.tile([1.0, 1.0, friction.mu_2 / friction.mu_1], (len(contacts), 1))
+    return FrictionTerms(np.full(len(contacts), friction.mu_1), scale, frame)
+
+
+def _coefficients(given: object, *names: str) -> None:
+    for name in names:
+        value = getattr(given, name)
+        if not (np.isfinite(value) and value >= 0):
+            raise InputError(f"{type(given).__name__}, {name}: expected a friction coefficient >= 0, got {value}")
+
+
+def _positive(given: object, name: str) -> None:
+    value = getattr(given, name)
+    if not (np.isfinite(value) and value > 0):
+        raise InputError(f"{type(given).__name__}, {name}: expected a number > 0, got {value}")

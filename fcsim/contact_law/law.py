@@ -1,0 +1,184 @@
+"""What a contact law is: which contacts take part, what it adds to the problem of a step, and what it remembers of the step.
+
+The problem of a step is K* ∋ u + g(u) ⊥ r ∈ K with u = H^T v + w, M v = H r + f. A law enters it in five ways, each an array over the
+contacts (see `Terms`), so that solvers and FCLIB files know Coulomb's cone alone:
+
+    u  = S (H^T v) + C r + w      S: elliptic friction, C: compliance of the joint, w: gap, restitution, what is kept of earlier steps
+    M v = H (S r - r_c) + f       r_c: adhesion, S r - r_c is what acts on the bodies
+
+A law of one's own is a frozen dataclass with the members of `Law`; `docs/contact_laws.md` has an example.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.proportions import Proportions
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What a scheme's unknown u means for a gap over a step.
+
+    h [s]; theta the scheme's weight, 1 in quasi-statics; length_per_u: what a unit of u is in length over the step, h for velocities, 1
+    for increments; force_per_reaction: 1/h for impulses, 1 for forces; moving: whether bodies have velocities at all.
+    """
+
+    h: float
+    theta: float
+    length_per_u: float
+    force_per_reaction: float
+    moving: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """What laws remember by contact: identity (k,) ascending; values by name, each (k,) or (k, c); stored [J], what joints hold."""
+
+    identity: IntArray
+    values: Mapping[str, FloatArray]
+    stored: float = 0.0
+
+    def of(self, name: str, identity: IntArray, fresh: FloatArray) -> FloatArray:
+        """The variable of the contacts (nc,) or (nc, c); that of unknown contacts is taken from `fresh`, of the same shape."""
+        if name not in self.values or not len(self.identity) or not len(identity):
+            return fresh
+        place = np.minimum(np.searchsorted(self.identity, identity), len(self.identity) - 1)
+        known = self.identity[place] == identity
+        return np.where(known.reshape(-1, *[1] * (fresh.ndim - 1)), self.values[name][place], fresh)
+
+    def merged(self, identity: IntArray, values: Mapping[str, FloatArray], stored: float) -> Variables:
+        """These with the contacts' new values; contacts that are not met keep theirs, missing variables are NaN."""
+        absent = ~np.isin(self.identity, identity)
+        everyone = np.concatenate([self.identity[absent], identity])
+        order = np.argsort(everyone, kind="stable")
+        joined = {}
+        for name in dict.fromkeys([*self.values, *values]):
+            old, new = self.values.get(name), values.get(name)
+            shape = (new if new is not None else old).shape[1:]  # type: ignore[union-attr]
+            old = np.full((len(self.identity), *shape), np.nan) if old is None else old
+            new = np.full((len(identity), *shape), np.nan) if new is None else new
+            joined[name] = np.concatenate([old[absent], new])[order]
+        return Variables(everyone[order], joined, stored)
+
+
+NOTHING = Variables(np.empty(0, dtype=np.int64), {})
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """The contacts of a step as a law meets them.
+
+    contacts    those that the law has selected
+    positions   (n_nodes, d) [m] where they were detected
+    before      (nc, d) relative velocity at the beginning of the step in the contacts' frames [m/s]; zero in quasi-statics
+    t           [s] the beginning of the step
+    timing      see `Timing`
+    variables   of earlier steps; None in the first step, when nothing has been met yet
+    proportions of the bodies
+    """
+
+    contacts: Contacts
+    positions: FloatArray
+    before: FloatArray
+    t: float
+    timing: Timing
+    variables: Variables | None
+    proportions: Proportions
+
+    def __len__(self) -> int:
+        return len(self.contacts)
+
+    @cached_property
+    def size(self) -> FloatArray:
+        """Size (nc,) [m] of the smaller of the two bodies."""
+        return self.proportions.size_at(self.contacts)
+
+    @cached_property
+    def area(self) -> FloatArray:
+        """Area (nc,) [m^2] that each contact stands for."""
+        return self.proportions.area_at(self.contacts, self.positions)
+
+    def recall(self, name: str, fresh: FloatArray) -> FloatArray:
+        """A variable of the contacts (nc,) or (nc, c); of contacts that are new, `fresh`."""
+        return fresh if self.variables is None else self.variables.of(name, self.contacts.identity, fresh)
+
+    def in_space(self, local: FloatArray) -> FloatArray:
+        """Vectors (nc, d) of the contacts' frames in the world axes: how vectors are remembered, since frames turn."""
+        return np.einsum("aij,ai->aj", self.contacts.frame, local)
+
+    def in_frame(self, vectors: FloatArray) -> FloatArray:
+        """Vectors (nc, d) of the world axes in the contacts' frames."""
+        return np.einsum("aij,aj->ai", self.contacts.frame, vectors)
+
+    def taken(self, chosen: BoolArray) -> Meeting:
+        """The meeting of some of its contacts, a mask (nc,)."""
+        return Meeting(
+            self.contacts.take(chosen), self.positions, self.before[chosen], self.t, self.timing, self.variables, self.proportions
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What a law adds to the problem, see the top of this file.
+
+    w          (nc, d) in the unit of u
+    mu         (nc,)
+    adhesion   (nc, d) r_c in the unit of r, None = none
+    compliance (nc, d) the diagonal of C in units of u per unit of r, 0 = rigid; None = rigid
+    scale      (nc, d) the diagonal of S, 1 = as it is; None = all
+    frame      (nc, d, d) other directions T1, T2 for the contacts, None = as detected
+    """
+
+    w: FloatArray
+    mu: FloatArray
+    adhesion: FloatArray | None = None
+    compliance: FloatArray | None = None
+    scale: FloatArray | None = None
+    frame: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of a step's contacts.
+
+    terms  what the law gave
+    u, r   (nc, d) of the problem: the law's own variables, r in the cone
+    after  (nc, d) relative velocity H^T v at the end of the step; quasi-statics: increment [m]
+    """
+
+    terms: Terms
+    u: FloatArray
+    r: FloatArray
+    after: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Remembered:
+    """What a law keeps of a step: values by name, each (nc,) or (nc, c); stored [J] what its joints hold at the end of the step."""
+
+    values: Mapping[str, FloatArray] = field(default_factory=dict)
+    stored: float = 0.0
+
+
+class Law(Protocol):
+    """A contact law; see the top of this file."""
+
+    def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
+        """Return which of the detected contacts take part (nc,)."""
+        ...
+
+    def terms(self, meeting: Meeting) -> Terms:
+        """Return what the law adds to the step's problem."""
+        ...
+
+    def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
+        """Return what the law keeps of the step; variables of contacts that are not met again stay as they are."""
+        ...

@@ -1,0 +1,121 @@
+"""What laws ask of the bodies beside their contacts: sizes, round-off, and the area that a contact stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.errors import InputError
+from fcsim.mesh.part import Body
+
+FLAT = 1e-3
+"""Below this share of the largest a principal extent is none: a floor that is one facet has the size of what lies on it."""
+ROUND_OFF = 16 * np.finfo(np.float64).eps
+"""Of positions, relative to the largest coordinate."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proportions:
+    """Of a model's bodies.
+
+    size      (nbodies,) [m] the smallest of a body's extents along its principal axes that is not flat
+    facets    (nf, k) node numbers of all named surfaces, each facet once, -1 = none
+    thickness (nf,) [m] of the facets' parts in 2D; 1 in 3D
+    """
+
+    size: FloatArray
+    facets: IntArray
+    thickness: FloatArray
+
+    def size_at(self, contacts: Contacts) -> FloatArray:
+        """Size (nc,) [m] of the smaller of the two bodies."""
+        return self.size[contacts.bodies].min(axis=1)
+
+    def round_off_at(self, contacts: Contacts) -> FloatArray:
+        """Round-off (nc,) [m] of the gaps."""
+        return ROUND_OFF * np.abs(contacts.point).max(axis=1, initial=0.0)
+
+    def area_at(self, contacts: Contacts, positions: FloatArray) -> FloatArray:
+        """Area (nc,) [m^2] that each contact stands for, at positions (n_nodes, d) [m]; its sum over a joint is the joint's area.
+
+        A_k = sum over the facets at node k of n area / (nodes of the facet), S_k = sum_b w_bk N_b over the contacts b with the weight
+        w_bk > 0 on k; area_a = sum_k w_ak (-A_k . N_a) / (S_k . N_a): a node's area towards N_a, shared by its contacts of that side.
+        Where two bodies are slaves of each other (two passes), each pass stands for half.
+        """
+        nc, d = len(contacts), contacts.dimension
+        if not nc:
+            return np.zeros(0)
+        normal = contacts.frame[:, 0]
+        weight = np.where(contacts.nodes >= 0, np.maximum(contacts.weights, 0.0), 0.0)
+        row, column = np.nonzero(weight)
+        node, w = contacts.nodes[row, column], weight[row, column]
+        outward = self._nodal_areas(positions)
+        towards = np.zeros((len(positions), d))
+        np.add.at(towards, node, w[:, None] * normal[row])
+        share = -np.einsum("ei,ei->e", outward[node], normal[row]) / np.einsum("ei,ei->e", towards[node], normal[row])
+        area = np.bincount(row, w * share, minlength=nc)
+        if not np.all(area > 0):
+            bad = int(np.argmin(area))
+            raise InputError(
+                f"contact law: expected a slave surface of named facets at every contact, to know its area; contact {bad} of the bodies "
+                f"{tuple(contacts.bodies[bad].tolist())} at {contacts.point[bad].tolist()} m has none"
+            )
+        count = 1 + int(contacts.bodies.max())
+        one_way = contacts.bodies[:, 0] * count + contacts.bodies[:, 1]
+        back = contacts.bodies[:, 1] * count + contacts.bodies[:, 0]
+        return np.where(np.isin(back, one_way), 0.5 * area, area)
+
+    def _nodal_areas(self, positions: FloatArray) -> FloatArray:
+        """Vectors A_k (n_nodes, d) [m^2], outwards."""
+        d = positions.shape[1]
+        areas = np.zeros((len(positions), d))
+        if d == 2:
+            tangent = positions[self.facets[:, 1]] - positions[self.facets[:, 0]]
+            vector = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1) * self.thickness[:, None]
+        else:  # half the cross product of the diagonals; of a triangle a, b, c with d = a: (c - a) x (a - b)
+            a, b, c = (positions[self.facets[:, i]] for i in range(3))
+            last = positions[np.where(self.facets[:, 3] < 0, self.facets[:, 0], self.facets[:, 3])] if self.facets.shape[1] == 4 else a
+            vector = 0.5 * np.cross(c - a, last - b)
+        real = self.facets >= 0
+        for corner in range(self.facets.shape[1]):
+            own = real[:, corner]
+            np.add.at(areas, self.facets[own, corner], (vector / real.sum(axis=1)[:, None])[own])
+        return areas
+
+
+def proportions(model: Model) -> Proportions:
+    """Return the proportions of a model's bodies."""
+    size = np.array([_size(body.points) for body in model.bodies])
+    facets: list[IntArray] = []
+    thickness: list[FloatArray] = []
+    for body, first in zip(model.bodies, model.node_offset, strict=False):
+        own = _different(body.surfaces.values())
+        facets.append(np.where(own >= 0, own + first, -1))
+        thickness.append(np.full(len(own), body.part.thickness if isinstance(body, Body) and model.dimension == 2 else 1.0))
+    width = max((array.shape[1] for array in facets), default=2)
+    padded = [np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=-1) for array in facets]
+    return Proportions(size, np.concatenate(padded), np.concatenate(thickness))
+
+
+def _size(points: FloatArray) -> float:
+    centred = points - points.mean(axis=0)
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    extents = np.ptp(centred @ axes, axis=0)
+    largest = float(extents.max(initial=0.0))
+    return float(extents[extents > FLAT * largest].min()) if largest else 0.0
+
+
+def _different(surfaces: Iterable[IntArray]) -> IntArray:
+    """The facets of all surfaces, each once, as one array (nf, k)."""
+    arrays = [np.asarray(surface, dtype=np.int64) for surface in surfaces]
+    width = max((array.shape[1] for array in arrays), default=2)
+    if not arrays:
+        return np.empty((0, width), dtype=np.int64)
+    stacked = np.concatenate([np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=-1) for array in arrays])
+    _, first = np.unique(np.sort(stacked, axis=1), axis=0, return_index=True)
+    return stacked[np.sort(first)]

@@ -1,0 +1,164 @@
+"""How good reactions are: the two errors, the unit-true checks, and the status of each contact.
+
+The published error (eq. 13) is what tables compare; the scaled one, the same natural map with all terms in the unit of a velocity, is
+what decides whether a result is SOLVED. Every solver, table and file is judged here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fcsim.arrays import FloatArray
+from fcsim.linear.factors import SuperLU
+from fcsim.problem._judge_kernels import squared_natural_residual, violations
+from fcsim.problem.cone import tangential_norm
+from fcsim.problem.problem import GlobalProblem, LocalProblem
+from fcsim.problem.reduction import reduced
+
+
+def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension: int = 3, compliance: FloatArray | None = None) -> float:
+    """Return ||z - P_K(z - (u + g(u)))|| with z_a = s_a r_a, the numerator of the error, for flat r and u (m,).
+
+    compliance: s (nc,) [velocity per impulse], None for 1 of whatever unit, the published form. With y = z - (u + g(u)) it is
+    u + g(u) + (y - P_K(y)): so written, a small u is not lost beside a large r, whose difference with itself would be zero wherever r
+    grows without bound.
+    """
+    return math.sqrt(squared_natural_residual(r, u, mu, np.ones(len(mu)) if compliance is None else compliance, dimension))
+
+
+def relative(residual: float, scale: float) -> float:
+    """residual / scale, 0 for 0 / 0 and infinity for anything else over 0; NaN stays NaN."""
+    if residual == 0:
+        return 0.0
+    return residual / scale if scale > 0 else residual * math.inf
+
+
+def error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, floor: float = 0.0) -> float:
+    """Return the published error ||r - P_K(r - (u + g(u)))|| / max(||q||, floor), u = W r + q (eq. 13 of Acary, Brémond, Huber 2018).
+
+    It adds impulses to velocities, so that its size depends on the units; see `scaled_error`. `u` may be given where W r + q was just
+    computed. `floor`, in the unit of q, keeps the error meaningful where q is nothing but the round-off of a state at rest, as in a
+    simulation's first step: r = 0 is then the answer.
+    """
+    if u is None:
+        u = problem.W @ r + problem.q
+    residual = natural_map_residual(r, u, problem.mu, problem.dimension)
+    return relative(residual, max(float(np.linalg.norm(problem.q)), floor))
+
+
+def scaled_error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, floor: float = 0.0) -> float:
+    """Return ||z - P_K(z - (u + g(u)))|| / max(||q||, floor) with z_a = s_a r_a: what decides whether a result is SOLVED.
+
+    s_a = tr(W_aa) / d is the contact's own compliance, the mean of the others where it has none. Every term is a velocity (quasi-statics:
+    a length), so that the error does not depend on the units of mass, length and time. Arguments as in `error`.
+    """
+    if u is None:
+        u = problem.W @ r + problem.q
+    residual = natural_map_residual(r, u, problem.mu, problem.dimension, problem.compliance)
+    return relative(residual, max(float(np.linalg.norm(problem.q)), floor))
+
+
+@dataclass(frozen=True)
+class Checks:
+    """What the error mixes, each on its own; every number is zero at an exact solution.
+
+    cone             max (||r_T|| - mu r_N)_+ / max |r|
+    dual_cone        max (mu ||u_T|| - (u + g(u))_N)_+ / max |u|
+    complementarity  |r . (u + g(u))| / (||r|| ||u||); here and above q stands in for u where it is larger: all contacts may stick
+    penetration      max (-u_N)_+, in the unit of u (times h: metres a step)
+    momentum         ||M v - H r - G l - f|| / ||f||, None for a problem given in local form
+    """
+
+    cone: float
+    dual_cone: float
+    complementarity: float
+    penetration: float
+    momentum: float | None = None
+
+
+def check(
+    r: FloatArray, u: FloatArray, mu: FloatArray, dimension: int = 3, momentum: float | None = None, q: FloatArray | None = None
+) -> Checks:
+    """Compute the unit-true checks of flat r and u (m,); q (m,), the velocity without reactions, keeps u = 0 up to round-off small."""
+    if len(mu) == 0:
+        return Checks(0.0, 0.0, 0.0, 0.0, momentum)
+    found = violations(r, u, u if q is None else q, mu, dimension)
+    cone, dual_cone, penetration, product, r_max, u_max, r_size, u_size = found
+    return Checks(
+        cone=cone / (r_max or 1.0),
+        dual_cone=dual_cone / (u_max or 1.0),
+        complementarity=abs(product) / ((r_size * u_size) or 1.0),
+        penetration=penetration,
+        momentum=momentum,
+    )
+
+
+OPEN, STICK, SLIP = 0, 1, 2
+
+
+def contact_status(r: FloatArray, mu: FloatArray, dimension: int = 3, tolerance: float = 1e-6) -> NDArray[np.int8]:
+    """Return OPEN (no normal reaction), STICK (inside the cone) or SLIP (on its boundary) of every contact (nc,).
+
+    `tolerance` is relative: to the largest reaction for open, to mu r_N for slip.
+    """
+    r2 = r.reshape(-1, dimension)
+    status = np.full(len(mu), STICK, dtype=np.int8)
+    status[tangential_norm(r2) >= (1 - tolerance) * mu * r2[:, 0]] = SLIP
+    status[r2[:, 0] <= tolerance * np.abs(r).max(initial=0.0)] = OPEN
+    return status
+
+
+class Judge:
+    """Judges reactions on a problem as it is given: its equations are solved by LU of M or R as a whole, not by the solvers' reduction."""
+
+    def __init__(self, problem: GlobalProblem | LocalProblem) -> None:
+        """SingularMatrix where M or R is singular."""
+        self.problem = p = problem
+        self._factor: SuperLU | None = None
+        if isinstance(p, GlobalProblem):
+            M = sp.csc_array(p.M)
+            self._factor = SuperLU(M if p.G is None else sp.block_array([[M, -sp.csc_array(p.G)], [-sp.csc_array(p.G).T, None]]))
+        elif p.R is not None:
+            self._factor = SuperLU(p.R)
+
+    def velocity(self, r: FloatArray) -> FloatArray:
+        """u (m,) from r (m,)."""
+        p = self.problem
+        if isinstance(p, LocalProblem):
+            u = p.W @ r + p.q
+            return u if p.V is None or p.s is None or self._factor is None else u - p.V @ self._factor.solve(p.V.T @ r + p.s)
+        assert self._factor is not None
+        rhs = p.H @ r + p.f
+        x = self._factor.solve(rhs if p.b is None else np.concatenate([rhs, p.b]))
+        return p.H.T @ x[: p.n] + p.w
+
+    @cached_property
+    def scale(self) -> float:
+        """||q||, q the velocity without reactions."""
+        return float(np.linalg.norm(self.velocity(np.zeros(self.problem.m))))
+
+    @cached_property
+    def compliance(self) -> FloatArray:
+        """tr(W_aa) / d (nc,), see `Delassus.compliance`."""
+        return reduced(self.problem).compliance
+
+    def error(self, r: FloatArray, floor: float = 0.0) -> float:
+        """The published error of r (m,), infinity where r is not finite; `floor` as in `error`."""
+        return self._error(r, floor, None)
+
+    def scaled_error(self, r: FloatArray, floor: float = 0.0) -> float:
+        """The scaled error of r (m,), infinity where r is not finite."""
+        return self._error(r, floor, self.compliance)
+
+    def _error(self, r: FloatArray, floor: float, compliance: FloatArray | None) -> float:
+        r = np.asarray(r, dtype=np.float64)
+        if not np.all(np.isfinite(r)):
+            return math.inf
+        residual = natural_map_residual(r, self.velocity(r), self.problem.mu, self.problem.dimension, compliance)
+        return relative(residual, max(self.scale, floor))

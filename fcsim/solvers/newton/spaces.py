@@ -1,0 +1,78 @@
+"""Where Newton's unknowns live: the linear part of a problem, which gives du for dr and keeps u of the iterate.
+
+In `LocalSpace` r alone is unknown and u = (W + D) r + q; (v, r, l) of the global and (r, l) of the mixed form are in `kkt`.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.solvers.newton.systems.interface import NewtonSystem
+
+
+class NewtonSpace(Protocol):
+    """The linear part of a problem: keeps u of the current iterate, solves for Newton's step and follows it."""
+
+    u: FloatArray
+    exact: bool
+    """Whether u was computed from the unknowns themselves, not from the last u and the step: an answer is accepted on such a u alone."""
+
+    def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (dr, du) with A du + B dr = -F; raises SingularMatrix."""
+        ...
+
+    def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the steepest descent (dr, du) of 0.5 ||F||^2 down to the minimum of its linear model."""
+        ...
+
+    def move(self, t: float) -> None:
+        """Go t along the last step or gradient."""
+        ...
+
+    def recompute(self) -> None:
+        """Compute u of the current iterate anew."""
+        ...
+
+
+RECOMPUTED = 8
+"""Moves after which u is computed anew: its update is exact but for round-off, which must not grow."""
+
+
+class LocalSpace:
+    """u = (W + D) r + q, with the operator W + D of the linear system."""
+
+    def __init__(self, system: NewtonSystem, q: FloatArray, r: FloatArray) -> None:
+        self._system, self._q, self._r = system, q, r
+        self._moves = 0
+        self.recompute()
+
+    def recompute(self) -> None:
+        self._Wr = self._system.operator.product(self._r)
+        self.u = self._Wr + self._q
+        self.exact = True
+
+    def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        self._dr, self._Wdr = self._system.solve(A, B, -F)
+        return self._dr, self._Wdr
+
+    def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        W = self._system.operator
+        g = W.transposed_product(np.einsum("aij,ai->aj", A, F).ravel()) + np.einsum("aij,ai->aj", B, F).ravel()
+        Wg = W.product(g)
+        Jg = np.einsum("aij,aj->ai", A, Wg.reshape(F.shape)) + np.einsum("aij,aj->ai", B, g.reshape(F.shape))
+        length = float(g @ g) / (float(np.sum(Jg * Jg)) or 1.0)
+        self._dr, self._Wdr = -length * g, -length * Wg
+        return self._dr, self._Wdr
+
+    def move(self, t: float) -> None:
+        self._r = self._r + t * self._dr
+        self._moves += 1
+        if self._moves % RECOMPUTED == 0:
+            self.recompute()
+            return
+        self._Wr = self._Wr + t * self._Wdr
+        self.u = self._Wr + self._q
+        self.exact = False

@@ -1,0 +1,48 @@
+"""Where contact makes energy out of nothing the run ends: what it is told then."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.errors import Unphysical
+from fcsim.timestep.step import Step
+
+
+class EnergyCreated(Unphysical):
+    """Contacts have created more energy than `Simulation.created` allows."""
+
+
+NO_HEIGHT = 1e-6
+"""Share of the model's size through which loads do work that counts as none: bodies set down with the round-off of a mesh file."""
+
+
+def refuse_creation(step: Step, share: float, rest: float, extent: float) -> None:
+    """Raise EnergyCreated where contact has created more than `share` of what was supplied, and more than bodies at rest may have.
+
+    rest [J]: kinetic energy that counts as none; extent [m]: size of the model.
+    """
+    ledger = step.ledger
+    if ledger.created <= share * ledger.supplied + rest:
+        return
+    loads = float(np.abs(step.model.load(step.state.t, step.state.x)).sum())
+    if ledger.created <= share * ledger.supplied + rest + NO_HEIGHT * extent * loads:
+        return
+    part = f"{100 * ledger.created / ledger.supplied:.3g} % of the" if ledger.supplied else "and there were"
+    raise EnergyCreated(
+        f"step {step.number}, t = {step.state.t:.6g} s: contacts have created {ledger.created:.4g} J, {part} {ledger.supplied:.4g} J "
+        f"that the run began with and that loads and supports supplied; allowed are {100 * share:g} %. {_cause(step)}. "
+        "What helps: bodies that do not overlap at the start, complete detection, a smaller h, the law Gap() with a smaller recovery; "
+        "Simulation(created=...) allows more (inf: all)"
+    )
+
+
+def _cause(step: Step) -> str:
+    contacts = step.contacts
+    if not len(contacts):
+        return "No contact is left in this step"
+    deepest = int(np.argmin(contacts.gap))
+    slave, master = (step.model.bodies[k].name for k in contacts.bodies[deepest])
+    where = ", ".join(f"{x:.4g}" for x in contacts.point[deepest])
+    if contacts.gap[deepest] >= 0:
+        return f"No contact penetrates; the nearest is {slave!r} on {master!r} at ({where}) m"
+    return f"Deepest is {slave!r} in {master!r} by {-contacts.gap[deepest]:.4g} m at ({where}) m, which the law pushes out"

@@ -1,0 +1,109 @@
+"""The contacts of a step and what their law makes of them: from positions to the contact side of the problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.model import Model
+from fcsim.contact_detection import Detection, contact_matrix
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.law import NOTHING, Meeting, Outcome, Terms, Variables
+from fcsim.contact_law.proportions import Proportions
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
+
+
+@dataclass(frozen=True, eq=False)
+class Encounter:
+    """The contacts of a step under their law; see `fcsim.contact_law.law` for S, r_c and C.
+
+    contacts  as the law takes them: its mu, and its frames where it turns them
+    H         (n_dofs, m) contact matrix over all dofs, driven ones included
+    meeting   what the law was told
+    terms     what it gave
+    """
+
+    contacts: Contacts
+    H: Any
+    meeting: Meeting
+    terms: Terms
+
+    @cached_property
+    def scaled_H(self) -> Any:
+        """H S, the problem's."""
+        return self.H if self.terms.scale is None else sp.csc_array(self.H @ sp.diags_array(self.terms.scale.ravel()))
+
+    @property
+    def w(self) -> FloatArray:
+        """w (m,) without what driven dofs add."""
+        return self.terms.w.ravel()
+
+    @property
+    def compliance(self) -> FloatArray | None:
+        """The diagonal of C (m,), None where all is rigid."""
+        return None if self.terms.compliance is None else self.terms.compliance.ravel()
+
+    @property
+    def adhesive_impulse(self) -> FloatArray | None:
+        """H r_c (n_dofs,), None without adhesion."""
+        return None if self.terms.adhesion is None else self.H @ self.terms.adhesion.ravel()
+
+    def reaction(self, r: FloatArray) -> FloatArray:
+        """S r - r_c (m,): what acts on the slave bodies for the problem's r."""
+        if self.terms.scale is not None:
+            r = self.terms.scale.ravel() * r
+        return r if self.terms.adhesion is None else r - self.terms.adhesion.ravel()
+
+    def velocity(self, u: FloatArray) -> FloatArray:
+        """The law's velocity (m,) in the contacts' frames for the problem's u = S ..."""
+        return u if self.terms.scale is None else u / self.terms.scale.ravel()
+
+    def remember(self, law: Any, u: FloatArray, r: FloatArray, v: FloatArray) -> Variables | None:
+        """The law's variables after the step with the problem's u, r (m,) and the velocity v (n_dofs,) at its end."""
+        shape = self.terms.w.shape
+        outcome = Outcome(self.terms, u.reshape(shape), r.reshape(shape), (self.H.T @ v).reshape(shape))
+        kept = law.remember(self.meeting, outcome)
+        earlier = self.meeting.variables or NOTHING
+        if not kept.values:
+            return replace(earlier, stored=kept.stored)
+        return earlier.merged(self.contacts.identity, kept.values, kept.stored)
+
+
+def encounter(
+    model: Model, detection: Detection, scheme: Scheme, state: State, proportions: Proportions, variables: Variables | None
+) -> Encounter:
+    """Detect the contacts of a step and ask their law."""
+    law = scheme.law
+    configuration = scheme.detection_configuration(model, state)
+    positions, way = model.positions(configuration), scheme.way(model, state)
+    moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
+    contacts = detection(positions, moved)
+    chosen = law.select(contacts, proportions, variables)
+    if not chosen.all():
+        contacts = contacts.take(chosen)
+    H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
+    shape = (len(contacts), contacts.dimension)
+    before = (H.T @ state.v).reshape(shape) if scheme.timing.moving else np.zeros(shape)
+    meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions)
+    terms = law.terms(meeting)
+    if terms.frame is not None and not np.array_equal(terms.frame, contacts.frame):
+        H, meeting = _turned(H, meeting, terms.frame)
+        contacts = meeting.contacts
+    if terms.mu is not contacts.mu:
+        contacts = replace(contacts, mu=terms.mu)
+    return Encounter(contacts, H, meeting, terms)
+
+
+def _turned(H: Any, meeting: Meeting, frame: FloatArray) -> tuple[Any, Meeting]:
+    """H and the meeting in other frames (nc, d, d)."""
+    old, nc, d = meeting.contacts, len(meeting), meeting.contacts.dimension
+    turn = np.einsum("aij,akj->aik", frame, old.frame)  # new components from old ones
+    blocks = sp.bsr_array((turn.transpose(0, 2, 1), np.arange(nc), np.arange(nc + 1)), shape=(d * nc, d * nc))
+    before = np.einsum("aik,ak->ai", turn, meeting.before)
+    return sp.csc_array(H @ blocks), replace(meeting, contacts=replace(old, frame=frame), before=before)

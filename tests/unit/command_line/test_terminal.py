@@ -1,0 +1,120 @@
+"""What reaches the terminal, and who may end a command."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fcsim.command_line.assignments import checked_tolerance, positive, read_assignments
+from fcsim.command_line.main import main
+from fcsim.command_line.solve import solver_options
+from fcsim.command_line.terminal import printable, table_lines
+from fcsim.errors import InputError
+from fcsim.running.folder import open_run
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [("\x1b[2J", "\\x1b[2J"), ("a\x07\x9b", "a\\x07\\x9b"), ("a\r\nb\tc", "a\\r\nb\tc"), ("‖Brémond‖", "‖Brémond‖"), ("\u202e", "\\u202e")],
+)
+def test_control_characters_are_shown(text: str, shown: str) -> None:
+    assert printable(text) == shown
+
+
+def test_tables_are_aligned() -> None:
+    lines = table_lines(("name", "n", "seconds"), [("a", "10", "1.5"), ("longer", "9", "10.25")])
+    assert lines == ["name     n  seconds", "a       10      1.5", "longer   9    10.25"]
+
+
+def fcsim(*arguments: str, shell: str = "", **environment: str) -> subprocess.CompletedProcess[bytes]:
+    command = " ".join([sys.executable, "-m", "fcsim", *arguments, shell])
+    variables = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+    return subprocess.run(["bash", "-c", command], env=variables, capture_output=True, timeout=120)
+
+
+def test_ascii_terminals() -> None:
+    done = fcsim("solvers", PYTHONIOENCODING="ascii", LC_ALL="C")
+    assert done.returncode == 0 and done.stdout.isascii() and b"\\xe9" in done.stdout and done.stderr == b""
+
+
+def test_a_reader_that_leaves_does_not_end_a_run(case_folder: Path, tmp_path: Path) -> None:
+    """`fcsim run ... 2>&1 | head -1`: the run goes on to its end and says so in run.json."""
+    out = tmp_path / "out"
+    arguments = ["run", str(case_folder), "--out", str(out), "--export-every", "0", "--vtk-every", "0"]
+    done = fcsim(*arguments, shell="2>&1 | head -1; exit ${PIPESTATUS[0]}")
+    assert done.returncode == 0 and done.stdout.count(b"\n") == 1
+    run = open_run(out)
+    assert run.description.status == "finished" and len(run.columns["step"]) == 12
+
+
+@pytest.mark.parametrize(
+    ("sent", "by"), [("SIGTERM", "SIGTERM"), ("SIGHUP", "SIGHUP (the terminal was closed)"), ("SIGINT", "the keyboard")]
+)
+def test_who_ended_a_run_is_said(case_folder: Path, tmp_path: Path, sent: str, by: str) -> None:
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "fcsim", "run", str(case_folder), "--out", str(out), "--set", "slow=on", "--vtk-every", "0"]
+    process = subprocess.Popen(
+        command,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        preexec_fn=lambda: [signal.signal(number, signal.SIG_DFL) for number in (signal.SIGINT, signal.SIGHUP)],
+    )
+    try:
+        deadline = time.monotonic() + 60
+        while not ((out / "steps.csv").is_file() and (out / "steps.csv").read_text().count("\n") > 2) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        process.send_signal(getattr(signal, sent))
+        output, _ = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    description = open_run(out).description
+    assert process.returncode == 130, output
+    assert (description.status, description.message) == ("interrupted", f"interrupted by {by}; go on with --resume")
+
+
+@pytest.mark.parametrize("text", ["flase", "2", "", "onn", "None"])
+def test_misspelt_switches_do_not_change_the_method(text: str) -> None:
+    with pytest.raises(InputError, match=f"--set safeguard={text}: solver NSN-AC expects on or off"):
+        solver_options("NSN-AC", [f"safeguard={text}"])
+
+
+def test_switches_and_numbers_are_read() -> None:
+    assert solver_options("NSN-AC", ["safeguard=Off", "max_iterations=7"]) == {"safeguard": False, "max_iterations": 7}
+    for text in ("max_iterations=1e20", "max_iterations=7.5", "max_iterations=nan"):
+        with pytest.raises(InputError, match="expects a value of type int"):
+            solver_options("NSN-AC", [text])
+
+
+@pytest.mark.parametrize("tol", [1.0, 2.0, float("inf"), float("nan"), 0.0, -1.0])
+def test_tolerances_are_below_one(tol: float) -> None:
+    """From 1 on r = 0 would do."""
+    with pytest.raises(InputError, match="--tol: expected a number between 0 and 1"):
+        checked_tolerance(tol)
+
+
+def test_numbers_above_zero() -> None:
+    assert positive("--time-limit", float("inf"), infinite=True) == float("inf")
+    for value in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(InputError, match="--time-limit: expected a number > 0"):
+            positive("--time-limit", value)
+
+
+def test_a_name_set_twice() -> None:
+    assert read_assignments(["E=1", "E=1", "mu = 0.3"]) == {"E": "1", "mu": "0.3"}
+    with pytest.raises(InputError, match="expected one value of E, got 1 before"):
+        read_assignments(["E=1", "E=2"])
+
+
+def test_errors_show_no_escapes(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
+    assert main(["info", str(tmp_path / "\x1b[31mred.hdf5")]) == 2
+    said = capsys.readouterr().err
+    assert "\x1b" not in said and "\\x1b[31mred" in said
