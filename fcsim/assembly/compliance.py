@@ -16,11 +16,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.assembly.elastic_forces import turned_by
 from fcsim.assembly.groups import Group
+from fcsim.assembly.kinematics.elastic_forces import turned_by
+from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import inverse_on
-from fcsim.assembly.turned_matrix import TurnedMatrix
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
 from fcsim.linear.factors import Factor, SingularMatrix, factorise

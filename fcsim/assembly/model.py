@@ -16,8 +16,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.assembly.elastic_forces import ElasticForces
 from fcsim.assembly.groups import Group, operator_groups
+from fcsim.assembly.kinematics.elastic_forces import ElasticForces
 from fcsim.assembly.layout import BodyLayout, in_order
 from fcsim.assembly.loads import Follower, Load, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on
@@ -187,6 +187,13 @@ class Model(BodyLayout):
         count = self.n_elastic // d
         displacement[:count] = x[: self.n_elastic].reshape(-1, d)
         displacement[count:] = self.rigid_bodies.displacement(self.rigid_part(x))
+        return displacement
+
+    def strained_displacement(self, x: FloatArray) -> FloatArray:
+        """Displacement (n_nodes, d) [m] that strains: of turning bodies without their rotation, in the axes of the reference; of others
+        as `node_displacement`."""
+        displacement = self.node_displacement(x)
+        displacement.ravel()[: self.n_elastic] = self.elastic.strained(self.elastic.at(x))
         return displacement
 
     def node_velocity(self, v: FloatArray, x: FloatArray | None = None) -> FloatArray:

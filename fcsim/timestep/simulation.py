@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.assembly.compliance import SystemFactor
+from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection
 from fcsim.contact_law.proportions import Proportions, proportions
@@ -19,6 +20,7 @@ from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import encounter
+from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Attempt, Moment, Step
@@ -43,6 +45,9 @@ class Simulation:
     created: contacts that create more than this share of the energy that the run began with and that loads and supports have supplied
     raise EnergyCreated (inf: never); see `Ledger`. Not in quasi-statics, where joints that begin under pressure are meant.
 
+    limits: bodies beyond them raise KinematicsLeft after the step that is yielded last, see `Limits`; what comes near them is said once,
+    in the remarks of a step.
+
     The witness measures the bodies' overlap before the first step, every few steps and after the last, and refuses or stops what is
     beyond its tolerance: InputError before the first step, Penetration after the step that is yielded last. None: nobody looks.
     """
@@ -56,6 +61,7 @@ class Simulation:
     keep: int = 25
     cuttings: int = 5
     created: float = 0.05
+    limits: Limits = field(default_factory=Limits)
     witness: Witness | None = field(default_factory=Witness)
 
     def __post_init__(self) -> None:
@@ -115,6 +121,10 @@ class Simulation:
         return float(along @ model.apply_mass(along))
 
     @cached_property
+    def _measure(self) -> DeformationMeasure:
+        return DeformationMeasure(self.model.groups, len(self.model.deformable))
+
+    @cached_property
     def _extent(self) -> float:
         """Size of the model [m]."""
         return float(np.ptp(self.model.reference, axis=0).max())
@@ -147,11 +157,16 @@ class Simulation:
         after = after or Moment(0, self.initial or at_rest(self.model))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None
+        said: frozenset[str] = frozenset()
         while moment.number < self.steps:
             step = self._witnessed(self.step(moment, kept, anchor))
-            moment = step.moment
+            moment, when = step.moment, f"step {step.number}, t = {step.state.t:.6g} s"
+            deformation = self._measure(step.state.x)
+            new = remarks(self.model, deformation, when, said)
             if step.number > after.number:
-                yield step
+                yield replace(step, remarks=tuple(new.values())) if new else step
+            said |= new.keys()
+            refuse_beyond(self.limits, self.model, deformation, when)
             if watch is not None and watch.witness.stop and step.overlap is not None and step.overlap.beyond:
                 raise Penetration(penetration_seen(step.number, step.state.t, step.overlap, watch.witness.tolerance))
             del step  # its W is not kept while the next one is made

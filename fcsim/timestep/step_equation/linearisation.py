@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.assembly.elastic_forces import Configuration
+from fcsim.assembly.kinematics.elastic_forces import Configuration
 from fcsim.assembly.model import Model
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.assembly.frames import FloatingGroup, Frames, polar_rotation
 from fcsim.assembly.groups import Group
+from fcsim.assembly.kinematics.frames import FloatingGroup, Frames, polar_rotation
 
 
 @dataclass(frozen=True, eq=False)
