@@ -1,6 +1,6 @@
 # `make help` lists the targets. Each makes the environment .venv/ by itself when it is absent or out of date.
 .DEFAULT_GOAL := help
-.PHONY: env wall test slow lint benchmark clean help
+.PHONY: env wall test slow faults lint benchmark clean help
 
 WALL := results/masonry_wall
 READY := .venv/.ready
@@ -20,6 +20,12 @@ test: $(READY)  ## run the tests but the slow ones (PYTEST_ARGS="..." are passed
 
 slow: $(READY)  ## run the slow tests
 	.venv/bin/python -m pytest -m slow $(PYTEST_ARGS)
+
+FAULTS_SEED := $(shell date +%s)
+
+faults: $(READY)  ## thousands of mutated files with a fresh seed (FAULTS_SEED=... repeats one)
+	@echo "seed $(FAULTS_SEED)"
+	FCSIM_FAULTS=40 FCSIM_FAULTS_SEED=$(FAULTS_SEED) .venv/bin/python -m pytest tests/faults $(PYTEST_ARGS)
 
 lint: $(READY)  ## check style, types and who imports whom
 	.venv/bin/ruff check

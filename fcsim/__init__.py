@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from fcsim import runtime as _runtime
 from fcsim.version import __version__ as __version__
 
-_runtime.limit_threads()
 _runtime.keep_freed_memory()
 _runtime.writable_caches()
 

@@ -1,8 +1,8 @@
 """What belongs to the whole process, in one place: BLAS threads, freed memory, dolfinx/PETSc, gmsh.
 
-* BLAS and OpenMP threads fight with numba, MUMPS and other processes, so they are limited to one unless the user's environment
-  (OMP_NUM_THREADS, OPENBLAS_NUM_THREADS, ...) or FCSIM_THREADS says otherwise. This must happen before NumPy is first imported, so
-  `fcsim/__init__.py` imports this module first; a program that imports NumPy before fcsim sets its own limits.
+* BLAS and OpenMP threads fight with numba, MUMPS and other processes, so that `solve`, a step of a simulation and the command line
+  limit them to one for as long as they run (`limited_threads`), unless the user's environment (OMP_NUM_THREADS, OPENBLAS_NUM_THREADS,
+  ...) or FCSIM_THREADS says otherwise. A program that imports fcsim keeps its own number outside these calls.
 * Large arrays that are freed in one step and made again in the next stay with the process (`keep_freed_memory`).
 * `dolfinx()` and `petsc()` are the only doors to those packages: where the `dolfinx_solver` wheel exists it must be imported first.
 * `gmsh_model()` is the only place that initialises and finalises gmsh, so that a failure inside cannot poison what comes next.
@@ -20,21 +20,55 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from fcsim.errors import MissingDependency
+from threadpoolctl import LibController, ThreadpoolController
+
+from fcsim.errors import InputError, MissingDependency
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def limit_threads() -> None:
-    """Give BLAS and OpenMP FCSIM_THREADS threads (default 1) wherever the user's environment does not say otherwise."""
-    for variable in THREAD_VARIABLES:
-        os.environ.setdefault(variable, os.environ.get("FCSIM_THREADS", "1"))
+@cache
+def _thread_pools(with_petsc: bool) -> list[LibController]:
+    """The BLAS and OpenMP libraries of this process; PETSc brings more of them."""
+    pools: list[LibController] = ThreadpoolController().lib_controllers
+    return pools
+
+
+@cache
+def chosen_threads() -> int | None:
+    """FCSIM_THREADS, read once, else 1, but None (as they are) where the user's environment sets a number for BLAS or OpenMP."""
+    asked = os.environ.get("FCSIM_THREADS")
+    if asked is None:
+        return None if any(os.environ.get(name) for name in THREAD_VARIABLES) else 1
+    if not asked.isdecimal() or int(asked) < 1:
+        raise InputError(f"FCSIM_THREADS: expected a whole number >= 1, got {asked!r}")
+    return int(asked)
+
+
+@contextmanager
+def limited_threads() -> Iterator[None]:
+    """BLAS and OpenMP on `chosen_threads` within the block, on as many as before after it; some microseconds where they are so already.
+
+    The number belongs to the process: other threads of the program see it as long as the block lasts.
+    """
+    threads, before = chosen_threads(), list[tuple[LibController, int]]()
+    if threads is not None:
+        for pool in _thread_pools("petsc4py.PETSc" in sys.modules):
+            if (now := pool.get_num_threads()) not in (threads, None):
+                before.append((pool, now))
+                pool.set_num_threads(threads)
+    try:
+        yield
+    finally:
+        for pool, number in before:
+            pool.set_num_threads(number)
 
 
 def writable_caches() -> None:

@@ -76,7 +76,10 @@ def write_table(path: Path, kind: type, rows: Iterable[Any]) -> Path:
 def read_rows(path: Path) -> list[list[str]]:
     """The cells of a table of text, header first, torn last lines as they are; InputError where the file is no text."""
     try:
-        return list(csv.reader(io.StringIO(path.read_text(encoding="utf-8"), newline="")))
+        text = path.read_text(encoding="utf-8")
+        if "\0" in text:
+            raise InputError(f"{path}: expected a table as text, it holds zero bytes")
+        return list(csv.reader(io.StringIO(text, newline="")))
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: expected a table as UTF-8 text ({error})") from None
 

@@ -10,6 +10,7 @@ from fcsim.command_line import bench, collection, info, profile, render, run, so
 from fcsim.command_line.terminal import any_encoding, say, silence
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError
 from fcsim.interrupts import ended_by, is_interrupt
+from fcsim.runtime import limited_threads
 from fcsim.version import __version__
 
 
@@ -32,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     any_encoding()
     options = _parser().parse_args(arguments)
     try:
-        return int(options.act(options))
+        with limited_threads():
+            return int(options.act(options))
     except FcsimError as error:
         say(f"fcsim: {error}", to_stderr=True)
         return EXIT_BAD_INPUT

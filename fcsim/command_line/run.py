@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import os
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fcsim.command_line.assignments import checked_tolerance, read_assignments
 from fcsim.command_line.terminal import Bar, print_table, say
-from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
+from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK, InputError
 from fcsim.interrupts import ended_politely
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ def _run(options: argparse.Namespace) -> int:
     from fcsim.running.case import load_case
     from fcsim.running.run import RunOptions, run_case
 
+    _refuse_ranks()
     script = load_case(options.case)
     if options.parameters:
         _list_parameters(script)
@@ -73,6 +75,16 @@ def _run(options: argparse.Namespace) -> int:
         )
     _print_summary(summary, directory)
     return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED, "failed": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
+
+
+RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_SIZE", "MPI_LOCALNRANKS")
+
+
+def _refuse_ranks() -> None:
+    """Each rank of `mpiexec -n 2 fcsim run` would make the whole run, into one folder."""
+    ranks = max((int(os.environ[name]) for name in RANKS if os.environ.get(name, "").isdecimal()), default=1)
+    if ranks > 1:
+        raise InputError(f"fcsim run: expected one process, got {ranks} ranks of MPI, which runs do not share yet")
 
 
 def _list_parameters(script: CaseScript) -> None:

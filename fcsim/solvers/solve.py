@@ -15,6 +15,7 @@ from fcsim.problem import Answer, GlobalProblem, LocalProblem, Reduced, check, n
 from fcsim.problem.elimination import Elimination
 from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction, reduced
+from fcsim.runtime import limited_threads
 from fcsim.solvers.base import Iterate, Method, Monitor, Result, Status, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.table import method
@@ -22,6 +23,7 @@ from fcsim.solvers.table import method
 ERRORS = ("scaled", "published")
 
 
+@limited_threads()
 def solve(
     problem: GlobalProblem | LocalProblem | Reduction,
     solver: str = "NSN-AC",
@@ -73,8 +75,8 @@ def solve(
         iterate = _run(run, form, given.q, r, monitor, options)
         r, status = iterate.r, iterate.status
         answer = answers.of(r)  # u, v, l from r by the equations alone: what a method carried along does not count
-        deciding = monitor.error(r, answer.u)
         errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, x), monitor.scale) for x in (s, None)]
+    deciding = errors[ERRORS.index(error)]
     if (deciding <= tol) != status.solved:  # NaN is no solution
         status = Status.SOLVED if deciding <= tol else Status.STAGNATED
     return Result(

@@ -9,9 +9,10 @@ from typing import Any
 
 from fcsim.errors import InputError
 from fcsim.solvers.automatic.stages import AutomaticOptions, automatic
-from fcsim.solvers.base import Method
+from fcsim.solvers.base import Method, Options
+from fcsim.solvers.gauss_seidel.conjugate import nncg
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
-from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
+from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, SweepOptions, nsgs
 from fcsim.solvers.gauss_seidel.velocity import VelocityOptions, nsgsv
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
 from fcsim.solvers.lcp.faceted import FacetedOptions, faceted_cone
@@ -26,7 +27,9 @@ from fcsim.solvers.lcp.planar import (
 )
 from fcsim.solvers.newton.iterations import newton
 from fcsim.solvers.newton.kkt import newton_global, newton_mixed
+from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt
 from fcsim.solvers.newton.options import NewtonOptions
+from fcsim.solvers.newton.proximal_newton import ProximalNewtonOptions, proximal_newton
 from fcsim.solvers.proximal import ProximalOptions, proximal_point
 from fcsim.solvers.variational.admm import AdmmOptions, admm, admm_global
 from fcsim.solvers.variational.fixed_points import (
@@ -97,9 +100,23 @@ SOLVERS: dict[str, Method] = {
     "NSGS-CYL": _nsgs("CYL", _BOOK),
     "NSGS-EXACT": _nsgs("EXACT", "Bonnefon, Daviet 2011"),
     "NSGS-NCP": _nsgs("NCP-FB", "Glocker 1999", local_iterations=100),
+    "NNCG": Method(nncg, SweepOptions(), "Gauss-Seidel", "Silcowitz-Hansen, Niebe, Erleben 2010"),
     "NSGSV": Method(nsgsv, VelocityOptions(), "Gauss-Seidel", _BOOK, "NSGSV"),
     "PPA-NSN-AC": Method(
         proximal_point, ProximalOptions(internal="NSN-AC", internal_options={"max_iterations": 30}), "proximal point", _BOOK, "PROX"
+    ),
+    "PROX-NEWTON": Method(
+        proximal_newton,
+        ProximalNewtonOptions(),
+        "proximal point",
+        "Rockafellar 1976; Acary, Brémond, Huber 2018; metric of the contacts' compliances: this package",
+    ),
+    "LM": Method(
+        levenberg_marquardt,
+        Options(max_iterations=200),
+        "Newton",
+        "Marquardt 1963; Fan, Yuan 2005",
+        limits="local: a least-squares step on the error itself, for the neighbourhood of what other methods reached, small problems",
     ),
     "PPA-NSGS-AC": Method(
         proximal_point,

@@ -16,6 +16,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
+from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
@@ -173,6 +174,7 @@ class Simulation:
             if self.keep and moment.number % self.keep == 0:
                 kept, anchor = {}, moment
 
+    @limited_threads()
     def step(self, after: Moment, kept: dict[int, Memory] | None = None, anchor: Moment | None = None) -> Step:
         """Compute the step after a moment, cut where it must be; raises NotConverged when the solver chain fails on the shortest part.
 

@@ -1,4 +1,5 @@
-"""What belongs to the whole process: freed memory stays with it, unless the user's environment says otherwise."""
+"""What belongs to the whole process: freed memory stays with it, BLAS keeps its threads but while fcsim computes; the user's environment
+counts."""
 
 from __future__ import annotations
 
@@ -9,6 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from fcsim.errors import InputError
+from fcsim.runtime import chosen_threads, limited_threads
 
 FAULTS = """
 import resource
@@ -38,6 +42,55 @@ def test_freed_arrays_are_used_again() -> None:
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="malloc's thresholds are glibc's")
 def test_the_environment_s_thresholds_stand() -> None:
     assert page_faults(MALLOC_MMAP_THRESHOLD_="1000000") >= 30
+
+
+THREADS = """
+import numpy as np
+import scipy.linalg
+from threadpoolctl import threadpool_info
+import fcsim
+from fcsim.problem import LocalProblem
+from fcsim.solvers import SOLVERS, solve
+from dataclasses import replace
+
+def now():
+    return max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+
+seen = []
+newton = SOLVERS["NSN-AC"]
+def spied(*arguments):
+    seen.append(now())
+    return newton.run(*arguments)
+SOLVERS["SPIED"] = replace(newton, run=spied)
+before = now()
+solve(LocalProblem(np.eye(3), np.array([-1.0, 0.1, 0.0]), np.array([0.5])), "SPIED")
+print(before, seen[0], now())
+"""
+
+
+def threads(**environment: str) -> tuple[int, int, int]:
+    """BLAS threads before, within and after a solve."""
+    known = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS") and name != "FCSIM_THREADS"}
+    found = subprocess.run([sys.executable, "-c", THREADS], env={**known, **environment}, capture_output=True, text=True, timeout=120)
+    assert found.returncode == 0, found.stderr
+    before, within, after = map(int, found.stdout.split())
+    return before, within, after
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="BLAS has one thread anyway")
+def test_threads_are_limited_while_fcsim_computes() -> None:
+    before, within, after = threads()
+    assert before == after > 1
+    assert within == 1
+    assert threads(FCSIM_THREADS="2")[1] == 2
+    assert threads(OMP_NUM_THREADS="2", OPENBLAS_NUM_THREADS="2") == (2, 2, 2)
+
+
+def test_threads_that_are_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FCSIM_THREADS", "many")
+    chosen_threads.cache_clear()
+    with pytest.raises(InputError, match="FCSIM_THREADS: expected a whole number >= 1, got 'many'"), limited_threads():
+        pass
 
 
 def test_a_home_that_cannot_be_written_stops_nothing(tmp_path: Path) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.general._foot_kernels import dot
+from fcsim.contact_detection.general._pierce_kernels import pierced
 
 _FLAT = np.cos(np.deg2rad(1.0))  # faces that oppose each other closer than this touch flatly: the contact's normal is the face's
 _PARALLEL = 1e-7  # sine of the angle below which edges of flatly touching faces do not cross; vertices hold these
@@ -37,24 +38,6 @@ def _flat_normal(a: int, b: int, normals: FloatArray, sizes: FloatArray, edge_fa
 
 
 @njit(cache=True)
-def _pierced(
-    p: FloatArray, q: FloatArray, f: int, near: float, point: FloatArray, normals: FloatArray, facets: IntArray, sides: IntArray
-) -> bool:
-    """Whether the segment from p to q goes through the facet f."""
-    n, origin = normals[f], point[facets[f, 0]]
-    high, low = dot(p - origin, n), dot(q - origin, n)
-    if not (min(high, low) < 0.0 < max(high, low)):
-        return False
-    at = p + high / (high - low) * (q - p)
-    inside = True
-    for l in range(sides[f]):
-        a = point[facets[f, l]]
-        along = point[facets[f, l + 1 if l + 1 < sides[f] else 0]] - a
-        inside = inside and dot(np.cross(n, along), at - a) >= -near * np.sqrt(dot(along, along))
-    return inside
-
-
-@njit(cache=True)
 def _pierces(
     a: int,
     b: int,
@@ -69,7 +52,7 @@ def _pierces(
     """How many of the two faces of the edge b the edge a goes through."""
     count = 0
     for k in range(2):
-        if _pierced(point[edges[a, 0]], point[edges[a, 1]], edge_facets[b, k], near, point, normals, facets, sides):
+        if pierced(point[edges[a, 0]], point[edges[a, 1]], edge_facets[b, k], near, point, normals, facets, sides):
             count += 1
     return count
 
@@ -97,7 +80,7 @@ def crossings(
     """
     n = len(first)
     rows, normal = np.empty(n, dtype=np.int64), np.empty((n, 3))
-    gap, place, pierced = np.empty(n), np.empty((n, 2)), np.full(n, 2, dtype=np.int64)
+    gap, place, through = np.empty(n), np.empty((n, 2)), np.full(n, 2, dtype=np.int64)
     count = 0
     for row in range(n):
         a, b = first[row], second[row]
@@ -137,28 +120,10 @@ def crossings(
             if g < -tol:
                 theirs = _pierces(a, b, tol, point, normals, facets, sides, edges, edge_facets)
                 ours = _pierces(b, a, tol, point, normals, facets, sides, edges, edge_facets)
-                pierced[count] = max(theirs, ours)
+                through[count] = max(theirs, ours)
             else:
-                pierced[count] = 2
+                through[count] = 2
             rows[count], normal[count], gap[count] = row, N, g
             place[count, 0], place[count, 1] = s / la, t / lb
             count += 1
-    return rows[:count].copy(), normal[:count].copy(), gap[:count].copy(), place[:count].copy(), pierced[:count].copy()
-
-
-@njit(cache=True)
-def inside(at: FloatArray, body: IntArray, first_facet: IntArray, point: FloatArray, facets: IntArray, sides: IntArray) -> BoolArray:
-    """Whether points (n, 3) lie inside bodies (n,): the solid angle under which they see the closed surface is 4 pi there, 0 outside.
-
-    Source: A. Van Oosterom, J. Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30, 1983.
-    """
-    result = np.empty(len(at), dtype=np.bool_)
-    for row in range(len(at)):
-        angle = 0.0
-        for f in range(first_facet[body[row]], first_facet[body[row] + 1]):
-            for k in range(1, sides[f] - 1):
-                a, b, c = point[facets[f, 0]] - at[row], point[facets[f, k]] - at[row], point[facets[f, k + 1]] - at[row]
-                la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
-                angle += 2.0 * np.arctan2(dot(a, np.cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
-        result[row] = angle > 2.0 * np.pi
-    return result
+    return rows[:count].copy(), normal[:count].copy(), gap[:count].copy(), place[:count].copy(), through[:count].copy()

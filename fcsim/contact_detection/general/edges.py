@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.general._edge_kernels import crossings, inside
+from fcsim.contact_detection.general._edge_kernels import crossings
+from fcsim.contact_detection.general._pierce_kernels import inside
 from fcsim.contact_detection.general.near import NearBodies, near_edges
 from fcsim.contact_detection.general.skin import Shape, Skin
 from fcsim.contact_detection.general.vertices import VertexContacts

@@ -11,11 +11,12 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.frames import frames
+from fcsim.contact_detection.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.boundary import boundary_of
 from fcsim.contact_detection.general.closed_skin import closed_skin
 from fcsim.contact_detection.general.edges import EdgeContacts, edge_contacts
-from fcsim.contact_detection.general.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.near import Lengths, NearBodies, near_bodies
+from fcsim.contact_detection.general.overlaps import overlap_contacts
 from fcsim.contact_detection.general.shape import shape_of
 from fcsim.contact_detection.general.skin import Skin
 from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
@@ -102,6 +103,9 @@ class Everything:
         near = self._may_touch(near_bodies(shape.body_low, shape.body_high, self.lengths)) if among is None else among
         vertices = vertex_contacts(self.skin, shape, near)
         edges = edge_contacts(self.skin, shape, near, vertices)
+        unseen = overlap_contacts(self.skin, shape, near, vertices, edges)
+        if unseen is not None:
+            vertices = VertexContacts._make(np.concatenate(both) for both in zip(vertices, unseen, strict=True))
         return self._contacts(x, vertices, edges)
 
     def _may_touch(self, near: NearBodies) -> NearBodies:

@@ -55,6 +55,15 @@ def near_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
     return kernels.item_pairs(near.bodies, *boxes, *points, skin.first_facet, shape.low, shape.high, near.alert, reach)
 
 
+def near_edges_and_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
+    """Rows (edge of the first body, facet of the second, pair) whose boxes overlap."""
+    ends = shape.point[skin.edges]
+    items = (skin.first_edge, ends.min(axis=1), ends.max(axis=1))
+    none = np.zeros(len(near.bodies))
+    facets = (skin.first_facet, shape.low, shape.high)
+    return kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items, *facets, none, none)
+
+
 def near_edges(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
     """Rows (sharp edge of the first body, sharp edge of the second, pair)."""
     sharp = np.flatnonzero(skin.sharp)

@@ -118,3 +118,11 @@ def test_errors_show_no_escapes(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main(["info", str(tmp_path / "\x1b[31mred.hdf5")]) == 2
     said = capsys.readouterr().err
     assert "\x1b" not in said and "\\x1b[31mred" in said
+
+
+def test_ranks_of_mpi_do_not_write_one_folder(
+    case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PMI_SIZE", "2")
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "out")]) == 2
+    assert "expected one process, got 2 ranks" in capsys.readouterr().err and not (tmp_path / "out").exists()

@@ -233,7 +233,9 @@ def test_path_is_run_through_its_files(stand_in: Path) -> None:
 def test_path_that_fails_or_hangs(stand_in: Path) -> None:
     p = LocalProblem(0.5 * np.eye(3), np.array([-1.0, 0.6, 0.8]), np.array([0.5]))
     stand_in.write_text("#!/bin/sh\nexit 1\n")
-    assert solve(p, "PATH", engine="PATH", crash_sweeps=0).status is Status.STAGNATED
+    failed = solve(p, "PATH", engine="PATH", crash_sweeps=0)
+    assert failed.status is Status.STAGNATED
+    assert "return code 1" in failed.message
     stand_in.write_text("#!/bin/sh\nexec sleep 60\n")
     result = solve(p, "PATH", engine="PATH", crash_sweeps=0, time_limit=0.3)
     assert result.status is Status.TIME_LIMIT and result.time < 10

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.problem import LocalProblem
-from fcsim.solvers.base import Monitor, Status
+from fcsim.solvers.base import Monitor, Options, Status
 from fcsim.solvers.newton import levenberg_marquardt as module
 from fcsim.solvers.newton.levenberg_marquardt import DAMPING, _steps, levenberg_marquardt
 
@@ -39,19 +39,21 @@ def test_steps_solve_the_damped_normal_equations(form: Callable[..., Any], d: in
     W, A, B, F = (rng.standard_normal(s) for s in ((nc * d, nc * d), (nc, d, d), (nc, d, d), (nc, d)))
     A[[1, 4]], B[[1, 4]] = 0, np.eye(d)
     length = rng.uniform(0.5, 2, nc * d)
-    steps = _steps(form(W), F, A, B, length)
+    weight = rng.uniform(0.5, 2, nc)
+    steps = _steps(form(W), F, A, B, length, weight)
     assert steps is not None and steps.shape == (nc * d, len(DAMPING))
     J = np.vstack([A[a] @ W[d * a : d * a + d] for a in range(nc)])
     for a in range(nc):
         J[d * a : d * a + d, d * a : d * a + d] += B[a]
     dofs = np.setdiff1d(np.arange(nc * d), [*range(d, 2 * d), *range(4 * d, 5 * d)])
     others = np.setdiff1d(np.arange(nc * d), dofs)
-    scaled = J[np.ix_(dofs, dofs)] * length[dofs]
+    by_row = np.repeat(weight, d)[dofs]
+    scaled = by_row[:, None] * J[np.ix_(dofs, dofs)] * length[dofs]
     largest = np.linalg.norm(scaled, 2)
     for dr, damping in zip(steps.T, DAMPING, strict=True):
         assert_allclose(dr[others], -F.ravel()[others], rtol=1e-14)
         s = dr[dofs] / length[dofs]
-        residual = scaled @ s + J[np.ix_(dofs, others)] @ dr[others] + F.ravel()[dofs]
+        residual = scaled @ s + by_row * (J[np.ix_(dofs, others)] @ dr[others] + F.ravel()[dofs])
         assert_allclose(scaled.T @ residual + (damping * largest) ** 2 * s, 0, atol=1e-9 * largest)
 
 
@@ -62,7 +64,7 @@ def test_solves_where_newton_s_matrix_is_singular(d: int, slide: float, natural_
     assert np.linalg.matrix_rank(problem.W) < problem.m / 2
     start = r * (1 + 1e-3 * np.random.default_rng(1).standard_normal(problem.m))
     monitor = Monitor(problem.q, problem.mu, d, 1e-11)
-    found = levenberg_marquardt(problem, start, monitor, 50)
+    found = levenberg_marquardt(problem, start, monitor, Options(max_iterations=50))
     assert found.status is Status.SOLVED
     assert monitor.iterations <= 20
     assert natural_map_error(problem, found.r) <= 1.01e-11
@@ -74,7 +76,7 @@ def test_noise_without_a_solution_ends_at_a_lesser_error() -> None:
     noisy = LocalProblem(exact.W * (1 + 1e-6 * np.random.default_rng(2).standard_normal(exact.W.shape)), exact.q, exact.mu)
     monitor = Monitor(noisy.q, noisy.mu, 3, 1e-16)
     start = monitor.error(r, noisy.W @ r + noisy.q)
-    found = levenberg_marquardt(noisy, r, monitor, 50)
+    found = levenberg_marquardt(noisy, r, monitor, Options(max_iterations=50))
     assert found.status is Status.STAGNATED
     assert monitor.error(found.r, noisy.W @ found.r + noisy.q) < 0.8 * start
 
@@ -83,18 +85,21 @@ def test_no_solution_at_all() -> None:
     """W = 0 and an approaching body: nothing helps, and nothing is claimed."""
     problem = LocalProblem(np.zeros((3, 3)), np.array([-1.0, 0.0, 0.0]), np.array([0.5]))
     monitor = Monitor(problem.q, problem.mu, 3, 1e-8)
-    found = levenberg_marquardt(problem, np.ones(3), monitor, 50)
+    found = levenberg_marquardt(problem, np.ones(3), monitor, Options(max_iterations=50))
     assert found.status is Status.STAGNATED
     assert monitor.best > 0.1
 
 
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, r = stuck(3)
-    assert levenberg_marquardt(problem, 1.1 * r, Monitor(problem.q, problem.mu, 3, 1e-30), 0).status is Status.MAX_ITERATIONS
+    assert (
+        levenberg_marquardt(problem, 1.1 * r, Monitor(problem.q, problem.mu, 3, 1e-30), Options(max_iterations=0)).status
+        is Status.MAX_ITERATIONS
+    )
     late = Monitor(problem.q, problem.mu, 3, 1e-30, time_limit=0.0)
-    assert levenberg_marquardt(problem, 1.1 * r, late, 50).status is Status.TIME_LIMIT
+    assert levenberg_marquardt(problem, 1.1 * r, late, Options(max_iterations=50)).status is Status.TIME_LIMIT
     monkeypatch.setattr(module, "LARGEST", 10)
     monitor = Monitor(problem.q, problem.mu, 3, 1e-30)
-    found = levenberg_marquardt(problem, 1.1 * r, monitor, 50)
+    found = levenberg_marquardt(problem, 1.1 * r, monitor, Options(max_iterations=50))
     assert found.status is Status.STAGNATED and monitor.iterations == 0
     assert_array_equal(found.r, 1.1 * r)

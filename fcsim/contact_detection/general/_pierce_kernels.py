@@ -1,0 +1,67 @@
+"""What goes through what, compiled: edges through facets, and points inside closed surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.general._foot_kernels import dot
+
+
+@njit(cache=True)
+def pierced(
+    p: FloatArray, q: FloatArray, f: int, near: float, point: FloatArray, normals: FloatArray, facets: IntArray, sides: IntArray
+) -> bool:
+    """Whether the segment from p to q goes through the facet f."""
+    n, origin = normals[f], point[facets[f, 0]]
+    high, low = dot(p - origin, n), dot(q - origin, n)
+    if not (min(high, low) < 0.0 < max(high, low)):
+        return False
+    at = p + high / (high - low) * (q - p)
+    inside = True
+    for l in range(sides[f]):
+        a = point[facets[f, l]]
+        along = point[facets[f, l + 1 if l + 1 < sides[f] else 0]] - a
+        inside = inside and dot(np.cross(n, along), at - a) >= -near * np.sqrt(dot(along, along))
+    return inside
+
+
+@njit(cache=True)
+def piercing(
+    edge: IntArray,
+    facet: IntArray,
+    near: FloatArray,
+    point: FloatArray,
+    normals: FloatArray,
+    edges: IntArray,
+    facets: IntArray,
+    sides: IntArray,
+) -> tuple[BoolArray, IntArray]:
+    """Whether edges go through facets by more than `near` (rows,) [m], well inside them, and which end (rows,) is less deep behind."""
+    through, end = np.zeros(len(edge), dtype=np.bool_), np.zeros(len(edge), dtype=np.int64)
+    for row in range(len(edge)):
+        f, p, q = facet[row], point[edges[edge[row], 0]], point[edges[edge[row], 1]]
+        high, low = dot(p - point[facets[f, 0]], normals[f]), dot(q - point[facets[f, 0]], normals[f])
+        end[row] = 0 if high < low else 1
+        if min(high, low) < -near[row] and max(high, low) > near[row]:
+            through[row] = pierced(p, q, f, -near[row], point, normals, facets, sides)
+    return through, end
+
+
+@njit(cache=True)
+def inside(at: FloatArray, body: IntArray, first_facet: IntArray, point: FloatArray, facets: IntArray, sides: IntArray) -> BoolArray:
+    """Whether points (n, 3) lie inside bodies (n,): the solid angle under which they see the closed surface is 4 pi there, 0 outside.
+
+    Source: A. Van Oosterom, J. Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30, 1983.
+    """
+    result = np.empty(len(at), dtype=np.bool_)
+    for row in range(len(at)):
+        angle = 0.0
+        for f in range(first_facet[body[row]], first_facet[body[row] + 1]):
+            for k in range(1, sides[f] - 1):
+                a, b, c = point[facets[f, 0]] - at[row], point[facets[f, k]] - at[row], point[facets[f, k + 1]] - at[row]
+                la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
+                angle += 2.0 * np.arctan2(dot(a, np.cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
+        result[row] = angle > 2.0 * np.pi
+    return result

@@ -1,0 +1,52 @@
+"""Bodies that overlap although no vertex and no pair of sharp edges tells how: one contact each, so that none passes unseen.
+
+It happens deep inside only: a vertex that has gone through a thin tip is outside again, on the other side. Where an edge of one body goes
+through a facet of the other, the end that is behind the facet is its contact; of all such ends of two bodies the least deep one counts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, IntArray
+from fcsim.contact_detection.general._foot_kernels import feet
+from fcsim.contact_detection.general._pierce_kernels import piercing
+from fcsim.contact_detection.general.edges import EdgeContacts
+from fcsim.contact_detection.general.near import NearBodies, near_edges_and_facets
+from fcsim.contact_detection.general.skin import Shape, Skin
+from fcsim.contact_detection.general.vertices import VertexContacts
+
+_BY = 10.0  # times `near`: what overlaps by less touches
+
+
+def overlap_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts) -> VertexContacts | None:
+    """One contact for each pair of bodies that overlap without one of negative gap; None where there are none, as it should be."""
+    if skin.dimension == 2:  # all edges of a polygon meet in its vertices: those are seen, see `vertices`
+        return None
+    a, b = near.bodies.T
+    shared = np.minimum(shape.body_high[a], shape.body_high[b]) - np.maximum(shape.body_low[a], shape.body_low[b])
+    suspect = near.take(np.all(shared > _BY * near.near[:, None], axis=1) & ~_known(skin, near.bodies, vertices, edges))
+    if not len(suspect.bodies):
+        return None
+    both = NearBodies(np.concatenate([suspect.bodies, suspect.bodies[:, ::-1]]), *(np.tile(part, 2) for part in suspect[1:]))
+    edge, facet, pair = np.ascontiguousarray(near_edges_and_facets(skin, shape, both).T)
+    through, end = piercing(edge, facet, _BY * both.near[pair], shape.point, shape.normal, skin.edges, skin.facets, skin.sides)
+    if not through.any():
+        return None
+    vertex, facet, pair = skin.edges[edge, end][through], facet[through], pair[through] % len(suspect.bodies)
+    height = np.einsum("cd,cd->c", shape.point[vertex] - shape.centre[facet], shape.normal[facet])
+    order = np.lexsort((facet, vertex, -height, pair))
+    rows = order[np.append(True, np.diff(pair[order]) != 0)]
+    vertex, facet, height = vertex[rows], facet[rows], height[rows]
+    weights = feet(vertex, facet, shape.point, skin.facets, skin.sides, shape.normal)[0]
+    return VertexContacts(vertex, facet, weights, shape.normal[facet], height)
+
+
+def _known(skin: Skin, bodies: IntArray, vertices: VertexContacts, edges: EdgeContacts) -> BoolArray:
+    """Which pairs of bodies have a contact of negative gap."""
+    v, e = vertices.take(vertices.gap < 0), edges.take(edges.gap < 0)
+    pairs = np.concatenate(
+        [np.column_stack([skin.vertex_body[v.vertex], skin.facet_body[v.facet]]), skin.vertex_body[skin.edges[e.edges, 0]].reshape(-1, 2)]
+    )
+    nb = skin.n_bodies
+    return np.isin(bodies.min(axis=1) * nb + bodies.max(axis=1), pairs.min(axis=1) * nb + pairs.max(axis=1))

@@ -1,0 +1,140 @@
+"""What the stages of `auto` cost: operations and bytes counted from each algorithm, times three rates of a machine.
+
+Only ratios of costs matter, so the rates are those of one reference machine, fixed: no clock takes part, and runs repeat bit by bit
+everywhere. d unknowns a contact, nc contacts, m = d nc; entries: those of W that are not zero.
+
+    sweep (Gauss-Seidel)   W is read once; `ONE_CONTACT` operations a contact
+    Newton, dense          LU of A W + B: 2/3 m^3; W is read `PASSES` times: rows scaled, copied, eliminated, multiplied
+    Newton, sparse         LU by the elimination tree's count; the entries are gathered and scattered `SCATTERS` times
+    Newton, joints         the same on large fronts, at the dense rate
+    ADMM                   one Cholesky factor (half an LU), then solves that read the factor twice and W once an iteration
+    proximal Newton        Newton's iterations on the contacts that are not open, each with its own factor
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.linear.elimination_tree import elimination_tree
+from fcsim.linear.joints import BlockRows
+from fcsim.problem import LocalProblem
+
+REAL = 8
+"""Bytes of a number."""
+SCALAR = 10.0
+"""Times the dense rate's time that an operation takes which waits for the one before it: a contact's own equations."""
+ONE_CONTACT = 100 * SCALAR
+"""Operations of a one-contact Newton solve in 3D: about an iteration of 150, and next to none where a contact stays open."""
+IRREGULAR = 2.0
+"""Times the dense rate's time that an operation takes on the small fronts and indirect addresses of sparse elimination."""
+PASSES, SCATTERS = 8, 12
+"""How often Newton's system reads or writes W: dense, and entry by entry with its index."""
+NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 10, 30, 2
+"""Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's."""
+SVD = 20
+"""Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
+PADDING = 0.15
+"""Zeros in the fronts that are counted (as block Cholesky has them)."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """Operations [flops], memory read and written [bytes], small steps."""
+
+    flops: float = 0.0
+    bytes: float = 0.0
+    steps: float = 0.0
+
+    def __add__(self, other: Work) -> Work:
+        return Work(self.flops + other.flops, self.bytes + other.bytes, self.steps + other.steps)
+
+    def __rmul__(self, times: float) -> Work:
+        return Work(times * self.flops, times * self.bytes, times * self.steps)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Its three rates: dense linear algebra [flops/s], memory [bytes/s], the overhead of a small step [s]."""
+
+    flops: float
+    bytes: float
+    step: float
+
+    def seconds(self, work: Work) -> float:
+        return work.flops / self.flops + work.bytes / self.bytes + work.steps * self.step
+
+
+REFERENCE = Machine(flops=2.5e10, bytes=1.5e10, step=3e-5)
+"""One core of a common processor of 2020."""
+
+
+def sweep(entries: int, nc: int) -> Work:
+    """One Gauss-Seidel sweep."""
+    return Work(ONE_CONTACT * nc, 1.1 * REAL * entries)
+
+
+def lu_flops(problem: LocalProblem) -> float:
+    """Operations of an LU of W, by the elimination tree where W is stored by block rows."""
+    W, d = problem.W, problem.dimension
+    if not sp.issparse(W):
+        return 2 / 3 * problem.m**3
+    rows = W if W.format == "bsr" and W.blocksize == (d, d) else sp.bsr_array(W, blocksize=(d, d))
+    pattern = sp.csr_array((np.ones(len(rows.indices), dtype=np.int8), rows.indices, rows.indptr), shape=(problem.nc, problem.nc))
+    pattern = sp.csr_array(pattern + pattern.T + sp.eye_array(problem.nc, dtype=np.int8))
+    pattern.sort_indices()
+    return elimination_tree(pattern.indptr.astype(np.int64), pattern.indices.astype(np.int64), PADDING).flops(d)
+
+
+@dataclass(frozen=True, eq=False)
+class Prices:
+    """Seconds on the reference machine, each counted when it is first asked for; problem: as `auto` stores it."""
+
+    problem: LocalProblem
+    entries: int
+    joints: BlockRows | None
+    machine: Machine = REFERENCE
+
+    @cached_property
+    def sweep(self) -> float:
+        """A Gauss-Seidel sweep."""
+        return self.machine.seconds(sweep(self.entries, self.problem.nc))
+
+    @cached_property
+    def flops(self) -> float:
+        """Operations of an LU, in those of the dense rate."""
+        if self.joints is not None:
+            return self.joints.tree.flops(self.problem.dimension)
+        return (IRREGULAR if sp.issparse(self.problem.W) else 1.0) * lu_flops(self.problem)
+
+    @cached_property
+    def _gather(self) -> Work:
+        """W brought into the storage that is eliminated."""
+        if self.joints is not None:
+            return Work(bytes=SCATTERS * REAL * self.entries, steps=len(self.joints.tree))
+        if sp.issparse(self.problem.W):
+            return Work(bytes=SCATTERS * 2 * REAL * self.entries)
+        return Work(bytes=PASSES * REAL * self.problem.m**2)
+
+    @cached_property
+    def newton(self) -> float:
+        """An iteration of Newton or of proximal Newton."""
+        steps = SPARSE_STEPS if sp.issparse(self.problem.W) else NEWTON_STEPS
+        return self.machine.seconds(Work(self.flops, steps=steps) + self._gather)
+
+    @cached_property
+    def admm(self) -> float:
+        """An iteration of ADMM."""
+        reads = 4 * self.entries if sp.issparse(self.problem.W) else 2 * self.problem.m**2
+        return self.machine.seconds(Work(bytes=REAL * reads, steps=ADMM_STEPS))
+
+    def splitting(self, iterations: int) -> float:
+        """ADMM's factor and so many iterations."""
+        return self.machine.seconds(Work(0.5 * self.flops, steps=4) + self._gather) + iterations * self.admm
+
+    def least_squares(self, closed: int) -> float:
+        """An iteration of Levenberg-Marquardt: the singular values of the matrix of the unknowns of contacts that are not open."""
+        return self.machine.seconds(Work(SVD * closed**3, steps=NEWTON_STEPS))

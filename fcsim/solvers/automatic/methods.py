@@ -1,0 +1,125 @@
+"""What the stages of `auto` run: methods of the solver table by turns, each with the options that suit it beside the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.solvers.automatic.race import Race, ShareOfMonitor
+from fcsim.solvers.base import Iterate, Options, Status
+from fcsim.solvers.gauss_seidel.conjugate import nncg
+from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
+from fcsim.solvers.gauss_seidel.rows import ContactRows
+from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
+from fcsim.solvers.newton.iterations import local_turns
+from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt_turns
+from fcsim.solvers.newton.options import NewtonOptions
+from fcsim.solvers.newton.proximal_newton import ProximalNewtonOptions, proximal_newton_turns
+from fcsim.solvers.turns import Turns
+from fcsim.solvers.variational.admm import AdmmOptions, split_turns
+from fcsim.solvers.variational.inequality import Inequality
+from fcsim.solvers.variational.watches import ProblemWatch
+
+RANK_DEFICIENT = 3e3
+"""Growth of the error in a Newton iteration that only rank-deficient W shows (measured: below 200 for full rank, above 1e4 else)."""
+COLD_RHO = 8.0
+"""Factor on Newton's first rho from a cold start, where velocities say more than reactions (a fifth fewer iterations on walls)."""
+WATCHED = 5
+"""ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
+OVERTAKEN = 0.1
+"""Share of its own error below which Gauss-Seidel takes up another method's iterate."""
+NEARBY_STARTS = 10
+"""Proximal runs from near the best iterate."""
+
+SWEEPS = GaussSeidelOptions()
+NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT)
+SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
+SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
+RELAXED = AdmmOptions(
+    initial_rho="norm", rho=1e-2, rho_update="residual balancing", acceleration="none", relaxation=1.6, rescaling="contacts"
+)
+PATIENT = ProximalNewtonOptions()
+BOLD = ProximalNewtonOptions(accuracy=0.3, rise=5.0)
+SHORT = ProximalNewtonOptions(alpha=1e-3, patience=15)
+
+
+def sweeps(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """Gauss-Seidel, then NNCG, by turns that grow with what was swept; where another method is well ahead, from its iterate."""
+    rows = ContactRows.of(race.swept, ONE_CONTACT[SWEEPS.one_contact].rho)
+    r = race.best_r()
+    while True:
+        turn = max(race.options.probe, monitor.iterations // 4)
+        options = replace(SWEEPS, max_iterations=min(monitor.iterations + turn, race.options.max_iterations))
+        sweeping = nsgs if monitor.iterations < race.options.probe else nncg
+        iterate = sweeping(race.problem, r, monitor, options, rows=rows)
+        if iterate.status is not Status.MAX_ITERATIONS:
+            return iterate
+        yield
+        r = race.best_r() if race.best < OVERTAKEN * monitor.best else iterate.r
+
+
+def newton(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """NSN-AC as long as every `patience` iterations bring a better iterate."""
+    factor = 1.0 if race.warm else COLD_RHO
+    options = replace(NEWTON, rho_factor=factor, max_iterations=race.options.max_iterations, patience=race.options.patience)
+    return local_turns(race.problem, race.best_r(), monitor, options, once=True)
+
+
+def _splitting(race: Race, monitor: ShareOfMonitor, options: AdmmOptions) -> Turns:
+    """ADMM from zero, which suits it better than sweeps' iterate."""
+    vi = Inequality.coulomb(race.problem)
+    watch = ProblemWatch(vi.velocity, monitor, options.max_iterations, period=WATCHED)
+    return split_turns(vi, np.zeros(race.problem.m), watch, options)
+
+
+def splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """ADMM; where contacts come in joints one factorisation and many cheap iterations."""
+    return _splitting(race, monitor, SPLITTING if race.joints is None else SPLITTING_OF_JOINTS)
+
+
+def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """Proximal Newton from the best iterate."""
+    return _proximal(race, monitor, race.best_r(), PATIENT)
+
+
+def bold_proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """The same with looser inner problems, whose alpha rises faster."""
+    return _proximal(race, monitor, race.best_r(), BOLD)
+
+
+def _proximal(race: Race, monitor: ShareOfMonitor, r: FloatArray, options: ProximalNewtonOptions) -> Turns:
+    return proximal_newton_turns(race.problem, r, monitor, replace(options, max_iterations=race.options.max_iterations))
+
+
+def proximal_after_splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """Proximal Newton from where ADMM comes without acceleration, contacts scaled alike: what suits piles of very different masses."""
+    options = replace(RELAXED, max_iterations=10 * race.options.splitting)
+    start = yield from _splitting(race, monitor, options)
+    if start.status in (Status.SOLVED, Status.TIME_LIMIT):
+        return start
+    return (yield from _proximal(race, monitor, start.r, PATIENT))
+
+
+def nearby(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """Short proximal runs from copies of the best iterate in which one contact in fifty, at least three, has another reaction."""
+    random, nc = np.random.default_rng(0), race.problem.nc
+    iterate = Iterate(race.best_r(), Status.STAGNATED)
+    for _ in range(NEARBY_STARTS):
+        start = race.best_r().reshape(nc, -1).copy()
+        few = random.choice(nc, min(nc, max(3, nc // 50)), replace=False)
+        start[few] *= random.uniform(0.0, 1.5, (len(few), 1))
+        iterate = yield from _proximal(race, monitor, start.ravel(), SHORT)
+        if iterate.status is not Status.STAGNATED:
+            break
+    return iterate
+
+
+def least_squares(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """Levenberg-Marquardt on the error itself, from the best iterate."""
+    return levenberg_marquardt_turns(race.problem, race.best_r(), monitor, Options(max_iterations=race.options.max_iterations))
+
+
+Begin = Callable[[Race, ShareOfMonitor], Turns]

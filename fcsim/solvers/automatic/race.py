@@ -1,0 +1,212 @@
+"""A race of methods by counted costs: who works next, what each has spent, what each will need at the rate it shows.
+
+No clock takes part: a method spends its iterations times their price (`costs`), so that runs repeat bit by bit. Whoever is on its way
+(predicted to arrive for about what all have spent so far) goes on alone; else those in the race spend alike, so that the first to arrive
+cannot have been held up by more than what the others spent: k methods that share cost at most k times the best of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.linear.joints import BlockRows
+from fcsim.problem import LocalProblem
+from fcsim.solvers.automatic.costs import Prices
+from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.turns import Turns
+
+SLICE = 0.1
+"""Share of all that was spent that a method spends before the race is looked at again."""
+SLOWING = 3.5
+"""Times what the rate so far promises that a method needs in the end, where it needs long: rates fall."""
+HOPE, LITTLE = 3.0, 0.25
+"""Times all that was spent beyond which a steady method has little hope, and what it then spends of the others' share."""
+
+
+class ShareOfMonitor(Monitor):
+    """The monitor of one method in a race: counts its own iterations and its own best, and tells the race's monitor."""
+
+    def __init__(self, whole: Monitor) -> None:
+        super().__init__(
+            *(np.empty(0), whole.mu, whole.dimension, whole.tol),
+            compliance=whole.compliance,
+            time_limit=whole.time_limit,
+            start=whole.start,
+            memory=whole.memory,
+        )
+        self.whole, self.scale, self._told = whole, whole.scale, 0
+
+    def error(self, r: FloatArray, u: FloatArray) -> float:
+        return self.whole.error(r, u)
+
+    def record(self, r: FloatArray, u: FloatArray) -> float:
+        self.tell()
+        error = self.whole.record(r, u)
+        if error < self.best:
+            self.best, self.best_r = error, self.whole.best_r if error <= self.whole.best else r.copy()
+        return error
+
+    def tell(self) -> None:
+        """Count the iterations done since the last time in the race's monitor too."""
+        self.whole.iterations += self.iterations - self._told
+        self._told = self.iterations
+        self.whole.memory = self.memory
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One method of the race.
+
+    name, about    for people: what it is and when it enters and is left
+    enters         whether it begins now, asked between slices until it does
+    turns          begins it: (race, its monitor) -> turns
+    price          of one of its iterations
+    alone          whether it goes on alone now, though nothing predicts its arrival
+    left           whether it is given up now, beside what it decides itself
+    steady         whether its rate so far says something about what comes
+    """
+
+    name: str
+    about: str
+    enters: Callable[[Race], bool]
+    turns: Callable[[Race, ShareOfMonitor], Turns]
+    price: Callable[[Race], float]
+    alone: Callable[[Race, Runner], bool] = lambda race, runner: False
+    left: Callable[[Race, Runner], bool] = lambda race, runner: False
+    steady: bool = False
+
+
+class Runner:
+    """A stage that has begun: its turns, what it spent and how its best error fell."""
+
+    def __init__(self, stage: Stage, race: Race) -> None:
+        self.stage, self.monitor = stage, ShareOfMonitor(race.monitor)
+        self.price = stage.price(race)
+        self._turns = stage.turns(race, self.monitor)
+        self.result: Iterate | None = None
+        self._course = [(0.0, min(race.monitor.best, 1e3))]
+
+    @property
+    def spent(self) -> float:
+        """Seconds on the reference machine."""
+        return self.monitor.iterations * self.price
+
+    def work(self, amount: float) -> None:
+        """Take turns until about so much is spent, one at least."""
+        until = self.spent + amount
+        while self.result is None:
+            try:
+                next(self._turns)
+            except StopIteration as stop:
+                self.result = stop.value
+            if self.spent >= until:
+                break
+        self.monitor.tell()
+        best = min(self._course[-1][1], self.monitor.best)
+        self._course.append((self.spent, best))
+
+    def decades(self) -> float:
+        """Powers of ten by which its best error is below the race's when it entered."""
+        return float(np.log10(self._course[0][1] / max(self._course[-1][1], 1e-300)))
+
+    def gain(self, share: float) -> float:
+        """Factor by which the last share of what it has spent brought its best error down."""
+        spent, best = self._course[-1]
+        before = next(error for paid, error in reversed(self._course) if paid <= (1 - share) * spent)
+        return before / max(best, 1e-300)
+
+    def needs(self) -> float:
+        """What it will spend until it arrives, at the rate of the second half of what it has spent; infinite where that made no better."""
+        spent, best = self._course[-1]
+        half = next(i for i in range(len(self._course) - 1, -1, -1) if self._course[i][0] <= 0.5 * spent)
+        earlier, before = self._course[half]
+        if not 0 < best < before or spent <= earlier:
+            return float("inf")
+        return float(np.log(best / self.monitor.tol) / np.log(before / best)) * (spent - earlier)
+
+
+@dataclass(eq=False)
+class Race:
+    """What the stages' conditions look at. problem: with W as `storage` fits it; swept: the storage that sweeps read."""
+
+    problem: LocalProblem
+    swept: LocalProblem
+    monitor: Monitor
+    options: Any
+    prices: Prices
+    warm: bool
+    joints: BlockRows | None
+    start: FloatArray
+    runners: dict[str, Runner] = field(default_factory=dict)
+
+    @property
+    def best(self) -> float:
+        """The least error so far."""
+        return self.monitor.best
+
+    def best_r(self) -> FloatArray:
+        """The iterate of that error."""
+        return self.start if self.monitor.best_r is None else self.monitor.best_r
+
+    def spent(self) -> float:
+        """By all together."""
+        return sum(runner.spent for runner in self.runners.values())
+
+    def running(self) -> list[Runner]:
+        """Those that are neither done nor left."""
+        return [runner for runner in self.runners.values() if runner.result is None]
+
+    def over(self, name: str) -> bool:
+        """Whether a stage has begun and ended."""
+        return name in self.runners and self.runners[name].result is not None
+
+
+def _next(race: Race) -> Runner:
+    """Who works now: who goes alone, else who is on its way, else who has spent least."""
+    running = race.running()
+    alone = [runner for runner in running if runner.stage.alone(race, runner)]
+    if alone:
+        return alone[-1]
+    total = race.spent()
+    soonest = min(running, key=lambda runner: runner.needs())
+    if SLOWING * soonest.needs() <= total:
+        return soonest
+    return min(running, key=lambda runner: runner.spent / (LITTLE if runner.stage.steady and runner.needs() > HOPE * total else 1.0))
+
+
+def _enter(race: Race, stages: Sequence[Stage]) -> None:
+    for stage in stages:
+        if stage.name not in race.runners and stage.enters(race):
+            race.runners[stage.name] = Runner(stage, race)
+
+
+def run(race: Race, stages: Sequence[Stage]) -> Iterate:
+    """Run the race until a method solves the problem, nobody is left in it, or the limits of time or iterations are reached."""
+    last = Iterate(race.start, Status.STAGNATED)
+    while True:
+        _enter(race, stages)
+        if not race.running():
+            return Iterate(race.best_r(), last.status)
+        if race.monitor.iterations >= race.options.max_iterations:
+            return Iterate(race.best_r(), Status.MAX_ITERATIONS)
+        runner = _next(race)
+        runner.work(SLICE * race.spent())
+        if runner.result is None and runner.stage.left(race, runner):
+            runner.result = Iterate(race.best_r(), Status.STAGNATED)
+        if runner.result is None:
+            continue
+        last = runner.result
+        if last.status is Status.SOLVED:
+            u = race.problem.W @ last.r + race.problem.q  # recomputed: a u that was updated may have drifted
+            if race.monitor.record(last.r, u) <= race.monitor.tol:
+                return last
+            runner.result = last = Iterate(last.r, Status.STAGNATED)
+        elif last.status is Status.TIME_LIMIT:
+            return last
+        elif last.status is Status.SINGULAR:
+            last = Iterate(last.r, Status.STAGNATED)

@@ -1,0 +1,224 @@
+"""Seeded mutations of every file that fcsim reads: one error of ours, or a right answer; no foreign exception, no false SOLVED.
+
+FCSIM_FAULTS=20 takes 20 times as many, FCSIM_FAULTS_SEED another seed than 0: `make faults` does both and says which.
+"""
+
+import csv
+import io
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from fcsim.collection import check_collection
+from fcsim.collection.manifest import Entry, write_manifest
+from fcsim.errors import FcsimError
+from fcsim.export_fclib import Solution, read_fclib, write_fclib
+from fcsim.files import sha256
+from fcsim.problem import GlobalProblem, Judge, LocalProblem
+from fcsim.running.case import load_case
+from fcsim.running.checkpoint import read_checkpoint
+from fcsim.running.folder import open_run
+from fcsim.running.run import RunOptions, run_case
+from fcsim.solvers import solve
+
+SCALE = int(os.environ.get("FCSIM_FAULTS", "1"))
+SEED = int(os.environ.get("FCSIM_FAULTS_SEED", "0"))
+DATA = Path(__file__).parent / "data"
+CASE = Path(__file__).parents[2] / "cases" / "stack"
+SOLVERS = ("NSN-AC", "NSGS-AC", "auto")
+
+NUMBERS = (0, 1, -1, 2, 7, 2**31, 2**62, -(2**40), 1e300, -1e300, 1e-300, float("nan"), float("inf"), 0.5, -0.0)
+VALUES: tuple[Any, ...] = (*NUMBERS, None, True, "", "x", "../../x", "\x1b[2J", "\ud800", [], {}, [[]], {"a": []}, "9" * 400)
+
+
+def rng(name: str) -> np.random.Generator:
+    return np.random.default_rng([SEED, *name.encode()])
+
+
+def within(call: Callable[[], Any]) -> Any:
+    """What the call returns, None where it refuses; anything else it raises is a fault."""
+    try:
+        return call()
+    except FcsimError as error:
+        assert str(error)
+        return None
+
+
+# FCLIB
+
+
+def small_problems(folder: Path) -> list[Path]:
+    rows = np.random.default_rng(3)
+    A = rows.standard_normal((6, 6))
+    local = LocalProblem(A @ A.T + np.eye(6), rows.standard_normal(6), np.array([0.3, 0.7]))
+    H = np.vstack([np.eye(6), np.eye(6)])
+    whole = GlobalProblem(M=np.eye(12) * 2, f=rows.standard_normal(12), H=H, w=np.zeros(6), mu=np.array([0.3, 0.7]))
+    answers = [Solution(np.zeros(6), np.zeros(6)), Solution(np.zeros(6), np.zeros(6), np.zeros(12))]
+    return [write_fclib(folder / f"{k}.hdf5", p, solution=s) for k, (p, s) in enumerate(zip((local, whole), answers, strict=True))]
+
+
+def datasets(file: h5py.File) -> list[str]:
+    names: list[str] = []
+    file.visititems(lambda name, entry: names.append(name) if isinstance(entry, h5py.Dataset) else None)
+    return names
+
+
+def mutate_dataset(file: h5py.File, random: np.random.Generator) -> None:
+    name = str(random.choice(datasets(file)))
+    values = np.asarray(file[name][()])
+    kind = random.integers(7)
+    del file[name]
+    if kind == 0:
+        return  # missing
+    if kind == 1:
+        file.create_group(name)
+    elif kind == 2:
+        file[name] = np.array([b"text"])
+    elif kind == 3:
+        file[name] = np.concatenate([np.ravel(values), np.ravel(values)[:1]]) if values.dtype.kind in "fiu" else values
+    elif kind == 4:
+        file[name] = np.ravel(values)[: max(values.size - 1, 0)]
+    elif kind == 5:
+        file[name] = np.reshape(values, (1, *values.shape))
+    else:
+        flat = np.array(np.ravel(values), dtype=np.float64) if values.dtype.kind in "fiu" else np.zeros(1)
+        if flat.size:
+            flat[random.integers(flat.size)] = random.choice(NUMBERS)
+        with np.errstate(invalid="ignore"):
+            file[name] = flat.reshape(values.shape if flat.size == values.size else (-1,)).astype(random.choice([np.float64, values.dtype]))
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_fclib_files(tmp_path: Path) -> None:
+    """Read and solved; SOLVED only where a judge of its own agrees."""
+    random, originals = rng("fclib"), small_problems(tmp_path)
+    solved = 0
+    for count in range(150 * SCALE):
+        path = tmp_path / "mutated.hdf5"
+        shutil.copyfile(originals[count % 2], path)
+        with h5py.File(path, "r+") as file:
+            for _ in range(random.integers(1, 3)):
+                mutate_dataset(file, random)
+        content = within(lambda path=path: read_fclib(path))  # type: ignore[misc]
+        if content is None or not isinstance(content.problem, GlobalProblem | LocalProblem):
+            continue
+        solver = SOLVERS[count % len(SOLVERS)]
+        result = within(lambda p=content.problem, s=solver: solve(p, s, tol=1e-8, time_limit=1.0))  # type: ignore[misc]
+        if result is not None and result.solved:
+            solved += 1
+            assert Judge(content.problem).error(result.r) <= 1e-6, (solver, count)
+    assert solved > 10
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("path", sorted(DATA.glob("*.hdf5")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("solver", ["NSN-AC", "NSGS-AC", "auto"])
+def test_files_that_were_found(path: Path, solver: str) -> None:
+    content = within(lambda: read_fclib(path))
+    if content is not None:
+        within(lambda: solve(content.problem, solver, time_limit=2.0))
+
+
+# a run's folder
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four steps of the stack of bricks."""
+    out = tmp_path_factory.mktemp("run") / "out"
+    run_case(load_case(CASE), {"steps": "4"}, out, RunOptions(export_every=0, vtk_every=2, checkpoint_every=2))
+    return out
+
+
+def mutate_json(value: Any, random: np.random.Generator) -> Any:
+    """Another value somewhere in it."""
+    if isinstance(value, dict) and value and random.random() < 0.8:
+        key = str(random.choice(list(value)))
+        if random.random() < 0.1:
+            return {name: entry for name, entry in value.items() if name != key}
+        return value | {key: mutate_json(value[key], random)}
+    if isinstance(value, list) and value and random.random() < 0.8:
+        place = int(random.integers(len(value)))
+        return [*value[:place], mutate_json(value[place], random), *value[place + 1 :]]
+    return VALUES[int(random.integers(len(VALUES)))]
+
+
+def mutate_text(text: bytes, random: np.random.Generator) -> bytes:
+    """Bytes changed, taken away or doubled."""
+    place, length = int(random.integers(len(text))), int(random.integers(1, 30))
+    new = [b"", bytes(random.integers(0, 256, length, dtype=np.uint8)), text[place : place + length] * 2, b"\n", b",,", b'"', b"\x00"]
+    return text[:place] + new[int(random.integers(len(new)))] + text[place + length :]
+
+
+def test_run_json(run: Path, tmp_path: Path) -> None:
+    random, about = rng("run.json"), json.loads((run / "run.json").read_text())
+    copy = Path(shutil.copytree(run, tmp_path / "copy"))
+    script = load_case(CASE)
+    for count in range(150 * SCALE):
+        text = json.dumps(mutate_json(about, random)).encode()
+        (copy / "run.json").write_bytes(mutate_text(text, random) if count % 4 == 0 else text)
+        within(lambda: open_run(copy))
+        if count % 5 == 0:
+            within(lambda: run_case(script, {}, copy, resume=True))
+
+
+def test_steps_csv(run: Path, tmp_path: Path) -> None:
+    random, text = rng("steps.csv"), (run / "steps.csv").read_bytes()
+    copy = Path(shutil.copytree(run, tmp_path / "copy"))
+    script = load_case(CASE)
+    for count in range(150 * SCALE):
+        (copy / "steps.csv").write_bytes(mutate_text(text, random))
+        within(lambda: open_run(copy))
+        if count % 5 == 0:
+            within(lambda: run_case(script, {}, copy, resume=True))
+
+
+def test_checkpoints(run: Path, tmp_path: Path) -> None:
+    """Every change is found, by its shape or by the checksum."""
+    random, path = rng("checkpoint"), tmp_path / "checkpoint.h5"
+    for _ in range(100 * SCALE):
+        shutil.copyfile(run / "checkpoint.h5", path)
+        with h5py.File(path, "r+") as file:
+            before = {name: file[name][()] for name in datasets(file)}
+            mutate_dataset(file, random)
+            after = {name: file[name][()] for name in datasets(file)}
+        same = before.keys() == after.keys() and all(
+            before[n].dtype == after[n].dtype and before[n].tobytes() == after[n].tobytes() and before[n].shape == after[n].shape
+            for n in before
+        )
+        assert same or within(lambda: read_checkpoint(path)) is None
+
+
+def test_manifests(tmp_path: Path) -> None:
+    """Read, and every path in it kept within the folder."""
+    random = rng("manifest")
+    (tmp_path / "secret.hdf5").write_bytes(b"x")
+    folder = tmp_path / "collection"
+    (folder / "local").mkdir(parents=True)
+    problem = LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.array([0.3]))
+    name = "SET-i00001-1-00001.hdf5"
+    path = write_fclib(folder / "local" / name, problem, solution=Solution(np.zeros(3), np.array([1.0, 0, 0])))
+    known = {"rank": 3, "condition": 1.0, "solver": "NSN-AC", "iterations": 1, "error": 0.0, "sha256": sha256(path), "status": "SOLVED"}
+    sizes = {"nc": 1, "n": None, "m": 3, "density": None, "symmetric": True, "tol": 1e-8, "fill": 1.0, "dimension": 3, "source": ""}
+    write_manifest(folder, [Entry(name=name, form="local", step=1, time=None, **known, **sizes)])
+    assert not any(row.failures for row in check_collection(folder))
+    text = (folder / "manifest.csv").read_bytes()
+    header, row = list(csv.reader(io.StringIO(text.decode())))
+    for count in range(150 * SCALE):
+        if count % 2:
+            (folder / "manifest.csv").write_bytes(mutate_text(text, random))
+        else:
+            changed = list(row)
+            changed[int(random.integers(len(row)))] = str(VALUES[int(random.integers(len(VALUES)))]).replace("\ud800", "")
+            with (folder / "manifest.csv").open("w", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows([header, changed])
+        rows = within(lambda: check_collection(folder))
+        for checked in rows or ():
+            assert (folder / checked.place).resolve().is_relative_to(folder.resolve())

@@ -1,0 +1,47 @@
+"""Costs: counts by the algorithms' own formulas, on matrices whose elimination is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fcsim.problem import LocalProblem
+from fcsim.solvers.automatic.costs import REFERENCE, Machine, Prices, Work, lu_flops, sweep
+
+
+def banded(nc: int) -> LocalProblem:
+    """Contacts in a row, each coupled with the next: an elimination without fill."""
+    pattern = sp.diags_array([np.ones(nc - 1), 4 * np.ones(nc), np.ones(nc - 1)], offsets=[-1, 0, 1])
+    W = sp.bsr_array(sp.kron(pattern, np.eye(3) + 0.1), blocksize=(3, 3))
+    return LocalProblem(W, np.ones(3 * nc), np.ones(nc))
+
+
+def test_work_adds_up_and_takes_time_by_three_rates() -> None:
+    work = 2 * (Work(3.0, 5.0, 7.0) + Work(flops=1.0))
+    assert (work.flops, work.bytes, work.steps) == (8.0, 10.0, 14.0)
+    assert Machine(flops=4.0, bytes=5.0, step=0.5).seconds(work) == pytest.approx(2 + 2 + 7)
+
+
+def test_lu_of_a_dense_matrix() -> None:
+    assert lu_flops(LocalProblem(np.eye(30), np.ones(30), np.ones(10))) == pytest.approx(2 / 3 * 30**3)
+
+
+def test_lu_of_a_row_of_contacts_grows_with_their_number_only() -> None:
+    short, long = lu_flops(banded(200)), lu_flops(banded(2000))
+    assert long == pytest.approx(10 * short, rel=0.3)
+    assert long < 1e-3 * 2 / 3 * 6000**3
+
+
+def test_a_sweep_costs_entries_and_contacts() -> None:
+    assert sweep(2000, 100).bytes == 2 * sweep(1000, 100).bytes
+    assert sweep(1000, 200).flops == 2 * sweep(1000, 100).flops
+
+
+def test_prices_are_in_the_order_of_what_is_done() -> None:
+    problem = banded(2000)
+    prices = Prices(problem, problem.W.nnz, None)
+    assert 0 < prices.sweep < prices.newton < prices.splitting(30) < prices.least_squares(6000)
+    assert prices.splitting(31) - prices.splitting(30) == pytest.approx(prices.admm)
+    quicker = Prices(problem, problem.W.nnz, None, Machine(2 * REFERENCE.flops, 2 * REFERENCE.bytes, 0.5 * REFERENCE.step))
+    assert quicker.newton == pytest.approx(0.5 * prices.newton)  # only ratios matter to the race

@@ -1,0 +1,89 @@
+"""The race: who works next, what is counted, what is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from fcsim.problem import LocalProblem
+from fcsim.solvers.automatic.costs import Prices
+from fcsim.solvers.automatic.race import Race, ShareOfMonitor, Stage, run
+from fcsim.solvers.automatic.stages import AutomaticOptions
+from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.turns import Turns
+
+PROBLEM = LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.zeros(1))  # r = (1, 0, 0) solves it; the error of (1 - e, 0, 0) is e
+
+
+def method(name: str, error: Callable[[int], float], price: float = 1.0, claim: Status = Status.SOLVED) -> Stage:
+    """A stage whose k-th iterate has the error error(k), and which ends where it thinks that this is enough."""
+
+    def turns(race: Race, monitor: ShareOfMonitor) -> Turns:
+        while True:
+            monitor.iterations += 1
+            r = np.array([1 - error(monitor.iterations), 0, 0])
+            if monitor.record(r, r + PROBLEM.q) <= monitor.tol:
+                return Iterate(r, claim)
+            yield
+
+    return Stage(name, "Test.", enters=lambda race: True, turns=turns, price=lambda race: price)
+
+
+def race(stages: Sequence[Stage], max_iterations: int = 100_000) -> tuple[Iterate, Race]:
+    monitor = Monitor(PROBLEM.q, PROBLEM.mu, 3, 1e-8)
+    options = AutomaticOptions(max_iterations=max_iterations)
+    the_race = Race(PROBLEM, PROBLEM, monitor, options, Prices(PROBLEM, 3, None), False, None, np.zeros(3))
+    monitor.record(np.zeros(3), PROBLEM.q)
+    return run(the_race, stages), the_race
+
+
+def stuck(k: int) -> float:
+    return 0.5
+
+
+@pytest.mark.parametrize("dear", [0.1, 1.0, 10.0])
+def test_a_method_that_never_arrives_costs_about_what_the_one_that_does(dear: float) -> None:
+    """The second one jumps to its solution after 200 iterations, without any sign before: both have spent alike till then."""
+    iterate, the_race = race([method("stuck", stuck, dear), method("sudden", lambda k: 0.0 if k == 200 else 0.9)])
+    assert iterate.status is Status.SOLVED
+    assert the_race.runners["stuck"].spent <= 1.25 * 200 + 2 * dear
+
+
+def test_who_is_on_its_way_goes_alone() -> None:
+    iterate, the_race = race([method("stuck", stuck), method("steady", lambda k: 0.9**k)])
+    assert iterate.status is Status.SOLVED
+    assert the_race.runners["steady"].monitor.iterations == pytest.approx(np.log(1e-8) / np.log(0.9), abs=1)
+    assert the_race.runners["stuck"].spent < 0.7 * the_race.runners["steady"].spent
+
+
+def test_the_rate_predicts_what_is_needed() -> None:
+    _, the_race = race([method("steady", lambda k: 0.9**k)], max_iterations=60)
+    runner = the_race.runners["steady"]
+    left = np.log(1e-8) / np.log(0.9) - runner.monitor.iterations
+    assert runner.needs() == pytest.approx(left, rel=0.05)
+    assert runner.decades() == pytest.approx(-runner.monitor.iterations * np.log10(0.9))
+
+
+def test_what_a_method_believes_is_checked() -> None:
+    """A method that calls a bad iterate solved is out of the race, and the status is not SOLVED."""
+
+    def turns(race: Race, monitor: ShareOfMonitor) -> Turns:
+        monitor.iterations += 1
+        yield
+        return Iterate(np.array([0.9, 0, 0]), Status.SOLVED)
+
+    liar = Stage("liar", "Test.", enters=lambda race: True, turns=turns, price=lambda race: 1.0)
+    iterate, the_race = race([liar])
+    assert iterate.status is Status.STAGNATED
+    assert the_race.monitor.best == pytest.approx(0.1)
+    iterate, _ = race([liar, method("honest", lambda k: 0.5**k)])
+    assert iterate.status is Status.SOLVED
+
+
+def test_iterations_of_all_are_counted_and_limited() -> None:
+    iterate, the_race = race([method("a", stuck), method("b", stuck)], max_iterations=50)
+    assert iterate.status is Status.MAX_ITERATIONS
+    assert the_race.monitor.iterations == sum(runner.monitor.iterations for runner in the_race.runners.values())
+    assert 50 <= the_race.monitor.iterations <= 60

@@ -1,0 +1,49 @@
+"""The documents: their examples run, the files and pages that they name are there."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
+GUIDES = sorted((ROOT / "docs" / "guides").glob("*.md"))
+
+
+def blocks(page: Path) -> list[str]:
+    """The Python examples of a page."""
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+def test_there_are_guides() -> None:
+    assert [page.stem for page in GUIDES] == ["add_a_case", "add_a_contact_rule", "add_a_material", "add_a_solver"]
+
+
+@pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.stem)
+def test_the_examples_of_a_guide_run(page: Path, tmp_path: Path) -> None:
+    """In a process of their own, as a reader would run them; their assertions hold."""
+    examples = blocks(page)
+    assert examples and any("assert" in example for example in examples)
+    script = tmp_path / "example.py"
+    script.write_text("\n".join(examples), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, script], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8"))
+    assert not [link for link in links if not (page.parent / link).exists()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_files_that_are_named_are_there(page: Path) -> None:
+    """Paths in backticks, from the root, from fcsim/ or beside the page; those with capitals are placeholders."""
+    named = re.findall(r"`((?:[a-z_0-9]+/)+[a-z_0-9]*(?:\.(?:py|md|toml))?)`", page.read_text(encoding="utf-8"))
+    own = [name for name in named if name.split("/")[0] not in ("results", "vtk", "fclib", "global", "local", "plots", "pictures")]
+    assert not [name for name in own if not any((base / name).exists() for base in (ROOT, ROOT / "fcsim", page.parent))]
