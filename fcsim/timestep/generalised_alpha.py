@@ -109,10 +109,12 @@ class GeneralisedAlpha:
 
     @property
     def elastic_share(self) -> float:
-        return self.alpha_f
+        return 1.0
 
     def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return state.x, state.x + self._explicit(model, state) + self.kappa * self.alpha_f * v  # X + c v+
+        """Forces act as they are at x_f: both ends are there."""
+        middle = state.x + self.alpha_f * (self._explicit(model, state) + self.kappa * self.alpha_f * v)  # x+ = X + c v+
+        return middle, middle
 
     def damping_velocity(self, state: State, v: FloatArray) -> FloatArray:
         return self.alpha_f * v + (1 - self.alpha_f) * state.v
@@ -165,7 +167,7 @@ class GeneralisedAlpha:
         """The equation of smooth motion times dx, and M dv = h p_gamma + H r times the mean velocity V = (v + v+) / 2; exact:
 
         d(v.M v / 2 + y.K y / 2) = dx.F_f + dx.R + V.(H r - what the supports take of it) - dx.C v_f - D
-        D = (alpha_f - 1/2) dy.K dy + dx.p_m - h V.p_gamma + G, with G of `turning`
+        D = (alpha_f - 1/2) dx.K dx (turning bodies: dx.F_int(x_f) - dE) + dx.p_m - h V.p_gamma + G, with G of `turning`
 
         with d the change over the step, R the supports' forces, p = M v'. D is zero for rho = 1. In single steps it may be negative, since
         the scheme's own energy, which never grows without loads, differs from this one by terms of order h^2.
@@ -176,21 +178,27 @@ class GeneralisedAlpha:
         dx, mean = h * ((1 - gamma) * rate0 + gamma * rate1), 0.5 * (before.v + after.v)
         elastic = model.elastic
         first, last = elastic.at(before.x), elastic.at(after.x)
+        middle = elastic.at(before.x + alpha_f * (after.x - before.x))
+        energies = elastic.energy(first), elastic.energy(last)
+        if elastic.turning:
+            elastic_loss = float(dx @ elastic.force(middle, middle, 1.0)) - (energies[1] - energies[0])
+        else:
+            elastic_loss = (alpha_f - 0.5) * elastic.loss(first, last)
         M0, M1 = momentum(model, before), momentum(model, after)
         damping = model.alpha * (alpha_f * M1 + (1 - alpha_f) * M0)
         viscous = 0.0
         if model.beta:
             velocity = alpha_f * after.v + (1 - alpha_f) * before.v
-            viscous = float(dx @ (elastic.force(first, last, alpha_f, velocity) - elastic.force(first, last, alpha_f)))
+            viscous = float(dx @ (elastic.force(middle, middle, 1.0, velocity) - elastic.force(middle, middle, 1.0)))
         struck = np.zeros(model.n_dofs)
         struck[model.driven_dofs] = -(H @ result.r)[model.driven_dofs]
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
-            elastic=(elastic.energy(first), elastic.energy(last)),
+            elastic=energies,
             loads=float(dx @ self._force(model, before)),
             supports=float(dx @ (support - struck)) / h + float(mean @ struck),
             damping=float(dx @ damping) + viscous,
-            numerical=(alpha_f - 0.5) * elastic.loss(first, last)
+            numerical=elastic_loss
             + float(dx @ (alpha_m * p1 + (1 - alpha_m) * p0))
             - h * float(mean @ (gamma * p1 + (1 - gamma) * p0))
             + turning(model, before.v, M0, after.v, M1),
