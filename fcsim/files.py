@@ -23,20 +23,26 @@ _PARTIAL = re.compile(r"\..*\.[0-9a-f]{12}\.partial(\.[^.]*)?")
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary name beside `path`, which takes the place of `path` if the block ends well and is removed if it does not.
 
-    Two processes that write one file do not touch each other's; what took the place is on the disk also if the machine stops.
+    Two processes that write one file do not touch each other's.
     """
     temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.partial{path.suffix}")  # programs choose formats by the extension
     try:
         yield temporary
-        _to_the_disk(temporary)
         temporary.replace(path)
     except OSError as error:
         if error.errno is not None and (error.filename is None or str(error.filename) == str(temporary)):
             error.filename = str(path)  # a full disk does not say which file it was, and the temporary name tells nobody anything
-            error.filename2 = None
         raise
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing_for_good(path: Path) -> Iterator[Path]:
+    """As `replacing`; what took the place is on the disk also if the machine stops: for what says how far others have come."""
+    with replacing(path) as temporary:
+        yield temporary
+        _to_the_disk(temporary)
 
 
 def _to_the_disk(path: Path) -> None:
@@ -68,6 +74,13 @@ def replacing_hdf5(path: Path) -> Iterator[h5py.File]:
         image = file.id.get_file_image()
     with replacing(path) as temporary:
         temporary.write_bytes(image)
+
+
+@contextmanager
+def replacing_hdf5_for_good(path: Path) -> Iterator[h5py.File]:
+    """As `replacing_hdf5`, and on the disk when the block has ended."""
+    with replacing_for_good(path) as temporary, replacing_hdf5(temporary) as file:
+        yield file
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from fcsim.errors import InputError
-from fcsim.files import replacing
+from fcsim.files import replacing_for_good
 
 LARGEST = 64 * 2**20
 """[bytes] No record is as large; a file that is will not be loaded."""
@@ -47,7 +47,7 @@ def read_record[T](kind: type[T], path: Path) -> T:
 
 def write_record(path: Path, record: Any) -> None:
     """Write a dataclass as JSON, whole or not at all."""
-    with replacing(path) as temporary:
+    with replacing_for_good(path) as temporary:
         temporary.write_text(json_text(record), encoding="utf-8")
 
 

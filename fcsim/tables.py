@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from fcsim.errors import InputError
-from fcsim.files import replacing
+from fcsim.files import replacing_for_good
 
 EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
@@ -67,7 +67,7 @@ def read_cell(kind: type, text: str) -> Any:
 
 def write_table(path: Path, kind: type, rows: Iterable[Any]) -> Path:
     """Write rows with their header, whole or not at all."""
-    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+    with replacing_for_good(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         file.write(line(columns(kind)))
         file.writelines(line(cells(row)) for row in rows)
     return path

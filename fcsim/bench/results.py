@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fcsim.errors import InputError
-from fcsim.tables import cells, columns, line, read_table
+from fcsim.tables import cells, columns, line, read_table, write_table
 
 FILE = "results.csv"
 SLACK = 1.01
 """An error up to tol * SLACK meets tol: the judge factors M by another library than the solver, and their u differ by round-off."""
 
-OWN_STATUSES = ("SOLVED", "MAX_ITERATIONS", "STAGNATED", "SINGULAR", "DIVERGED", "TIME_LIMIT")
+OWN_STATUSES = ("SOLVED", "MAX_ITERATIONS", "STAGNATED", "SINGULAR", "DIVERGED", "TIME_LIMIT", "INFEASIBLE")
 """What a solver says of itself."""
 STATUSES = (*OWN_STATUSES, "KILLED_TIME", "KILLED_MEMORY", "CRASHED", "WRONG")
 """KILLED_*: ended from outside at a hard limit; WRONG: said to be solved, but the error recomputed outside the solver is above tol."""
@@ -66,6 +66,8 @@ class Measurement:
     """Of the program."""
     started: str
     """Time of day in ISO 8601, UTC."""
+    plugin: str = ""
+    """SHA-256 of the plugin that the solver came with; empty for fcsim's own and Siconos'."""
 
     @property
     def outcome(self) -> str:
@@ -76,10 +78,6 @@ class Measurement:
     def key(self) -> tuple[str, str, str, float]:
         """What is measured once: problem, form, solver, tolerance."""
         return self.problem, self.form, self.solver, self.tol
-
-    def __post_init__(self) -> None:
-        if self.outcome not in STATUSES:
-            raise InputError(f"column status: expected one of {', '.join(STATUSES)}, got {self.status!r}")
 
 
 FIELDS = tuple(columns(Measurement))
@@ -105,7 +103,24 @@ def read_results(path: Path) -> list[Measurement]:
     rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
     if not rows:  # nothing was written, or the header not to its end
         return []
-    return list({measurement.key: measurement for measurement in read_table(file, Measurement, rows)}.values())
+    kept: dict[tuple[str, str, str, float], Measurement] = {}
+    for number, measurement in enumerate(read_table(file, Measurement, rows), 2):
+        if measurement.outcome not in STATUSES:
+            expected = f"expected one of {', '.join(STATUSES)}, got {measurement.status!r}"
+            raise InputError(f"{file}, line {number}, column status: {expected}")
+        kept[measurement.key] = measurement
+    return list(kept.values())
+
+
+def take_over(path: Path) -> None:
+    """Bring a table of an earlier version, which lacks columns at the right, to the present ones."""
+    file = results_file(path)
+    if not file.is_file():
+        return
+    with file.open(encoding="utf-8", errors="replace") as text:
+        header = tuple(text.readline().strip().split(","))
+    if header != FIELDS and header == FIELDS[: len(header)]:
+        write_table(file, Measurement, read_results(file))
 
 
 def append(path: Path, measurement: Measurement) -> None:

@@ -18,12 +18,13 @@ from statistics import mean
 from time import monotonic
 
 from fcsim.bench.problems import Entry
-from fcsim.bench.results import FILE, NOT_TRIED, Measurement, append, read_results
+from fcsim.bench.results import FILE, NOT_TRIED, Measurement, append, read_results, take_over
 from fcsim.bench.workers.launch import Launcher
 from fcsim.bench.workers.siconos_worker import GLOBAL_3D, LOCAL_2D, LOCAL_3D
 from fcsim.bench.workers.worker import SICONOS, Request, Settings, blank, grace
 from fcsim.errors import InputError
 from fcsim.solvers import SOLVERS
+from fcsim.solvers.plugins import plugin_of
 
 BY_TIME = ("TIME_LIMIT", "KILLED_TIME")
 
@@ -145,7 +146,8 @@ def _chains(entries: Sequence[Entry], solvers: Sequence[str], tols: Sequence[flo
             raise InputError(f"{directory / FILE}: its {m.form} problem {m.problem} has other sizes than the file; choose another --out")
         if m.threads != settings.threads:
             raise InputError(f"{directory / FILE}: measured with {m.threads} threads, expected {settings.threads}; choose another --out")
-        known[m.problem, m.form, m.solver][m.tol] = m
+        if m.plugin == plugin_of(m.solver):  # what a plugin did before it was changed is measured anew
+            known[m.problem, m.form, m.solver][m.tol] = m
     ordered = sorted(set(tols), reverse=True)
     return [Chain(e, s, ordered, known[e.name, e.form, s]) for e in entries for s in solvers if solves(s, e)]
 
@@ -172,6 +174,7 @@ def bench(
         if launcher is None:
             return None
         directory.mkdir(parents=True, exist_ok=True)
+        take_over(directory)
         with _alone(directory):
             chains = _chains(entries, solvers, tols, settings, directory)
             started()

@@ -1,9 +1,11 @@
-"""--set NAME=VALUE of the commands, and the numbers that several of them take."""
+"""What several commands take: --set NAME=VALUE, tolerances, limits, plugins."""
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 from fcsim.errors import InputError
 
@@ -33,3 +35,8 @@ def positive(option: str, value: float, *, infinite: bool = False) -> float:
     if not (value > 0 and (infinite or math.isfinite(value))):
         raise InputError(f"{option}: expected a number > 0, got {value:g}")
     return value
+
+
+def add_plugin_option(parser: argparse.ArgumentParser) -> None:
+    """Add --plugin FILE, which `fcsim.solvers.plugins.load_plugins` takes."""
+    parser.add_argument("--plugin", type=Path, action="append", default=[], metavar="FILE", help="Python file that adds to SOLVERS")

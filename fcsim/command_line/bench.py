@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.assignments import positive
+from fcsim.command_line.assignments import add_plugin_option, positive
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, InputError
 from fcsim.files import replacing
@@ -37,7 +37,8 @@ Measure each solver on each problem to each tolerance, every measurement in a pr
 hang, a crash, a leak or a false claim is a result. Rows go to results.csv in --out as they are made, and a bench that was ended
 by whatever goes on where it was when the same command is given again.
 
-What results.csv has is not measured again, except what was stopped by a time or memory limit that is looser now. Machine and version are
+What results.csv has is not measured again, except what was stopped by a time or memory limit that is looser now, and what came of a plugin
+that has changed. Machine and version are
 noted with each row and not compared; delete rows, or choose another --out, to measure anew.
 
 Time is that of the whole solve, a global problem's reduction included, reading not. What is measured is warm: an unmeasured run of about 2
@@ -78,7 +79,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help=f"configurations of Siconos as further solvers, as NSGS or NSGS/dense; best: {', '.join(SICONOS_BEST)}",
     )
     bench.add_argument("--siconos-python", type=Path, default=Path("/usr/bin/python3"), metavar="PYTHON", help="that has siconos.numerics")
-    bench.add_argument("--plugin", type=Path, action="append", default=[], metavar="FILE", help="Python file that adds to SOLVERS")
+    add_plugin_option(bench)
     bench.add_argument(
         "--skip-hopeless",
         action=argparse.BooleanOptionalAction,
@@ -165,12 +166,12 @@ def _bench(options: argparse.Namespace) -> int:
     from fcsim.bench.results import FILE, read_results
     from fcsim.bench.run import Limits, bench
     from fcsim.bench.workers.launch import local, over_mpi
-    from fcsim.bench.workers.worker import load_plugins
+    from fcsim.solvers.plugins import load_plugins
 
     for option in ("time_limit", "memory_limit", "jobs", "threads"):
         if getattr(options, option) is not None:
             positive("--" + option.replace("_", "-"), getattr(options, option))
-    load_plugins([str(path) for path in options.plugin])
+    load_plugins(options.plugin)
     tols, solvers = _tolerances(options.tols), _solvers(options)
     settings = _settings(options, solvers)
     problems, notes = entries(options.paths, options.form, options.dimension)

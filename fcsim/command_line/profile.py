@@ -7,7 +7,7 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.assignments import checked_tolerance, positive
+from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, positive
 from fcsim.command_line.terminal import print_table, say
 from fcsim.errors import InputError
 from fcsim.files import replacing
@@ -31,6 +31,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     profile.add_argument("--convergence", type=Path, nargs="+", default=[], metavar="FILE", help="FCLIB files to solve by --solvers")
     profile.add_argument("--tol", type=float, default=1e-8, help="tolerance of --convergence (default 1e-8)")
     profile.add_argument("--time-limit", type=float, default=100.0, metavar="SECONDS", help="of each solve of --convergence (default 100)")
+    add_plugin_option(profile)
     profile.set_defaults(act=_profile)
 
     report = commands.add_parser(
@@ -69,6 +70,9 @@ def _numbers(text: str) -> list[float]:
 
 
 def _profile(options: argparse.Namespace) -> int:
+    from fcsim.solvers.plugins import load_plugins
+
+    load_plugins(options.plugin)
     if options.results is None and not options.convergence:
         raise InputError("fcsim profile: expected RESULTS, the folder of a bench, or --convergence FILE")
     written: list[Path] = []

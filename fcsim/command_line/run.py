@@ -8,7 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.assignments import checked_tolerance, read_assignments
+from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, read_assignments
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK, InputError
 from fcsim.interrupts import ended_politely
@@ -36,14 +36,17 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--accept-changes", action="store_true", help="resume also where script, meshes, tables or versions have changed")
     run.add_argument("--overwrite", action="store_true", help="replace an earlier run's results")
     run.add_argument("--parameters", action="store_true", help="list the case's parameters and stop")
+    add_plugin_option(run)
     run.set_defaults(act=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
     from fcsim.running.case import load_case
     from fcsim.running.run import RunOptions, run_case
+    from fcsim.solvers.plugins import load_plugins
 
     _refuse_ranks()
+    load_plugins(options.plugin)
     script = load_case(options.case)
     if options.parameters:
         _list_parameters(script)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fcsim.command_line.assignments import checked_tolerance, positive, read_assignments
+from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, positive, read_assignments
 from fcsim.command_line.terminal import say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
 from fcsim.version import __version__
@@ -32,6 +32,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     solve.add_argument("--time-limit", type=float, default=float("inf"), metavar="SECONDS")
     solve.add_argument("--json", action="store_true", help="print the answer as JSON")
     solve.add_argument("--write-solution", type=Path, metavar="FILE", help="write the problem with its solution as an FCLIB file")
+    add_plugin_option(solve)
     solve.set_defaults(act=_solve)
 
 
@@ -39,7 +40,9 @@ def _solve(options: argparse.Namespace) -> int:
     from fcsim.export_fclib import read_fclib
     from fcsim.problem import GlobalProblem, LocalProblem
     from fcsim.solvers import solve
+    from fcsim.solvers.plugins import load_plugins
 
+    load_plugins(options.plugin)
     if options.tol > 0:
         checked_tolerance(options.tol)
     positive("--time-limit", options.time_limit, infinite=True)

@@ -8,6 +8,7 @@ import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.assignments import add_plugin_option
 from fcsim.command_line.terminal import say, table_lines
 from fcsim.errors import EXIT_OK
 
@@ -18,12 +19,15 @@ if TYPE_CHECKING:
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command `solvers`."""
     solvers = commands.add_parser("solvers", help="list the solvers", description="Print the table of solvers.")
+    add_plugin_option(solvers)
     solvers.set_defaults(act=_solvers)
 
 
 def _solvers(options: argparse.Namespace) -> int:
     from fcsim.solvers import SOLVERS
+    from fcsim.solvers.plugins import load_plugins
 
+    load_plugins(options.plugin)
     rows = [(name, m.family, m.forms, ",".join(map(str, m.dimensions)), m.source) for name, m in SOLVERS.items()]
     lines = table_lines(("name", "family", "forms", "dim", "source"), rows, texts=5)
     say(lines[0])

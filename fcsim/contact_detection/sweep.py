@@ -39,23 +39,32 @@ def with_swept(
 ) -> Contacts:
     """Return the contacts `now` and those that `detect` finds at `count` positions along the way, sorted by identity.
 
-    Of one identity the earliest counts. One that would still be open by more than `alert` [m] at the end of the motion is left out.
+    Of one identity that counts which was found nearest to where it closes; what is in contact now stays as it is. One that would still be
+    open by more than `alert` [m] at the end of the motion is left out.
     """
-    found, known = [now], now.identity
+    found, off = [now], [np.full(len(now), -1.0)]
     for t in np.arange(1, count + 1) / count:
         there = detect(positions + t * displacement)
-        there = there.take(~np.isin(there.identity, known))
-        known = np.concatenate([known, there.identity])
-        found.append(brought_back(there, positions, displacement, alert))
+        there = there.take(~np.isin(there.identity, now.identity))
+        gap, closes = _here(there, positions, displacement)
+        found.append(replace(there, gap=gap, point=_feet(there, positions)).take(closes <= alert))
+        off.append(np.abs(there.gap)[closes <= alert])
     every = join(found)
-    return every.take(np.argsort(every.identity, kind="stable"))
+    order = np.lexsort((np.concatenate(off), every.identity))
+    identity = every.identity[order]
+    return every.take(order[np.append(True, identity[1:] != identity[:-1])[: len(order)]])
 
 
-def brought_back(contacts: Contacts, positions: FloatArray, displacement: FloatArray, alert: float) -> Contacts:
-    """Return contacts found elsewhere with their gaps and points at `positions`, those that close to less than `alert` [m]."""
+def _here(contacts: Contacts, positions: FloatArray, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gaps (nc,) [m] of contacts found elsewhere at `positions`, and at the end of the motion."""
     weights = np.where(contacts.nodes < 0, 0.0, contacts.weights)
     arm, moved = (np.einsum("ak,akd->ad", weights, field[contacts.nodes]) for field in (positions, displacement))
     normal = contacts.frame[:, 0]
-    gap, approach = np.einsum("ad,ad->a", arm, normal), np.einsum("ad,ad->a", moved, normal)
-    foot = -np.einsum("ak,akd->ad", np.minimum(weights, 0.0), positions[contacts.nodes])
-    return replace(contacts, gap=gap, point=foot).take(gap + approach <= alert)
+    gap = np.einsum("ad,ad->a", arm, normal)
+    return gap, gap + np.einsum("ad,ad->a", moved, normal)
+
+
+def _feet(contacts: Contacts, positions: FloatArray) -> FloatArray:
+    """Points (nc, d) on the masters."""
+    masters = np.where(contacts.nodes < 0, 0.0, -np.minimum(contacts.weights, 0.0))
+    return np.einsum("ak,akd->ad", masters, positions[contacts.nodes])

@@ -2,6 +2,8 @@
 
 from fcsim.mesh.arch import SemicircularArch, semicircular_arch
 from fcsim.mesh.blocks import brick, part_from_gmsh, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.exact.rigid_polyhedron import rigid_polyhedron
+from fcsim.mesh.exact.rigid_shapes import rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_disk
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
 from fcsim.mesh.masonry import RunningBond, running_bond
@@ -32,7 +34,12 @@ __all__ = [
     "rectangle",
     "rigid_body",
     "rigid_box",
+    "rigid_capsule",
+    "rigid_cylinder",
+    "rigid_plane",
+    "rigid_polyhedron",
     "rigid_rectangle",
+    "rigid_sphere",
     "running_bond",
     "semicircular_arch",
     "write_mesh",

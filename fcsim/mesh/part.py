@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.material import Material
 
 Kinematics = Literal["turning", "linear"]
@@ -145,7 +146,7 @@ class RigidBody:
 
     mass [kg]; inertia about the centre of mass in the world axes of the reference configuration, (3, 3) or 2D (1, 1) [kg m^2];
     centre (d,) [m]; points (np, d) [m] and surfaces name -> (nf, kf) facets, oriented as those of a Part.
-    Its points move with v + omega x (p - c).
+    Its points move with v + omega x (p - c). shape: of a body without facets, see `fcsim.mesh.exact_shape`.
     """
 
     name: str
@@ -154,6 +155,7 @@ class RigidBody:
     centre: FloatArray
     points: FloatArray
     surfaces: Mapping[str, IntArray] = field(default_factory=dict)
+    shape: ExactShape | None = None
 
     def __post_init__(self) -> None:
         what = f"RigidBody {self.name!r}"

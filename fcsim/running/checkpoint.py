@@ -11,7 +11,7 @@ import numpy as np
 
 from fcsim.contact_law.law import Variables
 from fcsim.errors import InputError
-from fcsim.files import replacing_hdf5
+from fcsim.files import replacing_hdf5_for_good
 from fcsim.timestep.energy import Ledger
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Lead, Moment, Step
@@ -24,7 +24,7 @@ MEMORIES = 100
 
 def write_checkpoint(path: Path, step: Step) -> None:
     """Write the end of a step and its anchor, see `Simulation.run`."""
-    with replacing_hdf5(path) as file:
+    with replacing_hdf5_for_good(path) as file:
         _write_moment(file, step.moment)
         _write_moment(file.create_group("anchor"), step.anchor)
         file.attrs["sha256"] = content_digest(file)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.errors import MissingDependency
@@ -19,6 +20,8 @@ from fcsim.running.folder import read_collection, write_collection
 
 # Level 1: three quarters of the size at a third of the time of level 6 more; zlib because meshio and other readers know no LZ4.
 COMPRESSION_LEVEL = 1
+
+_FINE, _COARSE, _MANY = 24, 12, 200  # facets around exact shapes, where there are many of them fewer
 
 
 class _VTK:
@@ -92,7 +95,7 @@ class SeriesWriter:
                (at the cell's centre), body
     contacts   points at the foot points; reaction (global axes), reaction_normal, reaction_tangential [N], gap [m], status (0 open,
                1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there; and what the contact
-               law remembers, by its names (fracture, slip, ...)
+               law remembers, by its names (fracture, slip, ...); field data overlap [m] and overlap_place, where the witness saw any
     rigid      the surfaces of the rigid bodies; point data displacement [m], velocity [m/s]; cell data body
 
     Every file is written under a temporary name and renamed, the collection last, so that an interrupted run leaves whole files.
@@ -196,20 +199,34 @@ class _Blocks:
 
 class _RigidSurfaces:
     """The polygons of the rigid bodies' surfaces; a facet that stands in two named surfaces is taken once. A 2D body whose segments are
-    one closed line is the polygon within, another one its segments."""
+    one closed line is the polygon within, another one its segments. Exact shapes are drawn by the mesh that they have for it: its points
+    move with the body's nodes by their affine weights."""
 
     def __init__(self, vtk: _VTK, model: Any, numbers: list[int]) -> None:
         self._vtk = vtk
-        self._nodes, begin = _body_nodes(model, numbers)
+        self._nodes, _ = _body_nodes(model, numbers)
         lines: list[tuple[int, list[int]]] = []
         polygons: list[tuple[int, list[int]]] = []
-        for number, first in zip(numbers, begin, strict=False):
-            different = {tuple(sorted(facet)): facet for surface in model.bodies[number].surfaces.values() for facet in surface.tolist()}
+        weights: list[Any] = []
+        many = sum(model.bodies[number].shape is not None for number in numbers) > _MANY
+        first = 0
+        for number in numbers:
+            body = model.bodies[number]
+            if body.shape is None:
+                surfaces = body.surfaces.values()
+                weights.append(sp.eye_array(len(body.points), format="csr"))
+            else:
+                local, facets = body.shape.display(_COARSE if many else _FINE)
+                surfaces = [facets]
+                weights.append(sp.csr_array(np.column_stack([1 - local.sum(axis=1) / body.shape.radius, local / body.shape.radius])))
+            different = {tuple(sorted(facet)): [n for n in facet if n >= 0] for surface in surfaces for facet in surface.tolist()}
             outline = _closed_line(different.values()) if model.dimension == 2 else None
             cells, into = ([outline], polygons) if outline else (different.values(), polygons if model.dimension == 3 else lines)
             into += [(number, [node + first for node in cell]) for cell in cells]
+            first += weights[-1].shape[0]
+        self._drawn = sp.block_diag(weights, format="csr")
         self._surface = vtk.data.vtkPolyData()
-        self._surface.SetPoints(vtk.points(np.asarray(model.reference)[self._nodes]))
+        self._surface.SetPoints(vtk.points(self._drawn @ np.asarray(model.reference)[self._nodes]))
         for given, take in ((lines, self._surface.SetLines), (polygons, self._surface.SetPolys)):
             if given:
                 sizes = [len(cell) for _, cell in given]
@@ -218,8 +235,8 @@ class _RigidSurfaces:
         self._surface.GetCellData().AddArray(vtk.array("body", np.array([number for number, _ in lines + polygons], dtype=np.int32)))
 
     def dataset(self, displacement: NDArray, velocity: NDArray) -> Any:
-        self._surface.GetPointData().AddArray(self._vtk.array("displacement", _in_space(displacement[self._nodes])))
-        self._surface.GetPointData().AddArray(self._vtk.array("velocity", _in_space(velocity[self._nodes])))
+        self._surface.GetPointData().AddArray(self._vtk.array("displacement", _in_space(self._drawn @ displacement[self._nodes])))
+        self._surface.GetPointData().AddArray(self._vtk.array("velocity", _in_space(self._drawn @ velocity[self._nodes])))
         return self._surface
 
 
@@ -255,4 +272,8 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
         points.GetPointData().AddArray(vtk.array(name, values))
     for name, values in step.law_variables.items():
         points.GetPointData().AddArray(vtk.array(name, values if values.ndim == 1 else _in_space(values)))
+    seen = step.overlap
+    if seen is not None and seen.bodies is not None:
+        points.GetFieldData().AddArray(vtk.array("overlap", np.array([seen.depth])))
+        points.GetFieldData().AddArray(vtk.array("overlap_place", _in_space(np.array([seen.point]))))
     return points

@@ -13,6 +13,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.problem import Checks, LocalProblem, natural_map_residual
+from fcsim.problem.infeasible import Certificate
 from fcsim.problem.judge import relative
 from fcsim.solvers.memory import Memory
 
@@ -26,6 +27,7 @@ class Status(Enum):
     SINGULAR = "singular linear system"
     DIVERGED = "diverged"
     TIME_LIMIT = "time limit reached"
+    INFEASIBLE = "no solution exists, as a certificate proves"
 
     @property
     def solved(self) -> bool:
@@ -122,11 +124,14 @@ class Monitor:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """What a method's run function returns: the last iterate and why it stopped; message: what another program said about that."""
+    """What a method's run function returns: the last iterate and why it stopped; message: what another program said about that, or what
+    the certificate of an INFEASIBLE problem says.
+    """
 
     r: FloatArray
     status: Status
     message: str = ""
+    certificate: Certificate | None = None
 
 
 Run = Callable[[LocalProblem, FloatArray, Monitor, Any], Iterate]
@@ -161,7 +166,8 @@ class Result:
     r (m,), u (m,), v (n,) or None for a problem in local form, multiplier l (p,) or None; error: the one that decided, `scaled_error` or
     `published_error` (see `fcsim.problem.scaled_error` and `error`), both with the caller's floor;
     seconds by phase ("reduction", "solve"; their sum is `time`); history rows (iteration, seconds, error); memory: what may serve the
-    next, nearly equal problem, None where `solve` was given none; message: what a program that was called said where it failed.
+    next, nearly equal problem, None where `solve` was given none; message: what a program that was called said where it failed;
+    certificate: the proof where the status is INFEASIBLE.
     """
 
     r: FloatArray
@@ -179,6 +185,7 @@ class Result:
     multiplier: FloatArray | None = None
     message: str = ""
     memory: Memory | None = None
+    certificate: Certificate | None = None
 
     @property
     def solved(self) -> bool:

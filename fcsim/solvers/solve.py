@@ -95,6 +95,7 @@ def solve(
         method=solver,
         message=iterate.message,
         memory=monitor.memory,
+        certificate=iterate.certificate if status is Status.INFEASIBLE else None,
     )
 
 
@@ -156,6 +157,9 @@ def _run(run: Any, problem: Any, q: FloatArray, r: FloatArray, monitor: Monitor,
         iterate: Iterate = run(problem, r, monitor, options)
     except SingularMatrix as singular:  # in a factorisation that the method takes for granted
         iterate = Iterate(r, Status.SINGULAR, str(singular))
+    if not isinstance(iterate, Iterate) or np.shape(iterate.r) != np.shape(q):
+        got = f"r of shape {np.shape(iterate.r)}" if isinstance(iterate, Iterate) else f"a {type(iterate).__name__}"
+        raise InputError(f"{run.__name__}: expected a method to return Iterate(r, status) with r of shape {np.shape(q)}, got {got}")
     if not iterate.status.solved and monitor.best_r is not None:
         return replace(iterate, r=monitor.best_r)
     return iterate

@@ -109,7 +109,7 @@ SOLVERS: dict[str, Method] = {
         proximal_newton,
         ProximalNewtonOptions(),
         "proximal point",
-        "Rockafellar 1976; Acary, Brémond, Huber 2018; metric of the contacts' compliances: this package",
+        "Rockafellar 1976; Acary, Brémond, Huber 2018; metric of the contacts' compliances: fcsim",
     ),
     "LM": Method(
         levenberg_marquardt,

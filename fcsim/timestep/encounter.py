@@ -89,7 +89,7 @@ def encounter(
         contacts = contacts.take(chosen)
     H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
     shape = (len(contacts), contacts.dimension)
-    before = (H.T @ state.v).reshape(shape) if scheme.timing.moving else np.zeros(shape)
+    before = (H.T @ scheme.velocity_before(model, state)).reshape(shape) if scheme.timing.moving else np.zeros(shape)
     meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions)
     terms = law.terms(meeting)
     if terms.frame is not None and not np.array_equal(terms.frame, contacts.frame):

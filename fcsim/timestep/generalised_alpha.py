@@ -119,6 +119,9 @@ class GeneralisedAlpha:
     def damping_velocity(self, state: State, v: FloatArray) -> FloatArray:
         return self.alpha_f * v + (1 - self.alpha_f) * state.v
 
+    def velocity_before(self, model: Model, state: State) -> FloatArray:
+        return state.v
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, kappa, alpha_f = self.h, self.kappa, self.alpha_f
         _, inertia = self._memory(model, state)

@@ -111,6 +111,9 @@ class QuasiStatic:
     def damping_velocity(self, state: State, v: FloatArray) -> None:
         return None
 
+    def velocity_before(self, model: Model, state: State) -> FloatArray:
+        return state.v
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         return model.load(state.t + self.h, state.x)
 

@@ -88,6 +88,10 @@ class Scheme(Protocol):
         """Return the velocity (n_dofs,) [m/s] that is damped if the unknowns are v; None where nothing is."""
         ...
 
+    def velocity_before(self, model: Model, state: State) -> FloatArray:
+        """Return the velocity (n_dofs,) before the step as the contacts meet it: the state's, but for what turns rigid bodies' inertia."""
+        ...
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         """Return f (n_dofs,) without the elastic forces."""
         ...

@@ -4,12 +4,13 @@
 f = M v - h (1-theta) C v - h K x - h^2 theta (1-theta) K v + h (theta F+ + (1-theta) F) with linear bodies, see `linearisation` for turning
 ones; x+ = x + h (theta v+ + (1-theta) v), with C = alpha M + beta K; v velocities [m/s], r impulses over the step [N s].
 
-Rigid rotations: R+ = exp(h theta omega+) exp(h (1-theta) omega) R, through the middle configuration in which contacts are detected. M of
-the left side is that of R+, M of the right side that of R, so that the gyroscopic term omega x J omega needs no formula: the change of
-angular momentum is exactly the impulses' moment. R+ depends on omega+: M is computed with the omega+ of a free motion, implicitly, and
-what contacts change in R+ afterwards keeps the angular momentum of the solution (omega of the state may differ from the solution's by
-O(h^2)). Second order at theta = 1/2, and symmetric in time, so that without contacts the energy only oscillates by O(h^2); an explicit
-gyroscopic term would be of first order and make energy.
+Rigid rotations: R_m = exp(h (1-theta) omega) R is the middle configuration, in which contacts are detected and struck; R+ =
+exp(h theta omega+) R_m. The unknown is the velocity in the middle, M on the left side that of R_m, the momentum M v on the right that of
+R, so that the gyroscopic term omega x J omega needs no formula: the change of angular momentum is exactly the moment of the impulses.
+The state keeps the angular momentum: omega+ = J(R+)^-1 L+, implicitly, since R+ depends on omega+. Velocities before an impact are
+those in the middle too, J(R_m)^-1 L: an elastic impact then changes no energy, however much it changes the rotation; with J of another
+configuration it would by O(h). Without contacts second order at theta = 1/2, and symmetric in time, so that the energy only oscillates
+by O(h^2); an explicit gyroscopic term would be of first order and make energy.
 Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl. Mech. Eng. 177, 1999; J. J. Moreau, same volume.
 """
 
@@ -18,13 +19,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
+from fcsim.timestep.energy import Energy, balance, contact_work, momentum
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 
@@ -100,35 +103,56 @@ class Theta:
         return theta * model.load(state.t + h, x) + (1 - theta) * model.load(state.t, x)
 
     def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
-        """Mass at the end of the step as far as it is known before contacts are, see the top of this file."""
-        middle, d = model.rigid_part(self.detection_configuration(model, state)), model.dimension
-        momentum = model.rigid_part(load)[:, d:] / (1 + self.h * self.theta * model.alpha)
-        omega, free = model.rigid_part(state.v)[:, d:], model.rigid_free[:, d:]
-        return model.rigid_bodies.free_end_mass(middle, momentum, omega, self.h * self.theta, free)
+        """Mass in the middle of the step, see the top of this file."""
+        return model.rigid_mass(self.detection_configuration(model, state))
+
+    def velocity_before(self, model: Model, state: State) -> FloatArray:
+        """v (n_dofs,) of the state's momentum in the middle configuration."""
+        return model.keep_momentum(state.v, model.rigid_mass(state.x), self.detection_configuration(model, state))
 
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h)
 
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
-        x = model.advance(self.detection_configuration(model, state), self.h * self.theta * v)
+        middle = self.detection_configuration(model, state)
+        end = self._end_velocity(model, middle, v, rigid_mass)
+        x = model.advance(middle, self.h * self.theta * end)
         return State(state.t + self.h, x, model.keep_momentum(v, rigid_mass, x))
+
+    def _end_velocity(self, model: Model, middle: FloatArray, v: FloatArray, rigid_mass: FloatArray) -> FloatArray:
+        """v (n_dofs,) with the omega+ of R+ = exp(h theta omega+) R_m that keeps the angular momentum of v in the middle;
+        of bodies of whose rotations some are driven, v as it is."""
+        if not model.rigid_bodies.turning:
+            return v
+        d = model.dimension
+        angular = np.einsum("aij,aj->ai", rigid_mass, model.rigid_part(v))[:, d:]
+        free = model.rigid_free[:, d:]
+        omega = model.rigid_part(v)[:, d:]
+        mass = model.rigid_bodies.free_end_mass(model.rigid_part(middle), angular, omega, self.h * self.theta, free)
+        end = v.copy()
+        turned = np.linalg.solve(mass[:, d:, d:], angular[..., None])[..., 0]
+        model.rigid_part(end)[:, d:] = np.where(free.all(axis=1)[:, None], turned, omega)
+        return end
 
     def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
         return residual
 
     def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
-        """The step's equation times v_theta = theta v+ + (1-theta) v, exact with dx = h v_theta for every h and theta:
+        """The step's equation times v_theta = theta v+ + (1-theta) v of the middle, exact with dx = h v_theta for every h and theta:
 
         d(v.M v / 2 + y.K y / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dy.K dy) - G
 
         with d the change over the step, y the displacement without the turning bodies' rotation (see `frames`),
         F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's
         dissipation: none at theta = 1/2, never negative above (V. Acary, "Energy conservation and dissipation properties of
-        time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016), but for G, see `turning`. For the work of
-        impacts see `Velocity`.
+        time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016), but for G, what turning between the middle and
+        the ends changes in the energy of a given angular momentum: of second order, and swinging. For the work of impacts see `Velocity`.
         """
         h, theta = self.h, self.theta
-        v, dv = theta * after.v + (1 - theta) * before.v, after.v - before.v
+        middle = self.detection_configuration(model, before)
+        v0 = self.velocity_before(model, before)
+        v1 = model.keep_momentum(after.v, model.rigid_mass(after.x), middle)
+        v, dv = theta * v1 + (1 - theta) * v0, v1 - v0
         M0, M1 = momentum(model, before), momentum(model, after)
         first, last = model.elastic.at(before.x), model.elastic.at(after.x)
         loss = model.elastic.loss(first, last)
@@ -138,6 +162,6 @@ class Theta:
             loads=h * float(v @ self._force(model, before)),
             supports=float(v @ support),
             damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta / h * loss,
-            numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + loss) + turning(model, before.v, M0, after.v, M1),
+            numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + loss) + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(H, result.r, result.u, v, model.dimension),
         )

@@ -166,3 +166,25 @@ def common_points(first, second, least, grid, forest, box_low, box_high, dimensi
         if most > least[k]:
             depth[k] = most
     return depth, places
+
+
+@njit(cache=True)
+def depth_of_balls(points, radius, forest, bodies, dimension):
+    """Balls (n,) that overlap skins: numbers of the ball and of the body, overlap [m], and the ball's number again as its place."""
+    ball, body, depth = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)], [np.float64(0) for _ in range(0)]
+    for k in bodies:
+        root = forest.roots[k]
+        for i in range(len(points)):
+            apart = False
+            for axis in range(dimension):
+                low, high = forest.low[root, axis] - radius[i], forest.high[root, axis] + radius[i]
+                apart = apart or points[i, axis] < low or points[i, axis] > high
+            if apart:
+                continue
+            distance, _ = signed_distance(points[i], k, 0.0, forest)
+            if distance < radius[i]:
+                ball.append(np.int64(i))
+                body.append(k)
+                depth.append(radius[i] - distance)
+    place = np.array(ball)
+    return place, np.array(body), np.array(depth), place

@@ -10,6 +10,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.witness._distance_kernels import Forest
 from fcsim.witness._overlap_kernels import common_points, meeting_boxes, overlaps, refit
+from fcsim.witness.exact_overlap import exact_overlaps
 from fcsim.witness.skin import Skins
 
 _GRID = 6
@@ -61,7 +62,8 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
     order = bodies[np.argsort(box_low[bodies, axes[0]], kind="stable")]
     first, second = meeting_boxes(order, np.ascontiguousarray(box_low[:, axes]), np.ascontiguousarray(box_high[:, axes]), d)
     floor = least * np.minimum(skins.size[first], skins.size[second])
-    meet = (np.minimum(box_high[first], box_high[second]) - np.maximum(box_low[first], box_low[second])).min(axis=1) > floor
+    moves = skins.movable[first] | skins.movable[second]
+    meet = moves & ((np.minimum(box_high[first], box_high[second]) - np.maximum(box_low[first], box_low[second])).min(axis=1) > floor)
     first, second, floor = first[meet], second[meet], floor[meet]
     forest = Forest(points, skins.triangles, low, high, skins.begin, skins.end, skins.child, skins.roots)
     skin = (skins.vertices, skins.first_vertex, skins.edges, skins.first_edge)
@@ -71,4 +73,10 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
         deeper = inner > depth
         depth, place = np.where(deeper, inner, depth), np.where(deeper[:, None], at, place)
     found = depth > 0
-    return PairOverlaps(np.stack([first, second], axis=1)[found], depth[found], place[found, :d])
+    pairs, depth, place = np.stack([first, second], axis=1)[found], depth[found], place[found, :d]
+    if len(skins.exact.body):
+        more = exact_overlaps(skins.exact, positions, forest, bodies)
+        deep = more[1] > least * np.minimum(skins.size[more[0][:, 0]], skins.size[more[0][:, 1]])
+        deep &= skins.movable[more[0]].any(axis=1)
+        pairs, depth, place = (np.concatenate([a, b[deep]]) for a, b in zip((pairs, depth, place), more, strict=True))
+    return PairOverlaps(pairs, depth, place)

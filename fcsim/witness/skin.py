@@ -11,8 +11,10 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.facets import match_facets
 from fcsim.mesh.part import Body, Part, RigidBody
+from fcsim.witness.exact_overlap import ExactBodies, exact_bodies
 from fcsim.witness.tree import build_trees
 
 FLAT = 1e-2  # [rad] an edge that bends its skin less is no edge: what pierces there is no deeper than FLAT / 8 of a facet
@@ -38,6 +40,7 @@ class Skins(NamedTuple):
     among the vertices are the centres of facets so few and large that flush bodies have no node between their sides
     first_vertex, first_edge (nbodies + 1,); begin, end, child, roots: the trees, see `_distance_kernels`, roots -1 without a skin
     size (nbodies,) [m]: smallest extent in the reference configuration; infinity without a skin; closed (nbodies,)
+    movable (nbodies,): not held completely by supports; exact: the bodies of exact shape
     """
 
     dimension: int
@@ -54,6 +57,8 @@ class Skins(NamedTuple):
     roots: IntArray
     size: FloatArray
     closed: BoolArray
+    movable: BoolArray
+    exact: ExactBodies
 
     def points(self, positions: FloatArray) -> FloatArray:
         """All points (np, 3) [m] for the nodes' positions (n_nodes, d) [m]."""
@@ -173,6 +178,10 @@ def inside_out(bodies: Sequence[Body | RigidBody], skins: Sequence[Skin]) -> Non
                 )
 
 
+def _shape(body: Body | RigidBody) -> ExactShape | None:
+    return body.shape if isinstance(body, RigidBody) else None
+
+
 def _area(corners: FloatArray) -> FloatArray:
     if corners.shape[2] == 2:
         return corners[:, 1] - corners[:, 0]
@@ -193,6 +202,7 @@ def skins_of(model: Model) -> tuple[Skins, tuple[Skin, ...]]:
 
 
 def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
+    driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(skins))
     d, n, offset = model.dimension, model.n_nodes, model.node_offset
     prism = _PRISM * float(np.ptp(model.reference, axis=0).max())
     none = np.empty(0, dtype=np.int64)
@@ -202,7 +212,7 @@ def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
     points_of = [model.reference[offset[k] : offset[k + 1]] for k in range(len(skins))]
     for k, (skin, body) in enumerate(zip(skins, model.bodies, strict=True)):
         used = np.unique(skin.facets[skin.facets >= 0])
-        sizes.append(smallest_extent(points_of[k][used]) if skin.closed else np.inf)
+        sizes.append(smallest_extent(points_of[k][used]) if skin.closed else shape.size if (shape := _shape(body)) else np.inf)
         if not skin.closed:
             vertices.append(none)
             continue
@@ -243,5 +253,7 @@ def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
         child=child,
         roots=roots,
         size=np.array(sizes),
-        closed=np.array([s.closed for s in skins]),
+        closed=np.array([s.closed or _shape(b) is not None for s, b in zip(skins, model.bodies, strict=True)]),
+        exact=exact_bodies(model),
+        movable=driven < np.diff(model.dof_offset),
     )

@@ -22,7 +22,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -36,6 +35,7 @@ from fcsim.bench.workers.solves import chain_like, run, small_problem_like, warm
 from fcsim.errors import InputError
 from fcsim.linear.joints import FRONTS_FROM
 from fcsim.runtime import release_freed_memory
+from fcsim.solvers.plugins import load_plugins, plugin_of
 from fcsim.version import __version__
 
 SICONOS = "Siconos:"
@@ -90,20 +90,6 @@ def machine() -> str:
     return f"{platform.node()} ({model or platform.processor() or platform.machine()})"
 
 
-def load_plugins(files: Sequence[str]) -> None:
-    """Run Python files that add methods to the solver table."""
-    for number, file in enumerate(files):
-        spec = spec_from_file_location(f"fcsim_plugin_{number}", file)
-        if spec is None or spec.loader is None or not Path(file).is_file():
-            raise InputError(f"--plugin {file}: expected a Python file")
-        module = module_from_spec(spec)
-        sys.modules[spec.name] = module
-        try:
-            spec.loader.exec_module(module)
-        except Exception as error:  # whatever the user's file raises
-            raise InputError(f"--plugin {file}: {type(error).__name__}: {error}") from error
-
-
 def blank(request: Request, settings: Settings, status: str) -> Measurement:
     """A measurement that gave nothing but a status."""
     siconos = request.solver.startswith(SICONOS)
@@ -122,6 +108,7 @@ def blank(request: Request, settings: Settings, status: str) -> Measurement:
         threads=settings.threads,
         version=settings.siconos_version if siconos else __version__,
         started=datetime.now(UTC).isoformat(timespec="seconds"),
+        plugin=plugin_of(request.solver),
     )
 
 

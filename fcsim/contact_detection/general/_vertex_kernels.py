@@ -9,15 +9,34 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._foot_kernels import EDGE, INSIDE, VERTEX, dot
 
 FACING = 0.1  # a facet around a vertex faces the direction N where n . N < -FACING
+_STEEP = 0.8  # sine of the slope
 _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it is round-off: its mean normal is taken
 
 
 @njit(cache=True)
-def _facing(v: int, n: FloatArray, normals: FloatArray, star: IntArray, first_star: IntArray) -> float:
-    """How squarely a facet around the vertex v faces the direction n: the largest -n_facet . n."""
-    best = -1.0
+def _facing(
+    v: int,
+    n: FloatArray,
+    mean: FloatArray,
+    point: FloatArray,
+    facets: IntArray,
+    sides: IntArray,
+    normals: FloatArray,
+    star: IntArray,
+    first_star: IntArray,
+) -> float:
+    """How squarely the surface around the vertex v faces the direction n: the largest -n_facet . n, or that of its mean (of a needle).
+
+    -1 where the surface goes on steeply against n from v, as in an inner corner: it is not v that touches there.
+    """
+    best = -dot(mean[v], n)
     for k in range(first_star[v], first_star[v + 1]):
-        best = max(best, -dot(normals[star[k]], n))
+        g = star[k]
+        best = max(best, -dot(normals[g], n))
+        for c in range(sides[g]):
+            arm = point[facets[g, c]] - point[v]
+            if dot(arm, n) < -_STEEP * np.sqrt(dot(arm, arm)):
+                return -1.0
     return best
 
 
@@ -99,6 +118,21 @@ def _pseudonormal(
 
 
 @njit(cache=True)
+def _in_a_corner(f: int, feature: int, sides: IntArray, facet_edges: IntArray, sharp: BoolArray, smooth: BoolArray) -> bool:
+    """Whether a foot on the boundary of a facet lies where the surface rises steeply: in a concave edge, or at its end."""
+    if feature == INSIDE:
+        return False
+    l = feature - EDGE if feature < VERTEX else feature - VERTEX
+    edge = facet_edges[f, l]
+    if not sharp[edge] and not smooth[edge]:
+        return True
+    if feature < VERTEX or sides[f] == 2:
+        return False
+    edge = facet_edges[f, l - 1 if l > 0 else sides[f] - 1]
+    return not sharp[edge] and not smooth[edge]
+
+
+@njit(cache=True)
 def touched_facets(
     first: IntArray,
     vertex: IntArray,
@@ -132,7 +166,7 @@ def touched_facets(
     chosen = np.empty(len(vertex), dtype=np.int64)
     n_chosen = 0
     N, gap = np.empty((len(vertex), 3)), np.empty(len(vertex))
-    usable = np.empty(len(vertex), dtype=np.bool_)
+    usable, under = np.empty(len(vertex), dtype=np.bool_), np.empty(len(vertex), dtype=np.bool_)
     score = np.empty(len(vertex))
     for group in range(len(first) - 1):
         begin, end = first[group], first[group + 1]
@@ -143,7 +177,7 @@ def touched_facets(
                 closest = row
         # 1. inside or outside, by the nearest feature
         f, where = facet[closest], feature[closest]
-        if distance[closest] > alert[group] and height[closest] > alert[group]:
+        if distance[closest] > max(alert[group], depth[group]):  # nearer facets may not be in the list
             continue
         outward = _pseudonormal(closest, f, where, normal, normals, facets, facet_edges, edge_facets, mean)
         arm = point[v].copy()
@@ -156,12 +190,15 @@ def touched_facets(
         for row in range(begin, end):
             aside = np.sqrt(max(distance[row] ** 2 - height[row] ** 2, 0.0))
             usable[row] = feature[row] == INSIDE or aside <= tol
+            if not usable[row] and not outside and aside <= depth[group]:
+                usable[row] = _in_a_corner(facet[row], feature[row], sides, facet_edges, sharp, smooth)
+            under[row] = usable[row]
             if outside:
                 usable[row] = usable[row] and 0.0 < height[row] <= alert[group]
             else:
                 usable[row] = usable[row] and -depth[group] <= height[row] <= tol
             if usable[row]:
-                score[row] = _facing(v, normal[row], normals, star, first_star)
+                score[row] = _facing(v, normal[row], mean, point, facets, sides, normals, star, first_star)
                 usable[row] = score[row] > FACING
         # 3. the least way out of the body (the nearest facet above it); of equal ones that which is faced most squarely
         best = -1
@@ -189,7 +226,7 @@ def touched_facets(
             direction = outward
             if distance[closest] > _ROLL * tol:
                 direction = arm / distance[closest] if dot(arm, outward) > 0.0 else -arm / distance[closest]
-            if _facing(v, direction, normals, star, first_star) > FACING:
+            if _facing(v, direction, mean, point, facets, sides, normals, star, first_star) > FACING:
                 chosen[n_chosen], N[n_chosen], gap[n_chosen] = closest, direction, dot(arm, direction)
                 n_chosen += 1
                 continue
@@ -200,9 +237,9 @@ def touched_facets(
         n_chosen += 1
         kept = n_chosen - 1
         for row in range(begin, end):
-            if row == best or not (feature[row] == INSIDE and -depth[group] <= height[row] <= alert[group]):
+            if row == best or not (under[row] and -depth[group] <= height[row] <= alert[group]):
                 continue
-            if _facing(v, normal[row], normals, star, first_star) <= FACING:
+            if _facing(v, normal[row], mean, point, facets, sides, normals, star, first_star) <= FACING:
                 continue
             concave = True
             for other in range(kept, n_chosen):

@@ -24,8 +24,9 @@ from fcsim.contact_detection.sweep import samples, with_swept
 from fcsim.errors import InputError
 
 _ALERT = 1e-2  # of a body's extent
+_ROUND, _DEFORMS = 1e-6, 1e-3  # of a facet: places nearer are one; flush sides of elastic bodies do not stay flush to round-off
 _SLOW = 0.1  # bodies that approach by less than this part of the alert distance in a step are looked at once
-_BETWEEN = 0.25  # of the thinner body, between two looks along the way
+_BETWEEN = 0.25  # of the smaller body, between two looks along the way
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class Everything:
         driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(names))
         values = {
             "skin": skin,
-            "lengths": _lengths(skin, model.reference, self.alert),
+            "lengths": _lengths(skin, model, self.alert),
             "friction": FrictionTable(self.mu, names),
             "movable": driven < np.diff(model.dof_offset),
             "excluded": np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64),
@@ -131,9 +132,11 @@ class Everything:
         if not len(distance):
             return near, 0, 0.0
         a, b = near.bodies.T
-        spacing = np.maximum(near.alert, _BETWEEN * np.minimum(self.lengths.thickness[a], self.lengths.thickness[b]))
+        spacing = np.maximum(near.alert, _BETWEEN * np.minimum(self.lengths.extent[a], self.lengths.extent[b]))
         most_looks = int(np.argmax(distance / spacing))
-        return near, samples(float(distance[most_looks]), float(spacing[most_looks])), float(near.alert.max())
+        count = samples(float(distance[most_looks]), float(spacing[most_looks]))
+        # at every look, all that the motion to the next one may close
+        return near._replace(alert=np.maximum(near.alert, distance / max(count, 1))), count, float(near.alert.max())
 
     def _contacts(self, x: FloatArray, vertices: VertexContacts, edges: EdgeContacts) -> Contacts:
         """Contacts of both kinds, sorted by identity: (vertex, smooth side of the other body), then (edge, edge)."""
@@ -176,11 +179,13 @@ class Everything:
         return x
 
 
-def _lengths(skin: Skin, reference: FloatArray, alert: float | None) -> Lengths:
+def _lengths(skin: Skin, model: Model, alert: float | None) -> Lengths:
     """Lengths of the bodies in the reference configuration."""
-    shape = shape_of(skin, reference)
+    shape = shape_of(skin, model.reference)
     extent = (shape.body_high - shape.body_low)[:, : skin.dimension]
     diagonal = np.sqrt(np.einsum("bd,bd->b", extent, extent) / skin.dimension)
     sizes = np.split(shape.size, skin.first_facet[1:-1])
     largest, typical = (np.array([f(size) for size in sizes]) for f in (np.max, np.median))
-    return Lengths(_ALERT * diagonal if alert is None else np.full(len(sizes), alert), largest, typical, extent.min(axis=1))
+    share = np.where(np.arange(len(sizes)) < len(model.deformable), _DEFORMS, _ROUND)
+    alerts = _ALERT * diagonal if alert is None else np.full(len(sizes), alert)
+    return Lengths(alerts, 0.5 * largest, share * typical, _DEFORMS * typical, diagonal)

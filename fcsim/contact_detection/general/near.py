@@ -25,15 +25,14 @@ class NearBodies(NamedTuple):
 
 
 class Lengths(NamedTuple):
-    """Lengths [m] of each body (nb,): `alert`; `largest` and `typical` size of its facets; `thickness`, the least extent of its box."""
+    """Lengths [m] of each body (nb,): `alert`; `depth`, half its largest facet; `near`, below which its places are one; `finest`, the
+    largest that another body may make of that; `extent`, its box's diagonal / sqrt(d)."""
 
     alert: FloatArray
-    largest: FloatArray
-    typical: FloatArray
-    thickness: FloatArray
-
-
-_NEAR = 1e-6  # places nearer than this part of the smaller typical facet are one
+    depth: FloatArray
+    near: FloatArray
+    finest: FloatArray
+    extent: FloatArray
 
 
 def near_bodies(low: FloatArray, high: FloatArray, lengths: Lengths) -> NearBodies:
@@ -43,8 +42,9 @@ def near_bodies(low: FloatArray, high: FloatArray, lengths: Lengths) -> NearBodi
     order = np.argsort(low[:, axis] - reach, kind="stable")
     pairs = kernels.body_pairs(low, high, reach, order, axis)
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    alert, largest, typical = (np.minimum(length[pairs[:, 0]], length[pairs[:, 1]]) for length in lengths[:3])
-    return NearBodies(pairs, alert, largest, _NEAR * typical)
+    first, second = (Lengths._make(length[k] for length in lengths) for k in pairs.T)
+    near = np.minimum(np.maximum(first.near, second.near), np.minimum(first.finest, second.finest))
+    return NearBodies(pairs, np.minimum(first.alert, second.alert), np.minimum(first.depth, second.depth), near)
 
 
 def near_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:

@@ -19,6 +19,7 @@ from fcsim.contact_detection.general._vertex_kernels import touched_facets
 from fcsim.contact_detection.general.near import NearBodies, near_facets
 from fcsim.contact_detection.general.skin import Shape, Skin
 
+_SIDES = 3
 _SAME_PLACE = 1e-6  # a foot with all its weight but this on one vertex is that vertex
 
 
@@ -68,9 +69,11 @@ def _seen_from_the_other_side(skin: Skin, found: VertexContacts) -> BoolArray:
     twice = at_vertex & (found.vertex > under)
     known = np.flatnonzero(at_vertex & (found.vertex < under))
     order = known[np.argsort(ours[known], kind="stable")]
-    place = np.minimum(np.searchsorted(ours[order], theirs), max(len(order) - 1, 0))
-    if not len(order):
-        return np.zeros(len(twice), dtype=bool)
-    partner = order[place]
-    opposed = np.einsum("cd,cd->c", found.normal, found.normal[partner]) < -0.7
-    return twice & (ours[partner] == theirs) & opposed
+    first = np.searchsorted(ours[order], theirs)
+    drop = np.zeros(len(twice), dtype=bool)
+    for more in range(_SIDES):  # in a corner a vertex touches several sides
+        row = np.flatnonzero(twice & (first + more < len(order)))
+        partner = order[first[row] + more]
+        opposed = np.einsum("cd,cd->c", found.normal[row], found.normal[partner]) < -0.7
+        drop[row] |= (ours[partner] == theirs[row]) & opposed
+    return drop

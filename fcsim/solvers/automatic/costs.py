@@ -37,6 +37,8 @@ NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 10, 30, 2
 """Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's."""
 SVD = 20
 """Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
+LP, LP_STEPS = 10, 100
+"""Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
 PADDING = 0.15
 """Zeros in the fronts that are counted (as block Cholesky has them)."""
 
@@ -120,10 +122,15 @@ class Prices:
         return Work(bytes=PASSES * REAL * self.problem.m**2)
 
     @cached_property
+    def least(self) -> float:
+        """An iteration of Newton without its elimination, whose count takes time of its own: no iteration costs less."""
+        steps = SPARSE_STEPS if sp.issparse(self.problem.W) else NEWTON_STEPS
+        return self.machine.seconds(Work(steps=steps) + self._gather)
+
+    @cached_property
     def newton(self) -> float:
         """An iteration of Newton or of proximal Newton."""
-        steps = SPARSE_STEPS if sp.issparse(self.problem.W) else NEWTON_STEPS
-        return self.machine.seconds(Work(self.flops, steps=steps) + self._gather)
+        return self.least + self.machine.seconds(Work(self.flops))
 
     @cached_property
     def admm(self) -> float:
@@ -138,3 +145,9 @@ class Prices:
     def least_squares(self, closed: int) -> float:
         """An iteration of Levenberg-Marquardt: the singular values of the matrix of the unknowns of contacts that are not open."""
         return self.machine.seconds(Work(SVD * closed**3, steps=NEWTON_STEPS))
+
+    @cached_property
+    def proof(self) -> float:
+        """A linear programme of a variable a contact and a row an unknown, by the entries of the rows of normals."""
+        rows = self.entries / self.problem.dimension
+        return self.machine.seconds(Work(LP * IRREGULAR * rows * self.problem.nc, steps=LP_STEPS))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.problem.infeasible import certificate
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel.conjugate import nncg
@@ -122,4 +122,11 @@ def least_squares(race: Race, monitor: ShareOfMonitor) -> Turns:
     return levenberg_marquardt_turns(race.problem, race.best_r(), monitor, Options(max_iterations=race.options.max_iterations))
 
 
-Begin = Callable[[Race, ShareOfMonitor], Turns]
+def proof(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """Look for a certificate that there is no solution."""
+    monitor.iterations += 1
+    found = certificate(race.problem)
+    yield
+    if found is None:
+        return Iterate(race.best_r(), Status.STAGNATED)
+    return Iterate(race.best_r(), Status.INFEASIBLE, found.message, found)

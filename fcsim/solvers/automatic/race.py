@@ -22,6 +22,8 @@ from fcsim.solvers.turns import Turns
 
 SLICE = 0.1
 """Share of all that was spent that a method spends before the race is looked at again."""
+ENDS = (Status.TIME_LIMIT, Status.INFEASIBLE)
+"""What ends a race without a solution."""
 SLOWING = 3.5
 """Times what the rate so far promises that a method needs in the end, where it needs long: rates fall."""
 HOPE, LITTLE = 3.0, 0.25
@@ -206,7 +208,7 @@ def run(race: Race, stages: Sequence[Stage]) -> Iterate:
             if race.monitor.record(last.r, u) <= race.monitor.tol:
                 return last
             runner.result = last = Iterate(last.r, Status.STAGNATED)
-        elif last.status is Status.TIME_LIMIT:
+        elif last.status in ENDS:
             return last
         elif last.status is Status.SINGULAR:
             last = Iterate(last.r, Status.STAGNATED)

@@ -70,8 +70,10 @@ def _closed(race: Race) -> int:
     return race.problem.dimension * int(np.count_nonzero(race.best_r().reshape(race.problem.nc, -1)[:, 0]))
 
 
-def _newton_price(race: Race) -> float:
-    return (NEWTON_FROM_FAR if race.best > FAR else NEWTON_FROM_NEAR) * race.prices.newton
+def _dearer_than_newton(race: Race, cost: float) -> bool:
+    """Whether this costs more than Newton from here; the elimination is counted only where that decides."""
+    iterations = NEWTON_FROM_FAR if race.best > FAR else NEWTON_FROM_NEAR
+    return cost > iterations * race.prices.least and cost > iterations * race.prices.newton
 
 
 def _swept(race: Race) -> float:
@@ -101,7 +103,10 @@ def _splitting_first(race: Race) -> bool:
 def _enter_splitting(race: Race) -> bool:
     if not race.options.splitting or race.best <= FAR:
         return False
-    return _splitting_first(race) or SLOWING * _swept(race) > race.prices.splitting(race.options.splitting)
+    if _splitting_first(race):
+        return True
+    cost, share = SLOWING * _swept(race), race.options.splitting
+    return cost > share * race.prices.admm and cost > race.prices.splitting(share)
 
 
 def _on_track(race: Race, runner: Runner) -> bool:
@@ -118,7 +123,7 @@ def _enter_newton(race: Race) -> bool:
         return False
     if _splitting_first(race):
         return race.over("splitting")
-    return _newton_first(race) or _swept(race) > _newton_price(race)
+    return _newton_first(race) or _dearer_than_newton(race, _swept(race))
 
 
 def _plateau(race: Race, runner: Runner) -> bool:
@@ -162,6 +167,13 @@ STAGES: tuple[Stage, ...] = (
         enters=lambda race: race.over("Newton"),
         turns=methods.proximal,
         price=lambda race: race.prices.newton,
+    ),
+    Stage(
+        "proof",
+        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent as much.",
+        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > race.prices.proof,
+        turns=methods.proof,
+        price=lambda race: race.prices.proof,
     ),
     Stage(
         "least squares",

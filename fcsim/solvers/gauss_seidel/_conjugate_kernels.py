@@ -3,7 +3,13 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
 
+from types import FunctionType
+from typing import Any
+
 from numba import njit
+
+one_sweep: Any = None
+"""Stands for `_sweep_kernels.sweep` with a one-contact solver in the template below, see there."""
 
 
 @njit(cache=True)
@@ -35,3 +41,33 @@ def follow_direction(before, after, direction, last):
                 before[a, i] = after[a, i] + beta * direction[a, i]
                 direction[a, i] = beta * direction[a, i] - g
     return square, size
+
+
+def sweep_conjugate(
+    indptr, indices, blocks, diagonal, shift, q, mu, rho, order, reaction, frozen, start, direction, last, tolerance, iterations,
+    relaxation, sweeps, enough,
+):  # fmt: skip
+    """At most `sweeps` steps in place on reaction, start, direction (nc, 3), ended by ||change|| <= enough ||reaction||.
+
+    Arguments as in `_sweep_kernels.sweep` and `follow_direction`; return ||g||^2 and ||reaction||^2 of the last, and how many there were.
+    """
+    size = 0.0
+    done = 0
+    while done < sweeps:
+        done += 1
+        reaction[:] = start
+        one_sweep(
+            indptr, indices, blocks, diagonal, shift, q, mu, rho, order, reaction, frozen, tolerance, iterations, relaxation, False, 0,
+            0.0, 1, 0.0,
+        )  # fmt: skip
+        last, size = follow_direction(start, reaction, direction, last)
+        if not last > enough * enough * size:  # NaN ends it too
+            break
+    return last, size, done
+
+
+def compiled(name, sweep):
+    """`sweep_conjugate` with that sweep, compiled at its first call; `name` tells the entries of numba's cache apart."""
+    template = FunctionType(sweep_conjugate.__code__, {**globals(), "one_sweep": sweep}, f"sweep_conjugate_{name}")
+    template.__qualname__ = template.__name__
+    return njit(cache=True)(template)

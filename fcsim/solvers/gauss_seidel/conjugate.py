@@ -21,7 +21,6 @@ from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor
-from fcsim.solvers.gauss_seidel._conjugate_kernels import follow_direction
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.rows import ContactRows
 from fcsim.solvers.gauss_seidel.sweeps import SweepOptions, contact_order, iterate
@@ -39,18 +38,12 @@ def nncg(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: SweepO
 
     def sweep(tolerance: float, tau: float, count: int) -> tuple[float, int]:
         nonlocal last
-        light = 0.0
-        for done in range(1, count + 1):
-            reaction[:] = start
-            solver.sweep(  # step 1
-                *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order(), reaction, frozen),
-                *(tolerance, options.local_iterations, options.relaxation, False, 0, 0.0, 1, 0.0),
-            )
-            last, size = follow_direction(start, reaction, direction, last)  # steps 2 and 3
-            light = float(np.sqrt(last / size)) if size > 0 else float(last)
-            if not light > (tau if options.error_evaluation == "light" else 0.0):  # NaN ends it too
-                return light, done
-        return light, count
+        last, size, done = solver.sweep_conjugate(
+            *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order(), reaction, frozen),
+            *(start, direction, last, tolerance, options.local_iterations, options.relaxation),
+            *(count if options.shuffle != "each sweep" else 1, tau if options.error_evaluation == "light" else 0.0),
+        )
+        return float(np.sqrt(last / size)) if size > 0 else float(last), done
 
     def point() -> tuple[FloatArray, FloatArray]:
         return reaction[:, :d].flatten(), rows.velocity(reaction)[:, :d].flatten()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from fcsim.solvers.gauss_seidel import _conjugate_kernels
 from fcsim.solvers.gauss_seidel import _one_contact_exact as exact
 from fcsim.solvers.gauss_seidel import _one_contact_kernels as kernels
 from fcsim.solvers.gauss_seidel import _sweep_kernels as _kernels
@@ -24,6 +25,11 @@ class OneContact:
     def sweep(self) -> Any:
         """`_kernels.sweep` with this solver."""
         return _kernels.compiled(_kernels.sweep, self.kernel.__name__, self.kernel)
+
+    @cached_property
+    def sweep_conjugate(self) -> Any:
+        """`_conjugate_kernels.sweep_conjugate` with this solver's sweep."""
+        return _conjugate_kernels.compiled(self.kernel.__name__, self.sweep)
 
     @cached_property
     def sweep_velocities(self) -> Any:

@@ -82,7 +82,7 @@ def test_a_measurement_made_again_takes_the_place_of_the_first(tmp_path: Path) -
         ("Wall-i0002-17-1,global,3", "Wall-i0002-17-1,global,three", r"line 2, column dimension: expected a whole number, got 'three'"),
         ("true", "perhaps", r"column solved: expected true or false, got 'perhaps'"),
         ("SOLVED", "DONE", r"column status: expected one of SOLVED, .*, got 'DONE'"),
-        (",host,", ",", r"line 2: expected 21 columns, got 20"),
+        (",host,", ",", r"line 2: expected 22 columns, got 21"),
         ("problem,form", "problem,shape", r"expected the columns problem,form,.*; got problem,shape"),
         ("3.3e-05", "small", r"column error: expected a number, got 'small'"),
     ],

@@ -15,6 +15,7 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.running.vtk_series import SeriesWriter
+from fcsim.witness import Overlap
 
 STONE = Material(E=2.2e9, nu=0.2, density=2000.0)
 FULL, THICKNESS, COURSE = 0.2, 0.1, 0.1
@@ -151,6 +152,7 @@ def step(model: FakeModel, number: int, last: int, divisions: int = 8) -> Simple
         contact_force=force,
         contact_status=status,
         result=SimpleNamespace(u=u.ravel()),
+        overlap=Overlap(2e-4, 1e-3, ("a", "b"), (0.1,) * model.dimension),
         law_variables={},
     )
 
@@ -165,6 +167,7 @@ def without_contacts(made: SimpleNamespace) -> SimpleNamespace:
         contacts=Contacts(**none),
         contact_force=force,
         contact_status=made.contact_status[:0],
+        overlap=None,
         law_variables={},
         result=SimpleNamespace(u=force.ravel()),
     )

@@ -70,6 +70,8 @@ def test_contacts_hold_reaction_gap_and_status(written):
     np.testing.assert_allclose(points["reaction_tangential"], tangential, atol=1e-5)
     np.testing.assert_array_equal(points["reaction_normal"], step.contact_force[:, 0])
     np.testing.assert_array_equal(points["gap"], contacts.gap)
+    np.testing.assert_array_equal(points.field_data["overlap"], [2e-4])
+    np.testing.assert_array_equal(points.field_data["overlap_place"], [[0.1, 0.1, 0.1 * (d == 3)]])
     np.testing.assert_array_equal(points["status"], step.contact_status)
     np.testing.assert_array_equal(points["mu"], contacts.mu)
     np.testing.assert_array_equal(points["normal"][:, :d], contacts.frame[:, 0])

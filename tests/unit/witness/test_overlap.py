@@ -11,7 +11,16 @@ from scipy.spatial.transform import Rotation
 
 from fcsim import Body, Material, RigidBody, build_model
 from fcsim.arrays import FloatArray
-from fcsim.mesh import brick, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh import (
+    brick,
+    rectangle,
+    rigid_box,
+    rigid_capsule,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_rectangle,
+    rigid_sphere,
+)
 from fcsim.witness.overlap import PairOverlaps, measure
 from fcsim.witness.skin import skins_of
 
@@ -125,6 +134,27 @@ def test_l_shaped_body_is_not_its_hull() -> None:
     stone = rigid_rectangle("stone", (0.8, 0.8), (1.5, 1.4), 1.0)
     assert not len(overlap(angle, stone, thorough=True).depth)
     assert overlap(angle, moved(stone, (0.0, -0.07))).depth == pytest.approx([0.07])
+
+
+def test_exact_shapes() -> None:
+    """Spheres 0.2 apart of radius 0.11; a ball 0.01 in a box's face and 0.01 in its edge; capsules that cross; a tilted post in a floor."""
+    two = [rigid_sphere("a", 0.11, (0, 0, 0), 1.0), rigid_sphere("b", 0.11, (0.2, 0, 0), 1.0)]
+    assert overlap(*two).depth == pytest.approx([0.02])
+    assert overlap(cube("box"), rigid_sphere("ball", 0.1, (0.2, 0.1, 0.59), 1.0)).depth == pytest.approx([0.01])
+    off = 0.09 / np.sqrt(2)
+    assert overlap(cube("box"), rigid_sphere("ball", 0.1, (0.5 + off, 0.1, 0.5 + off), 1.0)).depth == pytest.approx([0.01])
+    assert overlap(cube("box"), rigid_sphere("ball", 0.1, (0.0, 0.0, 0.0), 1.0)).depth == pytest.approx([0.6])
+    cross = [
+        rigid_capsule("a", 0.1, 1.0, (0, 0, 0), 1.0, axis=(1, 0, 0)),
+        rigid_capsule("b", 0.1, 1.0, (0.2, 0.1, 0.17), 1.0, axis=(0, 1, 0)),
+    ]
+    assert overlap(*cross).depth == pytest.approx([0.03])
+    assert not len(overlap(cross[0], rigid_capsule("b", 0.1, 1.0, (0.2, 0.1, 0.21), 1.0, axis=(0, 1, 0))).depth)
+    post = rigid_cylinder("post", 0.1, 0.4, (0, 0, 0.2), 1.0, axis=(np.sin(0.3), 0, np.cos(0.3)))
+    sunk = 0.2 * np.cos(0.3) + 0.1 * np.sin(0.3) - 0.2
+    assert overlap(post, rigid_plane("floor", (0, 0, 0), (0, 0, 1))).depth == pytest.approx([sunk])
+    assert overlap(rigid_sphere("a", 1.0, (0, 0), 1.0), rigid_plane("floor", (0, -0.9), (0, 1))).depth == pytest.approx([0.1])
+    assert overlap(rigid_sphere("a", 1.0, (0, 1.3), 1.0), rigid_rectangle("box", (1, 1), (0, 0), 1.0)).depth == pytest.approx([0.2])
 
 
 @pytest.mark.parametrize("seed", range(30))

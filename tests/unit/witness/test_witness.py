@@ -55,7 +55,7 @@ def test_what_is_allowed_runs_and_may_not_grow() -> None:
             assert step.overlap is not None
             seen.append((step.overlap.depth, 0.5 * 9.81 * step.state.t**2))
     assert all(depth == pytest.approx(0.02 + fallen, rel=1e-9) for depth, fallen in seen)  # free fall
-    assert seen[-1][1] > 0.01 * 0.2 >= seen[-2][1]  # stopped at the first step that exceeds what it began with by 1 % of the block
+    assert seen[-1][1] > 0.02 * 0.2 >= seen[-2][1]  # stopped at the first step that exceeds what it began with by 2 % of the block
 
 
 def test_a_wrong_face_is_seen() -> None:
@@ -72,7 +72,7 @@ def test_the_witness_may_only_record_or_be_absent() -> None:
     assert recorded[-2].overlap is None
     assert recorded[9].overlap is not None
     alone = simulation(-0.1, steps=1)
-    unwatched = Simulation(alone.model, alone.detector, alone.scheme, 1, witness=None)
+    unwatched = Simulation(alone.model, alone.detector, alone.scheme, 1, witness=None, created=np.inf)
     assert next(iter(unwatched)).overlap is None
     assert "overlap of bodies is not witnessed" in unwatched.notes
 

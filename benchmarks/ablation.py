@@ -1,0 +1,122 @@
+"""`auto` with each of its stages left out, and beside named methods, on FCLIB files and on the families of synthetic problems.
+
+    python benchmarks/ablation.py --out ablation.csv [--fclib FOLDER] [--sizes 60 240] [--seeds 0] [--limit 5]
+
+Writes a row a solve (processor time, the lesser of two) and prints two Markdown tables, those of docs/auto.md. A stage that no problem
+needs has no place in `auto`: without it as many are solved, in no more time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+from fcsim.bench.families import FAMILIES, problems
+from fcsim.export_fclib import read_fclib
+from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem.reduction import reduce
+from fcsim.solvers import solve
+from fcsim.solvers.automatic.stages import STAGES
+
+NAMED = ("NSGS-AC", "NNCG", "NSN-AC", "PROX-NEWTON", "ADMM")
+VARIANTS = {"auto": (), **{f"without {stage.name}": (stage.name,) for stage in STAGES}}
+AUTO_FIRST = ("auto", *NAMED, *(name for name in VARIANTS if name != "auto"))
+TWICE_BELOW = 0.2
+"""Seconds below which a solve is measured twice: the first may have to load compiled code."""
+
+
+def sets(arguments: argparse.Namespace) -> Iterator[tuple[str, str, LocalProblem]]:
+    """(family, name, problem in local form)."""
+    for path in sorted(arguments.fclib.glob("*.hdf5")) if arguments.fclib else ():
+        problem = read_fclib(path).problem
+        if isinstance(problem, GlobalProblem | LocalProblem) and problem.nc:
+            yield "FCLIB files", path.stem, problem if isinstance(problem, LocalProblem) else reduce(problem).local
+    for family in FAMILIES:
+        for size in arguments.sizes:
+            for seed in arguments.seeds:
+                problem = problems(family, size, seed)
+                yield family, f"{family}:{size}:{seed}", problem if isinstance(problem, LocalProblem) else reduce(problem).local
+
+
+def measured(problem: LocalProblem, variant: str, limit: float) -> tuple[str, float]:
+    """Status and processor time [s]; a problem proven to have no solution counts as answered."""
+    seconds = float("inf")
+    for _ in range(2):
+        begun = time.process_time()
+        if variant in VARIANTS:
+            result = solve(problem, "auto", time_limit=limit, without=VARIANTS[variant])
+        else:
+            result = solve(problem, variant, time_limit=limit)
+        seconds = min(seconds, time.process_time() - begun)
+        if seconds > TWICE_BELOW:
+            break
+    return result.status.name, seconds
+
+
+def tables(rows: list[dict[str, str]]) -> str:
+    """Two Markdown tables from the rows: stages left out, and auto beside the best named method of each problem."""
+    by_problem: dict[tuple[str, str], dict[str, tuple[bool, float]]] = defaultdict(dict)
+    for row in rows:
+        answered = row["status"] in ("SOLVED", "INFEASIBLE")
+        by_problem[row["family"], row["problem"]][row["variant"]] = answered, float(row["seconds"])
+    lines = ["| | answered | seconds | slowest against auto |", "|---|---|---|---|"]
+    for variant in VARIANTS:
+        found = [problem for problem in by_problem.values() if variant in problem]
+        answered = sum(problem[variant][0] for problem in found)
+        ratios = [problem[variant][1] / problem["auto"][1] for problem in found if problem[variant][0] and problem["auto"][1] > 1e-2]
+        total = sum(problem[variant][1] for problem in found)
+        lines.append(f"| {variant} | {answered} of {len(found)} | {total:.1f} | {max(ratios, default=1.0):.1f} |")
+    head = ["family", "problems", "auto", "s", *NAMED, "auto over best named, sum", "worst above 10 ms"]
+    lines += ["", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for family in dict.fromkeys(family for family, _ in by_problem):
+        found = [problem for (name, _), problem in by_problem.items() if name == family]
+        solved = [str(sum(problem[name][0] for problem in found)) for name in ("auto", *NAMED)]
+        both = []
+        for problem in found:
+            best = min((problem[name][1] for name in NAMED if problem[name][0]), default=None)
+            if best is not None and problem["auto"][0]:
+                both.append((problem["auto"][1], best))
+        ratio = f"{sum(a for a, _ in both) / sum(b for _, b in both):.1f}" if both else "-"
+        worst = max((a / b for a, b in both if max(a, b) > 1e-2), default=None)
+        spent = sum(problem["auto"][1] for problem in found)
+        cells = [family, str(len(found)), solved[0], f"{spent:.2f}", *solved[1:], ratio, "-" if worst is None else f"{worst:.1f}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True, help="CSV file, gone on with where it exists")
+    parser.add_argument("--fclib", type=Path, help="folder of FCLIB files")
+    parser.add_argument("--sizes", type=int, nargs="+", default=[60, 240])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--limit", type=float, default=5.0, help="seconds a solve")
+    arguments = parser.parse_args()
+    fields = ("family", "problem", "nc", "variant", "status", "seconds")
+    rows: list[dict[str, str]] = []
+    if arguments.out.exists():
+        with arguments.out.open(encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    done = {(row["problem"], row["variant"]) for row in rows}
+    with arguments.out.open("a", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, fields)
+        if not rows:
+            writer.writeheader()
+        for family, name, problem in sets(arguments):
+            for variant in AUTO_FIRST:
+                if (name, variant) in done:
+                    continue
+                status, seconds = measured(problem, variant, arguments.limit)
+                row = dict(zip(fields, (family, name, str(problem.nc), variant, status, f"{seconds:.5f}"), strict=True))
+                rows.append(row)
+                writer.writerow(row)
+                file.flush()
+    print(tables(rows))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,164 @@
+"""Detection with exact shapes: spheres, capsules, cylinders, planes with each other and with meshed bodies, and these among themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import Contacts, join
+from fcsim.contact_detection.exact.facets import balls_on_meshes, capsules_on_meshes
+from fcsim.contact_detection.exact.mesh_skin import MeshSkin, mesh_skin
+from fcsim.contact_detection.exact.pairs import balls_on_cylinders, on_planes, rounded_contacts
+from fcsim.contact_detection.exact.solids import Solids, Touch, placed, solids_of
+from fcsim.contact_detection.frames import frames
+from fcsim.contact_detection.friction import Friction, FrictionTable
+from fcsim.contact_detection.general.everything import Everything
+from fcsim.errors import InputError
+
+_ALERT = 0.05  # of the smallest radius
+_FIRST = 1 << 60  # identities of contacts with exact shapes lie above those of meshed bodies; 2^56 for each kind
+
+
+@dataclass(frozen=True, eq=False)
+class ExactContacts:
+    """Contact between all bodies of a model with bodies of exact shape (`fcsim.mesh.rigid_sphere` and its like), without listing pairs.
+
+    mu, exclude: as for `Everything`; alert [m]: contacts are kept while their gap is not larger, by default 5 % of the smallest radius.
+
+    Gaps, points and normals between exact shapes have no error of facets. Found are: spheres and capsules with each other, with planes and
+    with meshed bodies; cylinders with planes and spheres. Meshed bodies with each other are found by `Everything`. InputError where the
+    model has pairs that are not found and not excluded (cylinders with each other, with capsules or meshed bodies; meshed bodies with
+    planes), and where it has no exact shape.
+    """
+
+    model: Model
+    mu: Friction
+    alert: float | None = None
+    exclude: Iterable[tuple[str, str]] = ()
+    solids: Solids = field(init=False, repr=False)
+    skin: MeshSkin | None = field(init=False, repr=False)
+    meshed: Everything | None = field(init=False, repr=False)
+    distance: float = field(init=False, repr=False)
+    friction: FrictionTable = field(init=False, repr=False)
+    movable: BoolArray = field(init=False, repr=False)
+    excluded: IntArray = field(init=False, repr=False)
+    _meshed_nodes: IntArray = field(init=False, repr=False)
+    _meshed_bodies: IntArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        model = self.model
+        solids = solids_of(model)
+        if not len(solids.body):
+            raise InputError("ExactContacts: expected bodies of exact shape (rigid_sphere and its like), got none: use Everything")
+        if self.alert is not None and not (np.isfinite(self.alert) and self.alert > 0):
+            raise InputError(f"ExactContacts, alert: expected a distance > 0 in m, got {self.alert}")
+        radii = solids.radius[solids.radius > 0]
+        names = [body.name for body in model.bodies]
+        exclude = [(model.body_number(a), model.body_number(b)) for a, b in self.exclude]
+        others = np.setdiff1d(np.arange(len(names)), solids.body)
+        offset = model.node_offset
+        nodes = np.concatenate([np.empty(0, dtype=np.int64), *(np.arange(offset[k], offset[k + 1]) for k in others)])
+        driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(names))
+        rest = _without_exact(model, others) if len(others) else None
+        values = {
+            "solids": solids,
+            "skin": mesh_skin(rest, nodes, others) if rest is not None else None,
+            "meshed": self._everything(rest) if rest is not None and len(others) > 1 else None,
+            "distance": self.alert if self.alert is not None else _ALERT * float(radii.min(initial=1.0)),
+            "friction": FrictionTable(self.mu, names),
+            "movable": driven < np.diff(model.dof_offset),
+            "excluded": np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64),
+            "_meshed_nodes": nodes,
+            "_meshed_bodies": others,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        self._refuse_unknown_pairs(names)
+
+    def _everything(self, rest: Model) -> Everything:
+        """The detection among the meshed bodies alone."""
+        known = set(rest.number)
+        mu = {key: m for key, m in self.mu.items() if set(key) <= known | {"*"}} if isinstance(self.mu, dict) else self.mu
+        return Everything(rest, mu, None, [pair for pair in self.exclude if set(pair) <= known])
+
+    def _refuse_unknown_pairs(self, names: Sequence[str]) -> None:
+        """InputError for two bodies between which nothing is found, unless they are excluded or held."""
+        s = self.solids
+        cylinders, hard = (s.body[s.of(*kinds)] for kinds in (("cylinder",), ("cylinder", "capsule")))
+        planes = s.body[s.of("plane")]
+        for one, other in ((cylinders, np.concatenate([hard, self._meshed_bodies])), (planes, self._meshed_bodies)):
+            a, b = (x.ravel() for x in np.meshgrid(one, other, indexing="ij"))
+            pairs = np.stack([a, b], axis=1)[(a != b)]
+            unknown = pairs[self._may_touch(pairs)]
+            if len(unknown):
+                x, y = (names[k] for k in unknown[0])
+                raise InputError(
+                    f"ExactContacts: contacts between {x!r} and {y!r} are not found (cylinders with each other, with capsules or meshed "
+                    "bodies; meshed bodies with planes). Take capsules or a rigid_box as the floor, or exclude the pair"
+                )
+
+    def _may_touch(self, bodies: IntArray) -> BoolArray:
+        """Which pairs of bodies (n, 2) are neither both held nor excluded."""
+        a, b = bodies.min(axis=1), bodies.max(axis=1)
+        return (self.movable[a] | self.movable[b]) & ~np.isin(a * len(self.movable) + b, self.excluded)
+
+    @property
+    def n_nodes(self) -> int:
+        return self.model.n_nodes
+
+    @property
+    def nodes(self) -> IntArray:
+        """Sorted numbers of the nodes that contacts can touch."""
+        return np.union1d(self.solids.node, self._meshed_nodes)
+
+    def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
+        """Contacts at `positions` (n_nodes, d) [m], sorted by identity.
+
+        displacement (n_nodes, d) [m] of the step to come: the alert distance grows by twice the largest of it, so that nothing that an
+        exact shape can reach within the step is missed, unless it crosses a body thinner than that.
+        """
+        x = np.asarray(positions, dtype=np.float64)
+        if x.shape != (self.n_nodes, self.model.dimension) or not np.isfinite(x).all():
+            raise InputError(f"ExactContacts: expected finite positions of shape {(self.n_nodes, self.model.dimension)}, got {x.shape}")
+        now = placed(self.solids, x)
+        alert = self.distance
+        if displacement is not None:
+            alert += 2 * float(np.linalg.norm(np.asarray(displacement)[self.solids.node[:, 0]], axis=1).max())
+        found = [rounded_contacts(now, alert), on_planes(now, alert)]
+        if x.shape[1] == 3:
+            found.append(balls_on_cylinders(now, alert))
+        if self.skin is not None:
+            found += [balls_on_meshes(now, self.skin, x, alert), capsules_on_meshes(now, self.skin, x, alert)]
+        contacts = [self._contacts(touch, kind) for kind, touch in enumerate(found)]
+        if self.meshed is not None:
+            nodes = self._meshed_nodes
+            among = self.meshed(x[nodes], None if displacement is None else np.asarray(displacement)[nodes])
+            numbered = np.where(among.nodes < 0, -1, nodes[among.nodes])
+            contacts.insert(0, replace(among, nodes=numbered, bodies=self._meshed_bodies[among.bodies]))
+        return join(contacts)
+
+    def _contacts(self, touch: Touch, kind: int) -> Contacts:
+        """Contacts of a kind, sorted by identity."""
+        touch = touch.take(self._may_touch(touch.bodies))
+        touch = touch.take(np.argsort(touch.identity, kind="stable"))
+        return Contacts(
+            touch.master_point,
+            frames(touch.normal),
+            touch.gap,
+            self.friction(touch.bodies),
+            np.concatenate([touch.slave_node, touch.master_node], axis=1),
+            np.concatenate([touch.slave_weights, -touch.master_weights], axis=1),
+            touch.bodies,
+            _FIRST + (kind << 56) + touch.identity,
+        )
+
+
+def _without_exact(model: Model, chosen: IntArray) -> Model:
+    """The model of the chosen bodies alone, with their supports and without loads: what `Everything` looks at."""
+    bodies = tuple(model.bodies[k] for k in chosen)
+    names = {body.name for body in bodies}
+    return replace(model, bodies=bodies, supports=tuple(s for s in model.supports if s.body in names), loads=(), gravity=None)

@@ -1,0 +1,114 @@
+"""The bodies of exact shape of a model: where their cores stand, and the weights by which their points move."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.model import Model
+from fcsim.mesh.exact_shape import ShapeKind
+from fcsim.mesh.part import RigidBody
+
+
+class Solids(NamedTuple):
+    """ns bodies of exact shape: body (ns,) numbers; node (ns, d + 1); kind (ns,); radius, half (ns,) [m] of the core; axis (ns, d) and
+    arm (ns,) [m], the distance of the nodes from the centre, in the reference configuration."""
+
+    body: IntArray
+    node: IntArray
+    kind: tuple[ShapeKind, ...]
+    radius: FloatArray
+    half: FloatArray
+    axis: FloatArray
+    arm: FloatArray
+
+    def of(self, *kinds: ShapeKind) -> IntArray:
+        """Numbers of the solids of these kinds."""
+        return np.flatnonzero([kind in kinds for kind in self.kind])
+
+
+class Placed(NamedTuple):
+    """Solids at positions: centre (ns, d), frame (ns, d, d) columns: the body's axes, along (ns, d): the core's direction."""
+
+    solids: Solids
+    centre: FloatArray
+    frame: FloatArray
+    along: FloatArray
+
+    def core(self, chosen: IntArray, share: FloatArray | float) -> FloatArray:
+        """Points of the cores of the chosen solids, share from -1 to 1 along them."""
+        return self.centre[chosen] + (share * self.solids.half[chosen])[:, None] * self.along[chosen]
+
+    def weights(self, chosen: IntArray, points: FloatArray) -> FloatArray:
+        """Weights (n, d + 1) of the nodes of the chosen solids at points (n, d) [m] that move with them; each row sums to 1."""
+        local = np.einsum("nij,ni->nj", self.frame[chosen], points - self.centre[chosen]) / self.solids.arm[chosen][:, None]
+        return np.column_stack([1.0 - local.sum(axis=1), local])
+
+
+def solids_of(model: Model) -> Solids:
+    """Return the model's bodies of exact shape; there may be none."""
+    d = model.dimension
+    found = [(k, body) for k, body in enumerate(model.bodies) if isinstance(body, RigidBody) and body.shape is not None]
+    shapes = [body.shape for _, body in found if body.shape is not None]
+    number = np.array([k for k, _ in found], dtype=np.int64)
+    return Solids(
+        body=number,
+        node=model.node_offset[number][:, None] + np.arange(d + 1),
+        kind=tuple(shape.kind for shape in shapes),
+        radius=np.array([0.0 if shape.kind == "plane" else shape.radius for shape in shapes]),
+        half=np.array([shape.length / 2 for shape in shapes]),
+        axis=np.array([shape.axis for shape in shapes]).reshape(-1, d),
+        arm=np.array([shape.radius for shape in shapes]),
+    )
+
+
+def placed(solids: Solids, positions: FloatArray) -> Placed:
+    """Return the solids at the nodes' positions (n_nodes, d) [m]."""
+    nodes = positions[solids.node]
+    centre = nodes[:, 0]
+    frame = ((nodes[:, 1:] - centre[:, None]) / solids.arm[:, None, None]).transpose(0, 2, 1)
+    return Placed(solids, centre, frame, np.einsum("nij,nj->ni", frame, solids.axis))
+
+
+class Touch(NamedTuple):
+    """Contacts before they have mu and frames, n of them: normal (n, d) from the master to the slave; points (n, d) of both; nodes and
+    weights (n, k) of both, -1 = none; bodies (n, 2) slave, master; identity (n,)."""
+
+    normal: FloatArray
+    slave_point: FloatArray
+    master_point: FloatArray
+    slave_node: IntArray
+    slave_weights: FloatArray
+    master_node: IntArray
+    master_weights: FloatArray
+    bodies: IntArray
+    identity: IntArray
+
+    def take(self, chosen: BoolArray | IntArray) -> Touch:
+        return Touch._make(array[chosen] for array in self)
+
+    @property
+    def gap(self) -> FloatArray:
+        return np.einsum("nd,nd->n", self.slave_point - self.master_point, self.normal)
+
+
+def touch_of_solids(
+    now: Placed, slave: IntArray, master: IntArray, normal: FloatArray, slave_point: FloatArray, master_point: FloatArray, code: IntArray
+) -> Touch:
+    """Contacts between solids at these points; code (n,): number of the contact within the pair, below 8."""
+    s = now.solids
+    bodies = np.stack([s.body[slave], s.body[master]], axis=1)
+    count = int(s.body.max(initial=0)) + 1
+    return Touch(
+        normal,
+        slave_point,
+        master_point,
+        s.node[slave],
+        now.weights(slave, slave_point),
+        s.node[master],
+        now.weights(master, master_point),
+        bodies,
+        8 * (s.body[slave] * count + s.body[master]) + code,
+    )

@@ -1,0 +1,1 @@
+"""Rigid bodies whose shape is a formula: spheres, capsules, cylinders, planes."""

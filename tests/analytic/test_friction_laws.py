@@ -1,0 +1,190 @@
+"""Friction that depends on slip, rate and direction; joints with springs: closed forms."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.assembly.model import build_model
+from fcsim.assembly.supports import Support
+from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Compliant, Elliptic, Gap, RateDependent, SlipWeakening, Springs, StaticKinetic
+from fcsim.errors import InputError
+from fcsim.export_fclib import read_fclib, write_fclib
+from fcsim.mesh.blocks import rigid_box
+from fcsim.solvers import solve
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.simulation import Simulation, SolverSettings
+from fcsim.timestep.state import at_rest
+from fcsim.timestep.step import Step
+from fcsim.timestep.theta import Theta
+
+G, MASS = 10.0, 4.0
+HELD = ("x", "y", "z", "rx", "ry", "rz")
+SETTINGS = SolverSettings(tol=1e-11, floor=1e-6)
+
+
+def plate_on_floor(law: Any, h: float, steps: int, *, push: Any = None, v: Any = None, mu: float = 0.3, gravity: Any = None) -> list[Step]:
+    """A rigid plate of 1 m x 0.5 m that cannot turn, on a held floor."""
+    plate, floor = rigid_box("plate", (1.0, 0.5, 0.1), (0, 0, 0.05), MASS), rigid_box("floor", (9, 9, 1), (0, 0, -0.5), 1.0)
+    supports = [Support("floor", HELD), Support("plate", ("rx", "ry", "rz"))]
+    if push is not None:
+        supports.append(Support("plate", ("x",), velocity=push))
+    model = build_model([plate, floor], supports=supports, gravity=gravity or (lambda t: (0, 0, -G)))
+    initial = at_rest(model)
+    if v is not None:
+        initial.v[:3] = v
+    pair = SurfacePair(contact_surface(model, [("plate", "z-")]), contact_surface(model, [("floor", "z+")]), mu, 0.05)
+    return list(Simulation(model, Detector([pair], model.n_nodes), Theta(h, law=law), steps, SETTINGS, initial, witness=None))
+
+
+def test_slip_weakening_falls_linearly_with_the_way() -> None:
+    """Driven at 0.1 m/s the force is mu(slip) m g, from 0.8 to 0.2 over 0.05 m; work above the last level (0.8 - 0.2) m g D / 2."""
+    law = Gap(friction=SlipWeakening(0.8, 0.2, 0.05))
+    h = 4e-3
+    steps = plate_on_floor(law, h, 200, push=lambda t: 0.1)
+    way = 0.1 * h * np.arange(200)  # at the beginning of each step
+    force = np.array([-step.contact_force_on(0)[0] for step in steps])
+    expected = np.maximum(0.8 - 0.6 * way / 0.05, 0.2) * MASS * G
+    assert_allclose(force, expected, atol=1e-2 * MASS * G)
+    work = float(np.sum(force - 0.2 * MASS * G) * 0.1 * h)
+    assert work == pytest.approx(0.6 * MASS * G * 0.05 / 2, rel=0.02)
+
+
+def test_rate_dependent_friction_stops_where_its_ordinary_differential_equation_does() -> None:
+    """v' = -mu(v) g with mu = d + (s - d) / (1 + v/c): the time to stop by quadrature of dv / (mu g)."""
+    law, v0 = Gap(friction=RateDependent(0.6, 0.2, 0.5)), 2.0
+    v = np.linspace(0, v0, 20001)
+    time = np.trapezoid(1 / (G * (0.2 + 0.4 / (1 + v / 0.5))), v)
+    steps = plate_on_floor(law, 1e-3, int(1.2 * time / 1e-3), v=(v0, 0, 0))
+    stopped = next(step.state.t for step in steps if abs(step.state.v[0]) < 1e-6)
+    assert stopped == pytest.approx(time, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_stick_slip_of_a_mass_on_a_spring() -> None:
+    """A mass drawn through a spring k at the speed V, mu_s > mu_k. With omega^2 = k/m and a = (mu_s - mu_k) g / omega^2 it slips for
+    T_s = 2 (pi - atan(a omega / V)) / omega at up to V + sqrt(V^2 + (a omega)^2), and sticks for 2 a / V: the period is their sum.
+    Source: e.g. B. N. J. Persson, Sliding Friction, Springer, 2000."""
+    k, V, mu_s, mu_k, h = 400.0, 0.1, 0.6, 0.4, 2e-3
+    omega = np.sqrt(k / MASS)
+    a = (mu_s - mu_k) * G / omega**2
+    slip_time = 2 * (np.pi - np.arctan(a * omega / V)) / omega
+    period = slip_time + 2 * a / V
+    drawn: list[float] = [0.0]
+
+    plate, floor = rigid_box("plate", (1.0, 0.5, 0.1), (0, 0, 0.05), MASS), rigid_box("floor", (9, 9, 1), (0, 0, -0.5), 1.0)
+    supports = [Support("floor", HELD), Support("plate", ("rx", "ry", "rz", "y"))]
+    model = build_model([plate, floor], supports=supports, gravity=lambda t: (k / MASS * (V * t - drawn[0]), 0, -G))
+    pair = SurfacePair(contact_surface(model, [("plate", "z-")]), contact_surface(model, [("floor", "z+")]), mu_k, 0.05)
+    law = Gap(friction=StaticKinetic(mu_s, mu_k, 1e-4))
+    steps = round(3.2 * period / h) + round(mu_s * MASS * G / k / V / h)
+    x, v = [], []
+    for step in Simulation(model, Detector([pair], model.n_nodes), Theta(h, law=law), steps, SETTINGS, witness=None):
+        drawn[0] = float(step.state.x[0])  # the spring's end at the step's beginning: an error of O(h)
+        x.append(drawn[0])
+        v.append(float(step.state.v[0]))
+    moving = np.array(v) > 1e-3
+    starts = np.flatnonzero(np.diff(moving.astype(int)) == 1) * h
+    assert len(starts) >= 3
+    assert_allclose(np.diff(starts)[1:], period, rtol=0.04)
+    assert np.max(v) == pytest.approx(V + np.hypot(V, a * omega), rel=0.05)
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0, 60.0, 90.0])
+def test_elliptic_friction_deflects_a_sliding_body(angle: float) -> None:
+    """Slip at the angle t from axis 1, the ellipse's normal: r_T = -(mu_1^2 c, mu_2^2 s) r_N / sqrt(mu_1^2 c^2 + mu_2^2 s^2)."""
+    mu_1, mu_2 = 0.2, 0.5
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    step = plate_on_floor(Gap(friction=Elliptic(mu_1, mu_2, (1.0, 0.0, 0.0))), 1e-5, 2, v=(2 * c, 2 * s, 0))[-1]
+    expected = -np.array([mu_1**2 * c, mu_2**2 * s]) / np.hypot(mu_1 * c, mu_2 * s) * MASS * G
+    assert_allclose(step.contact_force_on(0)[:2], expected, rtol=2e-3, atol=1e-3)
+    assert step.energy.tangential_dissipation > 0
+
+
+def test_an_axis_turned_in_the_plane_is_the_turned_answer() -> None:
+    one = plate_on_floor(Gap(friction=Elliptic(0.2, 0.5, (1.0, 0.0, 0.0))), 1e-4, 5, v=(1.0, 1.0, 0))[-1].contact_force_on(0)
+    other = plate_on_floor(Gap(friction=Elliptic(0.2, 0.5, (0.0, 1.0, 0.0))), 1e-4, 5, v=(-1.0, 1.0, 0))[-1].contact_force_on(0)
+    assert_allclose(other, [-one[1], one[0], one[2]], rtol=1e-6, atol=1e-8)
+
+
+SPRINGS = Springs(normal=2e5, tangential=1e5)
+
+
+def test_a_plate_sinks_into_springs_by_its_pressure_over_their_stiffness() -> None:
+    """Damped to rest: m g / (k A), the area once however many nodes touch; the springs' energy is (m g)^2 / (2 k A)."""
+    law = Compliant(Springs(normal=2e5, tangential=1e5, normal_damping=4e3))
+    last = plate_on_floor(law, 2e-3, 400)[-1]
+    assert last.state.x[2] == pytest.approx(-MASS * G / (2e5 * 0.5), rel=1e-5)
+    assert last.energy.contact == pytest.approx((MASS * G) ** 2 / (2 * 2e5 * 0.5), rel=1e-4)
+
+
+def test_springs_bounce_a_body_with_their_frequency_and_keep_its_energy() -> None:
+    """Pressed down at 0.1 m/s without gravity: half a period pi sqrt(m / (k A)) in contact, then off with the same speed."""
+    h = 2e-4
+    steps = plate_on_floor(Compliant(SPRINGS), h, 600, v=(0, 0, -0.1), gravity=lambda t: (0, 0, 0))
+    touched = [step.state.t for step in steps if np.any(step.contact_force)]
+    assert touched[-1] - touched[0] == pytest.approx(np.pi * np.sqrt(MASS / (2e5 * 0.5)), abs=3 * h)
+    assert steps[-1].state.v[2] == pytest.approx(0.1, rel=2e-3)
+    total = [step.energy.kinetic + step.energy.contact for step in steps]
+    assert_allclose(total, 0.5 * MASS * 0.1**2, rtol=0.02)
+    assert steps[-1].ledger.created < 1e-3 * total[0]
+
+
+def test_the_tangential_spring_yields_at_the_friction_force() -> None:
+    """Driven sideways quasi-statically: k_t A x up to mu m g, then constant; back, the same slope from there."""
+    law, V = Compliant(SPRINGS), 1e-3
+    plate, floor = rigid_box("plate", (1.0, 0.5, 0.1), (0, 0, 0.05), MASS), rigid_box("floor", (9, 9, 1), (0, 0, -0.5), 1.0)
+    press = 1e-3  # a displacement that is held: N = k A press
+    supports = [
+        Support("floor", HELD),
+        Support("plate", ("rx", "ry", "rz", "y")),
+        Support("plate", ("z",), velocity=lambda t: -press if t < 1 else 0.0),
+        Support("plate", ("x",), velocity=lambda t: 0.0 if t < 1 else (V if t < 2 else -V)),
+    ]
+    model = build_model([plate, floor], supports=supports)
+    pair = SurfacePair(contact_surface(model, [("plate", "z-")]), contact_surface(model, [("floor", "z+")]), 0.3, 0.05)
+    steps = list(Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(0.05, 1e-9, law), 60, SETTINGS, witness=None))
+    N, kt = 2e5 * 0.5 * press, 1e5 * 0.5
+    t = np.array([step.state.t for step in steps])
+    x = np.where(t < 1, 0, np.where(t < 2, V * (t - 1), V * (3 - t)))
+    limit = 0.3 * N
+    expected, previous, force = [], 0.0, 0.0
+    for way in x:
+        force = np.clip(force + kt * (way - previous), -limit, limit)
+        previous = way
+        expected.append(-force)
+    found = [step.contact_force_on(0)[0] for step in steps]
+    assert_allclose(found, expected, atol=2e-2 * limit)
+    assert steps[-1].contact_force_on(0)[2] == pytest.approx(N, rel=1e-6)
+
+
+def test_a_problem_with_springs_is_an_ordinary_one_in_files(tmp_path: Any) -> None:
+    """The joint's unknowns stand in M, H, f: what is read back has the same answer, and W = H^T M^-1 H holds C."""
+    step = plate_on_floor(Compliant(SPRINGS), 1e-3, 20)[-1]
+    write_fclib(tmp_path / "springs.hdf5", step.problem)
+    again = solve(read_fclib(tmp_path / "springs.hdf5").problem, "NSN-AC", tol=1e-11)
+    assert again.solved
+    assert_allclose(again.u, step.result.u, atol=1e-8)
+    p = step.problem
+    W = p.H.T @ np.linalg.solve(p.M.toarray(), p.H.toarray())
+    local = step.reduction.local.W
+    assert_allclose(W, local if isinstance(local, np.ndarray) else local.toarray(), rtol=1e-9, atol=1e-12 * np.abs(W).max())
+
+
+def test_refusals() -> None:
+    for wrong, message in (
+        (lambda: SlipWeakening(-0.1, 0.2, 0.1), "static: expected"),
+        (lambda: SlipWeakening(0.1, 0.2, 0.0), "distance: expected"),
+        (lambda: RateDependent(0.1, float("nan"), 1.0), "dynamic: expected"),
+        (lambda: Elliptic(0.0, 0.1, (1, 0, 0)), "mu_1: expected"),
+        (lambda: Elliptic(0.1, 0.1, (0, 0, 0)), "direction: expected"),
+        (lambda: Springs(normal=0.0, tangential=1.0), "normal: expected a stiffness"),
+        (lambda: Gap(recovery=-1.0), "recovery: expected"),
+        (lambda: plate_on_floor(Gap(friction=Elliptic(0.1, 0.2, (0, 0, 1))), 1e-3, 1), "not normal to the surfaces"),
+        (lambda: plate_on_floor(Gap(friction=lambda s: -s.mu), 1e-3, 1), "finite coefficients >= 0"),
+    ):
+        with pytest.raises(InputError, match=message):
+            wrong()

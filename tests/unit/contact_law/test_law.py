@@ -1,0 +1,84 @@
+"""What laws are built of: variables by contact, areas, sizes; and the guide's law of one's own."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from fcsim.assembly.model import build_model
+from fcsim.assembly.supports import Support
+from fcsim.contact_detection import Detector, SurfacePair, two_pass
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law.law import Remembered, Terms, Variables
+from fcsim.contact_law.proportions import proportions
+from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.theta import Theta
+
+SOFT = Material(1e7, 0.3, 1000.0)
+
+
+def test_variables_are_kept_by_contact() -> None:
+    first = Variables(np.array([2, 5, 9]), {"a": np.array([0.2, 0.5, 0.9]), "b": np.arange(6.0).reshape(3, 2)})
+    assert_array_equal(first.of("a", np.array([1, 5, 9, 11]), np.full(4, -1.0)), [-1, 0.5, 0.9, -1])
+    assert_array_equal(first.of("b", np.array([9, 3]), np.zeros((2, 2))), [[4, 5], [0, 0]])
+    assert_array_equal(first.of("unknown", np.array([5]), np.array([7.0])), [7])
+    then = first.merged(np.array([1, 5]), {"a": np.array([1.0, 5.0])}, 3.0)
+    assert_array_equal(then.identity, [1, 2, 5, 9])
+    assert_array_equal(then.values["a"], [1.0, 0.2, 5.0, 0.9])
+    assert_array_equal(np.isnan(then.values["b"]).any(axis=1), [True, False, True, False])
+    assert then.stored == 3.0
+
+
+def test_sizes_are_the_least_extents_that_are_not_flat() -> None:
+    bodies = [rigid_box("plank", (4.0, 0.3, 0.05), (0, 0, 0), 1.0), rigid_box("cube", (2.0, 2.0, 2.0), (5, 0, 0), 1.0)]
+    assert_allclose(proportions(build_model(bodies)).size, [0.05, 2.0])
+
+
+@pytest.mark.parametrize("candidates", ["nodes", "faces", "gauss", "mortar", "segments"])
+@pytest.mark.parametrize("twice", [False, True])
+def test_areas_add_up_to_the_joint(candidates: Any, twice: bool) -> None:
+    """A brick on a wide one, its side faces named too: 0.6 m x 0.4 m, in one pass and in two."""
+    upper, lower = brick("u", (0.6, 0.4, 0.2), (3, 2, 1), SOFT), brick("l", (0.6, 0.4, 0.2), (2, 3, 1), SOFT)
+    model = build_model([Body("lower", lower), Body("upper", upper, translation=np.array([0, 0, 0.2]))])
+    first, second = contact_surface(model, [("upper", "z-")]), contact_surface(model, [("lower", "z+")])
+    pairs = two_pass(first, second, 0.5, 0.01, candidates) if twice else (SurfacePair(first, second, 0.5, 0.01, candidates),)
+    positions = model.positions(np.zeros(model.n_dofs))
+    contacts = Detector(pairs, model.n_nodes)(positions)
+    assert proportions(model).area_at(contacts, positions).sum() == pytest.approx(0.6 * 0.4, rel=1e-9)
+
+
+def test_areas_in_two_dimensions_have_the_thickness() -> None:
+    upper = rectangle("u", (0.6, 0.2), (3, 1), SOFT, thickness=0.25)
+    model = build_model([Body("upper", upper, translation=np.array([0, 0.0])), rigid_rectangle("floor", (3, 1), (0, -0.5), 1.0)])
+    pair = SurfacePair(contact_surface(model, [("upper", "y-")]), contact_surface(model, [("floor", "y+")]), 0.5, 0.01)
+    positions = model.positions(np.zeros(model.n_dofs))
+    contacts = Detector([pair], model.n_nodes)(positions)
+    areas = proportions(model).area_at(contacts, positions)
+    assert_allclose(np.sort(areas), 0.25 * np.array([0.1, 0.1, 0.2, 0.2]))
+
+
+def test_the_guides_law_of_ones_own_runs() -> None:
+    """A light plate under a ceiling that holds 4 x 2 N, its weight 5 N: it hangs; twice as heavy it falls."""
+    guide = (Path(__file__).parents[3] / "docs" / "contact_laws.md").read_text(encoding="utf-8")
+    code = re.search(r"\n((    @dataclass.*?\n)(    .*\n|\n)*)", guide)
+    assert code is not None
+    names: dict[str, Any] = {"np": np, "dataclass": dataclass, "Terms": Terms, "Remembered": Remembered, "__name__": __name__}
+    exec("\n".join(line[4:] for line in code.group(1).splitlines()), names)
+    for mass, hangs in ((0.5, True), (1.0, False)):
+        plate, ceiling = rigid_box("plate", (1, 1, 0.1), (0, 0, -0.05), mass), rigid_box("ceiling", (3, 3, 1), (0, 0, 0.5), 1.0)
+        model = build_model(
+            [plate, ceiling], supports=[Support("ceiling", ("x", "y", "z", "rx", "ry", "rz"))], gravity=lambda t: (0, 0, -10.0)
+        )
+        pair = SurfacePair(contact_surface(model, [("plate", "z+")]), contact_surface(model, [("ceiling", "z-")]), 0.5, 0.05)
+        run = Simulation(model, Detector([pair], model.n_nodes), Theta(1e-3, law=names["Sticky"](2.0)), 20, created=np.inf)
+        last = list(run)[-1]
+        assert (abs(last.state.x[2]) < 1e-9) == hangs
+        assert last.contact_force_on(0)[2] == pytest.approx(5.0 if hangs else 8.0, rel=1e-6)
+        assert_array_equal(last.law_variables["held"], np.full(4, float(hangs)))

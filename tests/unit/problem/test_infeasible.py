@@ -1,0 +1,69 @@
+"""Certificates: what they prove is checked by hand, and none is given where a solution exists."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fcsim.bench.families import FAMILIES, problems
+from fcsim.problem import LocalProblem
+from fcsim.problem.infeasible import certificate, squeezed
+from fcsim.problem.reduction import reduce
+from fcsim.solvers import Status, solve
+
+SOLVABLE = [name for name, family in FAMILIES.items() if family.solvable]
+
+
+def local(name: str, size: int, seed: int) -> LocalProblem:
+    problem = problems(name, size, seed)
+    return problem if isinstance(problem, LocalProblem) else reduce(problem).local
+
+
+@pytest.mark.parametrize("name", ["squeezed", "wedged"])
+@pytest.mark.parametrize("size", [1, 7, 60])
+@pytest.mark.parametrize("mass", [1e-9, 1.0, 1e9])
+def test_a_self_stress_that_works_against_what_is_prescribed(name: str, size: int, mass: float) -> None:
+    """d = N y >= 0, W^T d = 0 and q . d < 0, in any unit of mass: u_N . y < 0 whatever the reactions."""
+    p = local(name, size, 0)
+    p = LocalProblem(p.W / mass, p.q, p.mu)
+    result = solve(p, "auto")
+    assert result.status is Status.INFEASIBLE and not result.solved
+    assert result.certificate is not None and result.certificate.direction is not None
+    d = result.certificate.direction
+    assert np.all(d.reshape(-1, 3)[:, 1:] == 0) and np.all(d >= 0) and d.sum() == pytest.approx(1)
+    assert p.q @ d < 0
+    r = np.abs(np.random.default_rng(0).standard_normal((p.nc, 3))) * mass
+    change = (p.W @ r.ravel()) @ d
+    assert abs(change) <= 1e-8 * np.abs(p.W @ r.ravel()).max()
+    assert result.message.startswith("no solution")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rods_of_painleve_have_no_case(seed: int) -> None:
+    result = solve(problems("rods", 4, seed), "auto")
+    assert result.status is Status.INFEASIBLE
+    assert result.certificate is not None and result.certificate.direction is None
+
+
+def test_a_rod_that_is_less_rough_slides() -> None:
+    """Below the critical friction mu = a / b the same rod has a solution, and no certificate."""
+    p = local("rods", 1, 0)
+    W = p.W.toarray() if sp.issparse(p.W) else p.W
+    critical = W[0, 0] / W[0, 1]  # W = (a, b) (a, b)^T / I
+    gentle = LocalProblem(p.W, p.q, np.array([0.5 * critical]), dimension=2)
+    assert certificate(gentle) is None
+    assert solve(gentle, "auto").solved
+
+
+@pytest.mark.parametrize("name", SOLVABLE)
+def test_no_certificate_where_there_is_a_solution(name: str) -> None:
+    """Between bodies that are at rest or move freely there always is: v = 0 of all bodies keeps them apart."""
+    assert certificate(local(name, 40, 1)) is None
+
+
+def test_a_ball_between_walls_that_stand_still_is_not_squeezed() -> None:
+    p = local("squeezed", 3, 0)
+    assert squeezed(LocalProblem(p.W, np.zeros(p.m), p.mu)) is None
+    assert squeezed(p) is not None
+    assert squeezed(LocalProblem(p.W, np.abs(p.q), p.mu)) is None  # walls that part

@@ -1,0 +1,80 @@
+"""Methods of one's own: files that add to the table, and what is wrong with them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fcsim.command_line.main import main
+from fcsim.errors import InputError
+from fcsim.export_fclib import write_fclib
+from fcsim.problem import LocalProblem
+from fcsim.solvers import SOLVERS, solve
+from fcsim.solvers.plugins import load_plugins, plugin_of
+
+GOOD = """
+from fcsim.solvers import SOLVERS, Method, Status
+from fcsim.solvers.base import Iterate, Options
+
+def run(problem, r, monitor, options):
+    return Iterate(-problem.q, Status.SOLVED)
+
+SOLVERS["MINE"] = Method(run, Options(), "mine", "this test")
+"""
+STICKS = LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.array([0.3]))
+
+
+@pytest.fixture(autouse=True)
+def same_table() -> Iterator[None]:
+    before = dict(SOLVERS)
+    yield
+    assert {name: SOLVERS.get(name) for name in before} == before
+    SOLVERS.clear()
+    SOLVERS.update(before)
+
+
+def plugin(folder: Path, text: str) -> Path:
+    (folder / "mine.py").write_text(text)
+    return folder / "mine.py"
+
+
+def test_a_method_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, file = plugin(tmp_path, GOOD), write_fclib(tmp_path / "a.hdf5", STICKS)
+    assert main(["solve", str(file), "--plugin", str(path), "--solver", "MINE"]) == 0
+    assert "run: solved" in capsys.readouterr().out or "MINE" in SOLVERS
+    assert main(["solvers", "--plugin", str(path)]) == 0
+    assert "MINE" in capsys.readouterr().out
+    first = plugin_of("MINE")
+    assert len(first) == 64 and plugin_of("NSN-AC") == ""
+    load_plugins([plugin(tmp_path, GOOD + "# changed\n")])
+    assert plugin_of("MINE") not in ("", first)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("import sys\nsys.exit(3)", r"mine\.py, line 2: SystemExit: 3"),
+        ("raise ValueError('no')", r"mine\.py, line 1: ValueError: no"),
+        ("def f(:\n", "SyntaxError"),
+        (GOOD + 'SOLVERS["F"] = run', r"SOLVERS\['F'\] = Method\(run, Options\(\), family, source\), got a function"),
+        (GOOD + 'SOLVERS["F"] = 3', "got a int"),
+        (GOOD + 'SOLVERS["A,B"] = SOLVERS["MINE"]', "expected a name without commas"),
+        (GOOD + 'SOLVERS["F"] = Method(None, Options(), "", "")', "with a function run"),
+        (GOOD + 'SOLVERS["NSN-AC"] = run', "got a function"),
+    ],
+)
+def test_what_is_no_method(tmp_path: Path, text: str, said: str) -> None:
+    before = dict(SOLVERS)
+    with pytest.raises(InputError, match=said):
+        load_plugins([plugin(tmp_path, text)])
+    assert before == SOLVERS
+
+
+@pytest.mark.parametrize(
+    ("returned", "got"), [("-problem.q", "a ndarray"), ("None", "a NoneType"), ("Iterate(problem.q[:2], Status.SOLVED)", "r of shape")]
+)
+def test_what_a_method_returns(tmp_path: Path, returned: str, got: str) -> None:
+    load_plugins([plugin(tmp_path, GOOD.replace("Iterate(-problem.q, Status.SOLVED)", returned))])
+    with pytest.raises(InputError, match=f"run: expected a method to return Iterate.*got {got}"):
+        solve(STICKS, "MINE")
