@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.errors import InputError
 from fcsim.problem.delassus import Delassus
+from fcsim.problem.motion import Motion
 
 
 def as_vector(values: Any, what: str) -> FloatArray:
@@ -138,7 +139,10 @@ class GlobalProblem:
 
 @dataclass(frozen=True, eq=False)
 class LocalProblem:
-    """W (m, m), q (m,), mu (nc,), optionally V (m, p), R (p, p) and s (p,); m = dimension * nc."""
+    """W (m, m), q (m,), mu (nc,), optionally V (m, p), R (p, p) and s (p,); m = dimension * nc.
+
+    motion: W = H^T M^-1 H where few degrees of freedom are behind it; it shortens elimination and changes no answer.
+    """
 
     W: Matrix
     q: FloatArray
@@ -147,6 +151,7 @@ class LocalProblem:
     R: Matrix | None = None
     s: FloatArray | None = None
     dimension: int = 3
+    motion: Motion | None = None
 
     def __post_init__(self) -> None:
         q = as_vector(self.q, "q")

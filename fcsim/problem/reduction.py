@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.errors import InputError
 from fcsim.linear.factors import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
 from fcsim.linear.singularity import refuse_singular
@@ -24,10 +24,13 @@ from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_comp
 from fcsim.problem.delassus import diagonal_blocks, own_compliance
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.elimination import Elimination
+from fcsim.problem.motion import Motion
 from fcsim.problem.problem import Answer, GlobalProblem, LocalProblem, Reduced
 
 CONTACTS_AT_ONCE = 1000
 """Contacts whose own blocks of W are computed together where W as a whole is not wanted."""
+FEW = 0.5
+"""Degrees of freedom over contact unknowns up to which methods may work in the bodies' velocities."""
 EQUAL = 1e-13
 """Blocks of M whose entries differ by less, relative to the largest, are one body's (5e-15 to 1e-14 between the blocks of a wall)."""
 
@@ -212,7 +215,8 @@ class Reduction:
     def local(self) -> LocalProblem:
         """The local form W, q, mu."""
         p = self.problem
-        return LocalProblem(self.factor.delassus(self._H, p.dimension), self.q, p.mu, dimension=p.dimension)
+        W = self.factor.delassus(self._H, p.dimension)
+        return LocalProblem(W, self.q, p.mu, dimension=p.dimension, motion=_motion(p, W))
 
     def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """Return v (n,) = M^-1 (H r + G l + f) and the multiplier l (p,), None without equality constraints."""
@@ -232,6 +236,13 @@ class Reduction:
             residual = residual - p.G @ multiplier
         scale = float(np.linalg.norm(p.f))
         return float(np.linalg.norm(residual)) / (scale or 1.0)
+
+
+def _motion(problem: GlobalProblem, W: Matrix) -> Motion | None:
+    """H and M behind W, where degrees of freedom are few and no equality constraints couple them."""
+    if problem.G is not None or not 0 < problem.n <= FEW * problem.m:
+        return None
+    return Motion(sp.csr_array(sp.csr_array(problem.H).T), sp.csr_array(problem.M), W)
 
 
 def _touched(H: Any) -> BoolArray:

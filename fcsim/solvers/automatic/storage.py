@@ -34,4 +34,7 @@ def fitting_storage(problem: LocalProblem, count: int) -> LocalProblem:
         W = sp.bsr_array((blocks, column.astype(np.int32), indptr.astype(np.int32)), shape=W.shape)
     elif sp.issparse(W):
         W = W.toarray()
-    return problem if W is problem.W else LocalProblem(W, problem.q, problem.mu, dimension=d)
+    if W is problem.W:
+        return problem
+    motion = None if problem.motion is None else problem.motion.stored_as(problem.W, W)
+    return LocalProblem(W, problem.q, problem.mu, dimension=d, motion=motion)

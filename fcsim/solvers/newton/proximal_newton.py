@@ -68,7 +68,7 @@ def proximal_newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, opti
 
 
 def proximal_newton_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: ProximalNewtonOptions) -> Turns:
-    """The same by turns of one inner problem each (62 lines: one loop whose branches share its state)."""
+    """The same by turns of one inner problem each (63 lines: one loop whose branches share its state)."""
     W = problem.W
     inner = RegularisedNewton(problem)
     alpha, formulation, floor = options.alpha, "AC", 0.0
@@ -82,10 +82,11 @@ def proximal_newton_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor
         if monitor.iterations >= options.max_iterations:
             return Iterate(best, Status.MAX_ITERATIONS)
         target = options.accuracy * max(monitor.tol, min(error, 1.0))
-        found, watch = inner.solve(r, alpha, target, formulation, monitor)
+        most = options.max_iterations - monitor.iterations
+        found, watch = inner.solve(r, alpha, target, formulation, monitor, most=most)
         monitor.iterations += max(watch.iterations, 1)
-        if found.status is not Status.SOLVED and error <= NEAR_ENOUGH and failed < options.retries:
-            again, second = inner.solve(r, alpha, target, formulation, monitor, adaptive=True)
+        if found.status is not Status.SOLVED and error <= NEAR_ENOUGH and failed < options.retries and most > max(watch.iterations, 1):
+            again, second = inner.solve(r, alpha, target, formulation, monitor, adaptive=True, most=most - max(watch.iterations, 1))
             monitor.iterations += max(second.iterations, 1)
             if again.status is Status.SOLVED:
                 found, watch = again, second

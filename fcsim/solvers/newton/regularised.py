@@ -36,21 +36,30 @@ class RegularisedNewton:
         self._systems: dict[bool, NewtonSystem] = {}  # by whether the formulation lets contacts be held
 
     def solve(
-        self, r: FloatArray, alpha: float, tol: float, formulation: str, outer: Monitor, adaptive: bool = False
+        self,
+        r: FloatArray,
+        alpha: float,
+        tol: float,
+        formulation: str,
+        outer: Monitor,
+        adaptive: bool = False,
+        most: int = INNER_ITERATIONS,
     ) -> tuple[Iterate, Monitor]:
         """Return Newton's iterate from the centre r and its monitor, whose errors are relative to ||q|| of the problem itself.
 
-        adaptive: rho is found out on the way; slower than what suits most contacts, but with that one single contacts may cycle.
+        most: iterations that are left; adaptive: rho is found out on the way; slower than what suits most contacts, but with that one
+        single contacts may cycle.
         """
         problem, shift, d = self._problem, alpha * self._D, self._problem.dimension
         q = problem.q - np.repeat(shift, d) * r
         watch = outer.inner(q, tol, floor=self._norm)
         rho = {"rho": ADAPTED[formulation]} if adaptive else {"rho_factor": RHO_FACTOR}
-        options = NewtonOptions(formulation=formulation, max_iterations=INNER_ITERATIONS, **rho)
+        options = NewtonOptions(formulation=formulation, max_iterations=min(most, INNER_ITERATIONS), **rho)
         condensing = formulation in ("AC", "JM")
         if condensing in self._systems:
             system = self._systems[condensing].shifted(shift)
         else:
-            system = newton_system(Shifted(problem.W, d, shift), condensing=condensing, once=True)
+            motion = None if problem.motion is None else problem.motion.of(problem.W)
+            system = newton_system(Shifted(problem.W, d, shift, motion), condensing=condensing, once=True)
         self._systems[condensing] = system
         return newton_iterations(LocalSpace(system, q, r), r, system.operator.diagonal_blocks, problem.mu, watch, options), watch

@@ -8,22 +8,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.problem import diagonal_blocks
+from fcsim.problem.motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
 class Shifted:
-    """W + diag(shift) for W (m, m) dense or sparse, shift (nc,) one number a contact or None; W itself is never changed."""
+    """W + diag(shift) for W (m, m) dense or sparse, shift (nc,) one number a contact or None; W itself is never changed.
 
-    W: Any
+    motion: W = H^T M^-1 H where few degrees of freedom are behind it, else None.
+    """
+
+    W: Matrix
     dimension: int
     shift: FloatArray | None = None
+    motion: Motion | None = None
 
     @property
     def nc(self) -> int:
@@ -41,7 +46,7 @@ class Shifted:
         return own if self.shift is None else own + self.shift[:, None, None] * np.eye(self.dimension)
 
     @cached_property
-    def matrix(self) -> Any:
+    def matrix(self) -> Matrix:
         """W + diag(shift), formed in W's own storage."""
         if self.shift is None:
             return self.W

@@ -1,0 +1,123 @@
+"""Newton's regularised system in the bodies' velocities: the same step as by the contacts, and where it is used."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+import scipy.sparse as sp
+from numpy.testing import assert_allclose
+
+from fcsim.bench.families import problems
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import GlobalProblem
+from fcsim.problem.motion import Motion
+from fcsim.problem.reduction import reduce
+from fcsim.solvers import solve
+from fcsim.solvers.newton.systems import velocity
+from fcsim.solvers.newton.systems.choice import newton_system
+from fcsim.solvers.newton.systems.direct import DenseSystem
+from fcsim.solvers.newton.systems.interface import Shifted
+from fcsim.solvers.newton.systems.velocity import VelocitySystem
+
+OPEN, STICK, SLIP = 0, 1, 2
+
+
+def bodies(d: int, nc: int, n: int, seed: int, unit: float = 1.0) -> Shifted:
+    """W = H^T M^-1 H of rank n < m, masses around `unit`, every contact on some of the unknowns; a shift for each contact."""
+    rng = np.random.default_rng(seed)
+    H = rng.standard_normal((n, d * nc)) * np.repeat(rng.random((n, nc)) < 0.5, d, axis=1)
+    M = sla.block_diag(*(x @ x.T + np.eye(2) for x in rng.standard_normal((n // 2, 2, 2)))) * unit
+    W = H.T @ np.linalg.solve(M, H)
+    motion = Motion(sp.csr_array(H.T), sp.csr_array(M), W)
+    return Shifted(W, d, 1e-2 / unit * (1 + rng.random(nc)), motion)
+
+
+def linearisation(nc: int, d: int, rng: np.random.Generator, unit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """A [impulse per velocity] and B as the formulations make them: open, sticking (B = 0), sliding."""
+    zone = rng.choice(3, nc)
+    A = unit * (0.2 * rng.standard_normal((nc, d, d)) + 2 * np.eye(d))
+    B = 0.2 * rng.standard_normal((nc, d, d)) + np.eye(d)
+    A[zone == OPEN], B[zone == OPEN] = 0, np.eye(d)
+    B[zone == STICK] = 0
+    return A, B
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_step_is_that_of_the_contacts(d: int, sparse: bool, unit: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    if sparse:
+        monkeypatch.setattr(velocity, "DENSE_UP_TO", 0)
+    nc, rng = 30, np.random.default_rng(1)
+    operator = bodies(d, nc, 12, 2, unit)
+    system = VelocitySystem(operator)
+    for factor in (1.0, 1e-3):
+        assert operator.shift is not None
+        own = system.shifted(factor * operator.shift)
+        A, B = linearisation(nc, d, rng, unit)
+        rhs = rng.standard_normal((nc, d))
+        dr, du = own.solve(A, B, rhs)
+        shifted = operator.W + np.diag(np.repeat(factor * operator.shift, d))
+        J = sla.block_diag(*A) @ shifted + sla.block_diag(*B)
+        assert np.linalg.norm(J @ dr - rhs.ravel()) <= 1e-9 * np.linalg.norm(rhs)
+        assert_allclose(du, shifted @ dr, rtol=0, atol=1e-9 * np.abs(du).max())
+        assert_allclose(dr, DenseSystem(own.operator).solve(A, B, rhs)[0], rtol=0, atol=1e-7 * np.abs(dr).max())
+
+
+def test_without_a_shift_it_is_singular() -> None:
+    operator = bodies(3, 10, 6, 3)
+    A, B = np.tile(np.eye(3), (10, 1, 1)), np.zeros((10, 3, 3))
+    with pytest.raises(SingularMatrix):
+        VelocitySystem(replace(operator, shift=np.zeros(10))).solve(A, B, np.ones((10, 3)))
+    with pytest.raises(SingularMatrix):
+        VelocitySystem(replace(operator, shift=None)).solve(A, B, np.ones((10, 3)))
+
+
+def test_it_serves_where_degrees_of_freedom_are_few_and_the_operator_is_regular() -> None:
+    operator = bodies(3, 120, 12, 4)
+    assert isinstance(newton_system(operator, condensing=True, once=True), VelocitySystem)
+    for other in (replace(operator, motion=None), replace(operator, shift=None), replace(operator, shift=np.zeros(120))):
+        assert not isinstance(newton_system(other, condensing=True, once=True), VelocitySystem)
+    assert not isinstance(newton_system(operator, "dense", condensing=True), VelocitySystem), "a name is an order"
+
+
+def test_a_reduction_knows_where_its_operator_comes_from() -> None:
+    wall = problems("walls", 200, 1)
+    assert isinstance(wall, GlobalProblem)
+    local = reduce(wall).local
+    assert local.motion is not None
+    assert local.motion.of(local.W) is local.motion
+    HT, W = local.motion.HT.toarray(), local.W.toarray() if sp.issparse(local.W) else local.W
+    assert_allclose(HT @ np.linalg.solve(local.motion.M.toarray(), HT.T), W, rtol=0, atol=1e-12 * np.abs(W).max())
+    other = replace(local, W=2 * W)
+    assert other.motion is not None
+    assert other.motion.of(other.W) is None, "another W in its place"
+    assert other.motion.stored_as(other.W, other.W) is None
+    many = GlobalProblem(np.eye(9), np.eye(9), np.zeros(9), -np.ones(9), np.full(3, 0.5))
+    assert reduce(many).local.motion is None, "as many degrees of freedom as contact unknowns"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_answer_does_not_depend_on_the_elimination(seed: int) -> None:
+    """Rigid walls on a tilted table: u is determined where r is not."""
+    wall = problems("walls", 200, seed)
+    assert isinstance(wall, GlobalProblem)
+    local = reduce(wall).local
+    bodily, plain = (solve(p, "PROX-NEWTON", tol=1e-11, error="scaled") for p in (local, replace(local, motion=None)))
+    assert bodily.solved
+    assert plain.solved
+    scale = np.abs(local.q).max()
+    assert_allclose(bodily.u, plain.u, rtol=0, atol=1e-6 * scale)
+
+
+def test_a_replaced_operator_is_not_eliminated_by_the_old_bodies() -> None:
+    wall = problems("walls", 200, 0)
+    assert isinstance(wall, GlobalProblem)
+    local = reduce(wall).local
+    other = replace(local, W=3 * local.W)
+    result = solve(other, "PROX-NEWTON", tol=1e-9)
+    assert result.solved
+    assert_allclose(result.u, solve(replace(other, motion=None), "PROX-NEWTON", tol=1e-9).u, rtol=0, atol=1e-6 * np.abs(local.q).max())
