@@ -1,4 +1,6 @@
-"""Milliseconds of contact detection and of the contact matrix on the masonry wall, by rule: python benchmarks/detection.py
+"""Milliseconds of contact detection and of the contact matrix: python benchmarks/detection.py
+
+First the growth of `Everything` with piles of boxes, to 130 000 contacts, in processor time. Then the masonry wall, by rule.
 
 The joints' candidates change, the platens' stay nodes. Positions: as built, where meshes match to round-off, and with every node
 moved by up to 1 µm, so that each facet overlaps its neighbours' opposites by a sliver.
@@ -7,13 +9,15 @@ moved by up to 1 µm, so that each facet overlaps its neighbours' opposites by a
 from __future__ import annotations
 
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import get_args
 
 import numpy as np
 
-from fcsim.contact_detection import contact_matrix
+from fcsim.assembly.model import build_model
+from fcsim.contact_detection import Everything, contact_matrix
 from fcsim.contact_detection.surfaces.surface import CandidateRule
+from fcsim.mesh.blocks import rigid_box
 from fcsim.running.case import load_case
 
 REPEAT = 20
@@ -37,7 +41,33 @@ def measure(rule: str) -> list[tuple[int, int, float, float]]:
     return rows
 
 
+def growth(n: int) -> tuple[int, float, float]:
+    """Contacts of n^3 unit boxes on a floor, every second course shifted by half a box; ms of detection, ms of the look along a step."""
+    boxes = [
+        rigid_box(f"{k} {j} {i}", (1, 1, 1), (i + k % 2 / 2 - n / 2, j + k % 2 / 2 - n / 2, k + 0.5), 1.0)
+        for k in range(n)
+        for j in range(n)
+        for i in range(n)
+    ]
+    model = build_model([rigid_box("floor", (4 * n, 4 * n, 1), (0, 0, -0.5), 1.0), *boxes])
+    everything, still = Everything(model, 0.5), np.zeros((model.n_nodes, 3))
+    contacts, times = everything(model.reference), []
+    for _ in range(3):
+        begin = process_time()
+        everything(model.reference)
+        middle = process_time()
+        everything(model.reference, still)
+        times.append((middle - begin, process_time() - middle))
+    detection, way = 1e3 * np.median(times, axis=0)
+    return len(contacts), float(detection), float(way)
+
+
 if __name__ == "__main__":
+    print("| boxes | contacts | detection [ms] | with displacement [ms] | µs a contact |\n|---:|---:|---:|---:|---:|")
+    for n in (5, 10, 14, 18):
+        count, detection, way = growth(n)
+        print(f"| {n**3} | {count} | {detection:.0f} | {way:.0f} | {1e3 * detection / count:.1f} |")
+    print()
     print("| candidates | contacts, built / moved | nodes a contact | detection [ms] | H [ms] |\n|---|---:|---:|---:|---:|")
     for name in get_args(CandidateRule):
         built, moved = measure(name)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fcsim.assembly.supports import Support
     from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
     from fcsim.command_line.main import main
-    from fcsim.contact_detection import Contacts, ContactSurface, Detector, Everything, SurfacePair, two_pass
+    from fcsim.contact_detection import Contacts, ContactSurface, Detector, Everything, ExactContacts, SurfacePair, two_pass
     from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
     from fcsim.contact_law import (
         Cohesive,
@@ -64,6 +64,7 @@ _HOME = {
     "Detector": "contact_detection",
     "Elliptic": "contact_law",
     "Everything": "contact_detection",
+    "ExactContacts": "contact_detection",
     "FcsimError": "errors",
     "FloatArray": "arrays",
     "Gap": "contact_law",
@@ -125,6 +126,7 @@ __all__ = [
     "Detector",
     "Elliptic",
     "Everything",
+    "ExactContacts",
     "FcsimError",
     "FloatArray",
     "Gap",

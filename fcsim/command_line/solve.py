@@ -27,6 +27,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     solve.add_argument("file", type=Path)
     solve.add_argument("--solver", default="auto", help="name of a solver (see fcsim solvers; default auto, which chooses)")
     solve.add_argument("--tol", type=float, default=1e-8, help="tolerance on the error (default 1e-8)")
+    solve.add_argument(
+        "--error",
+        choices=("scaled", "published"),
+        default="scaled",
+        help="which error the tolerance is on: scaled, which does not depend on the units (default), or that of the tables",
+    )
     solve.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="an option of the solver")
     solve.add_argument("--start", choices=("zero", "guess", "solution"), default="zero", help="where to begin: r = 0, or as stored")
     solve.add_argument("--time-limit", type=float, default=float("inf"), metavar="SECONDS")
@@ -52,7 +58,7 @@ def _solve(options: argparse.Namespace) -> int:
     if not isinstance(problem, GlobalProblem | LocalProblem):
         raise InputError(f"{options.file}: a rolling friction problem (spacedim 5); it can be read and described, not solved")
     start = _start(content, options.start)
-    result = solve(problem, options.solver, start, tol=options.tol, time_limit=options.time_limit, **overrides)
+    result = solve(problem, options.solver, start, tol=options.tol, error=options.error, time_limit=options.time_limit, **overrides)
     if options.write_solution is not None:
         _write(options.write_solution, content, problem, result)
     if options.json:
@@ -120,6 +126,8 @@ def _answer(options: argparse.Namespace, content: FclibFile, problem: GlobalProb
             "solver": result.method,
             "status": result.status.name,
             "error": result.error,
+            "scaled_error": result.scaled_error,
+            "published_error": result.published_error,
             "tol": options.tol,
             "iterations": result.iterations,
             "seconds": result.time,
@@ -139,7 +147,10 @@ def _unknowns(problem: GlobalProblem | LocalProblem) -> int:
 
 def _print_answer(options: argparse.Namespace, content: FclibFile, problem: GlobalProblem | LocalProblem, result: Result) -> None:
     say(f"{options.file}: {content.form} form, {problem.nc} contacts in {problem.dimension}D, n = {_unknowns(problem)}")
-    say(f"{result.method}: {result.status.value}; error {result.error:.3e} (tol {options.tol:g}), {result.iterations} iterations")
+    error = f"{options.error} error {result.error:.3e} (tol {options.tol:g})"
+    say(f"{result.method}: {result.status.value}; {error}, {result.iterations} iterations")
+    other = "published" if options.error == "scaled" else "scaled"
+    say(f"the {other} error is {getattr(result, f'{other}_error'):.3e}" + (f"; {result.message}" if result.message else ""))
     say("seconds: " + ", ".join(f"{phase} {value:.3f}" for phase, value in result.seconds.items()))
     finite = {name: value for name, value in _finite(vars(result.checks)).items() if value is not None}
     say("checks:  " + ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in finite.items()))

@@ -4,6 +4,7 @@ from fcsim.contact_detection.contact_matrix import contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.detection import Detection
 from fcsim.contact_detection.detector import Detector
+from fcsim.contact_detection.exact import ExactContacts
 from fcsim.contact_detection.general.everything import Everything
 from fcsim.contact_detection.surfaces.broad_phase import PairList
 from fcsim.contact_detection.surfaces.sharp_edges import split_at_sharp_edges
@@ -15,6 +16,7 @@ __all__ = [
     "Detection",
     "Detector",
     "Everything",
+    "ExactContacts",
     "PairList",
     "SurfacePair",
     "contact_matrix",

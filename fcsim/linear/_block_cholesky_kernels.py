@@ -58,7 +58,10 @@ def eliminate(P, U):
 
 @njit(cache=True)
 def factorise(indptr, indices, blocks, shift, order, first, starts, rows, offsets, values):
-    """Fill the panels `values` with the Cholesky factor of the block rows + shift I; False where that is not possible."""
+    """Fill the panels `values` with the Cholesky factor of the block rows + shift I; False where that is not possible.
+
+    Long because the panels stay in registers and buffers between its stages.
+    """
     n, ns, d = len(order), len(first) - 1, blocks.shape[1]
     place = np.empty(n, dtype=np.int64)
     place[order] = np.arange(n)

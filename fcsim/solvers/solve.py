@@ -30,7 +30,7 @@ def solve(
     r: FloatArray | None = None,
     *,
     tol: float = 1e-8,
-    error: str = "published",
+    error: str = "scaled",
     floor: float = 0.0,
     time_limit: float = float("inf"),
     memory: Memory | None = None,

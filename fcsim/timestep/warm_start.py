@@ -52,5 +52,5 @@ def warm_start(problem: LocalProblem, contacts: Contacts, memory: Sequence[React
     if len(candidates) == 1:
         return candidates[0]
     # one product a candidate: BLAS' matrix product is slower than that for three columns
-    residuals = [natural_map_residual(c, problem.W @ c + problem.q, problem.mu, problem.dimension) for c in candidates]
+    residuals = [natural_map_residual(c, problem.W @ c + problem.q, problem.mu, problem.dimension, problem.compliance) for c in candidates]
     return candidates[int(np.argmin(residuals))]

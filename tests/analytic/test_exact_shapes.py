@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from fcsim import (
+    Everything,
     Gap,
     InputError,
     RigidBody,
@@ -209,8 +210,29 @@ def test_what_is_not_found_is_refused() -> None:
         with pytest.raises(InputError, match=names):
             ExactContacts(build_model(list(bodies)), 0.3)
     assert ExactContacts(build_model([box, floor]), 0.3, exclude=[("box", "floor")])
+    with pytest.raises(InputError, match="ExactContacts instead of Everything"):
+        Everything(build_model([rigid_sphere("ball", 0.1, (0, 0, 0), 1.0), box]), 0.3)
     with pytest.raises(InputError, match="use Everything"):
         ExactContacts(build_model([box]), 0.3)
+
+
+def test_bad_starts_are_refused() -> None:
+    """Coincident balls, a ball in a floor, one within a box: named before the first step."""
+    floor, ball = rigid_plane("floor", (0, 0, 0), (0, 0, 1)), rigid_sphere("ball", 0.1, (0, 0, 0.5), 1.0)
+    box = rigid_box("box", (1.0, 1.0, 1.0), (0, 0, 0.6), 1.0)
+    for bodies, words in (
+        ([ball, rigid_sphere("twin", 0.1, (0, 0, 0.5), 1.0)], "'ball' and 'twin' by 0.2 m"),
+        ([rigid_sphere("sunk", 0.1, (0, 0, 0.05), 1.0), floor], "'sunk' and 'floor' by 0.05 m"),
+        ([ball, box], "'ball' and 'box' by 0.5 m"),
+    ):
+        with pytest.raises(InputError, match=words):
+            last(simulation(bodies, 1, 1e-3, Gap(), held=()))
+    with pytest.raises(InputError, match="radius: expected a length > 0"):
+        rigid_sphere("ball", -0.1, (0, 0, 0), 1.0)
+    with pytest.raises(InputError, match="direction"):
+        rigid_plane("floor", (0, 0, 0), (0, 0, 0))
+    with pytest.raises(InputError, match="in 2D it is a rigid_sphere"):
+        rigid_cylinder("roller", 0.1, 1.0, (0, 0), 1.0)
 
 
 @pytest.mark.parametrize("d", [2, 3])

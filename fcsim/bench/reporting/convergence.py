@@ -62,7 +62,7 @@ def solve_all(file: Path, solvers: Sequence[str], *, tol: float = 1e-8, time_lim
     runs = []
     for name in solvers:
         solve(problem, name, tol=tol, time_limit=min(WARM_UP, time_limit))
-        result = solve(problem, name, tol=tol, time_limit=time_limit)
+        result = solve(problem, name, tol=tol, error="published", time_limit=time_limit)
         rows = np.array(result.history, dtype=float).reshape(-1, 3)
         iteration, seconds, error = rows.T
         runs.append(Convergence(name, iteration, seconds, error, result.status.name, result.error, result.iterations, result.time))

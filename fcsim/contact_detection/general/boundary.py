@@ -46,6 +46,8 @@ def boundary_of(model: Model) -> Boundary:
 def _of_cells(part: Part) -> IntArray:
     """Facets of the cells that no second cell has."""
     cell = CELL_TYPES[part.cell_type]
+    if cell.order != 1:
+        raise InputError(f"contact of everything, part {part.name!r}: expected cells of first order, got {part.cell_type!r}")
     facets = part.cells[:, cell.facets].reshape(-1, cell.facet_size)
     _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
     return facets[np.sort(first[count == 1])]
@@ -55,7 +57,8 @@ def _of_surfaces(body: RigidBody) -> IntArray:
     """Facets of all surfaces, in the numbers of the first of coincident points; a quadrilateral with two equal corners is a triangle."""
     pieces = [facets for facets in body.surfaces.values() if facets.size]
     if not pieces:
-        raise InputError(f"contact of everything, body {body.name!r}: expected a rigid body with surfaces, got none")
+        hint = "" if body.shape is None else ": bodies of exact shape take ExactContacts instead of Everything"
+        raise InputError(f"contact of everything, body {body.name!r}: expected a rigid body with surfaces, got none{hint}")
     width = max(piece.shape[1] for piece in pieces)
     if width > 4:
         raise InputError(f"contact of everything, body {body.name!r}: expected facets of 2, 3 or 4 nodes, got {width}")

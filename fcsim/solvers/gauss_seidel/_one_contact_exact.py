@@ -23,6 +23,8 @@ def enumerate_cases(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterat
     p = q_T - W_TN q_N / W_NN. ||r_T|| = mu r_N is then a quartic in alpha; of its two factors the one with r_N > 0 is
         psi(alpha) = W_NN ||a|| + mu (q_N det - W_NT a),  a = adj(S + alpha I) p,  det = det(S + alpha I),
     positive at alpha = 0, where sticking breaks the cone, negative far out: its root is bracketed, and polished by Newton.
+
+    Long because its cases share what was computed for the cases before.
     """
     if q0 >= 0.0:  # take-off
         return 0.0, 0.0, 0.0, True
@@ -142,6 +144,8 @@ def _glocker_newton(V, v, mu, threshold, E, y, x, tol, max_iterations):
         0 <= (r_N, sigma_1, sigma_2, kappa_3, kappa_D) ⊥ (u_N, kappa_1, kappa_2, sigma_3, sigma_D) >= 0,
         sigma_i = mu r_N - e_i r_T,  sigma_D = ((mu r_N)^2 - r_T^2) / 2,  -u_T = sum_i kappa_i e_i + kappa_D r_T.
     E is the inverse of the matrix with rows e_1, e_2. With threshold >= 0 it stands for mu r_N (fixed point on the threshold).
+
+    Long because its three equations and their derivatives are written out.
     """
     F, G, z = np.empty(5), np.empty(5), np.empty(5)
     J, b = np.empty((5, 5)), np.empty(5)

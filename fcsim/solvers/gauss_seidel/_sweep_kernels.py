@@ -79,6 +79,8 @@ def sweep(
     proximal regularisation, balanced by q_a - shift_a r_a; rho (nc, 2): rho_N, rho_T. tolerance is relative to ||r_a|| + rho_N ||q_a||.
     relaxation: r_a <- r_a + omega (new - r_a). filtered: keep r_a where the new one is not finite or has a larger natural-map residual.
     freezing: a contact that changed by less than `settled` (unit of r) is left out of the next `freezing` sweeps, counted in frozen (nc,).
+
+    Long because a template is specialised as a whole for each one-contact solver.
     """
     change = 0.0
     size = 0.0

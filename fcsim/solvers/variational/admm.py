@@ -99,7 +99,7 @@ class SplittingFactor(Kept):
 
 
 class LocalSplitting:
-    """z = r in C, -rho zeta = u + g in C*; `gain` carries the primal residual over to the natural one.
+    """z = r in C, -rho zeta = u + g in C*; `gain` and `dual_gain` carry the primal and the dual residual over to the natural one.
 
     With the factor of an earlier W, which a simulation keeps, the linear step is one of iterative refinement from the last x: the fixed
     point is the same, and where W has changed by less than rho the iterates hardly differ.
@@ -108,6 +108,7 @@ class LocalSplitting:
     def __init__(self, vi: Inequality, symmetric: bool, monitor: Monitor | None = None) -> None:
         """monitor: whose memory has earlier factors and takes this one's."""
         self._vi, self._symmetric, self._monitor = vi, symmetric, monitor
+        self.dual_gain = 1.0
         self._x: FloatArray | None = None  # the last x where the factor is an earlier W's
 
     def set_rho(self, rho: float) -> None:
@@ -168,11 +169,12 @@ class GlobalSplitting:
         self._problem, self._reduction = p, reduction
         self._H, self._HT = sp.csr_array(p.H), sp.csr_array(p.H.T)
         self._M, self._HHT = sp.csr_array(p.M), sp.csr_array(self._H @ self._HT)
+        self._compliance = float(reduction.compliance.mean()) if p.nc else 1.0
         self._cone = Inequality(Delassus(np.empty((0, 0)), p.dimension), p.w, Cone(p.mu))
 
     def set_rho(self, rho: float) -> None:
         self.rho = rho
-        self.gain = 1.0
+        self.gain, self.dual_gain = 1.0, self._compliance
         A = self._M + rho * self._HHT
         G = self._problem.G
         if G is not None:
@@ -251,7 +253,8 @@ class _Rescaled:
 
     def __init__(self, watch: Watch, scale: FloatArray) -> None:
         self._watch, self._scale = watch, scale
-        self.target = watch.target * float(scale.min(initial=1.0))
+        self.target = watch.target * float(scale.min(initial=np.inf) if len(scale) else 1.0)  # of u scale, which is that much smaller
+        self.compliance = watch.compliance
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
         return self._watch.visit(self._scale * r, None if u is None else u / self._scale, due)
@@ -341,7 +344,7 @@ def iterate(
         rho = splitting.rho
         sums = splitting_residuals(x, z, zeta, z_hat, zeta_hat)
         primal, dual = math.sqrt(sums[0]), rho * math.sqrt(sums[1])
-        status = watch.visit(splitting.answer(z, zeta), None, light.due(splitting.gain * primal + dual))
+        status = watch.visit(splitting.answer(z, zeta), None, light.due(splitting.gain * primal + splitting.dual_gain * dual))
         if primal == 0 and dual == 0 and status is None:
             status = Status.STAGNATED
         factor = 1.0

@@ -93,9 +93,10 @@ def scaled_program(vi: Inequality) -> tuple[ConicRows, Any, FloatArray, float]:
     return replace(rows, h=rows.h / scale), P / operator.norm, vi.q[rows.free] / size, scale
 
 
-def _accuracy(target: float, size: float, norm: float) -> float:
-    """The tolerance of a scaled program for a natural residual `target`, where ||q|| = size and ||W|| = norm."""
-    return float(np.clip(1e-3 * min(1.0, norm) * target / (size or 1.0), 1e-11, 1e-8))
+def _accuracy(watch: Watch, size: float, norm: float) -> float:
+    """The tolerance of a scaled program for the natural residual of a watch, where ||q|| = size and ||W|| = norm."""
+    largest = float(watch.compliance.max(initial=0.0)) or norm
+    return float(np.clip(1e-3 * min(1.0, norm / largest) * watch.target / (size or 1.0), 1e-11, 1e-8))
 
 
 def clarabel_solve(P: Any, c: FloatArray, A: Any, h: FloatArray, cones: list[Any], accuracy: float) -> tuple[FloatArray, FloatArray]:
@@ -120,7 +121,7 @@ def clarabel_program(vi: Inequality, r: FloatArray, watch: Watch) -> Iterate:
     symmetric = vi.operator.symmetric_part
     rows, P, c, scale = scaled_program(Inequality(symmetric, vi.q, vi.convex_set))
     size = float(np.linalg.norm(vi.q)) or 1.0
-    accuracy = _accuracy(watch.target, size, vi.operator.norm)
+    accuracy = _accuracy(watch, size, vi.operator.norm)
     cones = [clarabel.NonnegativeConeT(rows.half_lines)] if rows.half_lines else []
     cones += [clarabel.SecondOrderConeT(rows.cone_size)] * rows.cones
     change = np.inf

@@ -24,7 +24,7 @@ from fcsim.solvers.variational.convex_sets import Cone, Disk
 from fcsim.solvers.variational.inequality import Inequality
 from fcsim.solvers.variational.interior_point import primal_dual
 from fcsim.solvers.variational.projection import ProjectionOptions, project
-from fcsim.solvers.variational.watches import LightCriterion, Watch
+from fcsim.solvers.variational.watches import LightCriterion, Watch, least_residual
 
 Engine = Callable[[Inequality, FloatArray, Watch], Iterate]
 
@@ -48,7 +48,7 @@ def projected_gradient(vi: Inequality, r: FloatArray, watch: Watch, accelerated:
             rho *= 0.5
             continue
         residual = vi.step(new, u_new, rho)[1]
-        status = watch.visit(new, u_new, min(1.0, 1.0 / rho) * residual <= watch.target or not np.isfinite(residual))
+        status = watch.visit(new, u_new, least_residual(watch, rho, residual) <= watch.target or not np.isfinite(residual))
         if residual == 0 and status is None:
             status = Status.STAGNATED
         beta = 0.0
@@ -136,7 +136,7 @@ class _Capped:
 
     def __init__(self, watch: Watch, iterations: int) -> None:
         self._watch, self._left = watch, iterations
-        self.target = watch.target
+        self.target, self.compliance = watch.target, watch.compliance
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
         return self._watch.visit(r, u, due) or (Status.STAGNATED if self._left <= 0 else None)

@@ -182,7 +182,9 @@ def _fixed_point(
     u = velocity(r)
     error = monitor.record(r, u)
     least, since, sharpening = error, 0, 1.0
-    while error > monitor.tol:
+    while not error <= monitor.tol:
+        if not np.isfinite(error):
+            return Iterate(r, Status.DIVERGED)
         if monitor.iterations >= options.max_iterations:
             return Iterate(r, Status.MAX_ITERATIONS)
         if monitor.out_of_time():

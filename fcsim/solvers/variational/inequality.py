@@ -94,9 +94,11 @@ class Inequality:
         change = self.convex_set.step(self._rows(r), self._rows(F), rho, self._rows(out))
         return out, float(np.sqrt(change))
 
-    def residual(self, r: FloatArray, u: FloatArray) -> float:
-        """The natural residual ||r - P_C(r - F(r))||."""
-        return self.step(r, self.map(u), 1.0)[1]
+    def residual(self, r: FloatArray, u: FloatArray, compliance: FloatArray) -> float:
+        """The natural residual ||s (r - P_C(r - F(r) / s))|| with the contacts' compliances s (nc,), in the unit of u."""
+        s = compliance[:, None]
+        moved = self.step(r, (self._rows(self.map(u)) / s).ravel(), 1.0)[0]
+        return float(np.linalg.norm(s * self._rows(r - moved)))
 
     def _rows(self, x: FloatArray) -> FloatArray:
         return x.reshape(-1, self.operator.dimension)

@@ -172,7 +172,7 @@ def primal_dual(vi: Inequality, r: FloatArray, watch: Watch, max_iterations: int
         if not (np.all(np.isfinite(candidate)) and gap > 1e-20):  # as far as floating point goes
             break
         u = vi.velocity(candidate)
-        residual = vi.residual(candidate, u)
+        residual = vi.residual(candidate, u, watch.compliance)
         if residual < least:
             answer, least = candidate, residual
         status = watch.visit(candidate, u, residual <= watch.target)

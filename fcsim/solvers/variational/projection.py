@@ -18,7 +18,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
 from fcsim.solvers.variational.inequality import Inequality
-from fcsim.solvers.variational.watches import ProblemWatch, Watch
+from fcsim.solvers.variational.watches import ProblemWatch, Watch, least_residual
 
 
 def khobotov_ratio(rho: float, dr: FloatArray, dF: FloatArray, change: float) -> float:
@@ -106,8 +106,8 @@ def hyperplane(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: 
 def project(vi: Inequality, r: FloatArray, watch: Watch, options: ProjectionOptions, corrector: bool) -> Iterate:
     """The fixed-point projection (corrector: the extragradient) method, with constant or self-adaptive step size.
 
-    The natural residual e_rho = ||r - P_C(r - rho F(r))|| comes with each step; as e_rho grows and e_rho / rho falls with rho,
-    min(1, 1 / rho) e_rho <= e_1, which tells for free when the error need not be computed.
+    The change e_rho = ||r - P_C(r - rho F(r))|| comes with each step and tells for free when the error need not be computed
+    (`least_residual`).
     """
     ratio = RATIOS[options.step_rule]
     safe = 0.5 * options.L / vi.lipschitz  # here a larger ratio is nothing but round-off
@@ -116,7 +116,7 @@ def project(vi: Inequality, r: FloatArray, watch: Watch, options: ProjectionOpti
     F = vi.map(u)
     while True:
         predicted, change = vi.step(r, F, rho)  # step 1: rbar = P_C(r - rho F(r))
-        status = watch.visit(r, u, min(1.0, 1.0 / rho) * change <= watch.target or not np.isfinite(change))
+        status = watch.visit(r, u, least_residual(watch, rho, change) <= watch.target or not np.isfinite(change))
         if status is not None:
             return Iterate(r, status)
         if change == 0:  # a fixed point in floating point, with an error above the tolerance
@@ -147,7 +147,7 @@ def project_on_hyperplanes(vi: Inequality, r: FloatArray, watch: Watch, options:
     F = vi.map(u)
     while True:
         predicted, change = vi.step(r, F, rho)  # step 1: rbar = P_C(r - rho F(r))
-        status = watch.visit(r, u, min(1.0, 1.0 / rho) * change <= watch.target or not np.isfinite(change))
+        status = watch.visit(r, u, least_residual(watch, rho, change) <= watch.target or not np.isfinite(change))
         if status is not None:
             return Iterate(r, status)
         if change == 0:

@@ -15,10 +15,11 @@ from fcsim.solvers.variational.inequality import Inequality
 class Watch(Protocol):
     """Who decides when an iteration ends: for the whole problem the monitor's error, for a sub-problem its natural residual.
 
-    `target` is the natural residual ||r - P_C(r - F(r))|| to reach.
+    `target` is the natural residual ||s (r - P_C(r - F(r) / s))|| to reach, s = `compliance` (nc,) that of the monitor's error.
     """
 
     target: float
+    compliance: FloatArray
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
         """See the iterate r with u = W r + q (None: computed where needed) and say how to stop, None to go on.
@@ -35,7 +36,7 @@ class ProblemWatch:
 
     def __init__(self, velocity: Callable[[FloatArray], FloatArray], monitor: Monitor, max_iterations: int, period: int = 100) -> None:
         self._velocity, self._monitor, self._limit, self._period = velocity, monitor, max_iterations, period
-        self.target = monitor.tol * monitor.scale
+        self.target, self.compliance = monitor.tol * monitor.scale, monitor.compliance
         self._next = monitor.iterations
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
@@ -62,12 +63,12 @@ class SubproblemWatch:
 
     def __init__(self, inequality: Inequality, monitor: Monitor, target: float, max_iterations: int) -> None:
         self._vi, self._monitor, self._limit = inequality, monitor, max_iterations
-        self.target = target
+        self.target, self.compliance = target, monitor.compliance
         self.iterations = 0
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
         if due:
-            residual = self._vi.residual(r, self._vi.velocity(r) if u is None else u)
+            residual = self._vi.residual(r, self._vi.velocity(r) if u is None else u, self.compliance)
             if residual <= self.target:
                 return Status.SOLVED
             if not np.isfinite(residual):
@@ -78,6 +79,15 @@ class SubproblemWatch:
 
     def tick(self) -> None:
         self.iterations += 1
+
+
+def least_residual(watch: Watch, rho: float, change: float) -> float:
+    """What the natural residual is at least where a step r -> P_C(r - rho F(r)) changes r by `change` (of the Euclidean norm).
+
+    ||r - P_C(r - rho F)|| grows with rho and falls when divided by it, so that with 1 / s in the place of rho it is at least
+    min(1, 1 / (rho s)) times this, contact by contact.
+    """
+    return min(float(watch.compliance.min(initial=np.inf)), 1.0 / rho) * change
 
 
 class LightCriterion:
