@@ -38,11 +38,7 @@ SWEEPS = GaussSeidelOptions()
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT)
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
-RELAXED = AdmmOptions(
-    initial_rho="norm", rho=1e-2, rho_update="residual balancing", acceleration="none", relaxation=1.6, rescaling="contacts"
-)
 PATIENT = ProximalNewtonOptions()
-BOLD = ProximalNewtonOptions(accuracy=0.3, rise=5.0)
 SHORT = ProximalNewtonOptions(alpha=1e-3, patience=15)
 
 
@@ -68,16 +64,12 @@ def newton(race: Race, monitor: ShareOfMonitor) -> Turns:
     return local_turns(race.problem, race.best_r(), monitor, options, once=True)
 
 
-def _splitting(race: Race, monitor: ShareOfMonitor, options: AdmmOptions) -> Turns:
-    """ADMM from zero, which suits it better than sweeps' iterate."""
+def splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """ADMM from zero, which suits it better than sweeps' iterate; where contacts come in joints one factor, many cheap iterations."""
+    options = SPLITTING if race.joints is None else SPLITTING_OF_JOINTS
     vi = Inequality.coulomb(race.problem)
     watch = ProblemWatch(vi.velocity, monitor, options.max_iterations, period=WATCHED)
     return split_turns(vi, np.zeros(race.problem.m), watch, options)
-
-
-def splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """ADMM; where contacts come in joints one factorisation and many cheap iterations."""
-    return _splitting(race, monitor, SPLITTING if race.joints is None else SPLITTING_OF_JOINTS)
 
 
 def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
@@ -85,22 +77,8 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
     return _proximal(race, monitor, race.best_r(), PATIENT)
 
 
-def bold_proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """The same with looser inner problems, whose alpha rises faster."""
-    return _proximal(race, monitor, race.best_r(), BOLD)
-
-
 def _proximal(race: Race, monitor: ShareOfMonitor, r: FloatArray, options: ProximalNewtonOptions) -> Turns:
     return proximal_newton_turns(race.problem, r, monitor, replace(options, max_iterations=race.options.max_iterations))
-
-
-def proximal_after_splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from where ADMM comes without acceleration, contacts scaled alike: what suits piles of very different masses."""
-    options = replace(RELAXED, max_iterations=10 * race.options.splitting)
-    start = yield from _splitting(race, monitor, options)
-    if start.status in (Status.SOLVED, Status.TIME_LIMIT):
-        return start
-    return (yield from _proximal(race, monitor, start.r, PATIENT))
 
 
 def nearby(race: Race, monitor: ShareOfMonitor) -> Turns:

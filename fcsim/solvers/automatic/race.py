@@ -164,8 +164,8 @@ class Race:
         return [runner for runner in self.runners.values() if runner.result is None]
 
     def over(self, name: str) -> bool:
-        """Whether a stage has begun and ended."""
-        return name in self.runners and self.runners[name].result is not None
+        """Whether a stage has begun and ended, or is left out."""
+        return name in self.options.without or (name in self.runners and self.runners[name].result is not None)
 
 
 def _next(race: Race) -> Runner:

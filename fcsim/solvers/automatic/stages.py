@@ -126,6 +126,12 @@ def _enter_newton(race: Race) -> bool:
     return _newton_first(race) or _dearer_than_newton(race, _swept(race))
 
 
+def _enter_proximal(race: Race) -> bool:
+    if "Newton" in race.runners or race.warm or race.joints is not None:
+        return race.over("Newton")
+    return race.over("Newton") and _dearer_than_newton(race, _swept(race))
+
+
 def _plateau(race: Race, runner: Runner) -> bool:
     return runner.monitor.iterations >= PLATEAU * race.options.probe and runner.gain(2 / 3) < 1 / 0.9
 
@@ -164,7 +170,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "proximal Newton",
         "Enters after Newton. A regular W at each step, for problems where W is rank deficient.",
-        enters=lambda race: race.over("Newton"),
+        enters=_enter_proximal,
         turns=methods.proximal,
         price=lambda race: race.prices.newton,
     ),
@@ -183,23 +189,9 @@ STAGES: tuple[Stage, ...] = (
         price=lambda race: race.prices.least_squares(_closed(race)),
     ),
     Stage(
-        "proximal Newton after ADMM",
-        "From another start: ADMM without acceleration, contacts scaled alike.",
-        enters=lambda race: race.over("proximal Newton") and (race.best > FAR or race.over("least squares")),
-        turns=methods.proximal_after_splitting,
-        price=lambda race: race.prices.newton,
-    ),
-    Stage(
-        "bold proximal Newton",
-        "Another schedule: looser inner problems, alpha rises faster.",
-        enters=lambda race: race.over("proximal Newton after ADMM"),
-        turns=methods.bold_proximal,
-        price=lambda race: race.prices.newton,
-    ),
-    Stage(
         "nearby starts",
         "Short runs from perturbed copies of the best iterate, where its error is small already.",
-        enters=lambda race: race.over("bold proximal Newton") and race.best <= NEAR,
+        enters=lambda race: race.over("proximal Newton") and race.over("least squares") and race.best <= NEAR,
         turns=methods.nearby,
         price=lambda race: race.prices.newton,
     ),
