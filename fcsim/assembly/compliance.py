@@ -15,8 +15,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group
+from fcsim.assembly.kinematics.elastic_forces import turned_by
+from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import inverse_on
 from fcsim.errors import InputError
@@ -42,6 +44,7 @@ class SystemFactor:
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
         self._elastic = _ElasticMatrix(model, mass, stiffness)
         self.places = self._bodies_of_dofs()
+        self.rotation: FloatArray | None = None
         self._set_rigid_mass(model.rigid_mass())
 
     def _bodies_of_dofs(self) -> tuple[IntArray, IntArray]:
@@ -73,10 +76,19 @@ class SystemFactor:
         other._set_rigid_mass(rigid_mass)
         return other
 
+    def turned(self, rotation: FloatArray) -> SystemFactor:
+        """The factor of T (a M + b K) T^T, where T turns the nodes of each deformable body by rotation (n_deformable, d, d), which
+        `ElasticForces.system_rotation` gives: factors and compliances stay what they are in the bodies' axes."""
+        other = copy.copy(self)
+        other.rotation, other._matrix = rotation, None
+        return other
+
     def matrix(self) -> Any:
         """A as one csr_array on the problems' unknowns: (n_free, n_free), or (n_dofs, n_dofs) with identity rows. Made once."""
         if self._matrix is None:
-            self._matrix = _joined(self._elastic.block, self._rigid_block())
+            self._matrix = _joined(
+                self._elastic.block if self.rotation is None else self._elastic.turned.at(self.rotation), self._rigid_block()
+            )
         return self._matrix
 
     def _rigid_block(self) -> Any:
@@ -94,7 +106,8 @@ class SystemFactor:
         """Return A v (n_dofs,) over all dofs, driven ones as they are."""
         y = self.mass * self.model.apply_mass(v, self.rigid_mass)
         if self.stiffness:
-            y += self.stiffness * self.model.apply_stiffness(v)
+            turned = self.model.elastic.turned_stiffness
+            y += self.stiffness * (self.model.apply_stiffness(v) if self.rotation is None else turned(self.rotation, v))
         return y
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -110,7 +123,14 @@ class SystemFactor:
         x = rhs.copy()
         for group in self._groups:
             dofs = group.dofs[:, group.free]
-            x[dofs] = group.factor.solve(np.ascontiguousarray(rhs[dofs].T)).T
+            if self.rotation is None:
+                x[dofs] = group.factor.solve(np.ascontiguousarray(rhs[dofs].T)).T
+                continue
+            own, Q = np.zeros(group.dofs.shape), self.rotation[group.members]
+            own[:, group.free] = rhs[dofs]
+            inner = turned_by(Q.transpose(0, 2, 1), own)[:, group.free]
+            own[:, group.free] = group.factor.solve(np.ascontiguousarray(inner.T)).T
+            x[dofs] = turned_by(Q, own)[:, group.free]
         rigid, free = self.model.rigid_part(x), self.model.rigid_free
         rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
@@ -131,11 +151,20 @@ class _ElasticMatrix:
         self._model, self._mass, self._stiffness = model, mass, stiffness
 
     @cached_property
+    def turned(self) -> TurnedMatrix:
+        model = self._model
+        return TurnedMatrix(model.groups, self._mass, self._stiffness, self._free, model.driven == "eliminated")
+
+    @property
+    def _free(self) -> BoolArray:
+        free = np.ones(self._model.n_elastic, dtype=bool)
+        free[self._model.driven_dofs[self._model.driven_dofs < len(free)]] = False
+        return free
+
+    @cached_property
     def block(self) -> Any:
-        model, n = self._model, self._model.n_elastic
+        model, n, free = self._model, self._model.n_elastic, self._free.astype(float)
         A = model.matrix(self._mass, self._stiffness)[:n, :n]
-        free = np.ones(n)
-        free[model.driven_dofs[model.driven_dofs < n]] = 0
         if model.driven == "eliminated":
             return sp.csr_array(A[free > 0][:, free > 0])
         A = sp.csr_array(sp.diags_array(free) @ A @ sp.diags_array(free) + sp.diags_array(1 - free))
@@ -160,7 +189,7 @@ class _GroupFactor:
     """Factor and contact compliance of one group's block."""
 
     def __init__(self, model: Model, group: Group, mass: float, stiffness: float, touched: NDArray[np.bool_]) -> None:
-        self.first, self.size, self.dofs = group.first, group.size, group.dofs
+        self.first, self.size, self.dofs, self.members = group.first, group.size, group.dofs, group.members
         self.free = np.flatnonzero(~group.driven)
         block = sp.csr_array(mass * group.M + stiffness * group.K)[self.free][:, self.free]
         try:

@@ -7,7 +7,7 @@ body through the operators of the parts, which are assembled once.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -17,12 +17,13 @@ from numpy.typing import ArrayLike
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group, operator_groups
+from fcsim.assembly.kinematics.elastic_forces import ElasticForces
 from fcsim.assembly.layout import BodyLayout, in_order
 from fcsim.assembly.loads import Follower, Load, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on
 from fcsim.assembly.supports import Support, refuse_contradictions, support_dofs, support_velocity
 from fcsim.errors import InputError
-from fcsim.mesh.part import Body, RigidBody
+from fcsim.mesh.part import Body, Kinematics, RigidBody, refuse_kinematics
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,8 @@ class Model(BodyLayout):
 
     alpha [1/s], beta [s]: Rayleigh damping C = alpha M + beta K; gravity(t) -> (d,) [m/s^2]
     driven: "eliminated" removes driven dofs from the problems' unknowns, "identity" keeps them as rows of the identity
+    kinematics: of the deformable bodies that do not name theirs; None: "turning" for those whose supports leave them a rotation,
+    "linear" for the others and in quasi-statics
     """
 
     supports: tuple[Support, ...]
@@ -40,6 +43,7 @@ class Model(BodyLayout):
     alpha: float
     beta: float
     driven: Literal["eliminated", "identity"]
+    kinematics: Kinematics | None = None
 
     @cached_property
     def supported(self) -> tuple[IntArray, IntArray]:
@@ -67,7 +71,16 @@ class Model(BodyLayout):
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        return operator_groups(self, self.driven_dofs, self.lumped)
+        return operator_groups(self, self.driven_dofs, self.lumped, self.kinematics)
+
+    @cached_property
+    def elastic(self) -> ElasticForces:
+        """The elastic forces of the deformable bodies."""
+        return ElasticForces(self.groups, len(self.deformable), self.dimension, self.beta)
+
+    def moving(self, kinematics: Kinematics | None) -> Model:
+        """Return the model with that kinematics where none is named; the model itself where that changes nothing."""
+        return self if kinematics is None or self.kinematics is not None else replace(self, kinematics=kinematics)
 
     @cached_property
     def rigid_bodies(self) -> RigidBodies:
@@ -90,7 +103,7 @@ class Model(BodyLayout):
         return rigid.reference_mass if x is None else rigid.mass(self.rigid_part(x))
 
     def apply_stiffness(self, x: FloatArray) -> FloatArray:
-        """Return K x (n_dofs,) [N]."""
+        """Return K x (n_dofs,) [N], K of the reference configuration."""
         return self._apply("K", x)
 
     def apply_mass(self, v: FloatArray, rigid_mass: FloatArray | None = None) -> FloatArray:
@@ -176,6 +189,13 @@ class Model(BodyLayout):
         displacement[count:] = self.rigid_bodies.displacement(self.rigid_part(x))
         return displacement
 
+    def strained_displacement(self, x: FloatArray) -> FloatArray:
+        """Displacement (n_nodes, d) [m] that strains: of turning bodies without their rotation, in the axes of the reference; of others
+        as `node_displacement`."""
+        displacement = self.node_displacement(x)
+        displacement.ravel()[: self.n_elastic] = self.elastic.strained(self.elastic.at(x))
+        return displacement
+
     def node_velocity(self, v: FloatArray, x: FloatArray | None = None) -> FloatArray:
         """Velocity (n_nodes, d) [m/s] of all nodes for v (n_dofs,), in the configuration x (default: the reference)."""
         return self.node_operator(np.zeros(self.n_dofs) if x is None else x).dot(v).reshape(-1, self.dimension)
@@ -236,17 +256,22 @@ def build_model(
     alpha: float = 0.0,
     beta: float = 0.0,
     driven: Literal["eliminated", "identity"] = "eliminated",
+    kinematics: Kinematics | None = None,
 ) -> Model:
     """Return the model of the bodies, checked: names, surfaces, directions, contradictory supports.
 
     gravity: function of t giving the acceleration (d,) [m/s^2]; alpha [1/s], beta [s]: Rayleigh damping; lumped or consistent mass.
+    kinematics: "turning" (small strain in frames that turn with the bodies) or "linear" (small rotation too) for the deformable bodies that
+    do not name theirs; None: in dynamics "turning" for those whose supports leave them a rotation, "linear" for the others and in
+    quasi-statics.
     """
+    refuse_kinematics(kinematics, "kinematics")
     ordered = in_order(bodies)
     if driven not in ("eliminated", "identity"):
         raise InputError(f"driven: expected 'eliminated' or 'identity', got {driven!r}")
     if not (0 <= alpha < np.inf and 0 <= beta < np.inf):
         raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {alpha} and {beta}")
-    model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven)
+    model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven, kinematics)
     refuse_contradictions(model.supports, *model.supported)
     model.load(0.0)  # these two refuse what loads and supports get wrong before the run starts
     model.driven_velocity(0.0)

@@ -98,9 +98,11 @@ def _list_parameters(script: CaseScript) -> None:
 
 def show_step(bar: Bar, case: Case, step: Step) -> None:
     """Show the step that has just ended, and above the bar what was out of the ordinary in it."""
+    for remark in step.remarks:
+        bar.say(remark)
     if step.substeps > 1:
         bar.say(f"step {step.number}: cut into {step.substeps} parts")
-    elif len(step.attempts) > 1:
+    elif step.fell_back:
         tried = "; ".join(f"{a.solver} from {a.start}: {a.status}" for a in step.attempts)
         bar.say(f"step {step.number}: fallback chain used ({tried})")
     text = f"{len(step.contacts)} contacts, {step.result.iterations} iterations, error {step.result.error:.1e}"

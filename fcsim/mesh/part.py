@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,14 @@ from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.material import Material
+
+Kinematics = Literal["turning", "linear"]
+
+
+def refuse_kinematics(value: str | None, what: str) -> None:
+    """Refuse what is neither a kinematics nor None."""
+    if value is not None and value not in get_args(Kinematics):
+        raise InputError(f"{what}: expected one of {', '.join(map(repr, get_args(Kinematics)))} or None, got {value!r}")
 
 
 def _frozen(values: ArrayLike, dtype: type, what: str, shape: tuple[int | None, ...]) -> NDArray:
@@ -97,16 +105,20 @@ class Part:
 class Body:
     """A part placed in space: a point X of the part stands at `rotation @ X + translation`.
 
-    rotation (d, d) orthogonal with determinant +1; translation (d,) [m].
+    rotation (d, d) orthogonal with determinant +1; translation (d,) [m]
+    kinematics  "turning": small strain in a frame that turns with the body; "linear": small strain and small rotation; None: as the
+                model says (see `build_model`)
     """
 
     name: str
     part: Part
     rotation: FloatArray = None  # type: ignore[assignment]
     translation: FloatArray = None  # type: ignore[assignment]
+    kinematics: Kinematics | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         d = self.part.dimension
+        refuse_kinematics(self.kinematics, f"Body {self.name!r}, kinematics")
         rotation = np.eye(d) if self.rotation is None else self.rotation
         translation = np.zeros(d) if self.translation is None else self.translation
         object.__setattr__(self, "rotation", _frozen(rotation, np.float64, f"Body {self.name!r}, rotation", (d, d)))

@@ -80,7 +80,7 @@ class _Tally:
         self.computed += 1
         self.iterations += step.iterations
         self.largest_error = max(self.largest_error, step.result.error)
-        self.fallbacks += len(step.attempts) > step.substeps
+        self.fallbacks += step.fell_back
         self.cut += step.substeps > 1
         self.led += bool(step.attempts) and step.attempts[0].leads
         self.energy_created = step.ledger.created
@@ -166,6 +166,7 @@ def _run(
     try:
         for step in case.simulation.run(*moments) if moments else case.simulation:
             tally.add(step, outputs.take(step))
+            description = replace(description, notes=tuple(dict.fromkeys((*description.notes, *step.remarks))))
             if watch is not None:
                 watch(case, step)
     except NotConverged as error:

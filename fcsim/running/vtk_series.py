@@ -128,7 +128,7 @@ class SeriesWriter:
         velocity = self._model.node_velocity(step.state.v, step.state.x)
         datasets = {"contacts": (_contact_points(self._vtk, step, displacement), "vtp")}
         if self._blocks:
-            datasets["blocks"] = (self._blocks.dataset(displacement, velocity), "vtu")
+            datasets["blocks"] = (self._blocks.dataset(displacement, velocity, self._model.strained_displacement(step.state.x)), "vtu")
         if self._rigid:
             datasets["rigid"] = (self._rigid.dataset(displacement, velocity), "vtp")
         files = {name: f"{name}_{step.number:05d}.{suffix}" for name, (_, suffix) in datasets.items()}
@@ -180,18 +180,18 @@ class _Blocks:
         self._grid.SetCells(vtk.support.numpy_to_vtk(kinds, deep=True), vtk.cells(np.concatenate([[0], np.cumsum(width)]), connectivity))
         self._grid.GetCellData().AddArray(vtk.array("body", np.repeat(np.array(numbers, dtype=np.int32), count)))
 
-    def dataset(self, displacement: NDArray, velocity: NDArray) -> Any:
+    def dataset(self, displacement: NDArray, velocity: NDArray, strained: NDArray) -> Any:
         point_data, cell_data = self._grid.GetPointData(), self._grid.GetCellData()
         point_data.AddArray(self._vtk.array("displacement", _in_space(displacement[self._nodes])))
         point_data.AddArray(self._vtk.array("velocity", _in_space(velocity[self._nodes])))
-        cell_data.AddArray(self._vtk.array("von_mises", self._stress(displacement)))
+        cell_data.AddArray(self._vtk.array("von_mises", self._stress(strained)))
         return self._grid
 
-    def _stress(self, displacement: NDArray) -> NDArray:
-        """von Mises stress (ncells,) [Pa]: stress = S R^T u for all bodies of a part at once."""
+    def _stress(self, strained: NDArray) -> NDArray:
+        """von Mises stress (ncells,) [Pa]: stress = S R^T y for all bodies of a part at once, y the displacement that strains."""
         values = np.empty(self._ncells)
         for operator, nodes, rotation, cells in self._parts:
-            in_part_axes = displacement[nodes] @ rotation  # rows: (R^T u)^T = u^T R
+            in_part_axes = strained[nodes] @ rotation  # rows: (R^T y)^T = y^T R
             stress = (operator @ in_part_axes.reshape(len(nodes), -1).T).reshape(cells.shape[1], 6, len(nodes))
             values[cells] = self._von_mises(stress.transpose(2, 0, 1).reshape(-1, 6)).reshape(cells.shape)
         return values

@@ -33,6 +33,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
+from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
 from fcsim.timestep.scheme import positive
@@ -98,17 +99,34 @@ class GeneralisedAlpha:
     def way(self, model: Model, state: State) -> FloatArray | None:
         return self.h * state.v
 
+    @property
+    def kinematics(self) -> Kinematics | None:
+        return None
+
+    @property
+    def elastic_weight(self) -> float:
+        return self.kappa
+
+    @property
+    def elastic_share(self) -> float:
+        return 1.0
+
+    def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Forces act as they are at x_f: both ends are there."""
+        middle = state.x + self.alpha_f * (self._explicit(model, state) + self.kappa * self.alpha_f * v)  # x+ = X + c v+
+        return middle, middle
+
+    def damping_velocity(self, state: State, v: FloatArray) -> FloatArray:
+        return self.alpha_f * v + (1 - self.alpha_f) * state.v
+
     def velocity_before(self, model: Model, state: State) -> FloatArray:
         return state.v
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, kappa, alpha_f = self.h, self.kappa, self.alpha_f
-        x, v = state.x, state.v
         _, inertia = self._memory(model, state)
-        explicit = x + self._explicit(model, state)  # X
-        elastic = model.apply_stiffness(alpha_f * explicit + (1 - alpha_f) * (x + model.beta * v))
         mass = (1 - kappa * (1 - alpha_f) * model.alpha) * momentum(model, state)
-        return mass + h * (alpha_f - 0.5) / self.alpha_m * inertia + kappa * (self._force(model, state) - elastic)
+        return mass + h * (alpha_f - 0.5) / self.alpha_m * inertia + kappa * self._force(model, state)
 
     def _explicit(self, model: Model, state: State) -> FloatArray:
         """X - x (n_dofs,) [m, rad]."""
@@ -151,8 +169,8 @@ class GeneralisedAlpha:
     def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
         """The equation of smooth motion times dx, and M dv = h p_gamma + H r times the mean velocity V = (v + v+) / 2; exact:
 
-        d(v.M v / 2 + x.K x / 2) = dx.F_f + dx.R + V.(H r - what the supports take of it) - dx.C v_f - D
-        D = (alpha_f - 1/2) dx.K dx + dx.p_m - h V.p_gamma + G, with G of `turning`
+        d(v.M v / 2 + y.K y / 2) = dx.F_f + dx.R + V.(H r - what the supports take of it) - dx.C v_f - D
+        D = (alpha_f - 1/2) dx.K dx (turning bodies: dx.F_int(x_f) - dE) + dx.p_m - h V.p_gamma + G, with G of `turning`
 
         with d the change over the step, R the supports' forces, p = M v'. D is zero for rho = 1. In single steps it may be negative, since
         the scheme's own energy, which never grows without loads, differs from this one by terms of order h^2.
@@ -161,20 +179,29 @@ class GeneralisedAlpha:
         rate0, p0 = self._memory(model, before)
         rate1, p1 = self._memory(model, after)
         dx, mean = h * ((1 - gamma) * rate0 + gamma * rate1), 0.5 * (before.v + after.v)
-        K0, K1 = model.apply_stiffness(before.x), model.apply_stiffness(after.x)
+        elastic = model.elastic
+        first, last = elastic.at(before.x), elastic.at(after.x)
+        middle = elastic.at(before.x + alpha_f * (after.x - before.x))
+        energies = elastic.energy(first), elastic.energy(last)
+        if elastic.turning:
+            elastic_loss = float(dx @ elastic.force(middle, middle, 1.0)) - (energies[1] - energies[0])
+        else:
+            elastic_loss = (alpha_f - 0.5) * elastic.loss(first, last)
         M0, M1 = momentum(model, before), momentum(model, after)
         damping = model.alpha * (alpha_f * M1 + (1 - alpha_f) * M0)
+        viscous = 0.0
         if model.beta:
-            damping += model.beta * model.apply_stiffness(alpha_f * after.v + (1 - alpha_f) * before.v)
+            velocity = alpha_f * after.v + (1 - alpha_f) * before.v
+            viscous = float(dx @ (elastic.force(middle, middle, 1.0, velocity) - elastic.force(middle, middle, 1.0)))
         struck = np.zeros(model.n_dofs)
         struck[model.driven_dofs] = -(H @ result.r)[model.driven_dofs]
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
-            elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
+            elastic=energies,
             loads=float(dx @ self._force(model, before)),
             supports=float(dx @ (support - struck)) / h + float(mean @ struck),
-            damping=float(dx @ damping),
-            numerical=(alpha_f - 0.5) * float(dx @ (K1 - K0))
+            damping=float(dx @ damping) + viscous,
+            numerical=elastic_loss
             + float(dx @ (alpha_m * p1 + (1 - alpha_m) * p0))
             - h * float(mean @ (gamma * p1 + (1 - gamma) * p0))
             + turning(model, before.v, M0, after.v, M1),
@@ -186,8 +213,7 @@ class GeneralisedAlpha:
         """x' and p = M v' of a state; of one that another scheme or a user made, x' = v and p by the equation of smooth motion."""
         if state.rate is not None and state.inertia is not None:
             return state.rate, state.inertia
-        inertia = (
-            model.load(state.t, state.x) - model.alpha * momentum(model, state) - model.apply_stiffness(state.x + model.beta * state.v)
-        )
+        now = model.elastic.at(state.x)
+        inertia = model.load(state.t, state.x) - model.alpha * momentum(model, state) - model.elastic.force(now, now, 1.0, state.v)
         inertia[model.driven_dofs] = 0
         return state.v, inertia

@@ -16,6 +16,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
+from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work
 from fcsim.timestep.scheme import positive
@@ -90,11 +91,31 @@ class QuasiStatic:
     def way(self, model: Model, state: State) -> FloatArray | None:
         return None
 
+    @property
+    def kinematics(self) -> Kinematics | None:
+        return "linear"
+
+    @property
+    def elastic_weight(self) -> float:
+        return 1.0
+
+    @property
+    def elastic_share(self) -> float:
+        return 1.0
+
+    def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Equilibrium is at the end of the step: both ends are there."""
+        end = state.x + v
+        return end, end
+
+    def damping_velocity(self, state: State, v: FloatArray) -> None:
+        return None
+
     def velocity_before(self, model: Model, state: State) -> FloatArray:
         return state.v
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
-        return model.load(state.t + self.h, state.x) - model.apply_stiffness(state.x)
+        return model.load(state.t + self.h, state.x)
 
     def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
         return model.rigid_mass(state.x)
@@ -112,20 +133,25 @@ class QuasiStatic:
     def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
         """The step's equation times dx, exact for every load step:
 
-        d(x.K x / 2) = dx.F+ + dx.s + dx.H r - dx.K dx / 2 - eta/h^2 dx.M dx
+        d(x.K x / 2) = dx.F+ + dx.s + dx.H r - dx.K dx / 2 - eta/h^2 dx.M dx (turning bodies: dx.F_int+ - dE in place of dx.K dx / 2)
 
         with s the supports' forces. The last two terms are the scheme's dissipation: that of the implicit Euler rule, which vanishes
         with the size of the load steps, and that of the regularisation.
         """
         dx = self.h * after.v
-        K0, K1 = model.apply_stiffness(before.x), model.apply_stiffness(after.x)
+        first, last = model.elastic.at(before.x), model.elastic.at(after.x)
+        energies = model.elastic.energy(first), model.elastic.energy(last)
+        if model.elastic.turning:
+            euler = float(dx @ model.elastic.force(last, last, 1.0)) - (energies[1] - energies[0])
+        else:
+            euler = 0.5 * model.elastic.loss(first, last)
         regularisation = self.eta / self.h**2 * float(dx @ model.apply_mass(dx)) if self.eta else 0.0
         return balance(
             kinetic=(0.0, 0.0),
-            elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
+            elastic=energies,
             loads=float(dx @ model.load(before.t + self.h, before.x)),
             supports=float(dx @ support),
             damping=0.0,
-            numerical=0.5 * float(dx @ (K1 - K0)) + regularisation,
+            numerical=euler + regularisation,
             contact=contact_work(H, result.r, result.u, dx, model.dimension),
         )

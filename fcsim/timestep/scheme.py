@@ -10,6 +10,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
+from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.state import State
@@ -64,12 +65,35 @@ class Scheme(Protocol):
         along; None where there is no such thing."""
         ...
 
+    @property
+    def kinematics(self) -> Kinematics | None:
+        """Of deformable bodies where neither they nor the model name theirs; None: as their supports allow."""
+        ...
+
+    @property
+    def elastic_weight(self) -> float:
+        """Factor of the elastic forces in the step's equation: a time [s], or 1 in statics."""
+        ...
+
+    @property
+    def elastic_share(self) -> float:
+        """Share of the later end of `elastic_path` in the strain whose forces act."""
+        ...
+
+    def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the configurations between which the elastic forces act if the unknowns are v (n_dofs,); of deformable bodies only."""
+        ...
+
+    def damping_velocity(self, state: State, v: FloatArray) -> FloatArray | None:
+        """Return the velocity (n_dofs,) [m/s] that is damped if the unknowns are v; None where nothing is."""
+        ...
+
     def velocity_before(self, model: Model, state: State) -> FloatArray:
         """Return the velocity (n_dofs,) before the step as the contacts meet it: the state's, but for what turns rigid bodies' inertia."""
         ...
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
-        """Return f (n_dofs,)."""
+        """Return f (n_dofs,) without the elastic forces."""
         ...
 
     def driven(self, model: Model, state: State) -> FloatArray:

@@ -8,27 +8,26 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
+from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
-from fcsim.problem import GlobalProblem
-from fcsim.problem.reduction import Reduction
 from fcsim.runtime import limited_threads
-from fcsim.solvers import Memory, Result
-from fcsim.timestep.chain import Clock, SolverSettings, not_converged, solve_chain
+from fcsim.solvers import Memory
+from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
-from fcsim.timestep.encounter import Encounter, encounter
+from fcsim.timestep.encounter import encounter
+from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
-from fcsim.timestep.step import Attempt, Lead, Moment, Step
-from fcsim.timestep.step_compliance import StepCompliance
-from fcsim.timestep.warm_start import MEMORY, warm_start
+from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step_equation.equation import Equation, Past, solve_equation
+from fcsim.timestep.step_equation.linearisation import Linearisation
+from fcsim.timestep.warm_start import MEMORY
 from fcsim.witness import Watch, Witness, begin, penetration_seen
 
 
@@ -47,6 +46,9 @@ class Simulation:
     created: contacts that create more than this share of the energy that the run began with and that loads and supports have supplied
     raise EnergyCreated (inf: never); see `Ledger`. Not in quasi-statics, where joints that begin under pressure are meant.
 
+    limits: bodies beyond them raise KinematicsLeft after the step that is yielded last, see `Limits`; what comes near them is said once,
+    in the remarks of a step.
+
     The witness measures the bodies' overlap before the first step, every few steps and after the last, and refuses or stops what is
     beyond its tolerance: InputError before the first step, Penetration after the step that is yielded last. None: nobody looks.
     """
@@ -60,6 +62,7 @@ class Simulation:
     keep: int = 25
     cuttings: int = 5
     created: float = 0.05
+    limits: Limits = field(default_factory=Limits)
     witness: Witness | None = field(default_factory=Witness)
 
     def __post_init__(self) -> None:
@@ -71,6 +74,7 @@ class Simulation:
             raise InputError(f"cuttings: expected a whole number from 0 to 20, got {self.cuttings}")
         if not self.created > 0:
             raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
+        object.__setattr__(self, "model", self.model.moving(self.scheme.kinematics))
         self.scheme.refuse(self.model)  # before anything runs
 
     def __iter__(self) -> Iterator[Step]:
@@ -118,6 +122,10 @@ class Simulation:
         return float(along @ model.apply_mass(along))
 
     @cached_property
+    def _measure(self) -> DeformationMeasure:
+        return DeformationMeasure(self.model.groups, len(self.model.deformable))
+
+    @cached_property
     def _extent(self) -> float:
         """Size of the model [m]."""
         return float(np.ptp(self.model.reference, axis=0).max())
@@ -150,11 +158,16 @@ class Simulation:
         after = after or Moment(0, self.initial or at_rest(self.model))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None
+        said: frozenset[str] = frozenset()
         while moment.number < self.steps:
             step = self._witnessed(self.step(moment, kept, anchor))
-            moment = step.moment
+            moment, when = step.moment, f"step {step.number}, t = {step.state.t:.6g} s"
+            deformation = self._measure(step.state.x)
+            new = remarks(self.model, deformation, when, said)
             if step.number > after.number:
-                yield step
+                yield replace(step, remarks=tuple(new.values())) if new else step
+            said |= new.keys()
+            refuse_beyond(self.limits, self.model, deformation, when)
             if watch is not None and watch.witness.stop and step.overlap is not None and step.overlap.beyond:
                 raise Penetration(penetration_seen(step.number, step.state.t, step.overlap, watch.witness.tolerance))
             del step  # its W is not kept while the next one is made
@@ -198,35 +211,29 @@ class Simulation:
     def _part(
         self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
     ) -> Step | None:
-        """The step, or its next part of the length h / 2^cuts; None where the solver chain fails. What was tried goes into `attempts`."""
+        """The step, or its next part of the length h / 2^cuts; None where it has no answer. What was tried goes into `attempts`."""
         model, state = self.model, start.state
         scheme = self.scheme.cut(2**cuts) if cuts else self.scheme
         met = encounter(model, self.detector, scheme, state, self._proportions, start.variables)
         clock.lap("detection")
-        load = scheme.right_hand_side(model, state)
-        rigid_mass = scheme.rigid_mass(model, state, load)
+        rest = scheme.right_hand_side(model, state)
+        rigid_mass = scheme.rigid_mass(model, state, rest)
+        elastic = Linearisation(scheme, model, state)
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
-        driven = scheme.driven(model, state)
-        compliance = StepCompliance(factor, met.compliance)
-        problem = self._problem(compliance, met, load, driven)
-        reduction = Reduction(problem, compliance)
-        if len(met.contacts):
-            _ = reduction.local
-        clock.lap("assembly")
+        factor = factor if elastic.rotation is None else factor.turned(elastic.rotation)
+        equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts)
         whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
-        r = warm_start(reduction.local, met.contacts, memory) if len(met.contacts) else np.empty(0)
-        result, lead = self._solve(reduction, met, r, start, cuts, kept, attempts)
-        clock.lap("solve")
-        if result is None:
+        identity = met.contacts.identity
+        past = Past(memory, start.lead, None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity))
+        answer, past = solve_equation(equation, self.solver, self._extent, past, attempts, clock)
+        if kept is not None and past.serving is not None:
+            kept[cuts] = past.serving
+        if answer is None:
             return None
-        solution = compliance.bodies(result.v)  # type: ignore[arg-type]
-        v = np.empty(model.n_dofs)
-        v[model.free_dofs] = solution if model.driven == "eliminated" else solution[model.free_dofs]
-        v[model.driven_dofs] = driven
-        reaction = met.reaction(result.r)
-        impulse = met.H @ reaction
-        support = scheme.support_impulse(model, factor.apply(v) - load - impulse, impulse)
+        result, v = answer.result, answer.v
+        impulse = met.H @ met.reaction(result.r)
+        support = scheme.support_impulse(model, factor.apply(v) - answer.load - impulse, impulse)
         after = scheme.advance(model, state, v, impulse, rigid_mass)
         variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
@@ -238,10 +245,10 @@ class Simulation:
             state=after,
             contacts=met.contacts,
             H=met.H,
-            problem=problem,
+            problem=answer.problem,
             result=result,
-            reduction=reduction,
-            start=r,
+            reduction=answer.reduction,
+            start=answer.start,
             earlier=tuple(start.memory[: MEMORY - 1]),
             anchor=anchor,
             support_impulse=support,
@@ -250,56 +257,5 @@ class Simulation:
             whole_per_part=whole_per_part,
             encounter=met,
             variables=variables,
-            lead=lead,
+            lead=past.lead,
         )
-
-    def _solve(
-        self,
-        reduction: Reduction,
-        met: Encounter,
-        warm: FloatArray,
-        start: Moment,
-        cuts: int,
-        kept: dict[int, Memory] | None,
-        attempts: list[Attempt],
-    ) -> tuple[Result | None, Lead]:
-        """The chain's answer, None where it has none, and who leads the next; what serves the next problem takes its place in `kept`."""
-        tol = self.solver.tol * min(1.0, self._longest_flight(reduction, met.meeting.timing.force_per_reaction))
-        identity = met.contacts.identity
-        serving = None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity)
-        first = len(attempts)
-        result, serving = solve_chain(self.solver, reduction, warm, tol, 0.5**cuts, attempts, serving, start.lead)
-        if kept is not None and serving is not None:
-            kept[cuts] = serving
-        return result, start.lead.after(attempts[first].solver, attempts[-1].solver) if result else start.lead
-
-    def _problem(self, compliance: StepCompliance, met: Encounter, load: FloatArray, driven: FloatArray) -> GlobalProblem:
-        """The problem on the model's unknowns; what driven dofs and adhesion do enters f and w."""
-        model, H, w = self.model, met.scaled_H, met.w
-        free = model.free_dofs
-        adhesive = met.adhesive_impulse
-        f = load if adhesive is None else load - adhesive
-        if np.any(driven):
-            moved = np.zeros(model.n_dofs)
-            moved[model.driven_dofs] = driven
-            w = w + H.T @ moved
-            f = f - compliance.factor.apply(moved)
-        if model.driven == "eliminated":
-            f, free_H = f[free], sp.csr_array(H[free])
-        else:
-            f = f.copy()
-            f[model.driven_dofs] = driven
-            mask = np.zeros(model.n_dofs)
-            mask[free] = 1
-            free_H = sp.csr_array(sp.diags_array(mask) @ H)
-        matrix, mu = compliance.matrix(), met.contacts.mu
-        return GlobalProblem(matrix, compliance.with_joints(free_H), compliance.load(f), w, mu, dimension=model.dimension)
-
-    def _longest_flight(self, reduction: Reduction, force_per_reaction: float) -> float:
-        """How far the bodies may fly freely in one step, the size of the model, relative to how far they do; infinity where they rest.
-
-        Bodies that only contact holds move freely by f / (eta M / h^2) in q, which may be kilometres: an error relative to that would
-        take metres of penetration for converged, so that free motion counts up to the size of the model only.
-        """
-        free = float(np.linalg.norm(reduction.q))
-        return self._extent * force_per_reaction * float(np.sqrt(reduction.problem.nc)) / free if free else np.inf

@@ -108,6 +108,7 @@ class Step:
     encounter         the contacts under their law: what it was told and what it gave
     variables         what the law remembers at the end of the step
     ledger, lead      see `Moment`
+    remarks           what is to be known of the run from this step on, see `Limits`
     overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
     """
 
@@ -136,6 +137,7 @@ class Step:
     ledger: Ledger = UNWRITTEN
     lead: Lead = NOBODY
     overlap: Overlap | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def memory(self) -> tuple[Reactions, ...]:
@@ -155,6 +157,11 @@ class Step:
     def force_per_reaction(self) -> float:
         """Force [N] of a unit reaction: 1/h for impulses, 1 for forces."""
         return self.scheme.force_per_reaction
+
+    @property
+    def fell_back(self) -> bool:
+        """Whether some link of the solver chain failed."""
+        return any(a.status != Status.SOLVED.value for a in self.attempts)
 
     @property
     def iterations(self) -> int:

@@ -1,8 +1,8 @@
 """The theta scheme (Moreau-Jean) with the contact laws "gap" and "velocity".
 
 (M + h theta C + h^2 theta^2 K) v+ = f + H r,
-f = M v - h (1-theta) C v - h K x - h^2 theta (1-theta) K v + h (theta F+ + (1-theta) F),
-x+ = x + h (theta v+ + (1-theta) v), with C = alpha M + beta K; v velocities [m/s], r impulses over the step [N s].
+f = M v - h (1-theta) C v - h K x - h^2 theta (1-theta) K v + h (theta F+ + (1-theta) F) with linear bodies, see `linearisation` for turning
+ones; x+ = x + h (theta v+ + (1-theta) v), with C = alpha M + beta K; v velocities [m/s], r impulses over the step [N s].
 
 Rigid rotations: R_m = exp(h (1-theta) omega) R is the middle configuration, in which contacts are detected and struck; R+ =
 exp(h theta omega+) R_m. The unknown is the velocity in the middle, M on the left side that of R_m, the momentum M v on the right that of
@@ -25,6 +25,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
+from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum
 from fcsim.timestep.scheme import positive
@@ -72,11 +73,28 @@ class Theta:
     def way(self, model: Model, state: State) -> FloatArray | None:
         return self.h * state.v
 
+    @property
+    def kinematics(self) -> Kinematics | None:
+        return None
+
+    @property
+    def elastic_weight(self) -> float:
+        return self.h
+
+    @property
+    def elastic_share(self) -> float:
+        return self.theta
+
+    def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return state.x, state.x + self.h * self.damping_velocity(state, v)
+
+    def damping_velocity(self, state: State, v: FloatArray) -> FloatArray:
+        return self.theta * v + (1 - self.theta) * state.v
+
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, theta, v = self.h, self.theta, state.v
         inertia = model.apply_mass((1 - h * (1 - theta) * model.alpha) * v, model.rigid_mass(state.x))
-        elastic = model.apply_stiffness(h * state.x + (h * (1 - theta) * model.beta + h**2 * theta * (1 - theta)) * v)
-        return inertia - elastic + h * self._force(model, state)
+        return inertia + h * self._force(model, state)
 
     def _force(self, model: Model, state: State) -> FloatArray:
         """theta F+ + (1-theta) F (n_dofs,) [N]; followers stand as at t + theta h, to first order."""
@@ -122,9 +140,10 @@ class Theta:
     def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
         """The step's equation times v_theta = theta v+ + (1-theta) v of the middle, exact with dx = h v_theta for every h and theta:
 
-        d(v.M v / 2 + x.K x / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dx.K dx) - G
+        d(v.M v / 2 + y.K y / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dy.K dy) - G
 
-        with d the change over the step, F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's
+        with d the change over the step, y the displacement without the turning bodies' rotation (see `frames`),
+        F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's
         dissipation: none at theta = 1/2, never negative above (V. Acary, "Energy conservation and dissipation properties of
         time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016), but for G, what turning between the middle and
         the ends changes in the energy of a given angular momentum: of second order, and swinging. For the work of impacts see `Velocity`.
@@ -135,14 +154,14 @@ class Theta:
         v1 = model.keep_momentum(after.v, model.rigid_mass(after.x), middle)
         v, dv = theta * v1 + (1 - theta) * v0, v1 - v0
         M0, M1 = momentum(model, before), momentum(model, after)
-        K0, K1 = model.apply_stiffness(before.x), model.apply_stiffness(after.x)
+        first, last = model.elastic.at(before.x), model.elastic.at(after.x)
+        loss = model.elastic.loss(first, last)
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
-            elastic=(0.5 * float(before.x @ K0), 0.5 * float(after.x @ K1)),
+            elastic=(model.elastic.energy(first), model.elastic.energy(last)),
             loads=h * float(v @ self._force(model, before)),
             supports=float(v @ support),
-            damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta * float(v @ (K1 - K0)),
-            numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + h * float(v @ (K1 - K0)))
-            + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
+            damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta / h * loss,
+            numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + loss) + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(H, result.r, result.u, v, model.dimension),
         )

@@ -11,7 +11,8 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Everything
 from fcsim.mesh.blocks import brick, rigid_box
-from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.timestep.simulation import Simulation, SolverSettings, Step
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.theta import Theta

@@ -17,7 +17,7 @@ from fcsim.linear import factors as linear
 from fcsim.linear.factors import Factor
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part, RigidBody
-from fcsim.timestep.step_compliance import StepCompliance
+from fcsim.timestep.step_equation.compliance import StepCompliance
 
 SOFT = Material(1e6, 0.3, 1000.0)
 TILT = {2: np.array([[0.6, -0.8], [0.8, 0.6]]), 3: Rotation.from_rotvec([0.4, -0.7, 0.3]).as_matrix()}

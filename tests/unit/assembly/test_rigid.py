@@ -12,7 +12,7 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.rigid import RigidBodies, inverse_on
 from fcsim.assembly.supports import Support
 from fcsim.mesh.part import RigidBody
-from fcsim.timestep.step_compliance import StepCompliance
+from fcsim.timestep.step_equation.compliance import StepCompliance
 
 LONG, TALL = np.diag([1.0, 5.0, 7.0]), np.array([[2.0, 0.3, 0.1], [0.3, 1.0, -0.2], [0.1, -0.2, 3.0]])
 

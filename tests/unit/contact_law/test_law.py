@@ -16,7 +16,8 @@ from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law.law import Remembered, Terms, Variables
 from fcsim.contact_law.proportions import proportions
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.theta import Theta
 

@@ -56,7 +56,7 @@ def test_files_of_a_run(case_folder: Path, tmp_path: Path, steps_without_seconds
     options = RunOptions(export_every=5, export_forms=("global", "local"), vtk_every=4)
     summary = run_case(load_case(case_folder), {"steps": "10", "E": "2e7"}, out, options, watch=lambda case, step: seen.append(step))
     assert (summary.status, summary.steps, summary.computed, summary.converged) == ("finished", 10, 10, True)
-    assert summary.iterations == sum(step.result.iterations for step in seen)
+    assert summary.iterations == sum(step.iterations for step in seen)
     assert sorted(entry.name for entry in out.iterdir()) == ["checkpoint.h5", "fclib", "run.json", "steps.csv", "steps.h5", "vtk"]
     about = json.loads((out / "run.json").read_text())
     assert (about["status"], about["steps_done"], about["parameters"]["E"]) == ("finished", 10, 2e7)

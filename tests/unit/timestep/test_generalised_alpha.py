@@ -1,5 +1,6 @@
 """The generalised-alpha scheme: damping and order against their formulas, the theta scheme as its limit, impacts, lasting contact."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from fcsim.mesh.part import Body, RigidBody
 from fcsim.running.checkpoint import read_checkpoint, write_checkpoint
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
+from fcsim.timestep.limits import Limits
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
@@ -29,6 +31,7 @@ from fcsim.timestep.theta import Theta
 
 RUBBER = Material(1e6, 0.3, 1000.0)
 HELD = Support("plane", ("x", "y", "rz"))
+NO_LIMITS = Limits(rotation=math.inf, strain=math.inf)  # the reference is linear theory, whatever the amplitude
 
 
 def block_on_plane(gap: float = 0.0, rigid: bool = False, **options: Any) -> Model:
@@ -43,7 +46,9 @@ def block_on_plane(gap: float = 0.0, rigid: bool = False, **options: Any) -> Mod
 
 def simulation(model: Model, scheme: Scheme, steps: int, initial: State | None = None, mu: float = 0.3) -> Simulation:
     pair = SurfacePair(contact_surface(model, [("block", "y-")]), contact_surface(model, [("plane", "y+")]), mu, 1e-2)
-    return Simulation(model, Detector([pair], model.n_nodes), scheme, steps, SolverSettings(tol=1e-11, floor=1e-6), initial)
+    return Simulation(
+        model, Detector([pair], model.n_nodes), scheme, steps, SolverSettings(tol=1e-11, floor=1e-6), initial, limits=NO_LIMITS
+    )
 
 
 def amplification(rho: float, h: float) -> np.ndarray:

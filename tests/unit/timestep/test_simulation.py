@@ -169,8 +169,8 @@ def test_a_step_is_a_function_of_its_state() -> None:
 def test_warm_start_takes_fewer_iterations() -> None:
     steps = list(press(steps=12))
     simulation = press(steps=12)
-    cold = [simulation.step(Moment(s.number - 1, s.previous)).result.iterations for s in steps]
-    warm = [s.result.iterations for s in steps]
+    cold = [simulation.step(Moment(s.number - 1, s.previous)).iterations for s in steps]
+    warm = [s.iterations for s in steps]
     assert sum(warm) < sum(cold)
 
 
@@ -188,9 +188,10 @@ def test_fallback_chain_is_walked_and_reported(broken_solver: str) -> None:
     settings = SolverSettings(name=broken_solver, fallback=(broken_solver, "NSN-NM", "NSGS-AC"))
     steps, reference = list(press(settings=settings)), list(press())
     last = steps[-1]
-    walked = next(step for step in steps if len(step.contacts) and len(step.attempts) == 3)
-    assert [(a.solver, a.start) for a in walked.attempts] == [("BROKEN", "previous steps"), ("BROKEN", "zero"), ("NSN-NM", "zero")]
-    assert [a.status for a in walked.attempts] == ["stagnated", "stagnated", "solved"]
+    walked = next(step for step in steps if len(step.attempts) > 2 and step.attempts[1].solver == "BROKEN")
+    chain = [("BROKEN", "previous steps"), ("BROKEN", "zero"), ("NSN-NM", "zero")]
+    assert [(a.solver, a.start) for a in walked.attempts[:3]] == chain
+    assert [a.status for a in walked.attempts[:3]] == ["stagnated", "stagnated", "solved"]
     assert walked.attempts[0].error > 1e-8 >= walked.attempts[-1].error
     assert last.result.method == "NSN-NM" and last.result.solved
     assert_allclose(last.state.v, reference[-1].state.v, atol=1e-7)

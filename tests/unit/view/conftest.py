@@ -65,6 +65,8 @@ class FakeModel:
     def node_displacement(self, x: np.ndarray) -> np.ndarray:
         return x.reshape(self.reference.shape)
 
+    strained_displacement = node_displacement
+
     def node_velocity(self, v: np.ndarray, x: np.ndarray) -> np.ndarray:
         return v.reshape(self.reference.shape)
 

@@ -9,7 +9,8 @@ from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Contacts, Everything, contact_matrix
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
-from fcsim.mesh.part import Body, Material, RigidBody
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, RigidBody
 
 STONE = Material(1e9, 0.2, 2000.0)
 

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.problem.delassus_sum import DelassusSum
+from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,10 +22,12 @@ class StepCompliance:
     joint: (m,) the diagonal of C, u = H^T v + C r + w; None = rigid. The problem has an unknown of its own, C r, after the bodies'
     for each entry that is not zero, with C^-1 on the diagonal of M and 1 in H: so the problem that solvers and FCLIB files see is an
     ordinary one, and W = H^T M^-1 H + C.
+    summed: W of this H where it is known already, from another right side of the step.
     """
 
     factor: SystemFactor
     joint: FloatArray | None = None
+    summed: Any = None
 
     @cached_property
     def _soft(self) -> IntArray:
@@ -62,15 +65,29 @@ class StepCompliance:
 
     def delassus(self, H: Any, dimension: int) -> Any:
         """Return W = H^T M^-1 H (m, m) for H (n, m) on the problem's unknowns."""
+        if self.summed is not None:
+            return self.summed
         model = self.factor.model
         H = sp.csc_array(H if self.joint is None else sp.csr_array(H)[: H.shape[0] - len(self._soft)])
         if model.driven == "eliminated":
             H = sp.csc_array((H.data, model.free_dofs[H.indices], H.indptr), shape=(model.n_dofs, H.shape[1]))
+        if self.factor.rotation is not None:
+            H = self._in_frames(H)
         W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
         for first, compliances, kind in self.factor.compliances():
             W.add(first, compliances, kind)
         matrix = W.matrix()
         return matrix if self.joint is None else _with_diagonal(matrix, self.joint, dimension)
+
+    def _in_frames(self, H: Any) -> Any:
+        """T^T H in the axes of the bodies' compliances."""
+        model = self.factor.model
+        sizes = np.diff(model.node_offset[: len(model.deformable) + 1])
+        if not H.has_sorted_indices:
+            H = H.sorted_indices()
+        body = np.repeat(np.arange(len(sizes)), sizes)
+        indptr, indices, data = turned_rows(H.indptr, H.indices, H.data, body, self.factor.rotation)
+        return sp.csc_array((data, indices, indptr), shape=H.shape)
 
 
 def _with_diagonal(W: Any, diagonal: FloatArray, d: int) -> Any:

@@ -1,0 +1,96 @@
+"""How far each deformable body has turned and is strained: what its kinematics must cover."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.groups import Group
+from fcsim.assembly.kinematics.frames import FloatingGroup, angle_of
+from fcsim.mesh.cell_type import CELL_TYPES
+
+SUSPECT = 0.3
+"""Change of a cell's edge, relative to its length, below which no cell of a usable shape is inverted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deformation:
+    """Of each deformable body (n_deformable,): rotation [rad] of its frame from the reference; strain, the largest principal one in size
+    at the centre of its most strained cell, without the rotation; inverted: whether a cell has a negative volume somewhere; turning:
+    whether its kinematics is "turning"."""
+
+    rotation: FloatArray
+    strain: FloatArray
+    inverted: BoolArray
+    turning: BoolArray
+
+
+class DeformationMeasure:
+    """Measures the bodies of groups."""
+
+    def __init__(self, groups: Sequence[Group], count: int) -> None:
+        """count: number of deformable bodies."""
+        self._count = count
+        self._groups = [_GroupMeasure(group) for group in groups]
+
+    def __call__(self, x: FloatArray) -> Deformation:
+        """The deformation at the configuration x (n_dofs,)."""
+        rotation, strain = np.zeros((2, self._count))
+        inverted, turning = np.zeros((2, self._count), dtype=bool)
+        for measure in self._groups:
+            group = measure.floating.group
+            frames = measure.floating.frames(measure.floating.displacement(x))
+            rotation[group.members] = angle_of(frames.rotation)
+            strain[group.members] = measure.strain(frames.strained)
+            inverted[group.members] = measure.inverted(frames.strained)
+            turning[group.members] = group.turning
+        return Deformation(rotation, strain, inverted, turning)
+
+
+class _GroupMeasure:
+    def __init__(self, group: Group) -> None:
+        self.floating = FloatingGroup(group)
+        self._cell = CELL_TYPES[group.part.cell_type]
+        self._points = self.floating.arm
+        self._cells = group.part.cells
+        self._centre = self._gradient(self._cell.centre)
+        edges = np.unique(np.sort(self._cells[:, self._cell.edges].reshape(-1, 2), axis=1), axis=0)
+        self._edges: IntArray = edges.T
+        self._lengths = np.linalg.norm(self._points[edges[:, 0]] - self._points[edges[:, 1]], axis=1)
+
+    def _gradient(self, at: FloatArray) -> sp.csr_array:
+        """(nq ncells d, nn): derivatives of nodal values by the points' coordinates at the places `at` (nq, d) of all cells."""
+        reference = self._cell.gradient(at)
+        jacobian = np.einsum("cai,qaj->qcij", self._points[self._cells], reference)
+        gradient = np.einsum("qaj,qcji->qcia", reference, np.linalg.inv(jacobian))
+        nq, nc, d = gradient.shape[:3]
+        rows = np.broadcast_to(np.arange(nq * nc * d).reshape(nq, nc, d, 1), gradient.shape)
+        columns = np.broadcast_to(self._cells[None, :, None, :], gradient.shape)
+        return sp.csr_array((gradient.ravel(), (rows.ravel(), columns.ravel())), shape=(nq * nc * d, len(self._points)))
+
+    def _displacement_gradient(self, operator: sp.csr_array, y: FloatArray) -> FloatArray:
+        """d y_c / d X_i as (places, nb, c, i) for y (nb, nn, d)."""
+        nb, nn, d = y.shape
+        values = operator @ y.transpose(1, 0, 2).reshape(nn, nb * d)
+        return values.reshape(-1, d, nb, d).transpose(0, 2, 3, 1)
+
+    def strain(self, y: FloatArray) -> FloatArray:
+        H = self._displacement_gradient(self._centre, y)
+        epsilon = 0.5 * (H + H.swapaxes(2, 3))
+        most = np.argmax(np.einsum("qbij,qbij->qb", epsilon, epsilon), axis=0)
+        principal: FloatArray = np.linalg.eigvalsh(epsilon[most, np.arange(len(y))])
+        return np.abs(principal).max(axis=1)
+
+    def inverted(self, y: FloatArray) -> BoolArray:
+        a, b = self._edges
+        change = np.linalg.norm(y[:, a] - y[:, b], axis=2) / self._lengths
+        found = np.zeros(len(y), dtype=bool)
+        suspect = np.flatnonzero(change.max(axis=1) > SUSPECT)
+        if suspect.size:
+            H = self._displacement_gradient(self._gradient(self._cell.nodes), y[suspect])
+            found[suspect] = np.any(np.linalg.det(np.eye(y.shape[2]) + H) <= 0, axis=0)
+        return found

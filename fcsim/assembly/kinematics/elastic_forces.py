@@ -1,0 +1,140 @@
+"""Elastic and viscous forces of all deformable bodies of a model, linear ones and those in floating frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.groups import Group
+from fcsim.assembly.kinematics.frames import FloatingGroup, Frames, polar_rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """A configuration x (n_dofs,) and the frames of each group's bodies there, None for a group of linear bodies."""
+
+    x: FloatArray
+    frames: tuple[Frames | None, ...]
+
+
+class ElasticForces:
+    """The groups' forces on vectors of n_dofs; beta [s] the stiffness-proportional damping."""
+
+    def __init__(self, groups: Sequence[Group], count: int, dimension: int, beta: float) -> None:
+        """count: number of deformable bodies."""
+        self.groups, self.beta = tuple(groups), beta
+        self._shape = count, dimension
+        self._floating = tuple(FloatingGroup(group) if group.turning else None for group in self.groups)
+
+    @property
+    def turning(self) -> bool:
+        """Whether any body stands in a floating frame."""
+        return any(group.turning for group in self.groups)
+
+    @cached_property
+    def largest_force(self) -> FloatArray:
+        """Largest diagonal entry of K times the size of each body (n_deformable,) [N]: what round-off is relative to."""
+        force = np.zeros(self._shape[0])
+        for group in self.groups:
+            count = group.size // self._shape[1]
+            size = float(np.ptp(group.part.points, axis=0).max())
+            force[group.members] = np.sqrt(count) * abs(group.K.diagonal()).max() * size
+        return force
+
+    def at(self, x: FloatArray) -> Configuration:
+        """The configuration x (n_dofs,) with the frames of its bodies."""
+        return Configuration(
+            x, tuple(None if floating is None else floating.frames(floating.displacement(x)) for floating in self._floating)
+        )
+
+    def rotation(self, configuration: Configuration) -> FloatArray:
+        """Rotations R (n_deformable, d, d) of the frames, the identity for linear bodies."""
+        count, d = self._shape
+        R = np.tile(np.eye(d), (count, 1, 1))
+        for group, frames in zip(self.groups, configuration.frames, strict=True):
+            if frames is not None:
+                R[group.members] = frames.rotation
+        return R
+
+    def strained(self, configuration: Configuration) -> FloatArray:
+        """Displacement y (n_elastic,) [m] without the frames' motion in the axes of the reference; of linear bodies x itself."""
+        y = configuration.x[: sum(group.dofs.size for group in self.groups)].copy()
+        for group, frames in zip(self.groups, configuration.frames, strict=True):
+            if frames is not None:
+                y[group.dofs] = frames.strained.reshape(len(frames.strained), -1)
+        return y
+
+    def energy(self, configuration: Configuration) -> float:
+        """y . K y / 2 [J] of all bodies."""
+        return 0.5 * self.work_of_strain(configuration, configuration)
+
+    def work_of_strain(self, first: Configuration, last: Configuration) -> float:
+        """y_0 . K y_1 [J]."""
+        total = 0.0
+        for group, floating, a, b in zip(self.groups, self._floating, first.frames, last.frames, strict=True):
+            if floating is None or a is None or b is None:
+                total += float(np.sum(first.x[group.dofs] * (group.K @ last.x[group.dofs].T).T))
+            else:
+                total += float(np.sum(a.strained * floating.stress(b.strained)))
+        return total
+
+    def loss(self, first: Configuration, last: Configuration) -> float:
+        """dy . K dy [J] of the change dy from the first to the last configuration."""
+        total = 0.0
+        for group, floating, a, b in zip(self.groups, self._floating, first.frames, last.frames, strict=True):
+            if floating is None or a is None or b is None:
+                dx = last.x[group.dofs] - first.x[group.dofs]
+                total += float(np.sum(dx * (group.K @ dx.T).T))
+            else:
+                dy = b.strained - a.strained
+                total += float(np.sum(dy * floating.stress(dy)))
+        return total
+
+    def force(self, first: Configuration, last: Configuration, share: float, v: FloatArray | None = None) -> FloatArray:
+        """Forces (n_dofs,) [N] D^T K (share y_1 + (1 - share) y_0 + beta D v) between two configurations, see `frames`; K (share x_1 + ...)
+        of linear bodies. v (n_dofs,) [m/s], None: without damping."""
+        total = np.zeros_like(first.x)
+        for group, floating, a, b in zip(self.groups, self._floating, first.frames, last.frames, strict=True):
+            dofs = group.dofs
+            if floating is None or a is None or b is None:
+                x = share * last.x[dofs] + (1 - share) * first.x[dofs]
+                if self.beta and v is not None:
+                    x += self.beta * v[dofs]
+                total[dofs] = (group.K @ x.T).T
+            else:
+                velocity = None if v is None else floating.displacement(v)
+                total[dofs] = floating.force((a, b), share, self.beta, velocity).reshape(dofs.shape)
+        return total
+
+    def turned_stiffness(self, Q: FloatArray, x: FloatArray) -> FloatArray:
+        """T K T^T x (n_dofs,) with the rotation Q (n_deformable, d, d) of each body's nodes in T."""
+        total = np.zeros_like(x)
+        for group in self.groups:
+            own = turned_by(Q[group.members].transpose(0, 2, 1), x[group.dofs]) if group.turning else x[group.dofs]
+            force = (group.K @ own.T).T
+            total[group.dofs] = turned_by(Q[group.members], force) if group.turning else force
+        return total
+
+    def system_rotation(self, R: FloatArray) -> FloatArray:
+        """The rotations Q (n_deformable, d, d) with which the system matrix T (a M + b K) T^T can follow the frames' R: R itself, or as far
+        as it turns about the axis that driven degrees of freedom allow, see `Group.turnable`."""
+        Q = R.copy()
+        for group in self.groups:
+            if group.turnable == "all":
+                continue
+            Q[group.members] = np.eye(R.shape[-1])
+            if group.turnable != "none":
+                plane = np.delete(np.arange(3), "xyz".index(group.turnable))
+                block = np.ix_(group.members, plane, plane)
+                Q[block] = polar_rotation(R[block])
+        return Q
+
+
+def turned_by(R: FloatArray, x: FloatArray) -> FloatArray:
+    """R_b x of all nodes of body b: x (nb, nn d) as it comes and goes, R (nb, d, d)."""
+    d = R.shape[-1]
+    return (x.reshape(len(x), -1, d) @ R.transpose(0, 2, 1)).reshape(x.shape)

@@ -1,0 +1,182 @@
+"""The equation of one step or part of a step, M v = H r + f with the laws of contact, and its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.compliance import SystemFactor
+from fcsim.assembly.model import Model
+from fcsim.problem import GlobalProblem
+from fcsim.problem.reduction import Reduction
+from fcsim.solvers import Memory, Result
+from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
+from fcsim.timestep.encounter import Encounter
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
+from fcsim.timestep.step import Attempt, Lead
+from fcsim.timestep.step_equation.compliance import StepCompliance
+from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE, Linearisation
+from fcsim.timestep.step_equation.mixing import Mixing
+from fcsim.timestep.warm_start import Reactions, warm_start
+
+
+@dataclass(frozen=True, eq=False)
+class Equation:
+    """What a step's problems share: all but the elastic term of the right side.
+
+    met: its contacts; factor: of the step's M; rest (n_dofs,): right side without the elastic term; driven: values of the driven
+    unknowns; share: of the whole step that it is
+    """
+
+    scheme: Scheme
+    model: Model
+    state: State
+    met: Encounter
+    factor: SystemFactor
+    rest: FloatArray
+    driven: FloatArray
+    elastic: Linearisation
+    share: float
+
+    @cached_property
+    def _moved(self) -> FloatArray | None:
+        """Velocities (n_dofs,) of the driven dofs alone; None where all are zero."""
+        if not np.any(self.driven):
+            return None
+        moved = np.zeros(self.model.n_dofs)
+        moved[self.model.driven_dofs] = self.driven
+        return moved
+
+    @cached_property
+    def compliance(self) -> StepCompliance:
+        return StepCompliance(self.factor, self.met.compliance)
+
+    @cached_property
+    def _H(self) -> Any:
+        """H on the problems' unknowns."""
+        model, H = self.model, self.met.scaled_H
+        if model.driven == "eliminated":
+            return self.compliance.with_joints(sp.csr_array(H[model.free_dofs]))
+        mask = np.zeros(model.n_dofs)
+        mask[model.free_dofs] = 1
+        return self.compliance.with_joints(sp.csr_array(sp.diags_array(mask) @ H))
+
+    @cached_property
+    def _w(self) -> FloatArray:
+        return self.met.w if self._moved is None else self.met.w + self.met.scaled_H.T @ self._moved
+
+    @cached_property
+    def _given(self) -> FloatArray:
+        """What adhesion and driven dofs take from the load (n_dofs,)."""
+        adhesive = self.met.adhesive_impulse
+        given = np.zeros(self.model.n_dofs) if adhesive is None else adhesive
+        return given if self._moved is None else given + self.factor.apply(self._moved)
+
+    def problem(self, load: FloatArray) -> GlobalProblem:
+        """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w."""
+        model, f = self.model, load - self._given
+        if model.driven == "eliminated":
+            f = f[model.free_dofs]
+        else:
+            f[model.driven_dofs] = self.driven
+        matrix, mu = self.compliance.matrix(), self.met.contacts.mu
+        return GlobalProblem(matrix, self._H, self.compliance.load(f), self._w, mu, dimension=model.dimension)
+
+    def velocity(self, of_problem: FloatArray) -> FloatArray:
+        """The unknowns v (n_dofs,) of all dofs from the problem's."""
+        model, v = self.model, np.empty(self.model.n_dofs)
+        of_problem = self.compliance.bodies(of_problem)
+        v[model.free_dofs] = of_problem if model.driven == "eliminated" else of_problem[model.free_dofs]
+        v[model.driven_dofs] = self.driven
+        return v
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The last problem of a step, its result, v (n_dofs,), its right side load (n_dofs,), and where its first solve began, start (m,)."""
+
+    problem: GlobalProblem
+    reduction: Reduction
+    result: Result
+    v: FloatArray
+    load: FloatArray
+    start: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """What the steps before leave for a step: their reactions, newest first, who leads the chain, and what serves the solver."""
+
+    reactions: Sequence[Reactions]
+    lead: Lead
+    serving: Memory | None
+
+
+def solve_equation(
+    equation: Equation,
+    settings: SolverSettings,
+    extent: float,
+    past: Past,
+    attempts: list[Attempt],
+    clock: Clock,
+) -> tuple[Answer | None, Past]:
+    """Return the answer, None where the solver chain fails or the elastic term does not settle, and the past of the next step.
+
+    extent [m]: size of the model. What is tried goes into `attempts`. With turning bodies each problem differs from the last by its right
+    side; W and all factors are the same.
+    """
+    compliance, elastic = equation.compliance, equation.elastic
+    lead = past.lead
+    term, mixing, start, r = elastic.term(elastic.first), Mixing(), None, np.empty(0)
+    for _ in range(MAX_ITERATIONS):
+        load = equation.rest - term
+        problem = equation.problem(load)
+        reduction = Reduction(problem, compliance)
+        if problem.nc:
+            compliance = replace(compliance, summed=reduction.local.W)
+        clock.lap("assembly")
+        if start is None:
+            start = r = warm_start(reduction.local, equation.met.contacts, past.reactions) if problem.nc else r
+        tol = settings.tol * min(1.0, _longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction))
+        first = len(attempts)
+        result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
+        clock.lap("solve")
+        past = replace(past, serving=serving)
+        if result is None:
+            return None, past
+        if not mixing.points:  # a step teaches once, whatever its linearisations
+            past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
+        v, r = equation.velocity(result.v), result.r  # type: ignore[arg-type]
+        answer = Answer(problem, reduction, result, v, load, start)
+        if elastic.rotation is None:
+            return answer, past
+        now = elastic.term(v)
+        allowed = elastic.allowed(term, equation.rest)
+        change = elastic.norms(now - term) / allowed
+        if np.all(change <= 1):
+            return answer, past
+        if not np.all(np.isfinite(change)):
+            break
+        mixing = mixing.then(term, now)
+        term = mixing.next_point(elastic.of_dofs(allowed))
+        clock.lap("assembly")
+    apart = TOLERANCE * float(change.max())
+    attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
+    return None, past
+
+
+def _longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:
+    """How far the bodies may fly freely in one step, the size of the model, relative to how far they do; infinity where they rest.
+
+    Bodies that only contact holds move freely by f / (eta M / h^2) in q, which may be kilometres: an error relative to that would
+    take metres of penetration for converged, so that free motion counts up to the size of the model only.
+    """
+    free = float(np.linalg.norm(reduction.q))
+    return extent * force_per_reaction * float(np.sqrt(reduction.problem.nc)) / free if free else np.inf

@@ -1,0 +1,86 @@
+"""The elastic forces of a step with turning bodies, linearised where its iterations stand.
+
+With the elastic force F of the scheme's configuration x(v), its weight w and b for all that is linear in v, the step's equation is
+R(v) = M v - b + w F(x(v)) - H r = 0. With the constant matrix S = s T K T^T, where s is the factor of K in the scheme's matrix and T turns
+by the bodies' rotations in the middle of the step, the problem at the iterate v_i is
+
+    A v = H r + b - e_i,  A = M + S,  e_i = w F(x(v_i)) - S v_i
+
+so that A, W and all factors are the same for all iterations: only the right side changes. S differs from the derivative of w F by the
+strain and by the rest of the rotation, which is the rate of convergence. Linear bodies have e_i = w K x(0) at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.elastic_forces import Configuration
+from fcsim.assembly.model import Model
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
+
+TOLERANCE = 1e-10
+"""Of a body's elastic term from one iteration to the next, relative to what moves the body in the step."""
+
+ROUND_OFF = 64 * np.finfo(float).eps
+"""Of stiffness times the size of a body: changes of forces below are none."""
+
+MAX_ITERATIONS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """The elastic term of one step of a scheme from a state."""
+
+    scheme: Scheme
+    model: Model
+    state: State
+
+    @cached_property
+    def _begin(self) -> Configuration:
+        return self.model.elastic.at(self.state.x)
+
+    @cached_property
+    def rotation(self) -> FloatArray | None:
+        """The rotations (n_deformable, d, d) of T; None where no body turns."""
+        if not self.model.elastic.turning:
+            return None
+        first, last = self.scheme.elastic_path(self.model, self.state, self.first)
+        elastic = self.model.elastic
+        return elastic.system_rotation(elastic.rotation(elastic.at(0.5 * (first + last))))
+
+    @cached_property
+    def first(self) -> FloatArray:
+        """The first iterate (n_dofs,)."""
+        v = np.zeros(self.model.n_dofs)
+        return self.scheme.force_per_reaction * self.scheme.h * self.state.v if self.model.elastic.turning else v
+
+    def term(self, v: FloatArray) -> FloatArray:
+        """e (n_dofs,) at the iterate v (n_dofs,)."""
+        elastic, scheme = self.model.elastic, self.scheme
+        first, last = scheme.elastic_path(self.model, self.state, v)
+        end = elastic.at(last)
+        begin = self._begin if first is self.state.x else end
+        force = elastic.force(begin, end, scheme.elastic_share, scheme.damping_velocity(self.state, v))
+        e = scheme.elastic_weight * force
+        return e if self.rotation is None else e - scheme.factors(self.model)[1] * elastic.turned_stiffness(self.rotation, v)
+
+    def allowed(self, term: FloatArray, load: FloatArray) -> FloatArray:
+        """What each body's term (n_deformable,) may change once it is settled; load (n_dofs,): the rest of the right side."""
+        round_off = self.scheme.elastic_weight * ROUND_OFF * self.model.elastic.largest_force
+        allowed: FloatArray = TOLERANCE * (self.norms(load) + self.norms(term)) + round_off
+        return np.where(allowed > 0, allowed, 1.0)
+
+    def norms(self, x: FloatArray) -> FloatArray:
+        """Euclidean norms (n_deformable,) of the bodies' shares of x (n_dofs,)."""
+        ends = self.model.dof_offset[: len(self.model.deformable)]
+        return np.sqrt(np.add.reduceat(np.square(x[: self.model.n_elastic]), ends)) if len(ends) else np.empty(0)
+
+    def of_dofs(self, of_bodies: FloatArray) -> FloatArray:
+        """Values (n_dofs,) from the deformable bodies' (n_deformable,); 1 for rigid ones."""
+        sizes = np.diff(self.model.dof_offset[: len(of_bodies) + 1])
+        return np.concatenate([np.repeat(of_bodies, sizes), np.ones(self.model.n_dofs - self.model.n_elastic)])
