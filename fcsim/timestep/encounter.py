@@ -18,6 +18,8 @@ from fcsim.contact_law.proportions import Proportions
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 
+_HALF = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Encounter:
@@ -27,12 +29,14 @@ class Encounter:
     H         (n_dofs, m) contact matrix over all dofs, driven ones included
     meeting   what the law was told
     terms     what it gave
+    passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
     """
 
     contacts: Contacts
     H: Any
     meeting: Meeting
     terms: Terms
+    passing: Contacts | None = None
 
     @cached_property
     def scaled_H(self) -> Any:
@@ -85,7 +89,9 @@ def encounter(
     moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
     contacts = detection(positions, moved)
     chosen = law.select(contacts, proportions, variables)
+    through = None
     if not chosen.all():
+        through = None if moved is None else passing(contacts.take(~chosen), moved, proportions)
         contacts = contacts.take(chosen)
     H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
     shape = (len(contacts), contacts.dimension)
@@ -97,7 +103,16 @@ def encounter(
         contacts = meeting.contacts
     if terms.mu is not contacts.mu:
         contacts = replace(contacts, mu=terms.mu)
-    return Encounter(contacts, H, meeting, terms)
+    return Encounter(contacts, H, meeting, terms, through)
+
+
+def passing(left: Contacts, moved: FloatArray, proportions: Proportions) -> Contacts | None:
+    """Return open contacts that a law leaves out (it takes closed ones only) and that the step's motion (n_nodes, d) [m] would close by more
+    than half of the smaller body: the next detection would see that body behind the other, or on its far side."""
+    weights = np.where(left.nodes < 0, 0.0, left.weights)
+    closes = left.gap + np.einsum("ak,akd,ad->a", weights, moved[left.nodes], left.frame[:, 0])
+    deep = (left.gap > 0) & (closes < -_HALF * proportions.size_at(left))
+    return left.take(deep) if deep.any() else None
 
 
 def _turned(H: Any, meeting: Meeting, frame: FloatArray) -> tuple[Any, Meeting]:

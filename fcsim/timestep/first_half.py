@@ -6,6 +6,8 @@ look. The way from x to x_m itself is seen by nobody in the first step of a run,
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
@@ -52,6 +54,15 @@ def refuse_passing(model: Model, detection: Detection, scheme: Scheme, state: St
     raise InputError(
         f"{when}: expected bodies that do not pass each other before contacts are looked for for the first time, got {one!r} and "
         f"{other!r} within the first {scheme.h:.3g} s: choose a shorter h, or let them begin farther apart"
+    )
+
+
+def refuse_going_through(model: Model, scheme: Scheme, met: Contacts, when: str) -> NoReturn:
+    """InputError: the bodies of the first contact go through each other within a step whose law takes closed contacts only."""
+    one, other = (model.bodies[int(body)].name for body in met.bodies[0])
+    raise InputError(
+        f"{when}: expected steps in which bodies approach by less than half their size, got {one!r} and {other!r}, which would pass each "
+        f"other within {scheme.h:.3g} s: choose a shorter h, or a law that meets what is still open (Gap)"
     )
 
 

@@ -22,7 +22,7 @@ from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import encounter
-from fcsim.timestep.first_half import passed_unseen, refuse_passing
+from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
@@ -237,6 +237,10 @@ class Simulation:
             return None
         met = encounter(model, self.detector, scheme, state, self._proportions, start.variables)
         clock.lap("detection")
+        if met.passing is not None:
+            if cuts == self.cuttings:
+                refuse_going_through(model, scheme, met.passing, f"step {start.number}, t = {state.t:.6g} s")
+            return None
         rest = scheme.right_hand_side(model, state)
         rigid_mass = scheme.rigid_mass(model, state, rest)
         elastic = Linearisation(scheme, model, state)

@@ -71,8 +71,25 @@ def test_a_longer_step_than_the_one_before_is_looked_at_too() -> None:
 def test_what_meets_nothing_is_not_cut() -> None:
     model, initial = shot(1.0, 0.5, 100.0)
     law = Velocity(1.0)
-    steps = list(Simulation(model, Everything(model, 0.0), Theta(1e-3, law=law), 9, SolverSettings(name="auto"), initial))
-    assert [step.substeps for step in steps] == [1] * 9
+    steps = list(Simulation(model, Everything(model, 0.0), Theta(1e-3, law=law), 4, SolverSettings(name="auto"), initial))
+    assert [step.substeps for step in steps] == [1] * 4
     last = steps[-1].moment
     assert isinstance(last, Moment) and last.seen == 1e-3
     assert_allclose(steps[-1].energy.kinetic, 0.5 * 2e-3 * 100.0**2, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("e", "speed"), [(1.0, 500.0), (0.5, 200.0), (0.0, 500.0)])
+def test_a_velocity_law_does_not_let_pass_what_comes_fast(e: float, speed: float) -> None:
+    """It takes closed contacts only: where a step would go from one side to the other it is cut; v+ = -e v-."""
+    wall, ball = rigid_box("wall", (0.05, 1, 1), (0, 0, 0), 1.0), rigid_box("ball", (0.05, 0.05, 0.05), (-0.5, 0.1, 0.03), 1.0)
+    model = build_model([wall, ball], supports=[Support("wall", HELD)])
+    initial = at_rest(model)
+    initial.v[model.dof_offset[1]] = speed
+    simulation = Simulation(
+        model, Everything(model, 0.0), Theta(1e-3, law=Velocity(e)), 8, SolverSettings(name="auto"), initial, witness=None
+    )
+    last = list(simulation)[-1]
+    assert_allclose(last.state.v[model.dof_offset[1]], -e * speed, atol=1e-6 * speed)
+    assert last.state.x[model.dof_offset[1]] < 0.5
+    with pytest.raises(InputError, match="'ball'"):
+        list(Simulation(model, Everything(model, 0.0), Theta(1e-3, law=Velocity(e)), 8, initial=initial, cuttings=0, witness=None))
