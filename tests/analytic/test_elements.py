@@ -319,8 +319,8 @@ def test_frequencies_of_nafems_fv52():
 
     The published bending modes are those of Mindlin's plate, k = pi^2 / 12, which cannot turn along its edges: checked here by his formula.
     A solid held on its lower edges alone can, and is softer (its modes fall below them as the mesh is refined); so bending is compared
-    on a plate that is held so, extrapolated from two meshes of order 2 (in 3D up to
-    0.5 % above Mindlin: S. Srinivas, C. V. J. Rao, A. K. Rao, J. Sound Vib. 12 (1970) 187-199), and the motions in its plane on the lower edges.
+    on a plate that is held so, extrapolated from two meshes of order 2, and the motions in its plane on the lower edges. In 3D
+    the bending modes lie up to 0.5 % above Mindlin's: S. Srinivas, C. V. J. Rao, A. K. Rao, J. Sound Vib. 12 (1970) 187-199.
     Sources: The Standard NAFEMS Benchmarks, 1990; R. D. Mindlin, J. Appl. Mech. 18 (1951) 31-38.
     """
     E, nu, density, a, h = 200e9, 0.3, 8000.0, 10.0, 1.0
