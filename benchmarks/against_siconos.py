@@ -42,7 +42,7 @@ from fcsim.bench.workers.siconos_worker import REPEAT_AT_MOST, REPEAT_WITHIN
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import reduce
-from fcsim.solvers import SOLVERS, solve
+from fcsim.solvers import ALIASES, SOLVERS, method, solve
 
 FIELDS = ("problem", "form", "dimension", "nc", "n", "what", "program", "configuration", "storage", "tol", "time_limit", "status", "solved")
 TIMES = ("error", "iterations", "siconos_tol", "seconds", "cpu_seconds", "reduction")
@@ -131,7 +131,7 @@ def sweep_rows(problem: FclibProblem, siconos: Siconos, options: argparse.Namesp
 
 def measure(problem: FclibProblem, options: argparse.Namespace, order: Counter[tuple[str, str]]) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
-    methods = [name for name in options.solver if problem.problem.dimension in SOLVERS[name].dimensions]
+    methods = [name for name in options.solver if problem.problem.dimension in method(name).dimensions]
     for _, own in solves.measure(problem, methods, options.tol, options.time_limit, repeat_within=0.3):
         rows += [{**row, "program": "fcsim", "configuration": row["method"]} for row in own]
     reduction = reduction_seconds(problem, options.clock)
@@ -262,7 +262,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", type=Path, nargs="+", metavar="FILES", help="FCLIB files, or folders of them")
-    parser.add_argument("--solver", action="append", choices=list(SOLVERS), metavar="NAME", help=f"ours; default: {', '.join(METHODS)}")
+    parser.add_argument(
+        "--solver", action="append", choices=[*SOLVERS, *ALIASES], metavar="NAME", help=f"ours; default: {', '.join(METHODS)}"
+    )
     parser.add_argument("--tol", type=float, action="append", help="may be given several times (default: 1e-4 and 1e-8)")
     parser.add_argument("--time-limit", type=float, default=30.0, metavar="SECONDS", help="for one run (default 30)")
     parser.add_argument("--quick", action="store_true", help="problems of at most 100 contacts, at most 2 s a run")
@@ -290,7 +292,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     known = set()
     for problem in problems:  # a problem is known when everything asked for was measured on it, each row once
         rows = [row for row in record.rows if row["problem"] == problem.name and row["time_limit"] == options.time_limit]
-        fitting = {(name, tol) for name, tol in wanted if name == "siconos" or problem.problem.dimension in SOLVERS[name].dimensions}
+        fitting = {(name, tol) for name, tol in wanted if name == "siconos" or problem.problem.dimension in method(name).dimensions}
         if fitting <= {(row["configuration"] if row["program"] == "fcsim" else "siconos", row["tol"]) for row in rows}:
             known.add(problem.name)
     record.keep(lambda row: row["problem"] in known and row["time_limit"] == options.time_limit)

@@ -28,7 +28,7 @@ from fcsim.bench.reporting.summary import duration, geometric_mean
 from fcsim.bench.reporting.time_table import CLOCKS
 from fcsim.bench.workers import solves
 from fcsim.errors import InputError
-from fcsim.solvers import SOLVERS
+from fcsim.solvers import ALIASES, SOLVERS, method
 
 FIELDS = ("problem", "form", "dimension", "nc", "n", "method", "family", "tol", "time_limit", "status", "solved", "error", "iterations")
 TIMES = ("seconds", "cpu_seconds", "reduction")
@@ -65,10 +65,10 @@ def summary(rows: Sequence[dict[str, Any]], methods: Sequence[str], tolerances: 
     for tol in tolerances:
         header += [f"solved at {tol:g}", "mean time", "to the fastest"]
     lines = []
-    for method in methods:
-        cells = [method, SOLVERS[method].family]
+    for name in methods:
+        cells = [name, method(name).family]
         for tol in tolerances:
-            own = [row for row in rows if row["method"] == method and row["tol"] == tol]
+            own = [row for row in rows if row["method"] == name and row["tol"] == tol]
             solved = [row for row in own if row["solved"]]
             wrong = sum(row["status"] == "SOLVED" and not row["solved"] for row in own)
             ratios = [row[clock] / fastest[row["problem"], tol] for row in solved]
@@ -79,7 +79,7 @@ def summary(rows: Sequence[dict[str, Any]], methods: Sequence[str], tolerances: 
 
 
 def markdown(rows: Sequence[dict[str, Any]], tolerances: Sequence[float], time_limit: float, clock: str, head: Sequence[str]) -> list[str]:
-    methods = [name for name in SOLVERS if any(row["method"] == name for row in rows)]
+    methods = [name for name in (*SOLVERS, *ALIASES) if any(row["method"] == name for row in rows)]
     problems = {row["problem"]: row for row in rows}
     lines = ["# Methods on the problems of an FCLIB collection", "", *head]
     lines += [
@@ -88,12 +88,12 @@ def markdown(rows: Sequence[dict[str, Any]], tolerances: Sequence[float], time_l
         f"Problems solved within {time_limit:g} s; means are geometric, over the problems that the method solves.",
     ]
     lines += ["", *summary(rows, methods, tolerances, clock), LEGEND, ""]
-    families = list(dict.fromkeys(SOLVERS[name].family for name in methods))
+    families = list(dict.fromkeys(method(name).family for name in methods))
     for tol in tolerances:
         found = {(row["problem"], row["method"]): row for row in rows if row["tol"] == tol}
         lines += [f"## Error at most {tol:g}", ""]
         for family in families:
-            members = [name for name in methods if SOLVERS[name].family == family]
+            members = [name for name in methods if method(name).family == family]
             lines += [f"### {family[0].upper()}{family[1:]}", ""]
             for start in range(0, len(members), COLUMNS):
                 columns = members[start : start + COLUMNS]
@@ -115,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", type=Path, nargs="+", metavar="FILES", help="FCLIB files, or folders of them")
     parser.add_argument(
-        "--solver", action="append", choices=list(SOLVERS), metavar="NAME", help="may be given several times (default: all)"
+        "--solver", action="append", choices=[*SOLVERS, *ALIASES], metavar="NAME", help="may be given several times (default: all)"
     )
     parser.add_argument("--tol", type=float, action="append", help="may be given several times (default: 1e-4 and 1e-8)")
     parser.add_argument("--time-limit", type=float, default=10.0, metavar="SECONDS", help="for one solve (default 10)")
@@ -139,11 +139,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     solves.warm(methods)
     for number, problem in enumerate(problems, 1):
         about = problem.description
-        fitting = [name for name in methods if about["dimension"] in SOLVERS[name].dimensions]
+        fitting = [name for name in methods if about["dimension"] in method(name).dimensions]
         missing = [name for name in fitting if any((problem.name, name, tol) not in known for tol in tolerances)]
         print(f"{number}/{len(problems)} {problem.name}: {about['nc']} contacts, {len(missing)} methods", file=sys.stderr)
-        for method, rows in solves.measure(problem, missing, tolerances, options.time_limit, options.jobs, repeat_within=0.1):
-            record.add({**about, **row, "family": SOLVERS[method].family, "time_limit": options.time_limit} for row in rows)
+        for name, rows in solves.measure(problem, missing, tolerances, options.time_limit, options.jobs, repeat_within=0.1):
+            record.add({**about, **row, "family": method(name).family, "time_limit": options.time_limit} for row in rows)
     latest = {(row["problem"], row["method"], row["tol"]): row for row in record.rows}  # a row measured again replaces the old one
     wanted = [row for row in latest.values() if row["tol"] in tolerances and row["method"] in methods]
     head = [*circumstances(options, arguments)[:-1], f"* Times: {clock_name}, medians where a solve is short.", ""]

@@ -23,7 +23,7 @@ from fcsim.bench.workers.launch import Launcher
 from fcsim.bench.workers.siconos_worker import GLOBAL_3D, LOCAL_2D, LOCAL_3D
 from fcsim.bench.workers.worker import SICONOS, Request, Settings, blank, grace
 from fcsim.errors import InputError
-from fcsim.solvers import SOLVERS
+from fcsim.solvers import method
 from fcsim.solvers.plugins import plugin_of
 
 BY_TIME = ("TIME_LIMIT", "KILLED_TIME")
@@ -42,7 +42,7 @@ class Limits:
 def solves(solver: str, entry: Entry) -> bool:
     """Whether a solver is for problems of that form and dimension."""
     if not solver.startswith(SICONOS):
-        return entry.dimension in SOLVERS[solver].dimensions
+        return entry.dimension in method(solver).dimensions
     name = solver.removeprefix(SICONOS).partition("/")[0]
     if entry.dimension == 2:
         return name in LOCAL_2D

@@ -24,19 +24,21 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _solvers(options: argparse.Namespace) -> int:
-    from fcsim.solvers import SOLVERS
+    from fcsim.solvers import ALIASES, SOLVERS
     from fcsim.solvers.plugins import load_plugins
 
     load_plugins(options.plugin)
-    rows = [(name, m.family, m.forms, ",".join(map(str, m.dimensions)), m.source) for name, m in SOLVERS.items()]
-    lines = table_lines(("name", "family", "forms", "dim", "source"), rows, texts=5)
+    rows = [(name, m.family, ",".join(map(str, m.dimensions)), m.source) for name, m in SOLVERS.items()]
+    lines = table_lines(("name", "family", "dim", "source"), rows, texts=4)
     say(lines[0])
-    for line, method in zip(lines[1:], SOLVERS.values(), strict=True):
+    for line, (name, method) in zip(lines[1:], SOLVERS.items(), strict=True):
         say(line)
-        described = (f"Siconos: {method.siconos}; " if method.siconos else "") + _described(method.options)
+        aliases = ", ".join(alias for alias, meant in ALIASES.items() if meant == name and alias not in SOLVERS)
+        described = f"alias: {aliases}; " if aliases else ""
+        described += (f"Siconos: {method.siconos}; " if method.siconos else "") + _described(method.options)
         described += f"; limits: {method.limits}" if method.limits else ""
         say(textwrap.fill(described, 132, initial_indent="    ", subsequent_indent="    "))
-    say("forms: L local (reduced), G global; options with their defaults, changed by --set NAME=VALUE")
+    say("options with their defaults, changed by --set NAME=VALUE")
     return EXIT_OK
 
 

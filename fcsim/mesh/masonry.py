@@ -97,23 +97,9 @@ def running_bond(
 
     The half block is meshed like half of the full one, so nodes of neighbouring courses meet where gap = 0.
     """
+    _check(courses, blocks, block_size, divisions, gap)
     d = len(block_size)
-    if d not in (2, 3):
-        raise InputError(f"running_bond, block_size: expected (length, thickness, height) or in 2D (length, height), got {block_size!r}")
-    if len(divisions) != d:
-        raise InputError(f"running_bond, divisions: expected {d} whole numbers as for block_size, got {divisions!r}")
-    if courses < 1 or courses != int(courses):
-        raise InputError(f"running_bond, courses: expected a whole number >= 1, got {courses!r}")
-    if not blocks >= 1 or 2 * blocks != int(2 * blocks):
-        raise InputError(f"running_bond, blocks: expected a multiple of 1/2, >= 1, as 3 or 3.5, got {blocks!r}")
-    if not 0 <= gap < block_size[0]:
-        raise InputError(f"running_bond, gap: expected 0 <= gap < {block_size[0]} m, the length of a block, got {gap!r}")
     n, halves = divmod(round(2 * blocks), 2)
-    needs_half = bool(halves) or courses > 1
-    if needs_half and divisions[0] % 2:
-        raise InputError(
-            f"running_bond, divisions: expected an even number along the length, of which a half block takes half, got {divisions[0]}"
-        )
 
     def block(name: str, length: float, along: int) -> tuple[Part, float]:
         size, counts = (length, *block_size[1:]), (along, *divisions[1:])
@@ -122,7 +108,7 @@ def running_bond(
         return rectangle(name, size, counts, material, cell or "quadrilateral", plane=plane, thickness=thickness), length
 
     full = [block("full block", block_size[0], divisions[0])]
-    half = [block("half block", (block_size[0] - gap) / 2, divisions[0] // 2)] if needs_half else []
+    half = [block("half block", (block_size[0] - gap) / 2, divisions[0] // 2)] if halves or courses > 1 else []
     rows = (half + full * n, full * n + half) if halves else (full * n, half + full * (n - 1) + half)
 
     bodies, course, position = [], [], []
@@ -138,3 +124,22 @@ def running_bond(
     size[0] += halves * ((block_size[0] - gap) / 2 + gap)
     size[-1] = courses * block_size[-1] + (courses - 1) * gap
     return RunningBond(tuple(bodies), np.array(course), np.array(position), size)
+
+
+def _check(courses: float, blocks: float, block_size: Sequence[float], divisions: Sequence[int], gap: float) -> None:
+    """InputError for what no wall can be laid from, see `running_bond`."""
+    d = len(block_size)
+    if d not in (2, 3):
+        raise InputError(f"running_bond, block_size: expected (length, thickness, height) or in 2D (length, height), got {block_size!r}")
+    if len(divisions) != d:
+        raise InputError(f"running_bond, divisions: expected {d} whole numbers as for block_size, got {divisions!r}")
+    if courses < 1 or courses != int(courses):
+        raise InputError(f"running_bond, courses: expected a whole number >= 1, got {courses!r}")
+    if not blocks >= 1 or 2 * blocks != int(2 * blocks):
+        raise InputError(f"running_bond, blocks: expected a multiple of 1/2, >= 1, as 3 or 3.5, got {blocks!r}")
+    if not 0 <= gap < block_size[0]:
+        raise InputError(f"running_bond, gap: expected 0 <= gap < {block_size[0]} m, the length of a block, got {gap!r}")
+    if (round(2 * blocks) % 2 or courses > 1) and divisions[0] % 2:
+        raise InputError(
+            f"running_bond, divisions: expected an even number along the length, of which a half block takes half, got {divisions[0]}"
+        )

@@ -34,6 +34,7 @@ def _write_moment(group: h5py.Group, moment: Moment) -> None:
     group.attrs["step"] = moment.number
     group.attrs["t"] = moment.state.t
     group.attrs["cuts"] = moment.cuts
+    group.attrs["seen"] = moment.seen
     for name in _ARRAYS:
         if (values := getattr(moment.state, name)) is not None:
             group[name] = values
@@ -113,7 +114,7 @@ def _read_moment(group: h5py.Group) -> Moment:
     ledger = Ledger(supplied, gained, lowest, created, bool(begun))
     lead = Lead(str(group.attrs["lead"]), *map(int, group.attrs["lead_counts"]))
     variables = _variables(group["law"]) if "law" in group else None
-    return Moment(int(group.attrs["step"]), state, memory, int(group.attrs["cuts"]), variables, ledger, lead)
+    return Moment(int(group.attrs["step"]), state, memory, int(group.attrs["cuts"]), variables, ledger, lead, float(group.attrs["seen"]))
 
 
 def _variables(group: h5py.Group) -> Variables:

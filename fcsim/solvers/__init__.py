@@ -3,6 +3,6 @@
 from fcsim.solvers.base import Method, Result, Status
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.solve import solve
-from fcsim.solvers.table import SOLVERS, method
+from fcsim.solvers.table import ALIASES, SOLVERS, method
 
-__all__ = ["SOLVERS", "Memory", "Method", "Result", "Status", "method", "solve"]
+__all__ = ["ALIASES", "SOLVERS", "Memory", "Method", "Result", "Status", "method", "solve"]

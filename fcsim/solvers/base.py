@@ -153,7 +153,6 @@ class Method:
     source: str
     siconos: str = ""
     dimensions: tuple[int, ...] = (2, 3)
-    forms: str = "LG"
     run_global: Any = None
     run_mixed: Any = None
     limits: str = ""

@@ -59,26 +59,31 @@ def solve(
     given = reduced(problem)  # M^-1 or R^-1
     run, form = _way(chosen, solver, options, given)  # the local form, or the problem as it is
     r = _starting_point(r, given, memory)
-    s = given.compliance
     answers = _Answers(given)
     monitor = Monitor(
         *(given.q, given.mu, given.dimension, tol),
-        compliance=s if error == "scaled" else None,
+        compliance=given.compliance if error == "scaled" else None,
         floor=floor,
         time_limit=time_limit,
         start=start,
         velocity=answers.velocity,
         memory=memory,
     )
-    reduction = time.perf_counter()
+    prepared = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
         iterate = _run(run, form, given.q, r, monitor, options)
-        r, status = iterate.r, iterate.status
-        answer = answers.of(r)  # u, v, l from r by the equations alone: what a method carried along does not count
-        errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, x), monitor.scale) for x in (s, None)]
+        result = _judged(iterate, given, answers.of(iterate.r), monitor, error, solver)
+    seconds = {"reduction": prepared - start, "solve": time.perf_counter() - prepared}
+    return replace(result, seconds=seconds)
+
+
+def _judged(iterate: Iterate, given: Reduced, answer: Answer, monitor: Monitor, error: str, solver: str) -> Result:
+    """What the method left with what follows from r by the equations alone (u, v, l): what a method carried along does not count."""
+    r, status = iterate.r, iterate.status
+    errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, s), monitor.scale) for s in (given.compliance, None)]
     deciding = errors[ERRORS.index(error)]
-    if (deciding <= tol) != status.solved:  # NaN is no solution
-        status = Status.SOLVED if deciding <= tol else Status.STAGNATED
+    if (deciding <= monitor.tol) != status.solved:  # NaN is no solution
+        status = Status.SOLVED if deciding <= monitor.tol else Status.STAGNATED
     return Result(
         r=r,
         u=answer.u,
@@ -91,7 +96,7 @@ def solve(
         checks=check(r, answer.u, given.mu, given.dimension, answer.momentum, given.q),
         iterations=monitor.iterations,
         history=monitor.history,
-        seconds={"reduction": reduction - start, "solve": time.perf_counter() - reduction},
+        seconds={},
         method=solver,
         message=iterate.message,
         memory=monitor.memory,

@@ -22,6 +22,7 @@ from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import encounter
+from fcsim.timestep.first_half import passed_unseen, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.look_ahead import ROUNDS, looked_ahead
 from fcsim.timestep.scheme import Scheme
@@ -210,12 +211,23 @@ class Simulation:
             before = part.energy if before is None else before.then(part.energy)
             moment = part.moment
 
+    def _passes(self, scheme: Scheme, start: Moment, cuts: int) -> bool:
+        """Whether bodies pass each other before the contacts of the step are detected; InputError where it cannot be cut any more."""
+        met = passed_unseen(self.model, self.detector, scheme, start.state, self._proportions)
+        if met is not None and cuts == self.cuttings:
+            when = f"step {start.number}, t = {start.state.t:.6g} s"
+            refuse_passing(self.model, self.detector, scheme, start.state, met, when)
+            return False
+        return met is not None
+
     def _part(
         self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
     ) -> Step | None:
         """The step, or its next part of the length h / 2^cuts; None where it has no answer. What was tried goes into `attempts`."""
         model, state = self.model, start.state
         scheme = self.scheme.cut(2**cuts) if cuts else self.scheme
+        if scheme.h > start.seen and self._passes(scheme, start, cuts):
+            return None
         met = encounter(model, self.detector, scheme, state, self._proportions, start.variables)
         clock.lap("detection")
         rest = scheme.right_hand_side(model, state)

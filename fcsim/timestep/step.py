@@ -76,7 +76,8 @@ LEARNED, LEADS = 3, 25
 class Moment:
     """The end of step `number`, all that the next steps depend on: its state, the last reactions (newest first), and how many times
     the next step is halved before it is tried; variables: what the contact law remembers, None = nothing has been met yet; ledger:
-    what contact has created so far; lead: which solver begins the next chain."""
+    what contact has created so far; lead: which solver begins the next chain; seen: length of the step [s] that ended here and detected
+    contacts ahead of its end, 0 = none, see `first_half`."""
 
     number: int
     state: State
@@ -85,6 +86,7 @@ class Moment:
     variables: Variables | None = None
     ledger: Ledger = UNWRITTEN
     lead: Lead = NOBODY
+    seen: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +148,7 @@ class Step:
 
     @property
     def moment(self) -> Moment:
-        return Moment(self.number, self.state, self.memory, self.cuts, self.variables, self.ledger, self.lead)
+        return Moment(self.number, self.state, self.memory, self.cuts, self.variables, self.ledger, self.lead, self.scheme.h)
 
     @property
     def reactions(self) -> Reactions:

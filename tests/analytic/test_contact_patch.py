@@ -25,7 +25,7 @@ from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
-from fcsim.timestep.step_compliance import StepCompliance
+from fcsim.timestep.step_equation.compliance import StepCompliance
 
 E, SIDE, PRESSED = 200e9, 2e-3, 0.2e-3
 P = E * PRESSED / (2 * SIDE)

@@ -17,7 +17,7 @@ from fcsim.bench.results import SLACK
 from fcsim.bench.workers.killable import FINISHED, Task, run_killable
 from fcsim.linear.joints import FRONTS_FROM, JOINT
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.solvers import SOLVERS, solve
+from fcsim.solvers import method, solve
 
 WARM_UP = 2.0
 """[s] What a warm-up may take, beyond what is compiled in it: its runs stop at the first look at the clock after so long."""
@@ -135,7 +135,7 @@ def _like(problem: GlobalProblem | LocalProblem, M: Any, H: Any) -> GlobalProble
 
 def warm(methods: Iterable[str], time_limit: float = 120.0) -> None:
     """Compile what each method needs: first in a child, since it may hang or crash, then here, where later children inherit it."""
-    warm_on({(name, d): small_problem(d) for name in methods for d in SOLVERS[name].dimensions}, time_limit)
+    warm_on({(name, d): small_problem(d) for name in methods for d in method(name).dimensions}, time_limit)
 
 
 def warm_on(cases: Mapping[tuple[str, Any], Any], time_limit: float = 120.0) -> None:

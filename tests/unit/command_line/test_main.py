@@ -14,7 +14,7 @@ from fcsim import __version__
 from fcsim.command_line.main import main
 from fcsim.export_fclib import read_fclib
 from fcsim.problem import GlobalProblem, natural_map_residual
-from fcsim.solvers import SOLVERS
+from fcsim.solvers import ALIASES, SOLVERS
 
 ROOT = Path(__file__).parents[3]
 QUIET = ["--export-every", "0", "--vtk-every", "0"]
@@ -192,7 +192,9 @@ def test_solvers_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert {line.split()[0] for line in lines[1:-1] if not line.startswith(" ")} == set(SOLVERS)
     assert all(len(line) <= 140 for line in lines)
-    assert "stages=100 nsgs then 200 newton" in " ".join(line.strip() for line in lines)
+    shown = " ".join(line.strip() for line in lines)
+    assert all(f"alias: {name}" in shown for name in ALIASES)
+    assert "stages=100 nsgs then 200 newton" in shown
 
 
 def test_version_and_wrong_commands(capsys: pytest.CaptureFixture[str]) -> None:

@@ -119,3 +119,13 @@ def test_refusals() -> None:
     part = brick("b", SIZE, (1, 1, 1), STONE)
     with pytest.raises(InputError, match="'block': expected a part with surfaces"):
         rigid_body(Body("block", Part("bare", part.points, part.cells, part.cell_type, {}, STONE)))
+
+
+@pytest.mark.parametrize("size", [1e-4, 1.0, 1e3])
+def test_round_off_of_an_inertia_is_judged_by_its_size(size: float) -> None:
+    inertia = size**5 * (np.diag([1.0, 2.0, 2.5]) + 1e-15 * np.arange(9.0).reshape(3, 3))
+    assert RigidBody("b", size**3, inertia, np.zeros(3), np.zeros((0, 3))).inertia.shape == (3, 3)
+    skewed = inertia.copy()
+    skewed[0, 1] += 1e-3 * size**5
+    with pytest.raises(InputError, match="symmetric positive definite inertia"):
+        RigidBody("b", size**3, skewed, np.zeros(3), np.zeros((0, 3)))

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.solvers import SOLVERS, Method, Result, Status, solve
+from fcsim.solvers import ALIASES, SOLVERS, Method, Result, Status, method, solve
 from fcsim.solvers.base import Iterate, Monitor, override
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
@@ -60,7 +60,19 @@ def test_unknown_solver_lists_the_table() -> None:
     with pytest.raises(InputError) as caught:
         solve(problem(), "NSN-XY")
     assert "'NSN-XY'" in str(caught.value)
-    assert all(name in str(caught.value) for name in SOLVERS)
+    assert all(name in str(caught.value) for name in (*SOLVERS, *ALIASES))
+
+
+@pytest.mark.parametrize("alias", ALIASES)
+def test_an_alias_is_the_method_that_it_stands_for(alias: str) -> None:
+    assert alias not in SOLVERS and method(alias) is SOLVERS[ALIASES[alias]]
+    answer, meant = solve(problem(), alias), solve(problem(), ALIASES[alias])
+    assert answer.method == alias and answer.solved and np.array_equal(answer.r, meant.r)
+
+
+def test_no_method_stands_twice_in_the_table() -> None:
+    rows = [(m.run, m.options, m.dimensions, m.run_global, m.run_mixed) for m in SOLVERS.values()]
+    assert not [row for i, row in enumerate(rows) if row in rows[:i]]
 
 
 @pytest.mark.parametrize("name", SOLVERS)

@@ -15,9 +15,10 @@ from fcsim.problem import Delassus, GlobalProblem, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import Memory, Status, solve
 from fcsim.solvers.base import Monitor
-from fcsim.solvers.variational.admm import AdmmOptions, SplittingFactor, split
+from fcsim.solvers.variational.admm import AdmmOptions, split
 from fcsim.solvers.variational.convex_sets import Cone
 from fcsim.solvers.variational.inequality import Inequality
+from fcsim.solvers.variational.splittings import SplittingFactor
 from fcsim.solvers.variational.watches import ProblemWatch, SubproblemWatch
 
 Problems = dict[str, Callable[[], LocalProblem]]

@@ -20,7 +20,7 @@ NAMES = [name for name, method in SOLVERS.items() if method.family == "projectio
 
 
 def test_all_are_in_the_table() -> None:
-    assert set(NAMES) >= {"FP-DS", "FP", "EG", "HP", "FP-VI-UPK", "FP-VI-UTK", "EG-VI-UPK", "EG-VI-UTK"}
+    assert set(NAMES) >= {"FP-DS", "EG", "HP", "FP-VI-UPK", "FP-VI-UTK", "EG-VI-UPK", "EG-VI-UTK"}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -51,7 +51,7 @@ def test_honest_stops(name: str, coulomb_problems: dict[str, Callable[[], LocalP
     assert solve(problem, name, max_iterations=3, tol=1e-12).error == pytest.approx(min(row[2] for row in few.history))
 
 
-@pytest.mark.parametrize("name", ["FP", "EG"])
+@pytest.mark.parametrize("name", ["FP-DS", "EG"])
 def test_a_step_too_long_is_not_called_solved(name: str, coulomb_problems: dict[str, Callable[[], LocalProblem]]) -> None:
     result = solve(coulomb_problems["full rank"](), name, rho=1e6, max_iterations=300)
     assert not result.solved and result.error > 1e-8

@@ -1,0 +1,65 @@
+"""What a step's first part passes unseen: bodies that go through each other between the state and the configuration of detection.
+
+Contacts are detected at x_m, ahead of the state x, and along the step from there, so that each step begins where the one before ended to
+look. The way from x to x_m itself is seen by nobody in the first step of a run, and in part where a step is longer than the one before.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.assembly.model import Model
+from fcsim.contact_detection import Detection
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.proportions import Proportions
+from fcsim.errors import InputError
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
+
+_SHARE = 1e-3  # of the smaller body: less is not passed through
+
+
+def passed_unseen(model: Model, detection: Detection, scheme: Scheme, state: State, proportions: Proportions) -> Contacts | None:
+    """Return what closes on the way from the state to the configuration of detection and is not seen there; None where there is nothing.
+
+    Contacts of bodies that have none at all there come first.
+    """
+    if scheme.way(model, state) is None:
+        return None
+    here, ahead = (model.positions(x) for x in (state.x, scheme.detection_configuration(model, state)))
+    way = ahead - here
+    if np.abs(way).max(initial=0.0) <= 0.1 * _SHARE * proportions.size.min():
+        return None
+    met = detection(here, way)
+    least = _SHARE * proportions.size_at(met)
+    before, after = (_gap(met, x) for x in (here, ahead))
+    met = met.take((before > -least) & (after < -least))
+    if not len(met):
+        return None
+    seen = detection(ahead)
+    met = met.take(~np.isin(met.identity, seen.identity))
+    apart = ~np.isin(_pair(met, len(model.bodies)), _pair(seen, len(model.bodies)))
+    return met.take(np.argsort(~apart, kind="stable")) if len(met) else None
+
+
+def refuse_passing(model: Model, detection: Detection, scheme: Scheme, state: State, met: Contacts, when: str) -> None:
+    """InputError where the bodies of the first contact have none in the configuration of detection: they would go through each other."""
+    seen = detection(model.positions(scheme.detection_configuration(model, state)))
+    if np.isin(_pair(met, len(model.bodies))[0], _pair(seen, len(model.bodies))):
+        return  # they are held, in another place
+    one, other = (model.bodies[int(body)].name for body in met.bodies[0])
+    raise InputError(
+        f"{when}: expected bodies that do not pass each other before contacts are looked for for the first time, got {one!r} and "
+        f"{other!r} within the first {scheme.h:.3g} s: choose a shorter h, or let them begin farther apart"
+    )
+
+
+def _gap(contacts: Contacts, positions: FloatArray) -> FloatArray:
+    weights = np.where(contacts.nodes < 0, 0.0, contacts.weights)
+    return np.einsum("ak,akd,ad->a", weights, positions[contacts.nodes], contacts.frame[:, 0])
+
+
+def _pair(contacts: Contacts, bodies: int) -> IntArray:
+    low, high = contacts.bodies.min(axis=1), contacts.bodies.max(axis=1)
+    return np.asarray(low * bodies + high, dtype=np.int64)
