@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -24,13 +23,13 @@ from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import encounter
 from fcsim.timestep.first_half import passed_unseen, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
-from fcsim.timestep.look_ahead import ROUNDS, looked_ahead
+from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Attempt, Moment, Step
 from fcsim.timestep.step_equation.equation import Equation, Past, solve_equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
-from fcsim.timestep.warm_start import MEMORY, Reactions
+from fcsim.timestep.warm_start import MEMORY
 from fcsim.witness import Watch, Witness, begin, penetration_seen
 
 
@@ -239,7 +238,8 @@ class Simulation:
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
         identity = met.contacts.identity
         past = Past(memory, start.lead, None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity))
-        for looks in count():
+        looks = 0
+        while True:
             equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts)
             answer, past = solve_equation(equation, self.solver, self._extent, past, attempts, clock)
             if kept is not None and past.serving is not None:
@@ -253,9 +253,7 @@ class Simulation:
             clock.lap("detection")
             if ahead is None:
                 break
-            last = Reactions(met.contacts.identity, met.contacts.frame, result.r.reshape(-1, model.dimension))
-            serving = None if past.serving is None else past.serving.follow(ahead.contacts.identity)
-            met, past = ahead, replace(past, reactions=(last,), serving=serving)
+            met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
         support = scheme.support_impulse(model, factor.apply(v) - answer.load - impulse, impulse)
         variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
