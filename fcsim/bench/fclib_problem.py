@@ -57,7 +57,7 @@ def read_problem(path: Path) -> FclibProblem:
     """The problem of a file. Raises InputError where it cannot be read or is a rolling friction problem."""
     content = read_fclib(path)
     if not isinstance(content.problem, GlobalProblem | LocalProblem):
-        raise InputError(f"{path}: a rolling friction problem (spacedim 5); it can be read and described, not solved")
+        raise InputError(f"{path}: a rolling friction problem (spacedim 5), which benchmarks leave out; fcsim solve solves it")
     return FclibProblem(path.stem, content.form, content.problem)
 
 

@@ -12,7 +12,7 @@ from fcsim.errors import InputError
 
 FORMS = ("global", "local")
 ROLLING = 5
-"""spacedim of rolling friction problems, which are not solved."""
+"""spacedim of rolling friction problems, which benchmarks leave out: few methods solve them."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from fcsim.version import __version__
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
     from fcsim.export_fclib import FclibFile
-    from fcsim.problem import GlobalProblem, LocalProblem
+    from fcsim.export_fclib.content import Problem
     from fcsim.solvers import Result
 
 
@@ -44,7 +44,6 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def _solve(options: argparse.Namespace) -> int:
     from fcsim.export_fclib import read_fclib
-    from fcsim.problem import GlobalProblem, LocalProblem
     from fcsim.solvers import solve
     from fcsim.solvers.plugins import load_plugins
 
@@ -55,8 +54,6 @@ def _solve(options: argparse.Namespace) -> int:
     overrides = solver_options(options.solver, options.assignments)
     content = read_fclib(options.file)
     problem = content.problem
-    if not isinstance(problem, GlobalProblem | LocalProblem):
-        raise InputError(f"{options.file}: a rolling friction problem (spacedim 5); it can be read and described, not solved")
     start = _start(content, options.start)
     result = solve(problem, options.solver, start, tol=options.tol, error=options.error, time_limit=options.time_limit, **overrides)
     if options.write_solution is not None:
@@ -100,7 +97,7 @@ def _start(content: FclibFile, where: str) -> FloatArray | None:
     return None
 
 
-def _write(path: Path, content: FclibFile, problem: GlobalProblem | LocalProblem, result: Result) -> None:
+def _write(path: Path, content: FclibFile, problem: Problem, result: Result) -> None:
     from fcsim.export_fclib import Solution, write_fclib
 
     write_fclib(
@@ -119,7 +116,7 @@ def _finite(values: Mapping[str, object]) -> dict[str, object]:
     return {name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in values.items()}
 
 
-def _answer(options: argparse.Namespace, content: FclibFile, problem: GlobalProblem | LocalProblem, result: Result) -> dict[str, object]:
+def _answer(options: argparse.Namespace, content: FclibFile, problem: Problem, result: Result) -> dict[str, object]:
     return _finite(
         {
             "file": str(options.file),
@@ -141,12 +138,16 @@ def _answer(options: argparse.Namespace, content: FclibFile, problem: GlobalProb
     )
 
 
-def _unknowns(problem: GlobalProblem | LocalProblem) -> int:
+def _unknowns(problem: Problem) -> int:
     return int(getattr(problem, "n", problem.m))
 
 
-def _print_answer(options: argparse.Namespace, content: FclibFile, problem: GlobalProblem | LocalProblem, result: Result) -> None:
-    say(f"{options.file}: {content.form} form, {problem.nc} contacts in {problem.dimension}D, n = {_unknowns(problem)}")
+def _space(problem: Problem) -> str:
+    return "with rolling friction" if problem.dimension == 5 else f"in {problem.dimension}D"
+
+
+def _print_answer(options: argparse.Namespace, content: FclibFile, problem: Problem, result: Result) -> None:
+    say(f"{options.file}: {content.form} form, {problem.nc} contacts {_space(problem)}, n = {_unknowns(problem)}")
     error = f"{options.error} error {result.error:.3e} (tol {options.tol:g})"
     say(f"{result.method}: {result.status.value}; {error}, {result.iterations} iterations")
     other = "published" if options.error == "scaled" else "scaled"

@@ -9,6 +9,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.false_sides import came_another_way, known_facets, leaves_by_another_face
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.surfaces import candidates as candidate_points
 from fcsim.contact_detection.surfaces import facets as contact_facets
@@ -22,12 +23,13 @@ _PARALLEL = 0.99
 
 
 class Configuration(NamedTuple):
-    """Candidates (point, outward direction, size of their facets) and master facets at the given positions."""
+    """Candidates (point, outward direction, size of their facets) and master facets at the given positions (n_nodes, d) [m]."""
 
     point: FloatArray
     outward: FloatArray
     size: FloatArray
     master: FacetGeometry
+    positions: FloatArray
 
 
 class Feet(NamedTuple):
@@ -63,12 +65,15 @@ class NodeToSegment:
         self.topology = contact_facets.topology(self.masters)
         self.pair_of_candidate = np.repeat(np.arange(len(pairs)), counts)
         self._first = np.concatenate([[0], np.cumsum(counts)])
+        self.known = known_facets(self.slaves, self.masters)
+        self._node = np.where((self.candidates.nodes >= 0).sum(axis=1) == 1, self.candidates.nodes[:, 0], -1)
         self._n_bodies = 1 + int(self.masters.bodies.max(initial=0))
         self.identities = np.array(counts) * self._n_bodies
 
     def contacts(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[Contacts, IntArray]:
         """Contacts among the possible pairs, sorted by (pair, candidate, master body), and their pairs."""
-        feet = self._once_per_place(now, self._once_per_body(now, *self._plausible(now, candidate, facet)))
+        feet = self._truly(now, self._once_per_body(now, *self._plausible(now, candidate, facet)))
+        feet = self._once_per_place(now, feet)
         return self._contacts(feet), self.pair_of_candidate[feet.candidate]
 
     def configuration(self, x: FloatArray) -> Configuration:
@@ -78,7 +83,7 @@ class NodeToSegment:
         mean = self.candidates.averaging @ np.column_stack([slave.normal, slave.size])
         length = np.sqrt(np.einsum("nd,nd->n", mean[:, :-1], mean[:, :-1]))
         outward = mean[:, :-1] / np.maximum(length, 1e-300)[:, None]
-        return Configuration(point, outward, mean[:, -1], contact_facets.geometry(self.masters, x))
+        return Configuration(point, outward, mean[:, -1], contact_facets.geometry(self.masters, x), x)
 
     def search(self, now: Configuration, skin: float) -> tuple[IntArray, IntArray]:
         """Possible pairs (candidate, facet), also of positions where they are closer by less than `skin` [m]."""
@@ -161,6 +166,15 @@ class NodeToSegment:
         fan = np.where(np.isinf(length)[:, None], mean, (side / length)[:, None] * away)
         normal = np.where(ridge[:, None], fan, feet.normal)
         return feet._replace(normal=normal, gap=np.einsum("nd,nd->n", now.point[feet.candidate] - feet.point, normal))
+
+    def _truly(self, now: Configuration, feet: Feet) -> Feet:
+        """The feet without those of side faces that a candidate does not touch, see `false_sides`."""
+        if not (feet.gap < -ROUND * feet.scale).any():
+            return feet
+        body, least = self.masters.bodies[feet.facet], ROUND * feet.scale
+        drop = leaves_by_another_face(self._node[feet.candidate], body, feet.gap, feet.normal, now.master.centre[feet.facet], least)
+        drop |= came_another_way(now.point[feet.candidate], body, feet.gap, feet.normal, feet.scale, self.known, now.positions)
+        return feet.take(~drop) if drop.any() else feet
 
     def _identity(self, feet: Feet) -> IntArray:
         return feet.candidate * self._n_bodies + self.masters.bodies[feet.facet]

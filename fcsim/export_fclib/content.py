@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 from fcsim.arrays import FloatArray
-from fcsim.export_fclib.rolling import GlobalRollingProblem
 from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem.rolling import GlobalRollingProblem
 
 Problem = GlobalProblem | LocalProblem | GlobalRollingProblem
 Storage = Literal["csc", "csr", "triplet"]

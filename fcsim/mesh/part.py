@@ -168,7 +168,10 @@ class RigidBody:
         object.__setattr__(self, "points", _frozen(self.points, np.float64, f"{what}, points", (None, d)))
         object.__setattr__(self, "centre", _frozen(self.centre, np.float64, f"{what}, centre", (d,)))
         object.__setattr__(self, "inertia", _frozen(np.atleast_2d(self.inertia), np.float64, f"{what}, inertia", (rotations, rotations)))
-        if not np.allclose(self.inertia, self.inertia.T, rtol=0, atol=1e-8 * np.abs(self.inertia).max()) or np.linalg.eigvalsh(self.inertia).min() <= 0:
+        if (
+            not np.allclose(self.inertia, self.inertia.T, rtol=0, atol=1e-8 * np.abs(self.inertia).max())
+            or np.linalg.eigvalsh(self.inertia).min() <= 0
+        ):
             raise InputError(f"{what}: expected a symmetric positive definite inertia [kg m^2], got {self.inertia.tolist()}")
         object.__setattr__(self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), None, what))
 

@@ -211,11 +211,15 @@ class Reduction:
         """tr(W_aa) / d (nc,), see `Delassus.compliance`."""
         return own_compliance(np.einsum("aii->a", self.diagonal_blocks) / self.dimension)
 
+    def delassus(self, rows: int) -> Any:
+        """The Delassus operator W (m, m), formed by blocks of 1, 2 or 3 rows: a contact's, or single ones."""
+        return self.factor.delassus(self._H, rows)
+
     @cached_property
     def local(self) -> LocalProblem:
         """The local form W, q, mu."""
         p = self.problem
-        W = self.factor.delassus(self._H, p.dimension)
+        W = self.delassus(p.dimension)
         return LocalProblem(W, self.q, p.mu, dimension=p.dimension, motion=_motion(p, W))
 
     def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.problem import Checks, LocalProblem, natural_map_residual
+from fcsim.problem import Checks, natural_map_residual
 from fcsim.problem.infeasible import Certificate
 from fcsim.problem.judge import relative
 from fcsim.solvers.memory import Memory
@@ -134,7 +134,8 @@ class Iterate:
     certificate: Certificate | None = None
 
 
-Run = Callable[[LocalProblem, FloatArray, Monitor, Any], Iterate]
+Run = Callable[[Any, FloatArray, Monitor, Any], Iterate]
+"""On a `LocalProblem`; with dimension 5 on a `LocalRollingProblem`."""
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,11 @@ from fcsim.problem import Answer, GlobalProblem, LocalProblem, Reduced, check, n
 from fcsim.problem.elimination import Elimination
 from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction, reduced
+from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
 from fcsim.solvers.base import Iterate, Method, Monitor, Result, Status, choice, override
 from fcsim.solvers.memory import Memory
+from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.solvers.table import method
 
 ERRORS = ("scaled", "published")
@@ -25,7 +27,7 @@ ERRORS = ("scaled", "published")
 
 @limited_threads()
 def solve(
-    problem: GlobalProblem | LocalProblem | Reduction,
+    problem: GlobalProblem | LocalProblem | Reduction | GlobalRollingProblem,
     solver: str = "NSN-AC",
     r: FloatArray | None = None,
     *,
@@ -38,7 +40,8 @@ def solve(
 ) -> Result:
     """Solve a frictional contact problem by the named method and check the answer.
 
-    problem    in global or local form, or a `Reduction` whose factor of M is known already (a simulation's)
+    problem    in global or local form, or a `Reduction` whose factor of M is known already (a simulation's); with rolling friction in
+               global form, by the methods of dimension 5 or "auto" (see `solve_rolling`; it keeps no memory)
     r          (m,) starting point, default 0
     tol        on the error that decides; `floor` [unit of q] as in `fcsim.problem.error`
     error      "scaled", which does not depend on the units (`fcsim.problem.scaled_error`), or "published" (`fcsim.problem.error`)
@@ -50,6 +53,8 @@ def solve(
     it as it is (linear="kkt").
     Raises InputError for an unknown method or option and for arguments of a wrong shape.
     """
+    if isinstance(problem, GlobalRollingProblem):
+        return solve_rolling(problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, **overrides)
     chosen = method(solver)
     options = override(chosen.options, overrides)
     choice("error", error, ERRORS)
@@ -72,13 +77,16 @@ def solve(
     prepared = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
         iterate = _run(run, form, given.q, r, monitor, options)
-        result = _judged(iterate, given, answers.of(iterate.r), monitor, error, solver)
-    seconds = {"reduction": prepared - start, "solve": time.perf_counter() - prepared}
-    return replace(result, seconds=seconds)
+        return _judged(iterate, given, answers.of(iterate.r), monitor, error, solver, (start, prepared))
 
 
-def _judged(iterate: Iterate, given: Reduced, answer: Answer, monitor: Monitor, error: str, solver: str) -> Result:
-    """What the method left with what follows from r by the equations alone (u, v, l): what a method carried along does not count."""
+def _judged(
+    iterate: Iterate, given: Reduced, answer: Answer, monitor: Monitor, error: str, solver: str, clock: tuple[float, float]
+) -> Result:
+    """What the method left with what follows from r by the equations alone (u, v, l): what a method carried along does not count.
+
+    clock: when the solve began and when its method did.
+    """
     r, status = iterate.r, iterate.status
     errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, s), monitor.scale) for s in (given.compliance, None)]
     deciding = errors[ERRORS.index(error)]
@@ -96,7 +104,7 @@ def _judged(iterate: Iterate, given: Reduced, answer: Answer, monitor: Monitor, 
         checks=check(r, answer.u, given.mu, given.dimension, answer.momentum, given.q),
         iterations=monitor.iterations,
         history=monitor.history,
-        seconds={},
+        seconds={"reduction": clock[1] - clock[0], "solve": time.perf_counter() - clock[1]},
         method=solver,
         message=iterate.message,
         memory=monitor.memory,
@@ -107,7 +115,7 @@ def _judged(iterate: Iterate, given: Reduced, answer: Answer, monitor: Monitor, 
 def _way(chosen: Method, solver: str, options: Any, given: Reduced) -> tuple[Any, Any]:
     """The method's run function and the form of the problem that it takes: local, or as it is where linear="kkt" asks for that."""
     if given.dimension not in chosen.dimensions:
-        known = " and ".join(f"{d}D" for d in chosen.dimensions)
+        known = "problems with rolling friction" if chosen.dimensions == (5,) else " and ".join(f"{d}D" for d in chosen.dimensions)
         raise InputError(f"solver {solver!r}: works in {known}, the problem has {given.dimension}D")
     if getattr(options, "linear", "") != "kkt":
         return chosen.run, given.local

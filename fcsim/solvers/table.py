@@ -31,6 +31,7 @@ from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.proximal_newton import ProximalNewtonOptions, proximal_newton
 from fcsim.solvers.proximal import ProximalOptions, proximal_point
+from fcsim.solvers.rolling import RollingSweepOptions, rolling_extragradient, rolling_fixed_point, rolling_sweeps
 from fcsim.solvers.variational.admm import AdmmOptions, admm, admm_global
 from fcsim.solvers.variational.fixed_points import (
     AlternationOptions,
@@ -45,6 +46,7 @@ from fcsim.solvers.variational.fixed_points import (
 from fcsim.solvers.variational.projection import HyperplaneOptions, ProjectionOptions, extragradient, fixed_point, hyperplane
 
 _BOOK = "Acary, Brémond, Huber 2018"
+_ROLLING = "Acary, Bourrier 2021"
 
 
 def _newton(formulation: str, source: str, siconos: str, rho: str = "split spectral norm", line_search: str = "none") -> Method:
@@ -166,6 +168,9 @@ SOLVERS: dict[str, Method] = {
     "2D-CPG": Method(conjugated_projected_gradient, ConjugateGradientOptions(), "2D", "Renouf, Alart 2005", "FRICTION_2D_CPG", (2,)),
     "2D-LEMKE": Method(planar_lemke, LemkeOptions(), "2D", "Lemke 1965", "FRICTION_2D_LEMKE", (2,)),
     "2D-ENUM": Method(planar_enumeration, EnumerationOptions(), "2D", "Murty 1988", "FRICTION_2D_ENUM", (2,)),
+    "ROLLING-NSGS": Method(rolling_sweeps, RollingSweepOptions(), "rolling", _ROLLING, "ROLLING_FRICTION_3D_NSGS", (5,), "G"),
+    "ROLLING-FP": Method(rolling_fixed_point, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5,), "G"),
+    "ROLLING-EG": Method(rolling_extragradient, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5,), "G"),
 }
 
 ALIASES: dict[str, str] = {"NSN-JM-NLS": "NSN-JM", "NSN-NM-NLS": "NSN-NM", "NSN-AC-NLS-HYBRID": "NSN-AC-HYBRID", "FP": "FP-DS"}

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection
+from fcsim.contact_detection import Detection, Detector
+from fcsim.contact_detection.never_touching import never_touching
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
 from fcsim.runtime import limited_threads
@@ -150,6 +151,12 @@ class Simulation:
             return step
         return replace(step, overlap=self.watch.look(step.state.x))
 
+    def _opening(self, state: State) -> tuple[str, ...]:
+        """Remarks on the pairs of surfaces as a run begins."""
+        if not isinstance(self.detector, Detector):
+            return ()
+        return never_touching(self.detector.pairs, self.model.positions(state.x), [body.name for body in self.model.bodies])
+
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
         """Yield the steps after a moment (default: the initial state).
 
@@ -161,13 +168,15 @@ class Simulation:
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None
         said: frozenset[str] = frozenset()
+        opening = () if after.number else self._opening(after.state)
         while moment.number < self.steps:
             step = self._witnessed(self.step(moment, kept, anchor))
             moment, when = step.moment, f"step {step.number}, t = {step.state.t:.6g} s"
             deformation = self._measure(step.state.x)
             new = remarks(self.model, deformation, when, said)
             if step.number > after.number:
-                yield replace(step, remarks=tuple(new.values())) if new else step
+                yield replace(step, remarks=(*opening, *new.values())) if new or opening else step
+                opening = ()
             said |= new.keys()
             refuse_beyond(self.limits, self.model, deformation, when)
             if watch is not None and watch.witness.stop and step.overlap is not None and step.overlap.beyond:

@@ -58,7 +58,7 @@ def solve_all(file: Path, solvers: Sequence[str], *, tol: float = 1e-8, time_lim
         method(name)
     problem = read_fclib(file).problem
     if not isinstance(problem, GlobalProblem | LocalProblem):
-        raise InputError(f"{file}: a rolling friction problem (spacedim 5); it can be read and described, not solved")
+        raise InputError(f"{file}: a rolling friction problem (spacedim 5), which benchmarks leave out; fcsim solve solves it")
     runs = []
     for name in solvers:
         solve(problem, name, tol=tol, time_limit=min(WARM_UP, time_limit))

@@ -17,7 +17,7 @@ from fcsim.arrays import FloatArray
 from fcsim.errors import MissingDependency
 from fcsim.problem import GlobalProblem
 from fcsim.solvers.base import Iterate, Status
-from fcsim.solvers.variational.convex_sets import Cone, Disk
+from fcsim.solvers.variational.convex_sets import Cone, Disk, RollingCone
 from fcsim.solvers.variational.inequality import Inequality
 from fcsim.solvers.variational.watches import Watch
 
@@ -58,6 +58,7 @@ def conic_rows(vi: Inequality) -> ConicRows:
         columns, values = cones.ravel(), coefficients.ravel()
         fixed = dofs[~sliding, 1:]
     else:  # r_N >= 0 and (radius, r_T) in the cone
+        assert not isinstance(vi.convex_set, RollingCone)  # no cone program is made of it
         radius = vi.convex_set.radius
         tangents = dofs if isinstance(vi.convex_set, Disk) else dofs[:, 1:]
         lines = dofs[:0, 0] if isinstance(vi.convex_set, Disk) else dofs[:, 0]

@@ -20,7 +20,7 @@ from fcsim.solvers.base import Iterate, Status
 from fcsim.solvers.variational._set_kernels import sweep_cone, sweep_cylinder
 from fcsim.solvers.variational.admm import AdmmOptions, split
 from fcsim.solvers.variational.conic import clarabel_program
-from fcsim.solvers.variational.convex_sets import Cone, Disk
+from fcsim.solvers.variational.convex_sets import Cone, Disk, RollingCone
 from fcsim.solvers.variational.inequality import Inequality
 from fcsim.solvers.variational.interior_point import primal_dual
 from fcsim.solvers.variational.projection import ProjectionOptions, project
@@ -87,6 +87,7 @@ def gauss_seidel(vi: Inequality, r: FloatArray, watch: Watch) -> Iterate:
         if isinstance(vi.convex_set, Cone):
             change, _ = sweep_cone(indptr, indices, blocks, q, vi.convex_set.mu, rho, x, 1e-14, 100)
         else:
+            assert not isinstance(vi.convex_set, RollingCone)  # no convex program is made of it
             change, _ = sweep_cylinder(indptr, indices, blocks, q, vi.convex_set.radius, x, offset == 0, k > 1 or offset == 1)
         watch.tick()
         status = watch.visit(flat(), None, light.due(largest * float(np.sqrt(change))))

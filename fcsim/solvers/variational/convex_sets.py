@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fcsim.arrays import FloatArray
+from fcsim.problem.rolling._cone_kernels import step_rolling_cone
 from fcsim.solvers.variational._set_kernels import step_cone, step_cylinder, step_disk
 
 
@@ -17,6 +18,18 @@ class Cone:
     def step(self, r: FloatArray, F: FloatArray, rho: float, out: FloatArray) -> float:
         """out = P_C(r - rho F), arrays (nc, d); return ||out - r||^2."""
         return step_cone(r, F, self.mu, rho, out)
+
+
+@dataclass(frozen=True, eq=False)
+class RollingCone:
+    """K = {||r_T|| <= mu r_N, ||r_R|| <= mu_r r_N}, vectors (nc, 5)."""
+
+    mu: FloatArray
+    mu_r: FloatArray
+
+    def step(self, r: FloatArray, F: FloatArray, rho: float, out: FloatArray) -> float:
+        """As `Cone.step`."""
+        return step_rolling_cone(r, F, self.mu, self.mu_r, rho, out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,4 +54,4 @@ class Disk:
         return step_disk(r, F, self.radius, rho, out)
 
 
-ConvexSet = Cone | Cylinder | Disk
+ConvexSet = Cone | RollingCone | Cylinder | Disk

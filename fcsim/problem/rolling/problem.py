@@ -17,8 +17,7 @@ class GlobalRollingProblem:
 
     Each contact owns five entries of u and r, (N, T1, T2, R1, R2): force [N] and rolling moment [N m], or their impulses. The cone is
     ||r_T|| <= mu r_N, ||r_R|| <= mu_r r_N, with mu_r in metres (Acary, Bourrier, "Coulomb friction with rolling resistance as a cone
-    complementarity problem", European Journal of Mechanics A/Solids 85, 2021). fcsim reads and writes such a problem; it has no
-    solver for it.
+    complementarity problem", European Journal of Mechanics A/Solids 85, 2021).
     """
 
     M: Matrix

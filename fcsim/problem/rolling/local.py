@@ -1,0 +1,87 @@
+"""The local form of a problem with rolling friction, in variables that do not depend on the units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import FloatArray, Matrix
+from fcsim.problem.delassus import Delassus
+from fcsim.problem.problem import Answer
+from fcsim.problem.reduction import Reduction, reduce
+from fcsim.problem.rolling.problem import GlobalRollingProblem
+
+
+@dataclass(frozen=True, eq=False)
+class LocalRollingProblem:
+    """u = W r + q, K* ∋ u + g(u) ⊥ r ∈ K with W (m, m), q (m,), mu (nc,), mu_r (nc,), m = 5 nc; all without a unit of length between
+    forces and moments: see `RollingReduction`.
+    """
+
+    W: Matrix
+    q: FloatArray
+    mu: FloatArray
+    mu_r: FloatArray
+    dimension: int = 5
+
+    @cached_property
+    def delassus(self) -> Delassus:
+        return Delassus(self.W, 5)
+
+
+@dataclass(frozen=True, eq=False)
+class RollingReduction:
+    """A global problem with rolling friction and the way to its local form.
+
+    The local form has forces and moments in one unit. With a length l_a of each contact, r_R = l r'_R, u'_R = l u_R and mu_r' = mu_r / l;
+    l^2 = (tr W_FF / 3) / (tr W_RR / 2), F the forces, the length at which moments turn the bodies as easily as forces move them (of a solid
+    sphere about its radius). So neither the answer nor the error depends on the units of mass, length and time.
+    """
+
+    problem: GlobalRollingProblem
+    reduction: Reduction
+
+    @cached_property
+    def W(self) -> Matrix:
+        """The Delassus operator (m, m) in the problem's own units."""
+        return self.reduction.delassus(1)
+
+    @cached_property
+    def length(self) -> FloatArray:
+        """l (nc,) [m]; where nothing turns or moves, mu_r, and where that is zero too, 1."""
+        own = np.array(self.W.diagonal()).reshape(-1, 5)
+        moving, turning = own[:, :3].mean(axis=1), own[:, 3:].mean(axis=1)
+        known = (moving > 0) & (turning > 0)
+        otherwise = np.where(self.problem.mu_r > 0, self.problem.mu_r, 1.0)
+        return np.where(known, np.sqrt(np.where(known, moving, 1.0) / np.where(known, turning, 1.0)), otherwise)
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """(m,) with r = scale r', u' = scale u."""
+        scale = np.ones((self.problem.nc, 5))
+        scale[:, 3:] = self.length[:, None]
+        return scale.ravel()
+
+    @cached_property
+    def local(self) -> LocalRollingProblem:
+        """The local form in r', u'."""
+        p, W, scale = self.problem, self.W, self.scale
+        if sp.issparse(W):
+            scaling = sp.diags_array(scale)
+            scaled = sp.bsr_array(scaling @ sp.csr_array(W) @ scaling, blocksize=(5, 5))
+        else:
+            scaled = scale[:, None] * W * scale
+        return LocalRollingProblem(scaled, scale * self.reduction.q, p.mu, p.mu_r / self.length)
+
+    def answer(self, r: FloatArray) -> Answer:
+        """u, v, l from r (m,), all in the problem's own units."""
+        return self.reduction.answer(r)
+
+
+def reduce_rolling(problem: GlobalRollingProblem) -> RollingReduction:
+    """Return the reduction; its equations are those without rolling friction, with five unknowns a contact."""
+    return RollingReduction(problem, reduce(cast(Any, problem)))

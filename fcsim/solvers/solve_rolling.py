@@ -1,0 +1,132 @@
+"""`solve_rolling`: a problem with rolling friction, a method's name, an answer that was checked."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import Checks
+from fcsim.problem.judge import relative
+from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction, modified_velocity, natural_residual, reduce_rolling
+from fcsim.solvers.base import Iterate, Monitor, Result, Status, choice, override
+from fcsim.solvers.table import method
+
+ERRORS = ("scaled", "published")
+
+
+class RollingMonitor(Monitor):
+    """Computes the error on the cone of rolling friction; iterates are in the reduction's scaled variables r', u'.
+
+    published: the natural map in the units of the file, as programs print it; else in r', z = s r' with the contacts' compliances s.
+    """
+
+    def __init__(self, reduction: RollingReduction, tol: float, published: bool, **arguments: Any) -> None:
+        local = reduction.local
+        self._reduction, self._published = reduction, published
+        compliance = None if published else local.delassus.compliance
+        super().__init__(reduction.reduction.q if published else local.q, local.mu, 5, tol, compliance=compliance, **arguments)
+
+    def error(self, r: FloatArray, u: FloatArray) -> float:
+        given, scale = self._reduction, self._reduction.scale
+        if self._published:
+            residual = natural_residual(scale * r, u / scale, self.mu, given.problem.mu_r, self.compliance)
+        else:
+            residual = natural_residual(r, u, self.mu, given.local.mu_r, self.compliance)
+        return relative(residual, self.scale)
+
+
+def solve_rolling(
+    problem: GlobalRollingProblem,
+    solver: str,
+    r: FloatArray | None = None,
+    *,
+    tol: float = 1e-8,
+    error: str = "scaled",
+    floor: float = 0.0,
+    time_limit: float = float("inf"),
+    **overrides: Any,
+) -> Result:
+    """Solve a problem with rolling friction; arguments, errors and result as `solve`. "auto" is ROLLING-NSGS.
+
+    The scaled error is taken on r', u' (see `RollingReduction`), and so are the checks; the published one, by the formula of eq. 13 on the
+    cone of five dimensions, in the problem's own units.
+    """
+    name = "ROLLING-NSGS" if solver == "auto" else solver
+    chosen = method(name)
+    if 5 not in chosen.dimensions:
+        raise InputError(f"solver {solver!r}: has no cone of rolling friction, expected auto, ROLLING-NSGS, ROLLING-FP or ROLLING-EG")
+    options = override(chosen.options, overrides)
+    choice("error", error, ERRORS)
+    if not tol > 0:
+        raise InputError(f"tol: expected a number > 0, got {tol}")
+    begin = np.zeros(problem.m) if r is None else np.array(r, dtype=np.float64)
+    if begin.shape != (problem.m,) or not np.all(np.isfinite(begin)):
+        raise InputError(f"r: expected a starting point of {problem.m} finite numbers, got shape {begin.shape}")
+    start = time.perf_counter()
+    given = reduce_rolling(problem)
+    local, scale = given.local, given.scale
+    monitors = {name: RollingMonitor(given, tol, name == "published", floor=floor, time_limit=time_limit, start=start) for name in ERRORS}
+    monitor = monitors[error]
+    reduction = time.perf_counter()
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
+        iterate = _run(chosen.run, local, begin / scale, monitor, options)
+        r, status = scale * iterate.r, iterate.status
+        answer = given.answer(r)
+        errors = {name: other.error(iterate.r, scale * answer.u) for name, other in monitors.items()}
+    if (errors[error] <= tol) != status.solved:
+        status = Status.SOLVED if errors[error] <= tol else Status.STAGNATED
+    return Result(
+        r=r,
+        u=answer.u,
+        v=answer.v,
+        multiplier=answer.multiplier,
+        status=status,
+        error=errors[error],
+        scaled_error=errors["scaled"],
+        published_error=errors["published"],
+        checks=_check(given, iterate.r, scale * answer.u, answer.momentum),
+        iterations=monitor.iterations,
+        history=monitor.history,
+        seconds={"reduction": reduction - start, "solve": time.perf_counter() - reduction},
+        method=name,
+        message=iterate.message,
+    )
+
+
+def _run(run: Any, local: Any, r: FloatArray, monitor: Monitor, options: Any) -> Iterate:
+    zero = np.zeros_like(r)
+    if monitor.error(zero, local.q) <= monitor.tol:
+        return Iterate(zero, Status.SOLVED)
+    try:
+        iterate: Iterate = run(local, r, monitor, options)
+    except SingularMatrix as singular:
+        iterate = Iterate(r, Status.SINGULAR, str(singular))
+    if not iterate.status.solved and monitor.best_r is not None:
+        return replace(iterate, r=monitor.best_r)
+    return iterate
+
+
+def _check(given: RollingReduction, r: FloatArray, u: FloatArray, momentum: float | None) -> Checks:
+    """The unit-true checks (see `Checks`) of r', u' (m,), for both disks of the cone."""
+    local = given.local
+    if not given.problem.nc:
+        return Checks(0.0, 0.0, 0.0, 0.0, momentum)
+    r2, u2 = r.reshape(-1, 5), u.reshape(-1, 5)
+    sliding = np.hypot(r2[:, 1], r2[:, 2]) - local.mu * r2[:, 0]
+    turning = np.hypot(r2[:, 3], r2[:, 4]) - local.mu_r * r2[:, 0]
+    modified = modified_velocity(u2, local.mu, local.mu_r)
+    opening = max(float(np.abs(u).max()), float(np.abs(local.q).max())) or 1.0
+    size = float(np.linalg.norm(r)) * max(float(np.linalg.norm(u)), float(np.linalg.norm(local.q)))
+    return Checks(
+        cone=max(0.0, float(sliding.max()), float(turning.max())) / (float(np.abs(r).max()) or 1.0),
+        dual_cone=max(0.0, float(-u2[:, 0].min())) / opening,
+        complementarity=abs(float(r @ modified.ravel())) / (size or 1.0),
+        penetration=max(0.0, float(-u2[:, 0].min())),
+        momentum=momentum,
+    )

@@ -1,0 +1,165 @@
+"""Problems with rolling friction: closed forms of a body on an incline, one answer of all methods, units, refusals."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.errors import InputError
+from fcsim.problem import GlobalProblem
+from fcsim.problem.rolling import GlobalRollingProblem
+from fcsim.solvers import SOLVERS, Status, solve
+
+METHODS = [name for name, method in SOLVERS.items() if 5 in method.dimensions]
+g, h = 9.81, 1e-3
+
+
+def on_incline(angle: float, mu: float, mu_r: float, radius: float, inertia: float, mass: float = 2.0, spin: float = 0.0) -> Any:
+    """A round body at rest on an incline: v = (along, across, up, omega), J = inertia m R^2; a spin about the rolling axis is given."""
+    J = inertia * mass * radius**2
+    M = np.diag([mass] * 3 + [J] * 3)
+    # u_N = v_z; u_T = v + omega x (-R n); rolling velocity omega_x, omega_y
+    H = np.zeros((6, 5))
+    H[2, 0] = H[0, 1] = H[1, 2] = H[3, 3] = H[4, 4] = 1.0
+    H[4, 1], H[3, 2] = -radius, radius
+    f = h * mass * g * np.array([np.sin(angle), 0, -np.cos(angle), 0, 0, 0])
+    f[4] += J * spin
+    f[0] += mass * radius * spin
+    return GlobalRollingProblem(M, H, f, np.zeros(5), np.array([mu]), np.array([mu_r]))
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("inertia", [0.4, 0.5], ids=["sphere", "cylinder"])
+@pytest.mark.parametrize("share", [0.2, 0.999, 1.001, 2.0])
+@pytest.mark.parametrize("radius", [1e-4, 0.3, 50.0])
+def test_it_rests_iff_tan_alpha_is_at_most_mu_r_over_R(name: str, inertia: float, share: float, radius: float) -> None:
+    """Else it rolls with a = g (sin alpha - mu_r / R cos alpha) / (1 + J / (m R^2)): moments about the point of contact."""
+    arm = 0.1
+    angle = np.arctan(share * arm)
+    result = solve(on_incline(angle, 0.8, arm * radius, radius, inertia), name, tol=1e-12)
+    assert result.solved and result.v is not None
+    acceleration = max(0.0, g * (np.sin(angle) - arm * np.cos(angle)) / (1 + inertia))
+    assert_allclose(result.v[0] / h, acceleration, atol=1e-8 * g)
+    assert_allclose(result.v[4] * radius, result.v[0], atol=1e-10 * g * h)  # it rolls without sliding
+    assert_allclose(result.r[0] / (2.0 * g * h * np.cos(angle)), 1.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_it_slides_where_friction_is_too_small_to_turn_it(name: str) -> None:
+    """mu < mu_r / R: it slides without rolling, a = g (sin alpha - mu cos alpha)."""
+    angle, mu = 0.5, 0.1
+    result = solve(on_incline(angle, mu, 0.06, 0.3, 0.4), name, tol=1e-12)
+    assert result.solved and result.v is not None
+    assert_allclose(result.v[:1] / h, g * (np.sin(angle) - mu * np.cos(angle)), rtol=1e-8)
+    assert_allclose(result.v[4], 0, atol=1e-12)
+
+
+def random(seed: int, nc: int = 6, mu: float = 0.4, mu_r: float = 0.2, constrained: bool = False) -> GlobalRollingProblem:
+    rng = np.random.default_rng(seed)
+    n = 5 * nc + 4
+    A = rng.standard_normal((n, n))
+    G, b = (rng.standard_normal((n, 2)), rng.standard_normal(2)) if constrained else (None, None)
+    H, f, w = rng.standard_normal((n, 5 * nc)), rng.standard_normal(n), rng.standard_normal(5 * nc)
+    w[::5] -= 2.0  # most contacts press
+    return GlobalRollingProblem(A @ A.T / n + np.eye(n), H, f, w, np.full(nc, mu), np.full(nc, mu_r), G, b)
+
+
+@pytest.mark.parametrize("constrained", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_all_methods_find_one_answer_and_it_keeps_the_law(seed: int, constrained: bool) -> None:
+    p = random(seed, constrained=constrained)
+    answers = [solve(p, name, tol=1e-11) for name in ("auto", *METHODS)]
+    for answer in answers:
+        assert answer.solved
+        r, u, v = answer.r.reshape(-1, 5), answer.u.reshape(-1, 5), answer.v
+        assert v is not None
+        moved = p.M @ v - p.H @ answer.r - p.f - (p.G @ answer.multiplier if p.G is not None else 0)
+        assert_allclose(moved, 0, atol=1e-10)
+        assert_allclose(answer.u, p.H.T @ v + p.w, atol=1e-10)
+        assert np.count_nonzero(r[:, 0] > 0.01) >= 3
+        sliding, turning = np.hypot(u[:, 1], u[:, 2]), np.hypot(u[:, 3], u[:, 4])
+        assert np.all(u[:, 0] > -1e-9) and np.all(np.abs(r[:, 0] * u[:, 0]) < 1e-9)
+        # what slides or turns under pressure is held back with all that friction has, against its motion: maximum dissipation
+        assert_allclose(np.einsum("ai,ai->a", r[:, 1:3], u[:, 1:3]), -p.mu * r[:, 0] * sliding, atol=1e-9)
+        assert_allclose(np.einsum("ai,ai->a", r[:, 3:], u[:, 3:]), -p.mu_r * r[:, 0] * turning, atol=1e-9)
+        assert_allclose(answer.u, answers[0].u, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_without_resistance_to_rolling_it_is_coulombs_problem(name: str) -> None:
+    p = random(4, mu_r=0.0)
+    forces = np.arange(5 * p.nc).reshape(-1, 5)[:, :3].ravel()
+    plain = solve(GlobalProblem(p.M, p.H[:, forces], p.f, p.w[forces], p.mu), "NSN-AC", tol=1e-11)
+    result = solve(p, name, tol=1e-11)
+    assert result.solved and plain.solved
+    assert_allclose(result.r[forces], plain.r, atol=1e-8)
+    assert_allclose(np.delete(result.r, forces), 0, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize(("mass", "length", "time"), [(1e-9, 1.0, 1.0), (1e6, 1.0, 1.0), (1.0, 1e3, 1.0), (1e3, 1e-3, 1e3)])
+def test_the_verdict_does_not_depend_on_the_units(name: str, mass: float, length: float, time: float) -> None:
+    """In other units, numbers are: M of forces mass, of moments mass length^2; H carries lengths in the moments' rows."""
+    p = random(7)
+    row = np.tile([1.0, 1.0, 1.0, 1 / length, 1 / length], p.nc)  # of u: velocities length / time, turning 1 / time
+    impulse, velocity = mass * length / time, length / time
+    other = GlobalRollingProblem(
+        *(p.M * mass, p.H * row, p.f * impulse, p.w * row * velocity, p.mu, p.mu_r * length),
+    )
+    one, two = solve(p, name, tol=1e-9), solve(other, name, tol=1e-9)
+    assert one.solved and two.solved
+    assert_allclose(two.scaled_error, one.scaled_error, rtol=0.5, atol=1e-11)
+    assert_allclose(two.v / velocity, one.v, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_why_it_stopped(name: str) -> None:
+    p = random(1)
+    for limit in (0, 1, 2):
+        result = solve(p, name, tol=1e-14, max_iterations=limit)
+        assert result.status is Status.MAX_ITERATIONS and result.iterations == limit
+        assert result.error == pytest.approx(min(row[2] for row in result.history))
+    assert solve(p, name, tol=1e-14, time_limit=0.0).status is Status.TIME_LIMIT
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_contacts_of_held_bodies_and_none_at_all(name: str) -> None:
+    p = random(2)
+    H = p.H.copy()
+    H[:, :5] = 0  # the first contact's bodies are held
+    w = p.w.copy()
+    w[:5] = [0.5, 0, 0, 0, 0]  # and apart
+    result = solve(replace(p, H=H, w=w), name, tol=1e-9)
+    assert result.solved
+    assert_allclose(result.r[:5], 0, atol=1e-12)
+    w[0] = -0.5  # they are pushed into each other: there is no answer
+    assert not solve(replace(p, H=H, w=w), name, tol=1e-9, max_iterations=200).solved
+    empty = GlobalRollingProblem(p.M, np.zeros((p.n, 0)), p.f, np.zeros(0), np.zeros(0), np.zeros(0))
+    assert solve(empty, name).solved
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_below_round_off_and_beyond_the_largest_number_nothing_is_solved(name: str) -> None:
+    p = random(3)
+    result = solve(p, name, tol=1e-300, time_limit=5.0)
+    assert result.solved == (result.error <= 1e-300) and result.error < 1e-13
+    huge = replace(p, H=p.H * 1e200, w=p.w * 1e100)
+    result = solve(huge, name, time_limit=5.0)
+    assert not result.solved or result.error <= 1e-8
+
+
+def test_refusals() -> None:
+    p = random(0)
+    with pytest.raises(InputError, match=r"'NSN-AC': has no cone of rolling friction"):
+        solve(p, "NSN-AC")
+    plain = GlobalProblem(np.eye(3), np.eye(3), np.ones(3), np.zeros(3), np.ones(1))
+    with pytest.raises(InputError, match="works in problems with rolling friction, the problem has 3D"):
+        solve(plain, "ROLLING-NSGS")
+    with pytest.raises(InputError, match="r: expected a starting point of 30 finite numbers"):
+        solve(p, "auto", np.zeros(3))
+    with pytest.raises(InputError, match="tol"):
+        solve(p, "auto", tol=0.0)
+    with pytest.raises(InputError, match="local_iterations"):
+        solve(p, "auto", local_iterations=0)
