@@ -24,12 +24,12 @@ from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import encounter
 from fcsim.timestep.first_half import passed_unseen, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
-from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Attempt, Moment, Step
 from fcsim.timestep.step_equation.equation import Equation, Past, solve_equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
+from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
 from fcsim.timestep.warm_start import MEMORY
 from fcsim.witness import Watch, Witness, begin, penetration_seen
 
