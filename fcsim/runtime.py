@@ -19,7 +19,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ContextDecorator, contextmanager
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -52,22 +52,31 @@ def chosen_threads() -> int | None:
     return int(asked)
 
 
-@contextmanager
-def limited_threads() -> Iterator[None]:
+class limited_threads(ContextDecorator):
     """BLAS and OpenMP on `chosen_threads` within the block, on as many as before after it; some microseconds where they are so already.
 
-    The number belongs to the process: other threads of the program see it as long as the block lasts.
+    A class, since a generator's context costs as much as a sweep of a small problem. The number belongs to the process: other threads of
+    the program see it as long as the block lasts.
     """
-    threads, before = chosen_threads(), list[tuple[LibController, int]]()
-    if threads is not None:
+
+    def __init__(self) -> None:
+        self._before: list[tuple[LibController, int]] = []
+
+    def _recreate_cm(self) -> limited_threads:
+        """A block of its own for each call of what is decorated: calls may nest."""
+        return limited_threads()
+
+    def __enter__(self) -> None:
+        threads = chosen_threads()
+        if threads is None:
+            return
         for pool in _thread_pools("petsc4py.PETSc" in sys.modules):
             if (now := pool.get_num_threads()) not in (threads, None):
-                before.append((pool, now))
+                self._before.append((pool, now))
                 pool.set_num_threads(threads)
-    try:
-        yield
-    finally:
-        for pool, number in before:
+
+    def __exit__(self, *_: object) -> None:
+        for pool, number in self._before:
             pool.set_num_threads(number)
 
 

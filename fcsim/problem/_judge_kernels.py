@@ -6,28 +6,19 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fcsim.problem._cone_kernels import natural_map
+
 
 @njit(cache=True)
 def squared_natural_residual(r, u, mu, compliance, d):
-    """||s r - P_K(s r - (u + g(u)))||^2, written as u + g(u) + (z - P_K(z)) with z = s r - (u + g(u)), s the compliance (nc,): see
-    `natural_map_residual`."""
+    """||s r - P_K(s r - (u + g(u)))||^2 with s the compliance (nc,): see `natural_map_residual`."""
     total = 0.0
     for a in range(len(mu)):
         i, m, s = d * a, mu[a], compliance[a]
         u1, u2 = u[i + 1], u[i + 2] if d == 3 else 0.0
         f0 = u[i] + m * np.sqrt(u1 * u1 + u2 * u2)
-        r0, r1, r2 = s * r[i], s * r[i + 1], s * r[i + 2] if d == 3 else 0.0
-        z0, z1, z2 = r0 - f0, r1 - u1, r2 - u2
-        norm = np.sqrt(z1 * z1 + z2 * z2)
-        if m * norm <= -z0:  # polar cone: P_K(z) = 0
-            total += r0 * r0 + r1 * r1 + r2 * r2
-            continue
-        # z - P_K(z) is c (-mu, t), with t the direction of z_T; c = 0 inside K, and NaN stays NaN
-        excess = norm - m * z0
-        c = 0.0 if excess <= 0.0 else excess / (1.0 + m * m)
-        t = c / norm if norm > 0.0 else 0.0
-        f0, f1, f2 = f0 - m * c, u1 + t * z1, u2 + t * z2
-        total += f0 * f0 + f1 * f1 + f2 * f2
+        x, y, z = natural_map(s * r[i], s * r[i + 1], s * r[i + 2] if d == 3 else 0.0, f0, u1, u2, m)
+        total += x * x + y * y + z * z
     return total
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
+from fcsim.problem._cone_kernels import cone_projections
 
 
 def tangential_norm(z: FloatArray) -> FloatArray:
@@ -38,13 +39,7 @@ def project_cone(z: FloatArray, mu: FloatArray) -> FloatArray:
     z inside K stays; z in the polar cone -K* goes to 0; otherwise, with s = (z_N + mu ||z_T||) / (1 + mu^2),
     P = (s, mu s z_T / ||z_T||).
     """
-    norm, inside, polar = _zones(z, mu)
-    s = (z[:, 0] + mu * norm) / (1 + mu**2)
-    direction = z[:, 1:] / np.where(norm > 0, norm, 1)[:, None]
-    projection = np.concatenate([s[:, None], (mu * s)[:, None] * direction], axis=1)
-    projection[inside] = z[inside]
-    projection[polar] = 0
-    return projection
+    return cone_projections(np.ascontiguousarray(z, dtype=np.float64), mu)
 
 
 def project_cone_derivative(z: FloatArray, mu: FloatArray) -> FloatArray:
@@ -64,10 +59,3 @@ def project_cone_derivative(z: FloatArray, mu: FloatArray) -> FloatArray:
     derivative[inside] = np.eye(d)
     derivative[polar] = 0
     return derivative
-
-
-def project_disk(z: FloatArray, radius: FloatArray) -> FloatArray:
-    """Return P_D(radius)(z) (nc, d - 1): tangential vectors z (nc, d - 1) cut back to length radius (nc,) >= 0."""
-    norm = np.sqrt(np.einsum("ai,ai->a", z, z))
-    factor = np.where(norm > radius, radius / np.where(norm > 0, norm, 1), 1)
-    return factor[:, None] * z

@@ -77,13 +77,16 @@ def solve(
     prepared = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
         iterate = _run(run, form, given.q, r, monitor, options)
-        result = _judged(iterate, given, answers.of(iterate.r), monitor, error, solver)
-    seconds = {"reduction": prepared - start, "solve": time.perf_counter() - prepared}
-    return replace(result, seconds=seconds)
+        return _judged(iterate, given, answers.of(iterate.r), monitor, error, solver, (start, prepared))
 
 
-def _judged(iterate: Iterate, given: Reduced, answer: Answer, monitor: Monitor, error: str, solver: str) -> Result:
-    """What the method left with what follows from r by the equations alone (u, v, l): what a method carried along does not count."""
+def _judged(
+    iterate: Iterate, given: Reduced, answer: Answer, monitor: Monitor, error: str, solver: str, clock: tuple[float, float]
+) -> Result:
+    """What the method left with what follows from r by the equations alone (u, v, l): what a method carried along does not count.
+
+    clock: when the solve began and when its method did.
+    """
     r, status = iterate.r, iterate.status
     errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, s), monitor.scale) for s in (given.compliance, None)]
     deciding = errors[ERRORS.index(error)]
@@ -101,7 +104,7 @@ def _judged(iterate: Iterate, given: Reduced, answer: Answer, monitor: Monitor, 
         checks=check(r, answer.u, given.mu, given.dimension, answer.momentum, given.q),
         iterations=monitor.iterations,
         history=monitor.history,
-        seconds={},
+        seconds={"reduction": clock[1] - clock[0], "solve": time.perf_counter() - clock[1]},
         method=solver,
         message=iterate.message,
         memory=monitor.memory,

@@ -13,21 +13,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fcsim.problem._cone_kernels import cone_projection, disk_projection
+
 HYBRID_LOOPS, HYBRID_PROJECTIONS = 1, 100
 LINE_SEARCH_TRIALS = 10
 """Siconos' defaults of the hybrid local strategy and of the local line search."""
-
-
-@njit(cache=True, forceinline=True)
-def cone_projection(z0, z1, z2, mu):
-    """P_K(z), see `fcsim.problem.cone.project_cone`."""
-    norm = np.sqrt(z1 * z1 + z2 * z2)
-    if mu * norm <= -z0:
-        return 0.0, 0.0, 0.0
-    if norm > mu * z0:
-        s = (z0 + mu * norm) / (1 + mu * mu)
-        return s, mu * s * z1 / norm, mu * s * z2 / norm
-    return z0, z1, z2
 
 
 @njit(cache=True, forceinline=True)
@@ -127,10 +117,8 @@ def project_cylinder(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_itera
     """r_N <- [r_N - rho_N u_N]_+, r_T <- the projection of r_T - rho_T u_T on the disk of radius mu r_N, until the change is <= tol."""
     for _ in range(max_iterations):
         u0, u1, u2 = velocity(W, q0, q1, q2, r0, r1, r2)
-        z0, z1, z2 = max(r0 - rho_N * u0, 0.0), r1 - rho_T * u1, r2 - rho_T * u2
-        norm = np.sqrt(z1 * z1 + z2 * z2)
-        if norm > mu * z0:
-            z1, z2 = mu * z0 * z1 / norm, mu * z0 * z2 / norm
+        z0 = max(r0 - rho_N * u0, 0.0)
+        z1, z2 = disk_projection(r1 - rho_T * u1, r2 - rho_T * u2, mu * z0)
         change = (z0 - r0) ** 2 + (z1 - r1) ** 2 + (z2 - r2) ** 2
         r0, r1, r2 = z0, z1, z2
         if change <= tol * tol:

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.problem._cone_kernels import cone_projection, disk_projection
 
 
 @njit(cache=True)
@@ -50,62 +51,48 @@ def splitting_residuals(
 @njit(cache=True)
 def step_cone(r: FloatArray, F: FloatArray, mu: FloatArray, rho: float, out: FloatArray) -> float:
     """Step on the cones ||r_T|| <= mu r_N."""
-    change = 0.0
+    change, solid = 0.0, r.shape[1] == 3
     for a in range(r.shape[0]):
-        z0 = r[a, 0] - rho * F[a, 0]
-        norm2 = 0.0
-        for i in range(1, r.shape[1]):
-            out[a, i] = r[a, i] - rho * F[a, i]
-            norm2 += out[a, i] * out[a, i]
-        norm = np.sqrt(norm2)
-        if mu[a] * norm <= -z0:
-            out[a, :] = 0.0
-        elif norm > mu[a] * z0:
-            s = (z0 + mu[a] * norm) / (1.0 + mu[a] * mu[a])
-            out[a, 0] = s
-            for i in range(1, r.shape[1]):
-                out[a, i] *= mu[a] * s / norm
-        else:
-            out[a, 0] = z0
-        for i in range(r.shape[1]):
-            change += (out[a, i] - r[a, i]) ** 2
+        r0, r1, r2 = r[a, 0], r[a, 1], r[a, 2] if solid else 0.0
+        f2 = F[a, 2] if solid else 0.0
+        z0, z1, z2 = cone_projection(r0 - rho * F[a, 0], r1 - rho * F[a, 1], r2 - rho * f2, mu[a])
+        out[a, 0], out[a, 1] = z0, z1
+        if solid:
+            out[a, 2] = z2
+        change += (z0 - r0) ** 2 + (z1 - r1) ** 2 + (z2 - r2) ** 2
     return change
 
 
 @njit(cache=True)
 def step_cylinder(r: FloatArray, F: FloatArray, radius: FloatArray, rho: float, out: FloatArray) -> float:
-    """Step on the half-cylinders r_N >= 0, ||r_T|| <= radius."""
-    change = 0.0
+    """Step on the half-cylinders r_N >= 0, ||r_T|| <= radius; half-lines where r (nc, 1) has a normal part alone."""
+    change, flat, solid = 0.0, r.shape[1] >= 2, r.shape[1] == 3
     for a in range(r.shape[0]):
-        out[a, 0] = max(0.0, r[a, 0] - rho * F[a, 0])
-        norm2 = 0.0
-        for i in range(1, r.shape[1]):
-            out[a, i] = r[a, i] - rho * F[a, i]
-            norm2 += out[a, i] * out[a, i]
-        norm = np.sqrt(norm2)
-        if norm > radius[a]:
-            for i in range(1, r.shape[1]):
-                out[a, i] *= radius[a] / norm
-        for i in range(r.shape[1]):
-            change += (out[a, i] - r[a, i]) ** 2
+        r0, r1, r2 = r[a, 0], r[a, 1] if flat else 0.0, r[a, 2] if solid else 0.0
+        f1, f2 = F[a, 1] if flat else 0.0, F[a, 2] if solid else 0.0
+        z0 = max(0.0, r0 - rho * F[a, 0])
+        z1, z2 = disk_projection(r1 - rho * f1, r2 - rho * f2, radius[a])
+        out[a, 0] = z0
+        if flat:
+            out[a, 1] = z1
+        if solid:
+            out[a, 2] = z2
+        change += (z0 - r0) ** 2 + (z1 - r1) ** 2 + (z2 - r2) ** 2
     return change
 
 
 @njit(cache=True)
 def step_disk(r: FloatArray, F: FloatArray, radius: FloatArray, rho: float, out: FloatArray) -> float:
     """Step on the disks ||r|| <= radius, r (nc, k) the tangential reactions."""
-    change = 0.0
+    change, plane = 0.0, r.shape[1] == 2
     for a in range(r.shape[0]):
-        norm2 = 0.0
-        for i in range(r.shape[1]):
-            out[a, i] = r[a, i] - rho * F[a, i]
-            norm2 += out[a, i] * out[a, i]
-        norm = np.sqrt(norm2)
-        if norm > radius[a]:
-            for i in range(r.shape[1]):
-                out[a, i] *= radius[a] / norm
-        for i in range(r.shape[1]):
-            change += (out[a, i] - r[a, i]) ** 2
+        r1, r2 = r[a, 0], r[a, 1] if plane else 0.0
+        f2 = F[a, 1] if plane else 0.0
+        z1, z2 = disk_projection(r1 - rho * F[a, 0], r2 - rho * f2, radius[a])
+        out[a, 0] = z1
+        if plane:
+            out[a, 1] = z2
+        change += (z1 - r1) ** 2 + (z2 - r2) ** 2
     return change
 
 
@@ -140,9 +127,7 @@ def minimise_on_disk(a11: float, a12: float, a22: float, g1: float, g2: float, r
         if step <= 1e-16 * lam:
             break
         lam += step
-    norm = np.sqrt(x1 * x1 + x2 * x2)
-    if norm > radius:
-        x1, x2 = x1 * radius / norm, x2 * radius / norm
+    x1, x2 = disk_projection(x1, x2, radius)
     return x1, x2
 
 
@@ -230,13 +215,7 @@ def sweep_cone(
             old0, old1, old2 = r[a, 0], r[a, 1], r[a, 2]
             for _ in range(local_iterations):
                 r0, r1, r2 = r[a, 0], r[a, 1], r[a, 2]
-                z0, z1, z2 = r0 - p * u0, r1 - p * u1, r2 - p * u2
-                norm = np.sqrt(z1 * z1 + z2 * z2)
-                if m * norm <= -z0:
-                    z0 = z1 = z2 = 0.0
-                elif norm > m * z0:
-                    z0 = (z0 + m * norm) / (1.0 + m * m)
-                    z1, z2 = m * z0 * z1 / norm, m * z0 * z2 / norm
+                z0, z1, z2 = cone_projection(r0 - p * u0, r1 - p * u1, r2 - p * u2, m)
                 r[a, 0], r[a, 1], r[a, 2] = z0, z1, z2
                 d0, d1, d2 = z0 - r0, z1 - r1, z2 - r2
                 u0 += w[0, 0] * d0 + w[0, 1] * d1 + w[0, 2] * d2

@@ -8,10 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from fcsim.problem.cone import de_saxce, project_cone, project_cone_derivative, project_disk, tangential_norm
+from fcsim.problem._cone_kernels import disk_projection, natural_map
+from fcsim.problem.cone import de_saxce, project_cone, project_cone_derivative, tangential_norm
 
 COMPONENT = st.floats(-1e3, 1e3, allow_subnormal=False).map(lambda x: 0.0 if abs(x) < 1e-9 else x)
 FRICTION = st.one_of(st.just(0.0), st.floats(1e-3, 3.0))
+project_cone(np.zeros((1, 3)), np.ones(1))
+disk_projection(0.0, 0.0, 1.0)  # compiled here: hypothesis times the single examples
 
 
 def points(d: int) -> st.SearchStrategy:
@@ -86,10 +89,37 @@ def test_derivative_of_the_projection_in_each_zone(d: int) -> None:
         assert_allclose(derivative[smooth, :, j], difference[smooth], atol=1e-7)
 
 
+@pytest.mark.parametrize("d", [2, 3])
+def test_projection_is_its_numpy_twin_and_keeps_what_is_no_number(d: int) -> None:
+    """The zones one after the other: inside, polar, the boundary in between; 1e150 and 1e-150 as sizes."""
+    rng = np.random.default_rng(4)
+    z, mu = rng.standard_normal((400, d)), rng.uniform(0, 1.5, 400)
+    z[:50] *= 1e150
+    z[50:100] *= 1e-150
+    mu[::10], z[::7, 1:] = 0, 0
+    norm = np.sqrt(np.sum(z[:, 1:] ** 2, axis=1))
+    s = (z[:, 0] + mu * norm) / (1 + mu**2)
+    expected = np.column_stack([s, (mu * s / np.where(norm > 0, norm, 1))[:, None] * z[:, 1:]])
+    expected = np.where((norm <= mu * z[:, 0])[:, None], z, expected)
+    expected = np.where((mu * norm <= -z[:, 0])[:, None], 0, expected)
+    assert_allclose(project_cone(z, mu), expected, rtol=1e-14)
+    assert_allclose(project_cone(np.asfortranarray(z), mu), expected, rtol=1e-14)
+    z[0, 0], z[1, 1] = np.nan, np.nan
+    assert np.isnan(project_cone(z, mu)[:2]).any(axis=1).all()
+
+
+def test_natural_map_is_its_definition_and_sees_a_small_velocity_beside_a_large_reaction() -> None:
+    rng = np.random.default_rng(5)
+    for r, f, mu in zip(rng.standard_normal((300, 3)), rng.standard_normal((300, 3)), rng.uniform(0, 1.5, 300), strict=True):
+        assert_allclose(natural_map(*r, *f, mu), r - project_cone((r - f)[None], np.array([mu]))[0], atol=1e-14)
+    sticking = natural_map(1e20, 0.0, 0.0, 0.0, 1e-3, 0.0, 0.5)  # r - P_K(r - f) is f inside K
+    assert_allclose(sticking, (0, 1e-3, 0), rtol=1e-12)
+
+
 @given(z=points(2), radius=st.floats(0, 1e3).filter(lambda x: x == 0 or x > 1e-9))
 def test_disk_projection(z: np.ndarray, radius: float) -> None:
     """The projection on a disk is the point itself, or the point of the circle in the same direction."""
-    P, norm = project_disk(z, np.array([radius])), np.hypot(*z[0])
+    P, norm = np.array([disk_projection(*z[0], radius)]), np.hypot(*z[0])
     assert np.hypot(*P[0]) <= radius * (1 + 1e-12)
     assert P[0] @ z[0] >= 0
     assert abs(np.hypot(*(z - P)[0]) - max(norm - radius, 0)) <= 1e-12 * (norm + radius)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim.problem.cone import project_disk
 from fcsim.solvers.newton.formulations import FORMULATIONS
+from tests.unit.problem.disk import project_disk
 
 NAMES = sorted(FORMULATIONS)
 

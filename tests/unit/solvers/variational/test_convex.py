@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim.problem import Delassus, LocalProblem
-from fcsim.problem.cone import project_cone, project_disk
+from fcsim.problem.cone import project_cone
 from fcsim.problem.delassus import power_norm
 from fcsim.problem.shifted_factor import ShiftedInverse
 from fcsim.solvers.base import Monitor, Status
@@ -20,6 +20,7 @@ from fcsim.solvers.variational.convex_sets import Cone, Cylinder, Disk
 from fcsim.solvers.variational.inequality import Inequality
 from fcsim.solvers.variational.interior_point import _Algebra, _NesterovTodd
 from fcsim.solvers.variational.watches import SubproblemWatch
+from tests.unit.problem.disk import project_disk
 
 RADIUS = np.array([0.0, 0.3, 0.1, 1.0, 0.02, 5.0])
 MU = np.array([0.0, 0.3, 0.1, 1.0, 0.02, 0.5])

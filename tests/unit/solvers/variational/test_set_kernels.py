@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim.problem.cone import de_saxce, project_cone, project_disk
+from fcsim.problem.cone import de_saxce, project_cone
 from fcsim.solvers.variational._set_kernels import (
     add_de_saxce,
     de_saxce_term,
@@ -18,6 +18,7 @@ from fcsim.solvers.variational._set_kernels import (
     sweep_cone,
     sweep_cylinder,
 )
+from tests.unit.problem.disk import project_disk
 
 
 def states(d: int, count: int = 500) -> tuple[np.ndarray, ...]:
@@ -40,6 +41,10 @@ def test_steps_are_projections(d: int) -> None:
     expected = np.column_stack([np.maximum(z[:, 0], 0), project_disk(z[:, 1:], mu)])
     assert_allclose(out, expected, atol=1e-15)
     assert_allclose(change, np.sum((expected - r) ** 2))
+    normal = np.empty((len(r), 1))
+    change = step_cylinder(r[:, :1].copy(), F[:, :1].copy(), mu, 0.7, normal)
+    assert_allclose(normal, expected[:, :1], atol=1e-15)
+    assert_allclose(change, np.sum((normal - r[:, :1]) ** 2))
     tangent = np.empty((len(r), d - 1))
     change = step_disk(r[:, 1:].copy(), F[:, 1:].copy(), mu, 0.7, tangent)
     assert_allclose(tangent, expected[:, 1:], atol=1e-15)
