@@ -104,12 +104,11 @@ def under_law(
     chosen = law.select(contacts, proportions, variables)
     through = None
     if not chosen.all():
-<<<<<<< HEAD
-        through = None if moved is None else passing(contacts.take(~chosen), moved, proportions)
-        contacts = contacts.take(chosen)
-=======
+        way = scheme.way(model, state)
+        if way is not None:
+            moved = model.positions(model.advance(configuration, way)) - positions
+            through = passing(contacts.take(~chosen), moved, proportions)
         contacts, bend = contacts.take(chosen), None if bend is None else bend[chosen]
->>>>>>> e254302251617a708f4a149e50dd5839fa9ac2e6
     H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
     shape = (len(contacts), contacts.dimension)
     before = (H.T @ scheme.velocity_before(model, state)).reshape(shape) if scheme.timing.moving else np.zeros(shape)
