@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from fcsim.solvers.solve import solve
     from fcsim.timestep.chain import SolverSettings
     from fcsim.timestep.generalised_alpha import GeneralisedAlpha
+    from fcsim.timestep.limits import Limits
     from fcsim.timestep.quasi_static import QuasiStatic
     from fcsim.timestep.scheme import Scheme
     from fcsim.timestep.simulation import Simulation
@@ -73,6 +74,7 @@ _HOME = {
     "GravityRamp": "assembly.time_functions",
     "History": "running.case",
     "InputError": "errors",
+    "Limits": "timestep.limits",
     "LocalProblem": "problem",
     "Material": "mesh.material",
     "Model": "assembly.model",
@@ -135,6 +137,7 @@ __all__ = [
     "GravityRamp",
     "History",
     "InputError",
+    "Limits",
     "LocalProblem",
     "Material",
     "Model",

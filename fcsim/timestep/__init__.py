@@ -3,6 +3,7 @@
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
+from fcsim.timestep.limits import KinematicsLeft, Limits
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.simulation import Simulation
@@ -14,6 +15,8 @@ __all__ = [
     "Attempt",
     "Energy",
     "GeneralisedAlpha",
+    "KinematicsLeft",
+    "Limits",
     "Moment",
     "QuasiStatic",
     "Scheme",
