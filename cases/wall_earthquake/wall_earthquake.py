@@ -32,6 +32,7 @@ from fcsim import (
     Support,
     SurfacePair,
     Theta,
+    Witness,
     at_rest,
     build_model,
     contact_force,
@@ -40,7 +41,6 @@ from fcsim import (
     joint_opening,
     main,
     read_acceleration_record,
-    two_pass,
 )
 from fcsim.mesh import RunningBond, rigid_box, running_bond
 
@@ -90,7 +90,8 @@ def build(p: Parameters) -> Case:
     return Case(
         name="wall_earthquake",
         title=f"Masonry wall shaken along {p.direction}",
-        simulation=Simulation(model, detector, Theta(p.h, p.theta, Gap()), p.steps, settings, initial),
+        # candidates at face centres leave half a face at the edges of blocks that rock, which the witness names: 5 % of a block are borne
+        simulation=Simulation(model, detector, Theta(p.h, p.theta, Gap()), p.steps, settings, initial, witness=Witness(tolerance=0.05)),
         sensors=(
             Sensor("base_a", "acceleration of the base", "m/s^2", lambda step: record(step.state.t)),
             displacement("base_u", model, "base", p.direction, base_point, "base"),
@@ -127,8 +128,7 @@ def wall_on_base(wall: RunningBond, p: Parameters, record: AccelerationRecord) -
 
 
 def joints(wall: RunningBond, model: Model, p: Parameters) -> list[SurfacePair]:
-    """Bed and head joints by the nodes of both sides, since blocks rock about edges that face centres do not see; the base by the nodes
-    of the first course."""
+    """Bed and head joints with candidates at face centres, the base with the nodes of the first course."""
     names = np.array([body.name for body in wall.bodies])
 
     def surface(bodies: Iterable[str], side: str) -> ContactSurface:
@@ -137,9 +137,9 @@ def joints(wall: RunningBond, model: Model, p: Parameters) -> list[SurfacePair]:
     first = names[wall.bodies_of_course(1)]
     base = SurfacePair(surface(first, wall.bottom), surface(["base"], "z+"), p.friction_base, p.alert, "nodes", "base")
     lower, upper = names[wall.course < wall.courses], names[wall.course > 1]
-    heads = two_pass(surface(names, "x-"), surface(names, "x+"), mu=p.friction, alert=p.alert)
-    beds = two_pass(surface(upper, wall.bottom), surface(lower, wall.top), mu=p.friction, alert=p.alert) if p.courses > 1 else []
-    return [base, *beds, *heads]
+    beds = SurfacePair(surface(upper, wall.bottom), surface(lower, wall.top), p.friction, p.alert, "faces", "bed joints")
+    heads = SurfacePair(surface(names, "x-"), surface(names, "x+"), p.friction, p.alert, "faces", "head joints")
+    return [base, beds, heads] if p.courses > 1 else [base, heads]
 
 
 def under_its_weight(model: Model, detector: Detector, p: Parameters, settings: SolverSettings) -> State:
