@@ -21,6 +21,7 @@ from scipy.sparse import csr_array, eye_array, kron
 
 from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.assembly import elements
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.part import Part
 
@@ -68,12 +69,15 @@ def assemble(part: Part) -> PartOperators:
 def stiffness(part: Part) -> csr_array:
     """Return K (d nn, d nn) [N/m], exactly symmetric: x^T K y = integral of sigma(x) : eps(y), with
     sigma = lambda tr(eps) I + 2 mu eps in 3D and plane strain, and lambda replaced by 2 lambda mu / (lambda + 2 mu) in plane stress.
+    eps is that of the part's elements: "Q1" and "P1" here by dolfinx, the others by `fcsim.assembly.elements`.
 
     Raises InputError for a mesh with nodes that belong to no cell, MissingDependency without dolfinx or a C compiler.
     """
     import ufl
 
     discrete = _discretise(part)
+    if part.elements not in ("Q1", "P1"):
+        return _read_only(elements.stiffness(part, elasticity_matrix(part)))
     V = discrete.vector_space
     first, second = (discrete.constant(value) for value in lame(part))
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
@@ -138,6 +142,16 @@ def lame(part: Part) -> tuple[float, float]:
     if part.dimension == 2 and part.plane == "stress":
         return E * nu / (1 - nu**2), E / (2 * (1 + nu))
     return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+
+
+def elasticity_matrix(part: Part) -> FloatArray:
+    """Return C (6, 6) [Pa], stress = C (eps_xx, eps_yy, eps_zz, gamma_xy, gamma_yz, gamma_zx), with the plane hypothesis applied."""
+    first, second = lame(part)
+    C = np.diag([2 * second] * 3 + [second] * 3)
+    C[:3, :3] += first
+    if part.dimension == 2 and part.plane == "stress":
+        C[2] = 0  # the other rows hold the plane stress lambda already
+    return C
 
 
 def _surface_load(part: Part, surface_name: str, force: FloatArray, pressure: float) -> FloatArray:

@@ -1,7 +1,7 @@
 """Stress at the cell centres as one sparse matrix times the displacement, and its von Mises value.
 
 The layout is the same in 2D and 3D: components (xx, yy, zz, xy, yz, zx) [Pa] of each cell, cells in the part's order. The
-centre is where the stress of a first-order cell is most accurate (its one-point Gauss rule).
+centre is where the stress of a first-order cell is most accurate (its one-point Gauss rule); `stress_at` gives it elsewhere.
 
 Source: O. C. Zienkiewicz, R. L. Taylor, J. Z. Zhu, The Finite Element Method, 6th ed., 2005, chapters 2, 4 and 13.
 """
@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from fcsim.arrays import FloatArray
-from fcsim.assembly.elasticity import lame, once_per_part
+from fcsim.assembly.elasticity import elasticity_matrix, once_per_part
+from fcsim.assembly.elements import strain_blocks
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Part
@@ -23,30 +24,44 @@ COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
 
 @once_per_part
 def stress_operator(part: Part) -> csr_array:
-    """Return S (6 ncells, d nn) [Pa/m]: `(S @ x).reshape(-1, 6)` is the stress at the cell centres for the displacement x (d nn,) [m].
+    """Return S (6 ncells, d nn) [Pa/m]: `(S @ x).reshape(-1, 6)` is the stress at the cell centres for the displacement x (d nn,) [m],
+    strained as the part's elements are (`fcsim.assembly.elements`).
 
     In 2D sigma_yz = sigma_zx = 0; sigma_zz = nu (sigma_xx + sigma_yy) in plane strain and 0 in plane stress. Read-only, made once per part.
     """
-    d, (n_cells, k) = part.dimension, part.cells.shape
-    cell = CELL_TYPES[part.cell_type]
-    reference = cell.gradient(cell.centre)[0]
-    jacobian = np.einsum("cai,aj->cij", part.points[part.cells], reference)  # d x_i / d r_j
-    gradient = reference @ np.linalg.inv(jacobian)  # (n_cells, k, d): d N_a / d x_i
+    return stress_at(part, CELL_TYPES[part.cell_type].centre)
 
-    strain = np.zeros((n_cells, 6, k, d))  # shear components are gamma = 2 epsilon
-    for component, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)]):
-        if max(i, j) < d:
-            strain[:, component, :, i] = gradient[:, :, j]
-            strain[:, component, :, j] = gradient[:, :, i]
-    stress = np.einsum("pq,cqai->cpai", _elasticity(part), strain)
 
-    shape = stress.shape
-    row = np.broadcast_to(np.arange(6 * n_cells).reshape(n_cells, 6, 1, 1), shape)
-    column = np.broadcast_to((d * part.cells[:, :, None] + np.arange(d))[:, None], shape)
-    operator = csr_array((stress.ravel(), (row.ravel(), column.ravel())), shape=(6 * n_cells, d * len(part.points)))
+def stress_at(part: Part, at: ArrayLike) -> csr_array:
+    """Return S (6 nq ncells, d nn) [Pa/m]: `(S @ x).reshape(-1, nq, 6)` is the stress of each cell at the points `at` (nq, d) of the
+    reference cell (`fcsim.mesh.cell_type`), with the inner modes of the part's elements. Elements that bend have in their corners
+    the stress of the outer fibres. Read-only. Raises InputError for points that are not in the reference cell.
+    """
+    at = _in_reference_cell(part, at)
+    C = elasticity_matrix(part)
+    values, columns = [], []
+    for dofs, strain in strain_blocks(part, C, at):
+        stress = C @ strain
+        values.append(stress.reshape(-1, dofs.shape[1]))
+        columns.append(np.repeat(dofs, 6 * len(at), axis=0))
+    rows = 6 * len(at) * len(part.cells)
+    row = np.repeat(np.arange(rows), columns[0].shape[1])
+    operator = csr_array((np.concatenate(values).ravel(), (row, np.concatenate(columns).ravel())), shape=(rows, part.points.size))
     operator.eliminate_zeros()
     operator.data.setflags(write=False)
     return operator
+
+
+def _in_reference_cell(part: Part, at: ArrayLike) -> FloatArray:
+    cell = CELL_TYPES[part.cell_type]
+    points = np.asarray(at, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != cell.dimension or not np.all(np.isfinite(points)):
+        raise InputError(f"stress_at on Part {part.name!r}: expected finite points of shape (nq, {cell.dimension}), got {points.shape}")
+    low, reach = (0.0, points.sum(axis=1)) if cell.simplex else (-1.0, points.max(axis=1))
+    if np.any(points < low - 1e-12) or np.any(reach > 1 + 1e-12):
+        where = "the unit simplex" if cell.simplex else f"[-1, 1]^{cell.dimension}"
+        raise InputError(f"stress_at on Part {part.name!r}: expected points of the reference cell, {where}, got {points.tolist()}")
+    return points
 
 
 def von_mises(stress: ArrayLike) -> FloatArray:
@@ -56,13 +71,3 @@ def von_mises(stress: ArrayLike) -> FloatArray:
         raise InputError(f"von_mises: expected stresses of shape (..., 6) in the order {', '.join(COMPONENTS)}, got {stress.shape}")
     xx, yy, zz, xy, yz, zx = np.moveaxis(stress, -1, 0)
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * (xy**2 + yz**2 + zx**2))
-
-
-def _elasticity(part: Part) -> FloatArray:
-    """Return C (6, 6) [Pa], stress = C (eps_xx, eps_yy, eps_zz, gamma_xy, gamma_yz, gamma_zx), with the plane hypothesis applied."""
-    first, second = lame(part)
-    C = np.diag([2 * second] * 3 + [second] * 3)
-    C[:3, :3] += first
-    if part.dimension == 2 and part.plane == "stress":
-        C[2] = 0  # the other rows hold the plane stress lambda already
-    return C

@@ -53,11 +53,13 @@ def semicircular_arch(
     divisions: Sequence[int] = (1, 1, 1),
     *,
     material: Material,
+    elements: str | None = None,
 ) -> SemicircularArch:
     """Return a semicircular arch of `voussoirs` equal blocks of hexahedra (depth=None: a plane one of quadrilaterals).
 
     radius      [m] of the middle line, thickness [m] < 2 radius, depth [m] along y
     divisions   elements of a voussoir along the arch, the depth and the thickness (2D: along the arch and the thickness)
+    elements    those of `Part`
     """
     d = 2 if depth is None else 3
     if voussoirs < 2 or voussoirs != int(voussoirs):
@@ -68,10 +70,12 @@ def semicircular_arch(
         raise InputError(f"semicircular_arch, divisions: expected {d} whole numbers, got {divisions!r}")
     angle = np.pi / voussoirs
     if depth is None:
-        straight = rectangle("voussoir", (angle, thickness), divisions, material, origin=(-angle / 2, radius - thickness / 2))
+        straight = rectangle(
+            "voussoir", (angle, thickness), divisions, material, origin=(-angle / 2, radius - thickness / 2), elements=elements
+        )
     else:
         size, origin = (angle, depth, thickness), (-angle / 2, -depth / 2, radius - thickness / 2)
-        straight = brick("voussoir", size, divisions, material, origin=origin)
+        straight = brick("voussoir", size, divisions, material, origin=origin, elements=elements)
     points = straight.points.copy()
     around, r = points[:, 0].copy(), points[:, -1].copy()
     points[:, 0], points[:, -1] = r * np.sin(around), r * np.cos(around)

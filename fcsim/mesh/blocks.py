@@ -26,6 +26,7 @@ def part_from_gmsh(
     volume: str | None = None,
     plane: Literal["strain", "stress"] = "strain",
     thickness: float = 1.0,
+    elements: str | None = None,
 ) -> Part:
     """Return the part meshed in the current gmsh model (use it inside `fcsim.runtime.gmsh_model()`).
 
@@ -35,7 +36,7 @@ def part_from_gmsh(
     not of first order, of several types, inverted or degenerate, and for surfaces that are not on the boundary.
     """
     mesh = from_gmsh(gmsh, f"gmsh model {gmsh.model.getCurrent()!r}", plane=plane, thickness=thickness)
-    return mesh.part(material, name=name, volume=volume)
+    return mesh.part(material, name=name, volume=volume, elements=elements)
 
 
 def brick(
@@ -45,12 +46,15 @@ def brick(
     material: Material,
     cell: str = "hexahedron",
     origin: Sequence[float] = (0.0, 0.0, 0.0),
+    *,
+    elements: str | None = None,
 ) -> Part:
     """Return a box from `origin` to `origin + size` [m] with surfaces "x-", "x+", "y-", "y+", "z-", "z+".
 
     A structured mesh of `divisions` = (nx, ny, nz) hexahedra; with cell="tetrahedron" each of them is cut into tetrahedra.
+    elements: "Q1" (default), "Q1-enhanced" where the brick bends or is nearly incompressible, "Q1-bbar"; see `Part`.
     """
-    return _box(name, size, divisions, cell, origin, dimension=3).part(material, name=name)
+    return _box(name, size, divisions, cell, origin, dimension=3).part(material, name=name, elements=elements)
 
 
 def rectangle(
@@ -63,13 +67,16 @@ def rectangle(
     plane: Literal["strain", "stress"] = "strain",
     thickness: float = 1.0,
     origin: Sequence[float] = (0.0, 0.0),
+    elements: str | None = None,
 ) -> Part:
     """Return a rectangle from `origin` to `origin + size` [m] with surfaces "x-", "x+", "y-", "y+".
 
     A structured mesh of `divisions` = (nx, ny) quadrilaterals; with cell="triangle" each of them is cut in two. `plane` and
-    `thickness` [m] are those of `Part`.
+    `thickness` [m] are those of `Part`, as are `elements`: "Q1" (default), "Q1-enhanced", "Q1-bbar".
     """
-    return _box(name, size, divisions, cell, origin, dimension=2, plane=plane, thickness=thickness).part(material, name=name)
+    return _box(name, size, divisions, cell, origin, dimension=2, plane=plane, thickness=thickness).part(
+        material, name=name, elements=elements
+    )
 
 
 def rigid_box(name: str, size: Sequence[float], centre: Sequence[float], mass: float, divisions: Sequence[int] | None = None) -> RigidBody:

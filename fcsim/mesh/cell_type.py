@@ -146,3 +146,13 @@ GMSH_NUMBERS: Mapping[str, int] = MappingProxyType({name: number for number, nam
 
 FROM_MESHIO: Mapping[str, str] = MappingProxyType({cell.meshio: cell.name for cell in CELL_TYPES.values()})
 TO_MESHIO: Mapping[str, str] = MappingProxyType({cell.name: cell.meshio for cell in CELL_TYPES.values()})
+
+ELEMENTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "hexahedron": ("Q1", "Q1-enhanced", "Q1-bbar"),
+        "tetrahedron": ("P1",),
+        "quadrilateral": ("Q1", "Q1-enhanced", "Q1-bbar"),
+        "triangle": ("P1",),
+    }
+)
+"""The elements that there are for each cell, the default first; what they do is told in `fcsim.assembly.elements`."""

@@ -3,7 +3,7 @@
 How surfaces are kept: in .msh as physical groups; in .vtu, .vtk and .xdmf as one cell array a surface, named "surface:NAME" (special
 characters of NAME as in a URL, "%20" for a space), which is 1 on the facets of the surface. Reading also takes the named cell sets of
 a format (.inp and others) and the tags "gmsh:physical", "medit:ref" and "cell_tags" with the names of field_data, or the tag as
-the name. No format keeps the material, nor `plane` and `thickness`: they are given when a file is read.
+the name. No format keeps the material, nor `plane`, `thickness` and `elements`: they are given when a file is read.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ def read_mesh(
     volume: str | None = None,
     plane: Literal["strain", "stress"] = "strain",
     thickness: float = 1.0,
+    elements: str | None = None,
 ) -> Part:
     """Return the part that a mesh file holds: `volume` of it, where it has several named volumes.
 
@@ -48,7 +49,7 @@ def read_mesh(
     """
     mesh = _read(Path(path), plane, thickness)
     part_name = name or volume or next(iter(mesh.volumes)) or Path(path).stem
-    return mesh.part(material, name=part_name, volume=volume)
+    return mesh.part(material, name=part_name, volume=volume, elements=elements)
 
 
 def read_parts(
@@ -57,13 +58,14 @@ def read_parts(
     *,
     plane: Literal["strain", "stress"] = "strain",
     thickness: float = 1.0,
+    elements: str | None = None,
 ) -> list[Part]:
     """Return a part for each named volume of a mesh file, in the file's order; `materials` holds the material of each by name.
 
     Nodes on the interface of two volumes come in both parts, and a surface gives each part the facets that bound it. Errors as
     for `read_mesh`, and where the names of volumes and materials differ.
     """
-    return _read(Path(path), plane, thickness).parts(materials)
+    return _read(Path(path), plane, thickness).parts(materials, elements)
 
 
 def write_mesh(part: Part, path: str | os.PathLike[str], *, surfaces: bool = True) -> None:

@@ -83,6 +83,7 @@ def running_bond(
     gap: float = 0.0,
     plane: Literal["strain", "stress"] = "strain",
     thickness: float = 1.0,
+    elements: str | None = None,
 ) -> RunningBond:
     """Return a wall of `courses` courses, each `blocks` blocks long, alternate courses shifted by half a block.
 
@@ -94,6 +95,7 @@ def running_bond(
     cell        "hexahedron" (default) or "tetrahedron"; in 2D "quadrilateral" (default) or "triangle"
     gap         width [m] >= 0 of the empty joints, bed and head; a half block is (length - gap) / 2 long, so that the ends are flush
     plane, thickness   2D only, those of `Part`
+    elements    those of `Part`: "Q1" by default
 
     The half block is meshed like half of the full one, so nodes of neighbouring courses meet where gap = 0.
     """
@@ -104,8 +106,9 @@ def running_bond(
     def block(name: str, length: float, along: int) -> tuple[Part, float]:
         size, counts = (length, *block_size[1:]), (along, *divisions[1:])
         if d == 3:
-            return brick(name, size, counts, material, cell or "hexahedron"), length
-        return rectangle(name, size, counts, material, cell or "quadrilateral", plane=plane, thickness=thickness), length
+            return brick(name, size, counts, material, cell or "hexahedron", elements=elements), length
+        plane_part = rectangle(name, size, counts, material, cell or "quadrilateral", plane=plane, thickness=thickness, elements=elements)
+        return plane_part, length
 
     full = [block("full block", block_size[0], divisions[0])]
     half = [block("half block", (block_size[0] - gap) / 2, divisions[0] // 2)] if halves or courses > 1 else []

@@ -10,7 +10,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.cell_type import CELL_TYPES, GMSH_TYPES
+from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, GMSH_TYPES
 from fcsim.mesh.facets import match_facets, refuse_repeated
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Part
@@ -41,8 +41,9 @@ class NamedMesh:
     plane: Literal["strain", "stress"] = field(default="strain", kw_only=True)
     thickness: float = field(default=1.0, kw_only=True)
 
-    def part(self, material: Material, *, name: str | None = None, volume: str | None = None) -> Part:
-        """Return the part of `volume`, which can be left out where the mesh has only one. `name`: default that of the volume."""
+    def part(self, material: Material, *, name: str | None = None, volume: str | None = None, elements: str | None = None) -> Part:
+        """Return the part of `volume`, which can be left out where the mesh has only one. `name`: default that of the volume;
+        elements: those of `Part`."""
         if volume is None:
             if len(self.volumes) > 1 or self.ungrouped:
                 others = f" and {self.ungrouped} cells in no volume" if self.ungrouped else ""
@@ -52,9 +53,9 @@ class NamedMesh:
             volume = next(iter(self.volumes))
         if volume not in self.volumes:
             raise InputError(f"{self.source}: expected a volume among {_names(self.volumes)}, got {volume!r}")
-        return self._part(volume, material, name or volume or self.source, self._surfaces_by_volume()[volume])
+        return self._part(volume, material, name or volume or self.source, self._surfaces_by_volume()[volume], elements)
 
-    def parts(self, materials: Mapping[str, Material]) -> list[Part]:
+    def parts(self, materials: Mapping[str, Material], elements: str | None = None) -> list[Part]:
         """Return one part for each volume, in the order of the mesh; `materials` holds the material of each by name."""
         if self.ungrouped:
             raise InputError(f"{self.source}: expected every cell in a volume, got {self.ungrouped} cells that are in none")
@@ -62,7 +63,7 @@ class NamedMesh:
             raise InputError(f"{self.source}: expected materials for the volumes {_names(self.volumes)}, got them for {_names(materials)}")
         refuse_repeated(np.concatenate(list(self.volumes.values())), f"{self.source}, volumes {_names(self.volumes)}")
         surfaces = self._surfaces_by_volume()
-        return [self._part(volume, materials[volume], volume or self.source, surfaces[volume]) for volume in self.volumes]
+        return [self._part(volume, materials[volume], volume or self.source, surfaces[volume], elements) for volume in self.volumes]
 
     def _surfaces_by_volume(self) -> dict[str, dict[str, IntArray]]:
         """The outward facets of every surface that bound each volume; a facet between two volumes bounds both."""
@@ -84,7 +85,7 @@ class NamedMesh:
                 )
         return sorted_out
 
-    def _part(self, volume: str, material: Material, name: str, surfaces: Mapping[str, IntArray]) -> Part:
+    def _part(self, volume: str, material: Material, name: str, surfaces: Mapping[str, IntArray], elements: str | None) -> Part:
         used, cells = np.unique(self.volumes[volume], return_inverse=True)
         number = np.full(len(self.points), -1)
         number[used] = np.arange(len(used))
@@ -97,6 +98,7 @@ class NamedMesh:
             material=material,
             plane=self.plane,
             thickness=self.thickness,
+            elements=ELEMENTS[self.cell_type][0] if elements is None else elements,
         )
         check_quality(part)
         return part

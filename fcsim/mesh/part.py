@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS
 from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.material import Material
 
@@ -68,6 +68,8 @@ class Part:
     surfaces  name -> (nf, kf) node numbers of the facets; a 3D facet is ordered counter-clockwise seen from outside, so that its
               right-hand normal points out of the body; a 2D facet (a, b) has the body on its left, outward normal (t_y, -t_x)
     plane     2D only: "strain" or "stress"; thickness [m] multiplies every 2D integral
+    elements  how the cells deform (`fcsim.assembly.elements`): hexahedra and quadrilaterals "Q1" (None: this), "Q1-enhanced" (bends and
+              keeps its volume without locking) or "Q1-bbar" (without volumetric locking); tetrahedra and triangles "P1" alone
     """
 
     name: str
@@ -78,6 +80,7 @@ class Part:
     material: Material
     plane: Literal["strain", "stress"] = "strain"
     thickness: float = 1.0
+    elements: str = field(default=None, kw_only=True)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         what = f"Part {self.name!r}"
@@ -89,6 +92,8 @@ class Part:
             raise InputError(f"{what}: expected plane 'strain' or 'stress', got {self.plane!r}")
         if not self.thickness > 0:
             raise InputError(f"{what}: expected a thickness > 0 in m, got {self.thickness}")
+        object.__setattr__(self, "elements", ELEMENTS[self.cell_type][0] if self.elements is None else self.elements)
+        _refuse_elements(self)
         cell = CELL_TYPES[self.cell_type]
         object.__setattr__(self, "points", _frozen(self.points, np.float64, f"{what}, points", (None, cell.dimension)))
         object.__setattr__(self, "cells", _frozen(self.cells, np.int64, f"{what}, cells", (None, cell.size)))
@@ -99,6 +104,19 @@ class Part:
     @property
     def dimension(self) -> int:
         return self.points.shape[1]
+
+
+def _refuse_elements(part: Part) -> None:
+    """Refuse elements that the part's cells do not have, and those that change nothing where they stand."""
+    what = f"Part {part.name!r}, elements"
+    known = ELEMENTS[part.cell_type]
+    if part.elements not in known:
+        simplex = CELL_TYPES[part.cell_type].simplex
+        hint = ": their strain is constant, so there is nothing to enhance; mesh finer, or with " if simplex else ""
+        hint += ("hexahedra" if part.cell_type == "tetrahedron" else "quadrilaterals") if simplex else ""
+        raise InputError(f"{what}: expected {' or '.join(map(repr, known))} for {part.cell_type} cells, got {part.elements!r}{hint}")
+    if part.elements == "Q1-bbar" and part.cell_type == "quadrilateral" and part.plane == "stress":
+        raise InputError(f"{what}: expected 'Q1' or 'Q1-enhanced' in plane stress, which has no volumetric locking, got 'Q1-bbar'")
 
 
 @dataclass(frozen=True, eq=False)
