@@ -46,8 +46,8 @@ def with_swept(
     for t in np.arange(1, count + 1) / count:
         there = detect(positions + t * displacement)
         there = there.take(~np.isin(there.identity, now.identity))
-        gap, closes = _here(there, positions, displacement)
-        found.append(replace(there, gap=gap, point=_feet(there, positions)).take(closes <= alert))
+        closes = brought_back(there, positions + displacement).gap
+        found.append(brought_back(there, positions).take(closes <= alert))
         off.append(np.abs(there.gap)[closes <= alert])
     every = join(found)
     order = np.lexsort((np.concatenate(off), every.identity))
@@ -55,16 +55,9 @@ def with_swept(
     return every.take(order[np.append(True, identity[1:] != identity[:-1])[: len(order)]])
 
 
-def _here(contacts: Contacts, positions: FloatArray, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Gaps (nc,) [m] of contacts found elsewhere at `positions`, and at the end of the motion."""
+def brought_back(contacts: Contacts, positions: FloatArray) -> Contacts:
+    """Return contacts found elsewhere as they stand at `positions` (n_nodes, d) [m]: same weights and normals, gap and foot from there."""
     weights = np.where(contacts.nodes < 0, 0.0, contacts.weights)
-    arm, moved = (np.einsum("ak,akd->ad", weights, field[contacts.nodes]) for field in (positions, displacement))
-    normal = contacts.frame[:, 0]
-    gap = np.einsum("ad,ad->a", arm, normal)
-    return gap, gap + np.einsum("ad,ad->a", moved, normal)
-
-
-def _feet(contacts: Contacts, positions: FloatArray) -> FloatArray:
-    """Points (nc, d) on the masters."""
-    masters = np.where(contacts.nodes < 0, 0.0, -np.minimum(contacts.weights, 0.0))
-    return np.einsum("ak,akd->ad", masters, positions[contacts.nodes])
+    x = positions[contacts.nodes]
+    gap = np.einsum("ad,ad->a", np.einsum("ak,akd->ad", weights, x), contacts.frame[:, 0])
+    return replace(contacts, gap=gap, point=np.einsum("ak,akd->ad", -np.minimum(weights, 0.0), x))

@@ -88,13 +88,13 @@ class Velocity:
 
 
 def closing(meeting: Meeting, recovery: float) -> FloatArray:
-    """w_N (nc,) = max(g / length_per_u, -recovery size) in the unit of u; increments of quasi-statics are not bounded."""
+    """w_N (nc,) = max(g / length_per_u, -recovery size) + bend / length_per_u in the unit of u; not bounded in quasi-statics."""
     timing, gap = meeting.timing, meeting.contacts.gap
     w = gap / timing.length_per_u
-    if recovery == inf or not timing.moving:
-        return w
     deep = gap < 0
-    return np.where(deep, np.maximum(w, -recovery * meeting.size), w) if deep.any() else w
+    if recovery != inf and timing.moving and deep.any():
+        w = np.where(deep, np.maximum(w, -recovery * meeting.size), w)
+    return w if meeting.bend is None else w + meeting.bend / timing.length_per_u
 
 
 def remembered_slip(friction: Friction | Elliptic | None, meeting: Meeting, outcome: Outcome) -> Remembered:

@@ -83,6 +83,8 @@ class Meeting:
     timing      see `Timing`
     variables   of earlier steps; None in the first step, when nothing has been met yet
     proportions of the bodies
+    bend (nc,) [m] by how much gaps change over the step beside length_per_u u_N, since bodies turn and feet move on; None = not at all, see
+    `fcsim.timestep.step_equation.look_ahead`
     """
 
     contacts: Contacts
@@ -92,6 +94,7 @@ class Meeting:
     timing: Timing
     variables: Variables | None
     proportions: Proportions
+    bend: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.contacts)
@@ -121,7 +124,14 @@ class Meeting:
     def taken(self, chosen: BoolArray) -> Meeting:
         """The meeting of some of its contacts, a mask (nc,)."""
         return Meeting(
-            self.contacts.take(chosen), self.positions, self.before[chosen], self.t, self.timing, self.variables, self.proportions
+            self.contacts.take(chosen),
+            self.positions,
+            self.before[chosen],
+            self.t,
+            self.timing,
+            self.variables,
+            self.proportions,
+            None if self.bend is None else self.bend[chosen],
         )
 
 

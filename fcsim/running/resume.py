@@ -12,6 +12,7 @@ import numpy as np
 
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
+from fcsim.mesh.cell_type import ELEMENTS
 from fcsim.mesh.part import Body
 from fcsim.records import json_text
 from fcsim.running.case import CaseScript
@@ -78,7 +79,7 @@ def check_moments(moments: tuple[Moment, Moment], model: Model, steps: int, path
 
 
 def model_digest(model: Model) -> str:
-    """SHA-256 of a model's bodies: nodes, to nine digits of the whole's size, cells and facets."""
+    """SHA-256 of a model's bodies: nodes, to nine digits of the whole's size, cells, and elements that are not the cells' default."""
     digest = hashlib.sha256()
     reference = model.reference
     size = float(np.ptp(reference, axis=0).max(initial=0.0)) or 1.0
@@ -87,4 +88,6 @@ def model_digest(model: Model) -> str:
         digest.update(body.name.encode())
         if isinstance(body, Body):
             digest.update(np.ascontiguousarray(body.part.cells, dtype=np.int64).tobytes())
+            if body.part.elements != ELEMENTS[body.part.cell_type][0]:  # checkpoints older than the choice stay valid
+                digest.update(body.part.elements.encode())
     return digest.hexdigest()

@@ -79,18 +79,31 @@ def encounter(
     model: Model, detection: Detection, scheme: Scheme, state: State, proportions: Proportions, variables: Variables | None
 ) -> Encounter:
     """Detect the contacts of a step and ask their law."""
-    law = scheme.law
     configuration = scheme.detection_configuration(model, state)
     positions, way = model.positions(configuration), scheme.way(model, state)
     moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
-    contacts = detection(positions, moved)
+    return under_law(model, scheme, state, detection(positions, moved), positions, proportions, variables)
+
+
+def under_law(
+    model: Model,
+    scheme: Scheme,
+    state: State,
+    contacts: Contacts,
+    positions: FloatArray,
+    proportions: Proportions,
+    variables: Variables | None,
+    bend: FloatArray | None = None,
+) -> Encounter:
+    """Ask the law about contacts at `positions` (n_nodes, d) [m]; bend (nc,) [m], see `Meeting`."""
+    law, configuration = scheme.law, scheme.detection_configuration(model, state)
     chosen = law.select(contacts, proportions, variables)
     if not chosen.all():
-        contacts = contacts.take(chosen)
+        contacts, bend = contacts.take(chosen), None if bend is None else bend[chosen]
     H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
     shape = (len(contacts), contacts.dimension)
     before = (H.T @ scheme.velocity_before(model, state)).reshape(shape) if scheme.timing.moving else np.zeros(shape)
-    meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions)
+    meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend)
     terms = law.terms(meeting)
     if terms.frame is not None and not np.array_equal(terms.frame, contacts.frame):
         H, meeting = _turned(H, meeting, terms.frame)

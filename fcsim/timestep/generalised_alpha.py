@@ -35,6 +35,7 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
+from fcsim.timestep.end_velocity import end_velocity
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
@@ -120,7 +121,8 @@ class GeneralisedAlpha:
         return self.alpha_f * v + (1 - self.alpha_f) * state.v
 
     def velocity_before(self, model: Model, state: State) -> FloatArray:
-        return state.v
+        """v (n_dofs,) of the state's momentum where contacts are detected, as with the theta scheme."""
+        return model.keep_momentum(state.v, model.rigid_mass(state.x), self.detection_configuration(model, state))
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, kappa, alpha_f = self.h, self.kappa, self.alpha_f
@@ -134,11 +136,8 @@ class GeneralisedAlpha:
         return self.h * (1 - self.gamma) * rate + self.kappa * ((1 - self.alpha_f) * state.v - (1 - self.alpha_m) * rate)
 
     def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
-        """As that of `Theta`: M of the left side is that of R+ = exp(c omega+) exp(X - x) R with the omega+ of a free motion."""
-        c, d = self.kappa * self.alpha_f, model.dimension
-        middle = model.rigid_part(model.advance(state.x, self._explicit(model, state)))
-        angular = model.rigid_part(load)[:, d:] / (1 + c * model.alpha)
-        return model.rigid_bodies.free_end_mass(middle, angular, model.rigid_part(state.v)[:, d:], c, model.rigid_free[:, d:])
+        """Mass where contacts are detected and struck, as with the theta scheme: an elastic impact then changes no energy."""
+        return model.rigid_mass(self.detection_configuration(model, state))
 
     def _force(self, model: Model, state: State) -> FloatArray:
         """alpha_f F+ + (1 - alpha_f) F (n_dofs,) [N]; followers stand as at t + alpha_f h, to first order."""
@@ -152,12 +151,14 @@ class GeneralisedAlpha:
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         h, gamma, alpha_f, alpha_m = self.h, self.gamma, self.alpha_f, self.alpha_m
         rate, inertia = self._memory(model, state)
-        next_rate = (alpha_f * v + (1 - alpha_f) * state.v - (1 - alpha_m) * rate) / alpha_m
+        explicit = model.advance(state.x, self._explicit(model, state))
+        end = end_velocity(model, explicit, v, rigid_mass, self.kappa * alpha_f)
+        next_rate = (alpha_f * end + (1 - alpha_f) * state.v - (1 - alpha_m) * rate) / alpha_m
         jump = impulse.copy()  # M jump; a driven dof does not jump, its support takes the impulse
         jump[model.driven_dofs] = 0
         change = model.apply_mass(v, rigid_mass) - momentum(model, state)
         next_inertia = (change - jump) / (h * gamma) - (1 - gamma) / gamma * inertia
-        x = model.advance(model.advance(state.x, self._explicit(model, state)), self.kappa * alpha_f * v)
+        x = model.advance(explicit, self.kappa * alpha_f * end)
         return State(state.t + h, x, model.keep_momentum(v, rigid_mass, x), next_rate, next_inertia)
 
     def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
@@ -172,13 +173,17 @@ class GeneralisedAlpha:
         d(v.M v / 2 + y.K y / 2) = dx.F_f + dx.R + V.(H r - what the supports take of it) - dx.C v_f - D
         D = (alpha_f - 1/2) dx.K dx (turning bodies: dx.F_int(x_f) - dE) + dx.p_m - h V.p_gamma + G, with G of `turning`
 
-        with d the change over the step, R the supports' forces, p = M v'. D is zero for rho = 1. In single steps it may be negative, since
-        the scheme's own energy, which never grows without loads, differs from this one by terms of order h^2.
+        with d the change over the step, R the supports' forces, p = M v'; v in V as where contacts are detected, G also what turning
+        between there and the ends changes in the energy of a given angular momentum. D is zero for rho = 1 but for G. In single steps it
+        may be negative, since the scheme's own energy, which never grows without loads, differs from this one by terms of order h^2.
         """
         h, alpha_f, alpha_m, gamma = self.h, self.alpha_f, self.alpha_m, self.gamma
         rate0, p0 = self._memory(model, before)
         rate1, p1 = self._memory(model, after)
-        dx, mean = h * ((1 - gamma) * rate0 + gamma * rate1), 0.5 * (before.v + after.v)
+        dx = h * ((1 - gamma) * rate0 + gamma * rate1)
+        v0 = self.velocity_before(model, before)
+        v1 = model.keep_momentum(after.v, model.rigid_mass(after.x), self.detection_configuration(model, before))
+        mean = 0.5 * (v0 + v1)
         elastic = model.elastic
         first, last = elastic.at(before.x), elastic.at(after.x)
         middle = elastic.at(before.x + alpha_f * (after.x - before.x))
@@ -204,7 +209,8 @@ class GeneralisedAlpha:
             numerical=elastic_loss
             + float(dx @ (alpha_m * p1 + (1 - alpha_m) * p0))
             - h * float(mean @ (gamma * p1 + (1 - gamma) * p0))
-            + turning(model, before.v, M0, after.v, M1),
+            + turning(model, v0, M0, v1, M1)
+            + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(H, result.r, result.u, mean, model.dimension),
         )
 

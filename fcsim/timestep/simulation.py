@@ -29,6 +29,7 @@ from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Attempt, Moment, Step
 from fcsim.timestep.step_equation.equation import Equation, Past, solve_equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
+from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
 from fcsim.timestep.warm_start import MEMORY
 from fcsim.witness import Watch, Witness, begin, penetration_seen
 
@@ -242,20 +243,27 @@ class Simulation:
         elastic = Linearisation(scheme, model, state)
         factor = self._system(scheme).with_rigid_mass(rigid_mass)
         factor = factor if elastic.rotation is None else factor.turned(elastic.rotation)
-        equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts)
         whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
         identity = met.contacts.identity
         past = Past(memory, start.lead, None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity))
-        answer, past = solve_equation(equation, self.solver, self._extent, past, attempts, clock)
-        if kept is not None and past.serving is not None:
-            kept[cuts] = past.serving
-        if answer is None:
-            return None
-        result, v = answer.result, answer.v
-        impulse = met.H @ met.reaction(result.r)
+        looks = 0
+        while True:
+            equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts)
+            answer, past = solve_equation(equation, self.solver, self._extent, past, attempts, clock)
+            if kept is not None and past.serving is not None:
+                kept[cuts] = past.serving
+            if answer is None:
+                return None
+            result, v = answer.result, answer.v
+            impulse = met.H @ met.reaction(result.r)
+            after = scheme.advance(model, state, v, impulse, rigid_mass)
+            ahead = looked_ahead(model, self.detector, scheme, state, met, v, after) if looks < ROUNDS else None
+            clock.lap("detection")
+            if ahead is None:
+                break
+            met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
         support = scheme.support_impulse(model, factor.apply(v) - answer.load - impulse, impulse)
-        after = scheme.advance(model, state, v, impulse, rigid_mass)
         variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
         return Step(

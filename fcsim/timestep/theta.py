@@ -19,14 +19,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
+from fcsim.timestep.end_velocity import end_velocity
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
@@ -115,24 +114,9 @@ class Theta:
 
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         middle = self.detection_configuration(model, state)
-        end = self._end_velocity(model, middle, v, rigid_mass)
+        end = end_velocity(model, middle, v, rigid_mass, self.h * self.theta)
         x = model.advance(middle, self.h * self.theta * end)
         return State(state.t + self.h, x, model.keep_momentum(v, rigid_mass, x))
-
-    def _end_velocity(self, model: Model, middle: FloatArray, v: FloatArray, rigid_mass: FloatArray) -> FloatArray:
-        """v (n_dofs,) with the omega+ of R+ = exp(h theta omega+) R_m that keeps the angular momentum of v in the middle;
-        of bodies of whose rotations some are driven, v as it is."""
-        if not model.rigid_bodies.turning:
-            return v
-        d = model.dimension
-        angular = np.einsum("aij,aj->ai", rigid_mass, model.rigid_part(v))[:, d:]
-        free = model.rigid_free[:, d:]
-        omega = model.rigid_part(v)[:, d:]
-        mass = model.rigid_bodies.free_end_mass(model.rigid_part(middle), angular, omega, self.h * self.theta, free)
-        end = v.copy()
-        turned = np.linalg.solve(mass[:, d:, d:], angular[..., None])[..., 0]
-        model.rigid_part(end)[:, d:] = np.where(free.all(axis=1)[:, None], turned, omega)
-        return end
 
     def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
         return residual

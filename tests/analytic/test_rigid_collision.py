@@ -10,6 +10,7 @@ from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Velocity
 from fcsim.mesh.blocks import rigid_box
 from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.generalised_alpha import GeneralisedAlpha
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.theta import Theta
@@ -50,3 +51,24 @@ def test_collision_of_two_tumbling_boxes(mu: float, restitution: float) -> None:
         assert energy[-1] < 0.9 * energy[0]
     flight = impulses == 0  # between impacts the energy oscillates with the orientation, by the square of the step
     assert np.abs(np.diff(energy)[flight]).max() < 1e-5 * energy[0]
+
+
+@pytest.mark.parametrize("rho", [1.0, 0.8])
+def test_generalised_alpha_gives_the_energy_of_an_elastic_impact_back_with_order_two(rho: float) -> None:
+    """With the inertia of another configuration than that of the contacts it would be of order one, and 100 times larger."""
+    errors = []
+    for h in (1e-3, 5e-4):
+        low, high = rigid_box("low", (0.4, 0.3, 0.1), (0, 0, 0), 2.0), rigid_box("high", (0.1, 0.15, 0.3), (0.08, 0.05, 0.32), 1.0)
+        model = build_model([low, high])
+        sides = [("high", side) for side in high.surfaces]
+        pair = SurfacePair(contact_surface(model, sides), contact_surface(model, [("low", "z+")]), 0.0, 5e-3)
+        initial = at_rest(model)
+        initial.v[:] = [0, 0, 0.3, 0.4, -0.2, 0.5, 0.1, 0, -1.0, 3.0, 2.0, -4.0]
+        settings = SolverSettings(name="auto", tol=1e-12)
+        scheme = GeneralisedAlpha(h, rho, Velocity(1.0))
+        steps = list(Simulation(model, Detector([pair], model.n_nodes), scheme, round(0.15 / h), settings, initial))
+        assert max(np.abs(step.result.r).max(initial=0.0) for step in steps) > 0.1
+        assert max(abs(step.energy.residual) for step in steps) < 1e-14
+        before = 0.5 * float(initial.v @ model.apply_mass(initial.v, model.rigid_mass(initial.x)))
+        errors.append(abs(steps[-1].energy.kinetic / before - 1))
+    assert errors[0] < 5e-6 and errors[0] / errors[1] > 3.5

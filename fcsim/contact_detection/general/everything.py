@@ -54,6 +54,7 @@ class Everything:
     friction: FrictionTable = field(init=False, repr=False)
     movable: BoolArray = field(init=False, repr=False)
     excluded: IntArray = field(init=False, repr=False)
+    _latest: list[tuple[FloatArray, Contacts]] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
         model = self.model
@@ -91,12 +92,18 @@ class Everything:
     def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
         """Contacts at `positions` (n_nodes, d) [m]; displacement (n_nodes, d) [m] of the step to come, see `Detection`."""
         x = self._checked("positions", positions)
-        now = self._at(x)
+        now = self._here(x)
         if displacement is None:
             return now
         way = self._checked("displacement", displacement)
         fast, count, alert = self._fast(x, way)
         return with_swept(now, lambda there: self._at(there, fast), x, way, count, alert) if count else now
+
+    def _here(self, x: FloatArray) -> Contacts:
+        """Contacts at x of all bodies. The last answer is kept: where a step looks ahead, the next one begins."""
+        if not (self._latest and np.array_equal(self._latest[0][0], x)):
+            self._latest[:] = [(x.copy(), self._at(x))]
+        return self._latest[0][1]
 
     def _at(self, x: FloatArray, among: NearBodies | None = None) -> Contacts:
         """Contacts at x of all bodies, or of those pairs."""

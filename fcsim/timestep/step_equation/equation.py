@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory, Result
@@ -117,6 +118,11 @@ class Past:
     reactions: Sequence[Reactions]
     lead: Lead
     serving: Memory | None
+
+    def of_the_same_step(self, met: Contacts, ahead: Contacts, r: FloatArray) -> Past:
+        """The past of the step's next solve with other contacts `ahead`, after r (m,) was found with the contacts `met`."""
+        last = Reactions(met.identity, met.frame, r.reshape(-1, met.dimension))
+        return replace(self, reactions=(last,), serving=None if self.serving is None else self.serving.follow(ahead.identity))
 
 
 def solve_equation(

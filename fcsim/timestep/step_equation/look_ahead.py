@@ -1,0 +1,84 @@
+"""Where a step would lead: gaps that bend since bodies turn, and contacts that its impacts bring about.
+
+The law 0 <= g + h u_N knows the contacts found at the beginning, x_m, and takes their motion for straight. Both are wrong by what a step
+turns: a face at the distance R from the centre of its body, which turns by omega h, comes nearer by R (omega h)^2 / 2 than its velocity
+says, and a body thrown aside by an impact may meet in the same step what it had not approached before. So contacts are detected once more
+at x_m' = x_m + h v+, where the next step will find them. Of each that lies deeper there than its law meant, the bend
+
+    b = g(x_m') - (g(x_m) + h u_N)                                                                        (1)
+
+enters the law, 0 <= g + b + h u_N ⊥ r_N >= 0; those that are new are brought back to x_m as the sweep does; the step is solved again, until
+nothing is deeper. A contact that lasts then has u_N = -b/h at the beginning of each step and +b/h at its end, and its reaction does no
+work at theta = 1/2, where without b it does work of the order of b. What does not turn or meet anything is not looked at, and nothing in
+its step changes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.model import Model
+from fcsim.contact_detection import Detection
+from fcsim.contact_detection.contacts import Contacts, join
+from fcsim.contact_detection.sweep import brought_back
+from fcsim.timestep.encounter import Encounter, under_law
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
+
+ROUNDS = 4
+"""How often a step is solved again."""
+
+BORNE = 1e-5
+"""Of the smaller body's size: less overlap than this is left to the next step."""
+
+_TURNED_ASIDE = 2e-3
+"""Of the smallest body: velocities that impacts change by less than this over the step bring no new contact about."""
+
+
+def looked_ahead(
+    model: Model, detection: Detection, scheme: Scheme, state: State, met: Encounter, v: FloatArray, after: State
+) -> Encounter | None:
+    """Return the encounter of a step with what its answer v (n_dofs,) and the state after it show; None where all is as it was meant."""
+    timing = scheme.timing
+    if not timing.moving or not _may_miss(model, scheme, state, met, v, after):
+        return None
+    held = met.meeting.contacts
+    there = detection(model.positions(scheme.detection_configuration(model, after)))
+    size = met.meeting.proportions.size_at(there)
+    place, known = _places(there, held)
+    bend = np.zeros(len(held)) if met.meeting.bend is None else met.meeting.bend.copy()
+    straight = held.gap + timing.length_per_u * (met.H.T @ v).reshape(-1, held.dimension)[:, 0]
+    meant = np.where(known, np.append(straight + bend, 0.0)[place], 0.0)
+    deeper = there.gap < np.minimum(meant, 0.0) - BORNE * size
+    if not deeper.any():
+        return None
+    at = place[known & deeper]
+    bend[at] = there.gap[known & deeper] - straight[at]  # (1)
+    new = brought_back(there.take(deeper & ~known), met.meeting.positions)
+    every = join([held, new])
+    order = np.argsort(every.identity, kind="stable")
+    meeting = met.meeting
+    bent = np.concatenate([bend, np.zeros(len(new))])[order]
+    again = under_law(model, scheme, state, every.take(order), meeting.positions, meeting.proportions, meeting.variables, bent)
+    same = len(again.contacts) == len(held) and np.array_equal(again.terms.w, met.terms.w)
+    return None if same else again  # a law that does not ask for gaps
+
+
+def _places(there: Contacts, held: Contacts) -> tuple[IntArray, BoolArray]:
+    """Where contacts (nc,) are among those of the step, len(held) for new ones, and which are there."""
+    place = np.searchsorted(held.identity, there.identity)
+    known = np.append(held.identity, -1)[place] == there.identity
+    return np.where(known, place, len(held)), known
+
+
+def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: FloatArray, after: State) -> bool:
+    """Whether some node leaves the straight way, or the way along which contacts were looked for, by a length that counts."""
+    h, begin = scheme.timing.h, scheme.detection_configuration(model, state)
+    smallest = float(met.meeting.proportions.size.min(initial=np.inf))
+    straight = h * model.node_velocity(v, begin)
+    way = scheme.way(model, state)
+    if way is not None and np.abs(straight - h * model.node_velocity(way / h, begin)).max(initial=0.0) > _TURNED_ASIDE * smallest:
+        return True
+    moved = model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions
+    return bool(np.abs(moved - straight).max(initial=0.0) > 0.5 * BORNE * smallest)
