@@ -40,7 +40,6 @@ from fcsim import (
     joint_opening,
     main,
     read_acceleration_record,
-    two_pass,
 )
 from fcsim.mesh import RunningBond, rigid_box, running_bond
 
@@ -127,8 +126,7 @@ def wall_on_base(wall: RunningBond, p: Parameters, record: AccelerationRecord) -
 
 
 def joints(wall: RunningBond, model: Model, p: Parameters) -> list[SurfacePair]:
-    """Bed and head joints by the nodes of both sides, since blocks rock about edges that face centres do not see; the base by the nodes
-    of the first course."""
+    """Bed and head joints with candidates at face centres, the base with the nodes of the first course."""
     names = np.array([body.name for body in wall.bodies])
 
     def surface(bodies: Iterable[str], side: str) -> ContactSurface:
@@ -137,9 +135,9 @@ def joints(wall: RunningBond, model: Model, p: Parameters) -> list[SurfacePair]:
     first = names[wall.bodies_of_course(1)]
     base = SurfacePair(surface(first, wall.bottom), surface(["base"], "z+"), p.friction_base, p.alert, "nodes", "base")
     lower, upper = names[wall.course < wall.courses], names[wall.course > 1]
-    heads = two_pass(surface(names, "x-"), surface(names, "x+"), mu=p.friction, alert=p.alert)
-    beds = two_pass(surface(upper, wall.bottom), surface(lower, wall.top), mu=p.friction, alert=p.alert) if p.courses > 1 else []
-    return [base, *beds, *heads]
+    beds = SurfacePair(surface(upper, wall.bottom), surface(lower, wall.top), p.friction, p.alert, "faces", "bed joints")
+    heads = SurfacePair(surface(names, "x-"), surface(names, "x+"), p.friction, p.alert, "faces", "head joints")
+    return [base, beds, heads] if p.courses > 1 else [base, heads]
 
 
 def under_its_weight(model: Model, detector: Detector, p: Parameters, settings: SolverSettings) -> State:

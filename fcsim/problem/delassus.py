@@ -25,7 +25,7 @@ from fcsim.problem._judge_kernels import diagonal_blocks_of_rows
 from fcsim.problem.shifted_factor import plus_diagonal, rows_with_diagonal, shifted_factor
 
 SMALL = 150
-"""Contact unknowns up to which dense linear algebra is cheapest whatever the density."""
+"""Contact unknowns up to which dense linear algebra is cheapest whatever the density; these three hold for Newton's systems too."""
 FILLED = 0.05
 """Density of W from which its factor counts as dense."""
 DENSE_UP_TO = 3000

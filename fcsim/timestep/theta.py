@@ -25,10 +25,10 @@ from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
-from fcsim.timestep.end_velocity import end_velocity
 from fcsim.timestep.energy import Energy, balance, contact_work, momentum
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
+from fcsim.timestep.step_equation.end_velocity import end_velocity
 
 
 @dataclass(frozen=True)

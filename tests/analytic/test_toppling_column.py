@@ -96,7 +96,6 @@ def test_leaning_stack_falls_as_the_rigid_one() -> None:
         case = script.build(script.parameters(overhang=1.03, blocks_are=kind, E=1e10, steps=300))
         measure = next(sensor.measure for sensor in case.sensors if sensor.column == "sinking")
         sinking[kind] = np.array([measure(step) for step in case.simulation])
-    print(sinking["rigid"][::20], sinking["deformable"][::20])
     assert sinking["rigid"][-1] > 0.02 < sinking["deformable"][-1]
 
 
@@ -109,5 +108,4 @@ def test_thin_arch_falls_as_the_rigid_one() -> None:
         case = script.build(script.parameters(thickness_ratio=0.10, blocks_are=kind, E=1e10, steps=300))
         measure = next(sensor.measure for sensor in case.sensors if sensor.column == "crown")
         crown[kind] = np.array([measure(step) for step in case.simulation])
-    print(crown["rigid"][::20], crown["deformable"][::20])
     assert crown["rigid"][-1] > 0.02 < crown["deformable"][-1]

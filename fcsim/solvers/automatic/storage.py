@@ -9,9 +9,8 @@ import scipy.sparse as sp
 
 from fcsim.linear.block_rows import compressed_blocks
 from fcsim.problem import LocalProblem
+from fcsim.problem.delassus import SMALL
 
-SMALL = 150
-"""Up to this many unknowns dense linear algebra is cheapest whatever the density."""
 SPARSE_BELOW = 0.15
 """Density of W below which sparse elimination is cheaper than dense."""
 

@@ -7,6 +7,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.linear.joints import joint_rows
+from fcsim.problem.delassus import DENSE_UP_TO, FILLED, SMALL
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
@@ -17,14 +18,8 @@ from fcsim.solvers.newton.systems.velocity import VelocitySystem
 SYSTEMS = ("dense", "condensed", "multifrontal", "sparse")
 """Names of the linear algebra for the option `linear` of Newton's methods, beside "auto" and "kkt"."""
 
-SMALL = 150
-"""Contact unknowns up to which a sparse W is made dense: dense linear algebra is then cheapest whatever the density."""
-DENSE_UP_TO = 3000
-"""Contact unknowns up to which a sparse W is made dense for an LU (72 MB)."""
 CONDENSED_UP_TO = 12_000
 """Contact unknowns up to which the dense factor of a sparse W is affordable (1.1 GB)."""
-FILLED = 0.05
-"""Density of a sparse W from which its factor counts as dense."""
 IN_VELOCITIES_FROM = 300
 """Contact unknowns from which a regularised W of few degrees of freedom is eliminated in the bodies' velocities."""
 ONCE_SPARSE, ONCE_DENSE = 500_000, 400

@@ -11,11 +11,11 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.problem import diagonal_blocks
 from fcsim.problem.motion import Motion
+from fcsim.problem.shifted_factor import plus_diagonal
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +50,7 @@ class Shifted:
         """W + diag(shift), formed in W's own storage."""
         if self.shift is None:
             return self.W
-        if sp.issparse(self.W):
-            return sp.bsr_array(self.W + sp.diags_array(self.by_unknown), blocksize=(self.dimension, self.dimension))
-        formed = self.W.copy()
-        formed.flat[:: len(formed) + 1] += self.by_unknown
-        return formed
+        return plus_diagonal(self.W, self.shift, self.dimension)
 
     def product(self, x: FloatArray) -> FloatArray:
         """(W + diag(shift)) x (m,)."""
