@@ -21,7 +21,7 @@ from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
-from fcsim.timestep.encounter import encounter
+from fcsim.timestep.encounter import Encounter, encounter
 from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.scheme import Scheme
@@ -228,19 +228,26 @@ class Simulation:
             return False
         return met is not None
 
+    def _met(self, scheme: Scheme, start: Moment, cuts: int, clock: Clock) -> Encounter | None:
+        """The contacts of the step; None where bodies would pass each other in it: it is to be cut, or refused by InputError."""
+        if scheme.h > start.seen and self._passes(scheme, start, cuts):
+            return None
+        met = encounter(self.model, self.detector, scheme, start.state, self._proportions, start.variables)
+        clock.lap("detection")
+        if met.passing is None:
+            return met
+        if cuts == self.cuttings:
+            refuse_going_through(self.model, scheme, met.passing, f"step {start.number}, t = {start.state.t:.6g} s")
+        return None
+
     def _part(
         self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
     ) -> Step | None:
         """The step, or its next part of the length h / 2^cuts; None where it has no answer. What was tried goes into `attempts`."""
         model, state = self.model, start.state
         scheme = self.scheme.cut(2**cuts) if cuts else self.scheme
-        if scheme.h > start.seen and self._passes(scheme, start, cuts):
-            return None
-        met = encounter(model, self.detector, scheme, state, self._proportions, start.variables)
-        clock.lap("detection")
-        if met.passing is not None:
-            if cuts == self.cuttings:
-                refuse_going_through(model, scheme, met.passing, f"step {start.number}, t = {state.t:.6g} s")
+        met = self._met(scheme, start, cuts, clock)
+        if met is None:
             return None
         rest = scheme.right_hand_side(model, state)
         rigid_mass = scheme.rigid_mass(model, state, rest)

@@ -22,6 +22,9 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Status, solve
 
+COULOMB = [name for name, method in SOLVERS.items() if min(method.dimensions) <= 3]
+"""The methods for problems without rolling friction, which has problems of its own (tests/unit/solvers/test_rolling.py)."""
+
 
 def global_problem(d: int = 3, nc: int = 2) -> dict[str, Any]:
     """The fields of a good problem of n = 8 degrees of freedom."""
@@ -160,23 +163,6 @@ def empty(folder: Path) -> Path:
     return folder / "problem.hdf5"
 
 
-def rolling(folder: Path) -> Path:
-    """Rolling friction: five unknowns a contact, a second coefficient mu_r (FCLIB's rolling forms)."""
-    with h5py.File(changed(lambda file: None)(folder), "r+") as file:
-        file.move("fclib_global", "fclib_global_rolling")
-        group = file["fclib_global_rolling"]
-        put(file, "fclib_global_rolling/spacedim", np.array([5]))
-        for name in ("G", "vectors/b"):
-            del group[name]
-        H = group["H"]
-        for key, values in {"n": [10], "nzmax": [80], "p": 8 * np.arange(11), "i": np.tile(np.arange(8), 10), "x": np.ones(80)}.items():
-            put(file, f"fclib_global_rolling/H/{key}", np.array(values))
-        assert int(H["m"][0]) == 8
-        put(file, "fclib_global_rolling/vectors/w", np.zeros(10))
-        put(file, "fclib_global_rolling/vectors/mu_r", np.full(2, 0.01))
-    return folder / "problem.hdf5"
-
-
 FILES: dict[str, tuple[Callable[[Path], Path], str]] = {
     "not there": (lambda folder: folder / "problem.hdf5", "no such file"),
     "a folder": (lambda folder: folder, "expected an FCLIB file, found a folder"),
@@ -184,7 +170,6 @@ FILES: dict[str, tuple[Callable[[Path], Path], str]] = {
     "empty": (empty, "expected an HDF5 file"),
     "truncated": (truncated, "the HDF5 file is truncated or damaged|expected an HDF5 file"),
     "foreign": (foreign, "expected one of the groups /fclib_global, .* got none"),
-    "rolling friction": (rolling, "rolling friction problem .spacedim 5.; it can be read and described, not solved"),
     "no M": (changed(lambda file: file.pop("fclib_global/M")), "/fclib_global/M: expected a group, got nothing"),
     "no entries of H": (changed(lambda file: file.pop("fclib_global/H/x")), "/fclib_global/H/x: expected a vector of numbers, got nothing"),
     "no f": (changed(lambda file: file.pop("fclib_global/vectors/f")), "vectors/f: expected a vector of numbers, got nothing"),
@@ -227,7 +212,7 @@ def test_command_line_refuses(name: str, tmp_path: Path, capsys: pytest.CaptureF
 
 @pytest.mark.parametrize("name", FILES)
 def test_python_refuses_the_file(name: str, tmp_path: Path) -> None:
-    """Reading or solving raises an error of fcsim's own; a rolling problem is read, but is none that `solve` takes."""
+    """Reading or solving raises an error of fcsim's own."""
     path = FILES[name][0](tmp_path)
     with pytest.raises(FcsimError):
         problem: Any = read_fclib(path).problem
@@ -261,7 +246,7 @@ def test_the_good_files_are_solved(tmp_path: Path, capsys: pytest.CaptureFixture
 # problems with a trivial or an honest answer
 
 
-@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("name", COULOMB)
 def test_zero_contacts(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """M v = f alone."""
     d = SOLVERS[name].dimensions[0]
@@ -310,7 +295,7 @@ def indefinite(d: int) -> LocalProblem:
 
 
 @pytest.mark.parametrize("make", [contradictory, unsymmetric, indefinite])
-@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("name", COULOMB)
 def test_status_is_honest_where_theory_ends(name: str, make: Callable[[int], LocalProblem]) -> None:
     """Solved only where the law holds; no exception but a clear one, no endless run."""
     p = make(SOLVERS[name].dimensions[-1])

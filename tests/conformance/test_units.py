@@ -37,7 +37,7 @@ def judged(W: np.ndarray, q: np.ndarray, mu: np.ndarray, r: np.ndarray) -> float
     return float(np.linalg.norm(z - P) / np.linalg.norm(q))
 
 
-@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("name", [name for name, method in SOLVERS.items() if min(method.dimensions) <= 3])
 def test_verdicts_do_not_depend_on_units(name: str) -> None:
     method = SOLVERS[name]
     W, q, mu = base(method.dimensions[-1])
