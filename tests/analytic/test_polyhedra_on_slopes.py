@@ -54,9 +54,9 @@ def test_a_hexagonal_prism_topples_beyond_30_degrees(degrees: float, rests: bool
 
 def test_a_twisted_tower_rests_on_its_floor() -> None:
     turns = np.random.default_rng(3).uniform(0, 2 * np.pi, 8)
+    flat = CORNERS * [0.3, 0.2, 0.1]
     blocks = [
-        solid(f"b{k}", [*Rotation.from_rotvec([0, 0, turn]).apply(CORNERS * [0.3, 0.2, 0.1]), 0, 0, 0.05 + 0.1 * k])
-        for k, turn in enumerate(turns)
+        solid(f"b{k}", Rotation.from_rotvec([0, 0, turn]).apply(flat) + np.array([0, 0, 0.05 + 0.1 * k])) for k, turn in enumerate(turns)
     ]
     step = last([*blocks, solid("floor", CORNERS * [2, 2, 0.2] - [0, 0, 0.1])], 0.5, 1e-3, 40)
     weight = sum(block.mass for block in blocks) * G
