@@ -20,7 +20,8 @@ FLAT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ClosedSurface:
-    """The boundary of a solid, convex or not: points (n, 3) [m], triangles (m, 3) counter-clockwise seen from outside.
+    """The boundary of a solid, convex or not: points (n, 3) [m], triangles (m, 3) counter-clockwise seen from outside, and the polygons
+    that these were, in any orientation.
 
     Every edge belongs to two triangles that run along it in opposite directions, and the volume within is positive: made by
     `closed_surface`, which checks that.
@@ -29,6 +30,7 @@ class ClosedSurface:
     name: str
     points: FloatArray
     triangles: IntArray
+    polygons: tuple[tuple[int, ...], ...]
 
     def moments(self) -> tuple[float, FloatArray, FloatArray]:
         """Volume V [m^3], centroid c (3,) [m] and second moments int (x - c)(x - c)^T dV (3, 3) [m^5].
@@ -65,19 +67,20 @@ def closed_surface(name: str, points: ArrayLike, faces: Sequence[Sequence[int]] 
     triangles = first[place.ravel()][triangles]
     triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]  # those that have lost an edge
     used, numbers = np.unique(triangles, return_inverse=True)
+    polygons = tuple(tuple(np.searchsorted(used, first[place.ravel()][np.asarray(face, dtype=np.int64)]).tolist()) for face in faces)
     x, triangles = x[used], numbers.reshape(-1, 3)
     _refuse_open(what, x, triangles)
     triangles = _consistent(what, x, triangles)
     volume = np.linalg.det((x - x.mean(axis=0))[triangles]).sum() / 6
     if not abs(volume) > 1e-9 * size**3:
         raise InputError(f"{what}: expected a surface around a volume, got {volume:.3g} m^3 within {size:.3g} m")
-    return ClosedSurface(name, x, triangles[:, ::-1] if volume < 0 else triangles)
+    return ClosedSurface(name, x, triangles[:, ::-1] if volume < 0 else triangles, polygons)
 
 
 def rigid_solid(surface: ClosedSurface, *, density: float | None = None, mass: float | None = None) -> RigidBody:
     """Return the homogeneous rigid body within a surface, of `density` [kg/m^3] or of `mass` [kg], with one surface "skin"."""
     given = mass if density is None else density
-    if (density is None) == (mass is None) or not (np.isfinite(given) and given > 0):  # type: ignore[arg-type]
+    if (density is None) == (mass is None) or not (np.isfinite(given) and given > 0):  # type: ignore[arg-type,operator]
         raise InputError(f"{surface.name!r}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")
     volume, centre, second = surface.moments()
     rho = density if mass is None else mass / volume
@@ -103,7 +106,7 @@ def _triangles(what: str, x: FloatArray, face: Sequence[int] | IntArray) -> IntA
     normal /= area
     off = float(np.abs(p @ normal).max())
     if off > FLAT * size:
-        raise InputError(f"{what}: expected plane faces, got {face!r} whose corners leave their plane by {off:.3g} m; cut it into triangles")
+        raise InputError(f"{what}: expected plane faces, got {face!r} with corners off it by {off:.3g} m; cut it into triangles")
     edge = np.roll(p, -1, axis=0) - p
     turn = np.cross(edge, np.roll(edge, -1, axis=0)) @ normal
     if (turn >= -1e-12 * size**2).all():

@@ -14,15 +14,15 @@ def rigid_polygon(
 ) -> RigidBody:
     """Return the homogeneous plate within a closed polygon of corners (n, 2) [m], convex or not, with one surface "skin".
 
-    Of `density` [kg/m^3] times `thickness` [m], or of `mass` [kg]. Area, centroid and polar moment by Green's theorem: sums over the sides of
-    c = x_k y_k+1 - x_k+1 y_k times polynomials. InputError for polygons without an area or that cross themselves.
+    Of `density` [kg/m^3] times `thickness` [m], or of `mass` [kg]. Area, centroid and polar moment by Green's theorem: sums over the
+    sides of c = x_k y_k+1 - x_k+1 y_k times polynomials. InputError for polygons without an area or that cross themselves.
     """
     what = f"polygon {name!r}"
     p = np.asarray(points, dtype=np.float64)
     if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
         raise InputError(f"{what}: expected at least three finite corners of shape (n, 2), got shape {p.shape}")
     given = mass if density is None else density
-    if (density is None) == (mass is None) or not (np.isfinite(given) and given > 0):  # type: ignore[arg-type]
+    if (density is None) == (mass is None) or not (np.isfinite(given) and given > 0):  # type: ignore[arg-type,operator]
         raise InputError(f"{what}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")
     if not (np.isfinite(thickness) and thickness > 0):
         raise InputError(f"{what}: expected a thickness > 0 in m, got {thickness}")
