@@ -111,7 +111,7 @@ def test_a_flying_spring_claps(kinematics: str) -> None:
     assert max(step.contact_force[:, 0].sum() for step in steps) > 100
     momentum = [model.apply_mass(state.v)[model.dof_of_node].sum(axis=0) for state in (start, steps[-1].state)]
     assert_allclose(momentum[1], momentum[0], atol=1e-9 * np.abs(momentum[0]).max())
-    total = [step.energy.kinetic + step.energy.elastic for step in steps]
-    assert np.all(np.diff(total) < 1e-9 * total[0])
+    ledger = steps[-1].ledger
+    assert ledger.created < 1e-4 * ledger.supplied
     with pytest.raises(Penetration, match="'fork' and 'fork'"):
         clap([("fork", "fork")])
