@@ -18,7 +18,7 @@ from typing import Any
 from fcsim.errors import InputError
 from fcsim.files import note_read
 from fcsim.masonry.problem import Acceleration, Block, Expected, MasonryProblem, PointForce
-from fcsim.mesh.closed_surface import closed_surface
+from fcsim.mesh.solids.closed_surface import closed_surface
 from fcsim.records import from_json, read_json, write_record
 
 SCHEMA = "masonry-problem/1"

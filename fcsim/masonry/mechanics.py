@@ -14,9 +14,9 @@ from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.masonry.problem import GRAVITY, Acceleration, Block, MasonryProblem, PointForce
-from fcsim.mesh.closed_surface import rigid_solid
+from fcsim.mesh.solids.closed_surface import rigid_solid
 from fcsim.mesh.part import RigidBody
-from fcsim.mesh.rigid_polygon import rigid_polygon
+from fcsim.mesh.solids.rigid_polygon import rigid_polygon
 
 HELD = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 PLANE = {2: (0, 2), 3: (0, 1, 2)}

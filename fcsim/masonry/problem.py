@@ -11,7 +11,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.mesh.closed_surface import ClosedSurface
+from fcsim.mesh.solids.closed_surface import ClosedSurface
 
 GRAVITY = 9.81
 """[m/s^2]"""

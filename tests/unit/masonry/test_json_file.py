@@ -117,5 +117,5 @@ def test_hexahedra_in_vtks_order_are_solids(tmp_path: Path) -> None:
 
 
 def test_no_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="nowhere.json"):
+    with pytest.raises(InputError, match=r"nowhere\.json"):
         read_masonry(tmp_path / "nowhere.json")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fcsim.errors import InputError
-from fcsim.mesh.closed_surface import closed_surface, rigid_solid
-from fcsim.mesh.rigid_polygon import rigid_polygon
+from fcsim.mesh.solids.closed_surface import closed_surface, rigid_solid
+from fcsim.mesh.solids.rigid_polygon import rigid_polygon
 
 HEX = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
 CUBE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], dtype=float)
@@ -81,7 +81,7 @@ def test_a_polygon_that_crosses_itself_is_refused() -> None:
 
 
 def test_polygons_against_the_rectangle_and_the_l() -> None:
-    plate = rigid_polygon("plate", np.array([(0, 0), (2, 0), (2, 1), (0, 1)])[::-1] + [5.0, 7.0], mass=3.0)
+    plate = rigid_polygon("plate", np.array([(5, 8), (7, 8), (7, 7), (5, 7)]), mass=3.0)
     assert plate.centre == pytest.approx([6.0, 7.5])
     assert plate.inertia[0, 0] == pytest.approx(3.0 / 12 * (4 + 1))
     points, _ = l_prism()
