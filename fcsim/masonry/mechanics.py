@@ -14,8 +14,8 @@ from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.masonry.problem import GRAVITY, Acceleration, Block, MasonryProblem, PointForce
-from fcsim.mesh.solids.closed_surface import rigid_solid
 from fcsim.mesh.part import RigidBody
+from fcsim.mesh.solids.closed_surface import rigid_solid
 from fcsim.mesh.solids.rigid_polygon import rigid_polygon
 
 HELD = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
