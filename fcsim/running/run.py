@@ -23,10 +23,10 @@ from fcsim.running.case_description import describe
 from fcsim.running.checkpoint import read_checkpoint
 from fcsim.running.description import Description, SeenOverlap, write_description, write_end
 from fcsim.running.outputs import Outputs, RunOptions
-from fcsim.running.own_files import check_folder, empty
 from fcsim.running.parameters import parse_parameters
+from fcsim.running.refusals.own_files import check_folder, empty
+from fcsim.running.refusals.size import size_of
 from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
-from fcsim.running.size import size_of
 from fcsim.timestep.step import Moment, Step
 
 __all__ = ["RunOptions", "Summary", "run_case"]
@@ -107,8 +107,8 @@ def run_case(
 
     resume goes on from the folder's checkpoint with the parameters stored there (steps may be raised); where script, meshes, tables or
     versions are not as they were, only with accept_changes, and run.json says so. overwrite removes an earlier run's files first.
-    A run that does not fit into the free memory is refused (see `fcsim.memory`). Nothing is touched before the case is built, and no two runs write into one folder. Returns the summary also when a step does not
-    converge or the run is interrupted by Ctrl-C.
+    A run that does not fit into the free memory is refused (see `fcsim.memory`). Nothing is touched before the case is built, and no
+    two runs write into one folder. Returns the summary also when a step does not converge or the run is interrupted by Ctrl-C.
     """
     options = options or RunOptions()
     directory = Path(directory)

@@ -42,7 +42,7 @@ def test_the_processs_own_limit_counts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_refused_unless_told(monkeypatch: pytest.MonkeyPatch) -> None:
     refuse_beyond_memory("a point", 8.0)
-    with pytest.raises(InputError, match="^a cloud: takes about 909 TiB of memory, "):
+    with pytest.raises(InputError, match=r"^a cloud: takes about 909 TiB of memory, "):
         refuse_beyond_memory("a cloud", 1e15)
     with any_size():
         refuse_beyond_memory("a cloud", 1e15)
@@ -66,7 +66,7 @@ def test_meshes_and_walls_that_no_machine_holds() -> None:
 def test_a_run_says_its_size_and_refuses_one_too_large(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The default wall has 12 blocks of 8 x 4 x 4 cells (nine full ones with 9 x 5 x 5 nodes, three halves with 5 x 5 x 5), two platens and 688 contacts."""
+    """The default wall: nine full blocks of 9 x 5 x 5 nodes, three halves of 5 x 5 x 5, two platens, 688 contacts."""
     dofs = 3 * (9 * 9 * 25 + 3 * 5 * 25) + 2 * 6
     arguments = ["run", str(WALL), "--out", str(tmp_path / "out"), "--steps", "1", "--export-every", "0", "--vtk-every", "0"]
     assert main(arguments) == 0
