@@ -146,7 +146,7 @@ def test_surfaces_that_are_not_of_the_cells_are_refused_when_raised() -> None:
     part = box("hexahedron")
     with pytest.raises(InputError, match="surface 'wrong': expected facets of the part's cells"):
         replace(part, surfaces={"wrong": np.array([[0, 1, 2, 3]])}, elements="Q2")
-    with pytest.raises(InputError, match="expected 'Q1' or .*'Q2' for hexahedron cells, got 'P2'"):
+    with pytest.raises(InputError, match=r"expected 'Q1' or .*'Q2' for hexahedron cells, got 'P2'"):
         replace(part, elements="P2")
 
 
