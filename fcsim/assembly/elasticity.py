@@ -23,6 +23,9 @@ from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly import elements
 from fcsim.errors import InputError, MissingDependency
+from fcsim.mesh.material.isotropic import Material
+from fcsim.mesh.material.isotropic import lame as isotropic_lame
+from fcsim.mesh.material.law import LinearMaterial
 from fcsim.mesh.part import Part
 
 # Polynomial degree integrated exactly, in each direction for hexahedra and quadrilaterals: 3 = two Gauss points a direction.
@@ -68,15 +71,16 @@ def assemble(part: Part) -> PartOperators:
 @once_per_part
 def stiffness(part: Part) -> csr_array:
     """Return K (d nn, d nn) [N/m], exactly symmetric: x^T K y = integral of sigma(x) : eps(y), with
-    sigma = lambda tr(eps) I + 2 mu eps in 3D and plane strain, and lambda replaced by 2 lambda mu / (lambda + 2 mu) in plane stress.
-    eps is that of the part's elements: "Q1" and "P1" here by dolfinx, the others by `fcsim.assembly.elements`.
+    sigma = lambda tr(eps) I + 2 mu eps in 3D and plane strain, and lambda replaced by 2 lambda mu / (lambda + 2 mu) in plane stress;
+    sigma = C eps of other linear materials. eps is that of the part's elements: "Q1" and "P1" of isotropic materials here by
+    dolfinx, all others by `fcsim.assembly.elements`.
 
     Raises InputError for a mesh with nodes that belong to no cell, MissingDependency without dolfinx or a C compiler.
     """
     import ufl
 
     discrete = _discretise(part)
-    if part.elements not in ("Q1", "P1"):
+    if part.elements not in ("Q1", "P1") or not isinstance(part.material, Material):
         return _read_only(elements.stiffness(part, elasticity_matrix(part)))
     V = discrete.vector_space
     first, second = (discrete.constant(value) for value in lame(part))
@@ -137,20 +141,29 @@ def pressure(part: Part, surface_name: str, pressure: float) -> FloatArray:
 
 
 def lame(part: Part) -> tuple[float, float]:
-    """Return Lame's constants (lambda, mu) [Pa] of the part's material, lambda being that of plane stress for such a part."""
+    """Return Lame's constants (lambda, mu) [Pa] of the part's isotropic material, lambda being that of plane stress for such a part."""
+    if not isinstance(part.material, Material):
+        raise InputError(f"Part {part.name!r}: expected a Material (isotropic, linear elastic), got {type(part.material).__name__}")
     E, nu = part.material.E, part.material.nu
     if part.dimension == 2 and part.plane == "stress":
         return E * nu / (1 - nu**2), E / (2 * (1 + nu))
-    return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+    return isotropic_lame(E, nu)
 
 
 def elasticity_matrix(part: Part) -> FloatArray:
-    """Return C (6, 6) [Pa], stress = C (eps_xx, eps_yy, eps_zz, gamma_xy, gamma_yz, gamma_zx), with the plane hypothesis applied."""
-    first, second = lame(part)
-    C = np.diag([2 * second] * 3 + [second] * 3)
-    C[:3, :3] += first
+    """Return C (6, 6) [Pa], stress = C (eps_xx, eps_yy, eps_zz, gamma_xy, gamma_yz, gamma_zx), with the plane hypothesis applied.
+
+    Raises InputError for a material that is not linear."""
+    material = part.material
+    if not isinstance(material, LinearMaterial):
+        raise InputError(
+            f"Part {part.name!r}: expected a linear elastic material, got {type(material).__name__}, which has no one stiffness"
+        )
+    C = np.array(material.elasticity)
     if part.dimension == 2 and part.plane == "stress":
-        C[2] = 0  # the other rows hold the plane stress lambda already
+        C -= np.outer(C[:, 2], C[2]) / C[2, 2]  # sigma_zz = 0
+        C[2] = 0
+        C[:, 2] = 0
     return C
 
 

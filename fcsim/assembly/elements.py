@@ -29,6 +29,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, product
+from math import factorial
 from types import MappingProxyType
 from typing import Protocol
 
@@ -131,6 +132,14 @@ STRAIN: Mapping[str, Element] = MappingProxyType(
 """What the names of `Part.elements` mean."""
 
 
+def quadrature(kind: CellType) -> tuple[FloatArray, FloatArray]:
+    """Points (nq, d) and weights (nq,) of the rule with which a cell's strains are integrated: Gauss' of two points a direction, the centre
+    of simplices, whose strain is constant."""
+    if kind.simplex:
+        return kind.centre, np.array([1 / factorial(kind.dimension)])
+    return gauss(kind.dimension)
+
+
 def gauss(d: int) -> tuple[FloatArray, FloatArray]:
     """Points (2^d, d) and weights (2^d,) of the rule of two Gauss points a direction on [-1, 1]^d."""
     return np.array(list(product((-1 / np.sqrt(3), 1 / np.sqrt(3)), repeat=d))), np.ones(2**d)
@@ -143,13 +152,13 @@ def strain_blocks(part: Part, C: FloatArray, at: FloatArray) -> Iterator[tuple[I
 
 
 def stiffness(part: Part, C: FloatArray) -> csr_array:
-    """Return K (d nn, d nn) [N/m] of a part of quadrilaterals or hexahedra, exactly symmetric, two Gauss points a direction:
+    """Return K (d nn, d nn) [N/m] of a part, exactly symmetric, by `quadrature`:
     K = sum over cells of int B^T C B, with B that of `Part.elements`.
 
     Since the modes minimise the energy, int B^T C B with them put into B is the condensed K_uu - K_us K_ss^-1 K_su.
     Raises InputError for a cell that is inverted or flat at its centre or a Gauss point.
     """
-    points, weights = gauss(part.dimension)
+    points, weights = quadrature(CELL_TYPES[part.cell_type])
     n = part.points.size
     K = csr_array((n, n))
     for dofs, cells in _blocks(part, C):
@@ -167,17 +176,17 @@ def stiffness(part: Part, C: FloatArray) -> csr_array:
 def _blocks(part: Part, C: FloatArray) -> Iterator[tuple[IntArray, Cells]]:
     d = part.dimension
     if part.elements not in ("Q1", "P1"):
-        _refuse_inverted(part)
+        refuse_inverted(part)
     for begin in range(0, len(part.cells), CELLS_AT_ONCE):
         numbers = part.cells[begin : begin + CELLS_AT_ONCE]
         corners = part.points[numbers] - part.points[numbers[:, :1]]  # no digits are lost far from the origin
         yield (d * numbers[:, :, None] + np.arange(d)).reshape(len(numbers), -1), Cells(CELL_TYPES[part.cell_type], corners, C)
 
 
-def _refuse_inverted(part: Part) -> None:
-    """A determinant that changes its sign within a cell would make the modes' factor j_0 / j infinite."""
+def refuse_inverted(part: Part) -> None:
+    """InputError for cells that are inverted or flat: the modes' factor j_0 / j would be infinite, the volume of points negative."""
     kind = CELL_TYPES[part.cell_type]
-    at = np.vstack([kind.centre, gauss(kind.dimension)[0]])
+    at = np.vstack([kind.centre, quadrature(kind)[0]])
     least = np.linalg.det(np.einsum("cai,qaj->cqij", part.points[part.cells], kind.gradient(at))).min(axis=1)
     if np.any(least <= 0):
         cell = int(np.argmax(least <= 0))

@@ -10,7 +10,8 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
-from fcsim.mesh.material import Material
+from fcsim.mesh.material.isotropic import Material
+from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.named_mesh import NamedMesh, from_gmsh
 from fcsim.mesh.part import Part, RigidBody
 from fcsim.runtime import gmsh_model
@@ -21,7 +22,7 @@ AXES = "xyz"
 def part_from_gmsh(
     gmsh: Any,
     name: str,
-    material: Material,
+    material: AnyMaterial,
     *,
     volume: str | None = None,
     plane: Literal["strain", "stress"] = "strain",
@@ -43,7 +44,7 @@ def brick(
     name: str,
     size: Sequence[float],
     divisions: Sequence[int],
-    material: Material,
+    material: AnyMaterial,
     cell: str = "hexahedron",
     origin: Sequence[float] = (0.0, 0.0, 0.0),
     *,
@@ -61,7 +62,7 @@ def rectangle(
     name: str,
     size: Sequence[float],
     divisions: Sequence[int],
-    material: Material,
+    material: AnyMaterial,
     cell: str = "quadrilateral",
     *,
     plane: Literal["strain", "stress"] = "strain",

@@ -21,7 +21,7 @@ from fcsim.errors import InputError
 from fcsim.files import note_read, replacing
 from fcsim.mesh.cell_type import CELL_TYPES, GMSH_NUMBERS, TO_MESHIO
 from fcsim.mesh.foreign import SURFACE, meshio_package, quietly, read_apart
-from fcsim.mesh.material import Material
+from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.named_mesh import NamedMesh
 from fcsim.mesh.part import Part
 from fcsim.runtime import gmsh_model
@@ -33,7 +33,7 @@ _MSH_NAME = 127  # gmsh cuts longer names of physical groups
 
 def read_mesh(
     path: str | os.PathLike[str],
-    material: Material,
+    material: AnyMaterial,
     *,
     name: str | None = None,
     volume: str | None = None,
@@ -54,7 +54,7 @@ def read_mesh(
 
 def read_parts(
     path: str | os.PathLike[str],
-    materials: Mapping[str, Material],
+    materials: Mapping[str, AnyMaterial],
     *,
     plane: Literal["strain", "stress"] = "strain",
     thickness: float = 1.0,

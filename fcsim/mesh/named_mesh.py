@@ -12,7 +12,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, GMSH_TYPES
 from fcsim.mesh.facets import match_facets, refuse_repeated
-from fcsim.mesh.material import Material
+from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.part import Part
 from fcsim.mesh.quality import check_quality
 
@@ -41,7 +41,7 @@ class NamedMesh:
     plane: Literal["strain", "stress"] = field(default="strain", kw_only=True)
     thickness: float = field(default=1.0, kw_only=True)
 
-    def part(self, material: Material, *, name: str | None = None, volume: str | None = None, elements: str | None = None) -> Part:
+    def part(self, material: AnyMaterial, *, name: str | None = None, volume: str | None = None, elements: str | None = None) -> Part:
         """Return the part of `volume`, which can be left out where the mesh has only one. `name`: default that of the volume;
         elements: those of `Part`."""
         if volume is None:
@@ -55,7 +55,7 @@ class NamedMesh:
             raise InputError(f"{self.source}: expected a volume among {_names(self.volumes)}, got {volume!r}")
         return self._part(volume, material, name or volume or self.source, self._surfaces_by_volume()[volume], elements)
 
-    def parts(self, materials: Mapping[str, Material], elements: str | None = None) -> list[Part]:
+    def parts(self, materials: Mapping[str, AnyMaterial], elements: str | None = None) -> list[Part]:
         """Return one part for each volume, in the order of the mesh; `materials` holds the material of each by name."""
         if self.ungrouped:
             raise InputError(f"{self.source}: expected every cell in a volume, got {self.ungrouped} cells that are in none")
@@ -85,7 +85,7 @@ class NamedMesh:
                 )
         return sorted_out
 
-    def _part(self, volume: str, material: Material, name: str, surfaces: Mapping[str, IntArray], elements: str | None) -> Part:
+    def _part(self, volume: str, material: AnyMaterial, name: str, surfaces: Mapping[str, IntArray], elements: str | None) -> Part:
         used, cells = np.unique(self.volumes[volume], return_inverse=True)
         number = np.full(len(self.points), -1)
         number[used] = np.arange(len(used))

@@ -20,7 +20,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS
 from fcsim.mesh.exact_shape import ExactShape
-from fcsim.mesh.material import Material
+from fcsim.mesh.material.law import AnyMaterial, LinearMaterial, PointLaw
 
 Kinematics = Literal["turning", "linear"]
 
@@ -77,7 +77,7 @@ class Part:
     cells: IntArray
     cell_type: str
     surfaces: Mapping[str, IntArray]
-    material: Material
+    material: AnyMaterial
     plane: Literal["strain", "stress"] = "strain"
     thickness: float = 1.0
     elements: str = field(default=None, kw_only=True)  # type: ignore[assignment]
@@ -92,6 +92,11 @@ class Part:
             raise InputError(f"{what}: expected plane 'strain' or 'stress', got {self.plane!r}")
         if not self.thickness > 0:
             raise InputError(f"{what}: expected a thickness > 0 in m, got {self.thickness}")
+        if not isinstance(self.material, LinearMaterial | PointLaw):
+            raise InputError(
+                f"{what}, material: expected a Material, another linear one or a law of points (see fcsim.mesh.material), got "
+                f"{type(self.material).__name__}"
+            )
         object.__setattr__(self, "elements", ELEMENTS[self.cell_type][0] if self.elements is None else self.elements)
         _refuse_elements(self)
         cell = CELL_TYPES[self.cell_type]

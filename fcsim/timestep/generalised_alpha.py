@@ -35,7 +35,7 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
+from fcsim.timestep.energy import Energy, balance, contact_work, inner_work, momentum, turning
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -111,6 +111,18 @@ class GeneralisedAlpha:
     @property
     def elastic_share(self) -> float:
         return 1.0
+
+    @property
+    def elastic_reach(self) -> float:
+        return self.kappa * self.alpha_f**2
+
+    @property
+    def damping_reach(self) -> float:
+        return self.alpha_f
+
+    @property
+    def elastic_time(self) -> float:
+        return self.h * self.alpha_f
 
     def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Forces act as they are at x_f: both ends are there."""
@@ -212,6 +224,14 @@ class GeneralisedAlpha:
             + turning(model, v0, M0, v1, M1)
             + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(H, result.r, result.u, mean, model.dimension),
+            inner=inner_work(
+                model,
+                before,
+                after,
+                dx,
+                (before.x + alpha_f * (after.x - before.x), self.elastic_time),
+                alpha_f * after.v + (1 - alpha_f) * before.v,
+            ),
         )
 
     @staticmethod
@@ -221,5 +241,7 @@ class GeneralisedAlpha:
             return state.rate, state.inertia
         now = model.elastic.at(state.x)
         inertia = model.load(state.t, state.x) - model.alpha * momentum(model, state) - model.elastic.force(now, now, 1.0, state.v)
+        if model.nonlinear:
+            inertia -= model.nonlinear.inner(state.x, state.internal, state.t, 0.0, v=state.v).force
         inertia[model.driven_dofs] = 0
         return state.v, inertia

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.elements import quadrature
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.frames import FloatingGroup, angle_of
 from fcsim.mesh.cell_type import CELL_TYPES
@@ -20,13 +21,14 @@ SUSPECT = 0.3
 @dataclass(frozen=True, eq=False)
 class Deformation:
     """Of each deformable body (n_deformable,): rotation [rad] of its frame from the reference; strain, the largest principal one in size
-    at the centre of its most strained cell, without the rotation; inverted: whether a cell has a negative volume somewhere; turning:
-    whether its kinematics is "turning"."""
+    at the centre of its most strained cell, without the rotation; inverted: whether a cell has a negative volume somewhere (of finite
+    strain: at a quadrature point); turning: whether its kinematics covers rotation; finite: whether its material covers any strain."""
 
     rotation: FloatArray
     strain: FloatArray
     inverted: BoolArray
     turning: BoolArray
+    finite: BoolArray
 
 
 class DeformationMeasure:
@@ -40,21 +42,22 @@ class DeformationMeasure:
     def __call__(self, x: FloatArray) -> Deformation:
         """The deformation at the configuration x (n_dofs,)."""
         rotation, strain = np.zeros((2, self._count))
-        inverted, turning = np.zeros((2, self._count), dtype=bool)
+        inverted, turning, finite = np.zeros((3, self._count), dtype=bool)
         for measure in self._groups:
             group = measure.floating.group
             frames = measure.floating.frames(measure.floating.displacement(x))
             rotation[group.members] = angle_of(frames.rotation)
             strain[group.members] = measure.strain(frames.strained)
             inverted[group.members] = measure.inverted(frames.strained)
-            turning[group.members] = group.turning
-        return Deformation(rotation, strain, inverted, turning)
+            turning[group.members], finite[group.members] = group.rotates, group.finite
+        return Deformation(rotation, strain, inverted, turning, finite)
 
 
 class _GroupMeasure:
     def __init__(self, group: Group) -> None:
         self.floating = FloatingGroup(group)
         self._cell = CELL_TYPES[group.part.cell_type]
+        self._where = quadrature(self._cell)[0] if group.finite else self._cell.nodes
         self._points = self.floating.arm
         self._cells = group.part.cells
         self._centre = self._gradient(self._cell.centre)
@@ -91,6 +94,6 @@ class _GroupMeasure:
         found = np.zeros(len(y), dtype=bool)
         suspect = np.flatnonzero(change.max(axis=1) > SUSPECT)
         if suspect.size:
-            H = self._displacement_gradient(self._gradient(self._cell.nodes), y[suspect])
+            H = self._displacement_gradient(self._gradient(self._where), y[suspect])
             found[suspect] = np.any(np.linalg.det(np.eye(y.shape[2]) + H) <= 0, axis=0)
         return found
