@@ -151,8 +151,8 @@ def turn_among_everything(n: int, curved: bool, steps: int = 30) -> History:
 
 
 def test_among_everything_a_named_disk_turns_with_less_chatter() -> None:
-    """Both bodies' vertices are held, so where a vertex enters or leaves there is a change left; the rest goes with the steps: facet normals
-    keep most of it however small these are."""
+    """Both bodies' vertices are held, so where one enters or leaves a change is left; the rest goes with the steps. Facet normals keep
+    most of it however small these are."""
     coarse, fine = turn_among_everything(20, True), turn_among_everything(20, True, 120)
     assert changes(fine.force, fine) < 0.45 * changes(coarse.force, coarse)
     assert changes(fine.moment, fine) < 0.6 * changes(coarse.moment, coarse)
