@@ -10,7 +10,7 @@ Source: T. J. R. Hughes, The Finite Element Method, 2000, chapters 2 (stiffness)
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -23,9 +23,10 @@ from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly import elements
 from fcsim.errors import InputError, MissingDependency
-from fcsim.mesh.material.isotropic import Material
-from fcsim.mesh.material.isotropic import lame as isotropic_lame
+from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import LinearMaterial
+from fcsim.mesh.material.linear import Material
+from fcsim.mesh.material.linear import lame as isotropic_lame
 from fcsim.mesh.part import Part
 
 # Polynomial degree integrated exactly, in each direction for hexahedra and quadrilaterals: 3 = two Gauss points a direction.
@@ -68,6 +69,39 @@ def assemble(part: Part) -> PartOperators:
     return PartOperators(stiffness(part), consistent_mass(part), lumped_mass(part), nodal_volume(part))
 
 
+@dataclass(frozen=True, eq=False)
+class RegionPart:
+    """The cells of one region as a part of one material, with the numbers of its nodes and of its cells in the whole."""
+
+    part: Part
+    nodes: IntArray
+    cells: IntArray
+
+
+@once_per_part
+def region_parts(part: Part) -> tuple[RegionPart, ...]:
+    """A part whose material is a `ByRegion`, region by region."""
+    assert isinstance(part.material, ByRegion)
+    found = []
+    for name, material in part.material.materials.items():
+        cells = part.regions[name]
+        nodes, own = np.unique(part.cells[cells], return_inverse=True)
+        piece = replace(part, points=part.points[nodes], cells=own.reshape(len(cells), -1), surfaces={}, material=material, regions={})
+        found.append(RegionPart(piece, nodes, cells))
+    return tuple(found)
+
+
+def _of_regions(part: Part, of: Callable[[Part], csr_array]) -> csr_array:
+    """The sum of the regions' matrices (d nn, d nn)."""
+    d, n = part.dimension, part.points.size
+    total = csr_array((n, n))
+    for region in region_parts(part):
+        own = of(region.part).tocoo()
+        dofs = (d * region.nodes[:, None] + np.arange(d)).ravel()
+        total = total + csr_array((own.data, (dofs[own.row], dofs[own.col])), shape=(n, n))
+    return _read_only(csr_array(total))
+
+
 @once_per_part
 def stiffness(part: Part) -> csr_array:
     """Return K (d nn, d nn) [N/m], exactly symmetric: x^T K y = integral of sigma(x) : eps(y), with
@@ -80,6 +114,8 @@ def stiffness(part: Part) -> csr_array:
     import ufl
 
     discrete = _discretise(part)
+    if isinstance(part.material, ByRegion):
+        return _of_regions(part, stiffness)
     if part.elements not in ("Q1", "P1") or not isinstance(part.material, Material):
         return _read_only(elements.stiffness(part, elasticity_matrix(part)))
     V = discrete.vector_space
@@ -96,6 +132,8 @@ def consistent_mass(part: Part) -> csr_array:
     """Return M (d nn, d nn) [kg]: x^T M y = integral of density x . y. Raises as `stiffness` does."""
     import ufl
 
+    if isinstance(part.material, ByRegion):
+        return _of_regions(part, consistent_mass)
     discrete = _discretise(part)
     V = discrete.scalar_space
     form = ufl.TrialFunction(V) * ufl.TestFunction(V) * discrete.dx("mass")
@@ -106,6 +144,11 @@ def consistent_mass(part: Part) -> csr_array:
 @once_per_part
 def lumped_mass(part: Part) -> FloatArray:
     """Return the row sums of the consistent mass (d nn,) [kg]: all positive for first-order cells. Raises as `stiffness` does."""
+    if isinstance(part.material, ByRegion):
+        mass = np.zeros((len(part.points), part.dimension))
+        for region in region_parts(part):
+            mass[region.nodes] += lumped_mass(region.part).reshape(-1, part.dimension)
+        return _read_only(mass.ravel())
     return _read_only(np.repeat(part.material.density * nodal_volume(part), part.dimension))
 
 

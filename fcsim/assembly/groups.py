@@ -15,7 +15,7 @@ from fcsim.assembly import elasticity
 from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.nonlinear.part import NonlinearPart, nonlinear_part
 from fcsim.errors import InputError
-from fcsim.mesh.material.law import is_linear
+from fcsim.mesh.material.by_region import is_linear
 from fcsim.mesh.part import Kinematics, Part
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
-from fcsim.mesh.material.isotropic import Material
+from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial
+from fcsim.mesh.material.linear import Material
 from fcsim.mesh.named_mesh import NamedMesh, from_gmsh
 from fcsim.mesh.part import Part, RigidBody
 from fcsim.runtime import gmsh_model
@@ -22,7 +23,7 @@ AXES = "xyz"
 def part_from_gmsh(
     gmsh: Any,
     name: str,
-    material: AnyMaterial,
+    material: AnyMaterial | ByRegion,
     *,
     volume: str | None = None,
     plane: Literal["strain", "stress"] = "strain",
