@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from fcsim.arrays import FloatArray
-from fcsim.assembly.elasticity import elasticity_matrix, once_per_part, region_parts
+from fcsim.assembly.elasticity import elasticity_matrix, once_per_part
 from fcsim.assembly.elements import strain_blocks
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.part import Part
+from fcsim.mesh.region_parts import region_parts
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
 

@@ -16,15 +16,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.linear.joints import joint_rows
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.race import SLOWING, Race, Runner, Stage, run
-from fcsim.solvers.automatic.storage import entries, fitting_storage
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 
 FAR = 1e-3
@@ -89,7 +88,15 @@ def _share(race: Race) -> int:
 
 
 def _newton_first(race: Race) -> bool:
-    return race.options.patience > 0 and (race.warm or race.joints is not None)
+    return race.options.patience > 0 and (race.joints is not None or (race.warm and not _sweeps_are_cheap(race)))
+
+
+def _sweeps_are_cheap(race: Race) -> bool:
+    """Whether a probe of sweeps costs less than one elimination of a sparse W, as that of a thousand rigid boxes (62 000 rows: 5 s)."""
+    if "sweeps" in race.options.without or not sp.issparse(race.problem.W):
+        return False
+    probe = race.options.probe * race.prices.sweep
+    return probe < race.prices.least or probe < race.prices.newton
 
 
 def _splitting_first(race: Race) -> bool:
@@ -160,7 +167,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "Newton",
-        "NSN-AC. Enters at once from a warm start and where contacts come in joints, else where the sweeps will cost more. Works alone, "
+        "NSN-AC. Enters at once where contacts come in joints, and from a warm start unless a probe of sweeps costs less than one of its "
+        "iterations on a sparse W; else where the sweeps will cost more. Works alone, "
         "and leaves where a dozen iterations bring no better iterate or one throws the error up as only a rank-deficient W does.",
         enters=_enter_newton,
         turns=methods.newton,
@@ -200,11 +208,11 @@ STAGES: tuple[Stage, ...] = (
 
 def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AutomaticOptions) -> Iterate:
     """Solve the problem by the stages above; the status is that of the last one, the iterate the best of all."""
-    joints = None if isinstance(problem.W, np.ndarray) else joint_rows(problem.W, problem.dimension)
-    count = entries(problem.W)
-    fitting = problem if joints is not None else fitting_storage(problem, count)
+    operator = problem.delassus
+    fitting = problem.stored()
     swept = problem if isinstance(fitting.W, np.ndarray) else fitting  # block rows are made of sparse storage if there is any
-    race = Race(fitting, swept, monitor, options, Prices(fitting, count, joints), bool(np.any(r)), joints, r)
+    prices = Prices(fitting, operator.entries, operator.joints)
+    race = Race(fitting, swept, monitor, options, prices, bool(np.any(r)), operator.joints, r)
     if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     return run(race, [stage for stage in STAGES if stage.name not in options.without])
