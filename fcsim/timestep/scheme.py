@@ -84,7 +84,7 @@ class Scheme(Protocol):
         """Return the configurations between which the elastic forces act if the unknowns are v (n_dofs,); of deformable bodies only."""
         ...
 
-    def damping_velocity(self, state: State, v: FloatArray) -> FloatArray | None:
+    def damping_velocity(self, model: Model, state: State, v: FloatArray) -> FloatArray | None:
         """Return the velocity (n_dofs,) [m/s] that is damped if the unknowns are v; None where nothing is."""
         ...
 

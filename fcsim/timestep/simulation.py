@@ -25,8 +25,9 @@ from fcsim.timestep.encounter import Encounter, encounter
 from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.scheme import Scheme
-from fcsim.timestep.state import State, at_rest
+from fcsim.timestep.state import State, at_rest, refuse_misplaced
 from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Equation, Past, solve_equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
@@ -79,6 +80,8 @@ class Simulation:
             raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
         object.__setattr__(self, "model", self.model.moving(self.scheme.kinematics))
         self.scheme.refuse(self.model)  # before anything runs
+        if self.initial is not None:
+            refuse_misplaced(self.model, self.initial)
 
     def __iter__(self) -> Iterator[Step]:
         return self.run()
@@ -121,7 +124,7 @@ class Simulation:
         first = model.dof_of_node[:, 0]
         along[first[first >= 0]] = 1.0
         model.rigid_part(along)[:, 0] = 1.0
-        along[model.driven_dofs] = 0.0
+        along -= model.driven_share(along)
         return float(along @ model.apply_mass(along))
 
     @cached_property
@@ -136,7 +139,7 @@ class Simulation:
     @cached_property
     def watch(self) -> Watch | None:
         """The witness at work, from the initial state on; InputError where it refuses that."""
-        initial = self.initial or at_rest(self.model)
+        initial = self.initial or at_rest(self.model, h=self.scheme.h)
         return None if self.witness is None else begin(self.witness, self.model, initial.x)
 
     @property
@@ -164,7 +167,7 @@ class Simulation:
         run gives; without it, up to the solver's tolerance.
         """
         watch = self.watch  # refuses before anything is computed
-        after = after or Moment(0, self.initial or at_rest(self.model))
+        after = after or Moment(0, self.initial or at_rest(self.model, h=self.scheme.h))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None
         said: frozenset[str] = frozenset()
@@ -275,6 +278,8 @@ class Simulation:
                 break
             met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
         support = scheme.support_impulse(model, factor.apply(v) - answer.load - impulse, impulse)
+        if scheme.timing.moving:
+            support = support + turning_impulse(model, v, rigid_mass, after)
         variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
         return Step(
