@@ -29,8 +29,8 @@ from fcsim.solvers.newton.iterations import newton
 from fcsim.solvers.newton.kkt import newton_global, newton_mixed
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt
 from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.solvers.newton.proximal_newton import ProximalNewtonOptions, proximal_newton
-from fcsim.solvers.proximal import ProximalOptions, proximal_point
+from fcsim.solvers.proximal.options import PROXIMAL_NEWTON, ProximalOptions
+from fcsim.solvers.proximal.steps import proximal_point
 from fcsim.solvers.rolling import RollingSweepOptions, rolling_extragradient, rolling_fixed_point, rolling_sweeps
 from fcsim.solvers.variational.admm import AdmmOptions, admm, admm_global
 from fcsim.solvers.variational.fixed_points import (
@@ -106,8 +106,8 @@ SOLVERS: dict[str, Method] = {
         proximal_point, ProximalOptions(internal="NSN-AC", internal_options={"max_iterations": 30}), "proximal point", _BOOK, "PROX"
     ),
     "PROX-NEWTON": Method(
-        proximal_newton,
-        ProximalNewtonOptions(),
+        proximal_point,
+        PROXIMAL_NEWTON,
         "proximal point",
         "Rockafellar 1976; Acary, Brémond, Huber 2018; metric of the contacts' compliances: fcsim",
     ),

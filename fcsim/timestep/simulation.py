@@ -278,8 +278,7 @@ class Simulation:
                 break
             met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
         support = scheme.support_impulse(model, factor.apply(v) - answer.load - impulse, impulse)
-        if scheme.timing.moving:
-            support = support + turning_impulse(model, v, rigid_mass, after)
+        support = support + turning_impulse(model, v, rigid_mass, after) if scheme.timing.moving else support
         variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
         return Step(

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.witness._distance_kernels import Forest
-from fcsim.witness._overlap_kernels import common_points, meeting_boxes, overlaps, refit
+from fcsim.witness._overlap_kernels import common_points, meeting_boxes, overlaps
 from fcsim.witness.exact_overlap import exact_overlaps
+from fcsim.witness.folding import own_overlaps
 from fcsim.witness.skin import Skins
 
 _GRID = 6
@@ -52,9 +52,8 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
     at points where the bodies' boxes meet, which finds coincident bodies and bars that cross at one height.
     """
     d = skins.dimension
-    points = skins.points(positions)
-    low, high = np.empty((len(skins.begin), 3)), np.empty((len(skins.begin), 3))
-    refit(points, skins.triangles, skins.begin, skins.end, skins.child, low, high)
+    forest = skins.forest(positions)
+    low, high = forest.low, forest.high
     bodies = np.flatnonzero(skins.roots >= 0)
     box_low, box_high = np.full((len(skins.roots), d), np.inf), np.full((len(skins.roots), d), -np.inf)
     box_low[bodies], box_high[bodies] = low[skins.roots[bodies], :d], high[skins.roots[bodies], :d]
@@ -65,7 +64,6 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
     moves = skins.movable[first] | skins.movable[second]
     meet = moves & ((np.minimum(box_high[first], box_high[second]) - np.maximum(box_low[first], box_low[second])).min(axis=1) > floor)
     first, second, floor = first[meet], second[meet], floor[meet]
-    forest = Forest(points, skins.triangles, low, high, skins.begin, skins.end, skins.child, skins.roots)
     skin = (skins.vertices, skins.first_vertex, skins.edges, skins.first_edge)
     depth, place = overlaps(first, second, floor, forest, *skin, box_low, box_high, d)
     if thorough:
@@ -74,6 +72,9 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
         depth, place = np.where(deeper, inner, depth), np.where(deeper[:, None], at, place)
     found = depth > 0
     pairs, depth, place = np.stack([first, second], axis=1)[found], depth[found], place[found, :d]
+    if len(skins.folding.bodies):
+        own = own_overlaps(skins.folding, least * skins.size[skins.folding.bodies], forest, skins.modulus, d)
+        pairs, depth, place = (np.concatenate([a, b]) for a, b in zip((pairs, depth, place), own, strict=True))
     if len(skins.exact.body):
         more = exact_overlaps(skins.exact, positions, forest, bodies)
         deep = more[1] > least * np.minimum(skins.size[more[0][:, 0]], skins.size[more[0][:, 1]])

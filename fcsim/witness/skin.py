@@ -14,7 +14,10 @@ from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.facets import match_facets
 from fcsim.mesh.part import Body, Part, RigidBody
+from fcsim.witness._distance_kernels import Forest
+from fcsim.witness._overlap_kernels import refit
 from fcsim.witness.exact_overlap import ExactBodies, exact_bodies
+from fcsim.witness.folding import NONE, Folding, folding, is_convex
 from fcsim.witness.tree import build_trees
 
 FLAT = 1e-2  # [rad] an edge that bends its skin less is no edge: what pierces there is no deeper than FLAT / 8 of a facet
@@ -40,7 +43,8 @@ class Skins(NamedTuple):
     among the vertices are the centres of facets so few and large that flush bodies have no node between their sides
     first_vertex, first_edge (nbodies + 1,); begin, end, child, roots: the trees, see `_distance_kernels`, roots -1 without a skin
     size (nbodies,) [m]: smallest extent in the reference configuration; infinity without a skin; closed (nbodies,)
-    movable (nbodies,): not held completely by supports; exact: the bodies of exact shape
+    movable (nbodies,): not held completely by supports; exact: the bodies of exact shape; folding: the bodies that may overlap themselves
+    modulus: points with the same number modulo this are one node, as in 2D its three in the prism
     """
 
     dimension: int
@@ -59,6 +63,15 @@ class Skins(NamedTuple):
     closed: BoolArray
     movable: BoolArray
     exact: ExactBodies
+    modulus: int
+    folding: Folding = NONE
+
+    def forest(self, positions: FloatArray) -> Forest:
+        """The trees at the nodes' positions (n_nodes, d) [m]."""
+        points = self.points(positions)
+        low, high = np.empty((len(self.begin), 3)), np.empty((len(self.begin), 3))
+        refit(points, self.triangles, self.begin, self.end, self.child, low, high)
+        return Forest(points, self.triangles, low, high, self.begin, self.end, self.child, self.roots)
 
     def points(self, positions: FloatArray) -> FloatArray:
         """All points (np, 3) [m] for the nodes' positions (n_nodes, d) [m]."""
@@ -198,7 +211,26 @@ def skins_of(model: Model) -> tuple[Skins, tuple[Skin, ...]]:
             known[key] = skin_of(body)
         single.append(known[key])
     inside_out(model.bodies, single)
-    return _joined(model, single), tuple(single)
+    together = _joined(model, single)
+    return together._replace(folding=_folding(model, together, single)), tuple(single)
+
+
+def _folding(model: Model, together: Skins, skins: Sequence[Skin]) -> Folding:
+    """The deformable bodies that are not convex and not held completely, with their thickness in the reference configuration."""
+    convex: dict[int, bool] = {}
+    chosen = []
+    for k, (body, skin) in enumerate(zip(model.bodies, skins, strict=True)):
+        if not (isinstance(body, Body) and skin.closed and together.movable[k]):
+            continue
+        if id(body.part) not in convex:
+            used = np.unique(skin.facets[skin.facets >= 0])
+            convex[id(body.part)] = is_convex(body.part.points[used], volume(skin, body.part.points))
+        if not convex[id(body.part)]:
+            chosen.append(k)
+    if not chosen:
+        return NONE
+    vertices = [together.vertices[together.first_vertex[k] : together.first_vertex[k + 1]] for k in chosen]
+    return folding(chosen, vertices, [float(together.size[k]) for k in chosen], together.forest(model.reference), together.modulus)
 
 
 def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
@@ -256,4 +288,5 @@ def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
         closed=np.array([s.closed or _shape(b) is not None for s, b in zip(skins, model.bodies, strict=True)]),
         exact=exact_bodies(model),
         movable=driven < np.diff(model.dof_offset),
+        modulus=n if d == 2 else np.iinfo(np.int64).max,
     )

@@ -30,7 +30,7 @@ class Witness:
     stop       whether a run ends with `fcsim.errors.Penetration` where more is seen; else it is only recorded
 
     A body is witnessed where its skin is closed: a deformable one always, a rigid one where its named surfaces enclose it; the notes of a
-    run name the others. Two bodies that supports hold completely may overlap. The fold of a body over itself is not seen.
+    run name the others. Two bodies that supports hold completely may overlap. Deformable bodies are witnessed with themselves, too.
     """
 
     every: int = 10

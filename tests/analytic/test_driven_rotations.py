@@ -143,7 +143,8 @@ def drum(radius: float, facets: int) -> RigidBody:
 
 def test_a_block_in_a_turning_drum_stays_at_the_angle_of_friction() -> None:
     """Two edges on the circle at angles -+ beta of its middle, its centre of mass at the distance a of the axis: the forces along and
-    across it and the moment about the axis, mu R (N1 + N2) = W a sin phi, give tan phi = mu R / (a cos beta (1 + mu^2) - mu^2 R). Let go beside
+    across it and the moment about the axis, mu R (N1 + N2) = W a sin phi, give
+    tan phi = mu R / (a cos beta (1 + mu^2) - mu^2 R). Let go beside
     it, while the drum slides beneath, it swings about phi, and the drum's moment is W a sin phi on average."""
     R, mu, omega, width, height = 0.5, 0.5, 1.0, 0.12, 0.06
     beta = np.arcsin(0.5 * width / R)

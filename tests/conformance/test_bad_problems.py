@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -299,11 +300,12 @@ def indefinite(d: int) -> LocalProblem:
 def test_status_is_honest_where_theory_ends(name: str, make: Callable[[int], LocalProblem]) -> None:
     """Solved only where the law holds; no exception but a clear one, no endless run."""
     p = make(SOLVERS[name].dimensions[-1])
+    began = time.thread_time()
     try:
         result = solve(p, name, tol=1e-8, error="published", time_limit=0.5)
     except FcsimError:
         return
-    assert result.time < 60  # compilation included
+    assert time.thread_time() - began < 60  # of the processor, compilation included
     if np.abs(result.r).max() < 1e6:  # beyond, r - (r - u) is round-off
         found = true_error(p, result.r)
         assert_allclose(result.error, found, rtol=1e-5, atol=1e-9)

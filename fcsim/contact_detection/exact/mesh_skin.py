@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.general.boundary import boundary_of
+from fcsim.contact_detection.skin.boundary import boundary_of
 
 
 class MeshSkin(NamedTuple):

@@ -50,8 +50,11 @@ def piercing(
 
 
 @njit(cache=True)
-def inside(at: FloatArray, body: IntArray, first_facet: IntArray, point: FloatArray, facets: IntArray, sides: IntArray) -> BoolArray:
-    """Whether points (n, 3) lie inside bodies (n,): the solid angle under which they see the closed surface is 4 pi there, 0 outside.
+def inside(
+    at: FloatArray, body: IntArray, times: IntArray, first_facet: IntArray, point: FloatArray, facets: IntArray, sides: IntArray
+) -> BoolArray:
+    """Whether points (n, 3) lie inside bodies (n,): the solid angle under which they see the closed surface is 4 pi there, 0 outside, and
+    4 pi `times` (n,) where so many parts of one body overlap.
 
     Source: A. Van Oosterom, J. Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30, 1983.
     """
@@ -63,5 +66,5 @@ def inside(at: FloatArray, body: IntArray, first_facet: IntArray, point: FloatAr
                 a, b, c = point[facets[f, 0]] - at[row], point[facets[f, k]] - at[row], point[facets[f, k + 1]] - at[row]
                 la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
                 angle += 2.0 * np.arctan2(dot(a, np.cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
-        result[row] = angle > 2.0 * np.pi
+        result[row] = angle > (4.0 * times[row] - 2.0) * np.pi
     return result

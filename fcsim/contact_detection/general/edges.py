@@ -15,9 +15,10 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._edge_kernels import crossings
 from fcsim.contact_detection.general._pierce_kernels import inside
+from fcsim.contact_detection.general.folding import open_edges
 from fcsim.contact_detection.general.near import NearBodies, near_edges
-from fcsim.contact_detection.general.skin import Shape, Skin
 from fcsim.contact_detection.general.vertices import VertexContacts
+from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _DEEPER = 2.0  # times the way out by a vertex: an edge that lies deeper leaves that way
 _ANOTHER_WAY = 0.9  # cosine between directions that are different
@@ -35,7 +36,7 @@ class EdgeContacts(NamedTuple):
         return EdgeContacts._make(array[rows] for array in self)
 
 
-def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts) -> EdgeContacts:
+def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts, reference: Shape) -> EdgeContacts:
     """Contacts of sharp edges, sorted by their numbers.
 
     Edges that overlap do so truly if one goes through both faces of the other, or if what lies between them is inside both bodies. Where
@@ -49,6 +50,12 @@ def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexCo
         *(first, second, *limits, shape.point, shape.normal, shape.size, skin.edges, skin.edge_facets, skin.facets, skin.sides)
     )
     found = EdgeContacts(np.column_stack([first[row], second[row]]), place, normal, gap)
+    own = np.flatnonzero(near.itself[pair[row]])
+    if len(own):
+        of = pair[row[own]]
+        reach = np.maximum(near.alert, near.depth)[of]
+        closed = own[~open_edges(found.edges[own], place[own], reach, near.near[of], skin, reference)]
+        row, pierced, found = np.delete(row, closed), np.delete(pierced, closed), found.take(np.delete(np.arange(len(row)), closed))
     keep = pierced > 0
     keep[~keep] = _overlap(skin, shape, found.take(~keep))
     deep = np.flatnonzero(keep & (pierced < 2))
@@ -58,13 +65,14 @@ def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexCo
 
 
 def _overlap(skin: Skin, shape: Shape, found: EdgeContacts) -> BoolArray:
-    """Whether the middle between the nearest points of both edges is inside both bodies."""
+    """Whether the middle between the nearest points of both edges is inside both bodies; of a body with itself, inside it twice."""
     ends = shape.point[skin.edges[found.edges]]
     nearest = ends[:, :, 0] + found.place[:, :, None] * (ends[:, :, 1] - ends[:, :, 0])
     bodies = skin.vertex_body[skin.edges[found.edges, 0]]
     middle = nearest.mean(axis=1)
     surface = (skin.first_facet, shape.point, skin.facets, skin.sides)
-    return inside(middle, bodies[:, 0], *surface) & inside(middle, bodies[:, 1], *surface)
+    times = np.where(bodies[:, 0] == bodies[:, 1], 2, 1)
+    return inside(middle, bodies[:, 0], times, *surface) & inside(middle, bodies[:, 1], times, *surface)
 
 
 def _leaves_by_a_vertex(skin: Skin, found: EdgeContacts, vertices: VertexContacts, near: FloatArray) -> BoolArray:

@@ -12,16 +12,18 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.friction import Friction, FrictionTable
-from fcsim.contact_detection.general.boundary import boundary_of
-from fcsim.contact_detection.general.closed_skin import closed_skin
 from fcsim.contact_detection.general.edges import EdgeContacts, edge_contacts
+from fcsim.contact_detection.general.folding import deformation, folding_bodies, with_folding
 from fcsim.contact_detection.general.near import Lengths, NearBodies, near_bodies
 from fcsim.contact_detection.general.overlaps import overlap_contacts
-from fcsim.contact_detection.general.shape import shape_of
-from fcsim.contact_detection.general.skin import Skin
 from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
+from fcsim.contact_detection.skin.boundary import boundary_of
+from fcsim.contact_detection.skin.closed_skin import closed_skin
+from fcsim.contact_detection.skin.shape import shape_of
+from fcsim.contact_detection.skin.skin import Shape, Skin
 from fcsim.contact_detection.sweep import samples, with_swept
 from fcsim.errors import InputError
+from fcsim.mesh.part import Body
 
 _ALERT = 1e-2  # of a body's extent
 _ROUND, _DEFORMS = 1e-6, 1e-3  # of a facet: places nearer are one; flush sides of elastic bodies do not stay flush to round-off
@@ -31,11 +33,12 @@ _BETWEEN = 0.25  # of the smaller body, between two looks along the way
 
 @dataclass(frozen=True, eq=False)
 class Everything:
-    """Contact between all bodies of a model, deformable and rigid, in 2D and 3D, found without listing pairs.
+    """Contact between all bodies of a model, deformable and rigid, in 2D and 3D, found without listing pairs, and of deformable bodies that
+    fold with themselves (`folding`).
 
     mu        Coulomb friction: a number, a table {("brick", "floor"): 0.5, ("*", "*"): 0.7} or a function of two names
     alert     [m] contacts are kept while their gap is not larger; by default 1 % of the smaller body's extent, its diagonal / sqrt(d)
-    exclude   pairs of names that do not touch each other
+    exclude   pairs of names that do not touch each other; ("a", "a"): "a" does not touch itself
 
     Every body's whole closed surface takes part: the boundary of a deformable body's cells, all surfaces of a rigid one. Contacts are
     vertices on facets (both ways) and crossing edges, which together are the corners of flat patches, with the faces' normals; see
@@ -54,6 +57,8 @@ class Everything:
     friction: FrictionTable = field(init=False, repr=False)
     movable: BoolArray = field(init=False, repr=False)
     excluded: IntArray = field(init=False, repr=False)
+    folding: IntArray = field(init=False, repr=False)
+    _reference: Shape = field(init=False, repr=False)
     _latest: list[tuple[FloatArray, Contacts]] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -65,13 +70,18 @@ class Everything:
         exclude = [tuple(model.body_number(name) for name in pair) for pair in self.exclude]
         if any(len(pair) != 2 for pair in exclude):
             raise InputError(f"Everything, exclude: expected pairs of body names, got {self.exclude!r}")
+        excluded = np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64)
+        reference = shape_of(skin, model.reference)
+        folding = folding_bodies(skin, reference, [body.part if isinstance(body, Body) else None for body in model.bodies])
         driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(names))
         values = {
             "skin": skin,
-            "lengths": _lengths(skin, model, self.alert),
+            "lengths": _lengths(skin, reference, len(model.deformable), self.alert),
             "friction": FrictionTable(self.mu, names),
-            "movable": driven < np.diff(model.dof_offset),
-            "excluded": np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64),
+            "movable": (movable := driven < np.diff(model.dof_offset)),
+            "excluded": excluded,
+            "folding": folding[movable[folding] & ~np.isin(folding * (len(names) + 1), excluded)],
+            "_reference": reference,
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -108,10 +118,12 @@ class Everything:
     def _at(self, x: FloatArray, among: NearBodies | None = None) -> Contacts:
         """Contacts at x of all bodies, or of those pairs."""
         shape = shape_of(self.skin, x)
-        near = self._may_touch(near_bodies(shape.body_low, shape.body_high, self.lengths)) if among is None else among
-        vertices = vertex_contacts(self.skin, shape, near)
-        edges = edge_contacts(self.skin, shape, near, vertices)
-        unseen = overlap_contacts(self.skin, shape, near, vertices, edges)
+        if among is None:
+            near = self._may_touch(near_bodies(shape.body_low, shape.body_high, self.lengths))
+            among = with_folding(near, self.folding, self.lengths)
+        vertices = vertex_contacts(self.skin, shape, among, self._reference)
+        edges = edge_contacts(self.skin, shape, among, vertices, self._reference)
+        unseen = overlap_contacts(self.skin, shape, among, vertices, edges)
         if unseen is not None:
             vertices = VertexContacts._make(np.concatenate(both) for both in zip(vertices, unseen, strict=True))
         return self._contacts(x, vertices, edges)
@@ -130,9 +142,12 @@ class Everything:
         least, most = (f.reduceat(move, skin.first_vertex[:-1], axis=0) for f in (np.minimum, np.maximum))
         low = np.minimum.reduceat(np.minimum(here, here + move), skin.first_vertex[:-1], axis=0)
         high = np.maximum.reduceat(np.maximum(here, here + move), skin.first_vertex[:-1], axis=0)
-        near = self._may_touch(near_bodies(low, high, self.lengths))
+        near = with_folding(self._may_touch(near_bodies(low, high, self.lengths)), self.folding, self.lengths)
         a, b = near.bodies.T
         motion = np.maximum(np.abs(most[a] - least[b]), np.abs(most[b] - least[a]))
+        for row in np.flatnonzero(near.itself):
+            own = slice(*skin.first_vertex[a[row] : a[row] + 2])
+            motion[row] = np.ptp(deformation(here[own], move[own]), axis=0)
         distance = np.sqrt(np.einsum("pd,pd->p", motion, motion))
         moving = distance > _SLOW * near.alert
         near, distance = near.take(moving), distance[moving]
@@ -186,13 +201,12 @@ class Everything:
         return x
 
 
-def _lengths(skin: Skin, model: Model, alert: float | None) -> Lengths:
-    """Lengths of the bodies in the reference configuration."""
-    shape = shape_of(skin, model.reference)
+def _lengths(skin: Skin, shape: Shape, deformable: int, alert: float | None) -> Lengths:
+    """Lengths of the bodies, of which the first so many are deformable, in the reference configuration."""
     extent = (shape.body_high - shape.body_low)[:, : skin.dimension]
     diagonal = np.sqrt(np.einsum("bd,bd->b", extent, extent) / skin.dimension)
     sizes = np.split(shape.size, skin.first_facet[1:-1])
     largest, typical = (np.array([f(size) for size in sizes]) for f in (np.max, np.median))
-    share = np.where(np.arange(len(sizes)) < len(model.deformable), _DEFORMS, _ROUND)
+    share = np.where(np.arange(len(sizes)) < deformable, _DEFORMS, _ROUND)
     alerts = _ALERT * diagonal if alert is None else np.full(len(sizes), alert)
     return Lengths(alerts, 0.5 * largest, share * typical, _DEFORMS * typical, diagonal)

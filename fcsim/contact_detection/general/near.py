@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general import _near_kernels as kernels
-from fcsim.contact_detection.general.skin import Shape, Skin
+from fcsim.contact_detection.skin.skin import Shape, Skin
 
 
 class NearBodies(NamedTuple):
@@ -22,6 +22,19 @@ class NearBodies(NamedTuple):
 
     def take(self, rows: IntArray | BoolArray) -> NearBodies:
         return NearBodies._make(array[rows] for array in self)
+
+    @property
+    def itself(self) -> BoolArray:
+        """Which pairs (np,) are a body and itself, see `folding`."""
+        return self.bodies[:, 0] == self.bodies[:, 1]
+
+    @property
+    def both_ways(self) -> NearBodies:
+        """The pairs, and the other way round those of two bodies."""
+        back = ~self.itself
+        return NearBodies(
+            np.concatenate([self.bodies, self.bodies[back, ::-1]]), *(np.concatenate([part, part[back]]) for part in self[1:])
+        )
 
 
 class Lengths(NamedTuple):
@@ -65,7 +78,7 @@ def near_edges_and_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArra
 
 
 def near_edges(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
-    """Rows (sharp edge of the first body, sharp edge of the second, pair)."""
+    """Rows (sharp edge of the first body, sharp edge of the second, pair); of a body with itself each two once that share no end."""
     sharp = np.flatnonzero(skin.sharp)
     first = np.searchsorted(sharp, skin.first_edge)
     ends = shape.point[skin.edges[sharp]]
@@ -73,4 +86,8 @@ def near_edges(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
     reach = np.maximum(near.alert, 0.2 * near.depth)
     rows = kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items, *items, reach, reach)
     rows[:, :2] = sharp[rows[:, :2]]
-    return rows
+    if not near.itself.any():
+        return rows
+    one, other = skin.edges[rows[:, 0]], skin.edges[rows[:, 1]]
+    joined = (one == other).any(axis=1) | (one == other[:, ::-1]).any(axis=1)
+    return rows[~near.itself[rows[:, 2]] | ((rows[:, 0] < rows[:, 1]) & ~joined)]

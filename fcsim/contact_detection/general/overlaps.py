@@ -13,16 +13,17 @@ from fcsim.contact_detection.general._foot_kernels import feet
 from fcsim.contact_detection.general._pierce_kernels import piercing
 from fcsim.contact_detection.general.edges import EdgeContacts
 from fcsim.contact_detection.general.near import NearBodies, near_edges_and_facets
-from fcsim.contact_detection.general.skin import Shape, Skin
 from fcsim.contact_detection.general.vertices import VertexContacts
+from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _BY = 10.0  # times `near`: what overlaps by less touches
 
 
 def overlap_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts) -> VertexContacts | None:
-    """One contact for each pair of bodies that overlap without one of negative gap; None where there are none, as it should be."""
+    """One contact for each two bodies that overlap without one of negative gap; None where there are none, as it should be."""
     if skin.dimension == 2:  # all edges of a polygon meet in its vertices: those are seen, see `vertices`
         return None
+    near = near.take(~near.itself)
     a, b = near.bodies.T
     shared = np.minimum(shape.body_high[a], shape.body_high[b]) - np.maximum(shape.body_low[a], shape.body_low[b])
     suspect = near.take(np.all(shared > _BY * near.near[:, None], axis=1) & ~_known(skin, near.bodies, vertices, edges))

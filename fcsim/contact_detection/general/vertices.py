@@ -16,8 +16,9 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._foot_kernels import feet
 from fcsim.contact_detection.general._vertex_kernels import touched_facets
+from fcsim.contact_detection.general.folding import open_rows
 from fcsim.contact_detection.general.near import NearBodies, near_facets
-from fcsim.contact_detection.general.skin import Shape, Skin
+from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _SIDES = 3
 _SAME_PLACE = 1e-6  # a foot with all its weight but this on one vertex is that vertex
@@ -36,16 +37,27 @@ class VertexContacts(NamedTuple):
         return VertexContacts._make(array[rows] for array in self)
 
 
-def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies) -> VertexContacts:
-    """Contacts of vertices with facets, sorted by (vertex, body of the facet, gap); each physical point once."""
-    both = NearBodies(np.concatenate([near.bodies, near.bodies[:, ::-1]]), *(np.tile(part, 2) for part in near[1:]))
-    vertex, facet, pair = near_facets(skin, shape, both).T
-    vertex, facet = np.ascontiguousarray(vertex), np.ascontiguousarray(facet)
+def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape) -> VertexContacts:
+    """Contacts of vertices with facets, sorted by (vertex, body of the facet, gap); each physical point once. A pair of a body with itself
+    needs its shape in the reference configuration, see `folding`."""
+    both = near.both_ways
+    vertex, facet, pair = np.ascontiguousarray(near_facets(skin, shape, both).T)
+    own = np.flatnonzero(both.itself[pair])
+    if len(own):
+        around = (skin.facets[facet[own]] == vertex[own, None]).any(axis=1)
+        vertex, facet, pair = (np.delete(row, own[around]) for row in (vertex, facet, pair))
+        own = np.flatnonzero(both.itself[pair])
     if not len(vertex):
         none = np.empty(0, dtype=np.int64)
         return VertexContacts(none, none, np.empty((0, 4)), np.empty((0, 3)), np.empty(0))
-    weights, normal, height, distance, feature = feet(vertex, facet, shape.point, skin.facets, skin.sides, shape.normal)
-    new = np.flatnonzero(np.append(True, (vertex[1:] != vertex[:-1]) | (pair[1:] != pair[:-1])))
+    foot = feet(vertex, facet, shape.point, skin.facets, skin.sides, shape.normal)
+    if len(own):
+        of = pair[own]
+        reach = np.maximum(both.alert, both.depth)[of]
+        closed = own[~open_rows(vertex[own], facet[own], foot[0][own], reach, both.near[of], skin, shape, reference)]
+        vertex, facet, pair, *foot = (np.delete(row, closed, axis=0) for row in (vertex, facet, pair, *foot))
+    weights, normal, height, distance, feature = foot
+    new = np.flatnonzero(np.append(len(vertex) > 0, (vertex[1:] != vertex[:-1]) | (pair[1:] != pair[:-1])))
     first, group = np.append(new, len(vertex)), pair[new]
     rows, N, gap = touched_facets(
         first, vertex, facet, weights, normal, height, distance, feature,

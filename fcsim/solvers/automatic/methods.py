@@ -17,7 +17,8 @@ from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
 from fcsim.solvers.newton.iterations import local_turns
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt_turns
 from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.solvers.newton.proximal_newton import ProximalNewtonOptions, proximal_newton_turns
+from fcsim.solvers.proximal.options import PROXIMAL_NEWTON, ProximalOptions
+from fcsim.solvers.proximal.steps import proximal_turns
 from fcsim.solvers.turns import Turns
 from fcsim.solvers.variational.admm import AdmmOptions, split_turns
 from fcsim.solvers.variational.inequality import Inequality
@@ -38,8 +39,8 @@ SWEEPS = GaussSeidelOptions()
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT)
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
-PATIENT = ProximalNewtonOptions()
-SHORT = ProximalNewtonOptions(alpha=1e-3, patience=15)
+PATIENT = PROXIMAL_NEWTON
+SHORT = replace(PROXIMAL_NEWTON, alpha=1e-3, patience=15)
 
 
 def sweeps(race: Race, monitor: ShareOfMonitor) -> Turns:
@@ -77,8 +78,8 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
     return _proximal(race, monitor, race.best_r(), PATIENT)
 
 
-def _proximal(race: Race, monitor: ShareOfMonitor, r: FloatArray, options: ProximalNewtonOptions) -> Turns:
-    return proximal_newton_turns(race.problem, r, monitor, replace(options, max_iterations=race.options.max_iterations))
+def _proximal(race: Race, monitor: ShareOfMonitor, r: FloatArray, options: ProximalOptions) -> Turns:
+    return proximal_turns(race.problem, r, monitor, replace(options, max_iterations=race.options.max_iterations))
 
 
 def nearby(race: Race, monitor: ShareOfMonitor) -> Turns:

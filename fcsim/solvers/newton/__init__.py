@@ -13,6 +13,6 @@ To follow NSN-AC on a step of a wall, ten files, in this order:
 9. solvers/newton/systems/border.py        the contacts whose status has changed since
 10. solvers/newton/systems/remainder.py    what is left to be solved on them
 
-Beside these, `kkt` works on the global and the mixed form, `regularised` and `levenberg_marquardt` serve the proximal methods, and
+Beside these, `kkt` works on the global and the mixed form, `levenberg_marquardt` near what other methods reached, and
 systems/direct.py and systems/multifrontal.py solve where nothing is held.
 """

@@ -59,7 +59,8 @@ def test_a_reader_that_leaves_does_not_end_a_run(case_folder: Path, tmp_path: Pa
 )
 def test_who_ended_a_run_is_said(case_folder: Path, tmp_path: Path, sent: str, by: str) -> None:
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "fcsim", "run", str(case_folder), "--out", str(out), "--set", "slow=on", "--vtk-every", "0"]
+    (case_folder / "hold").touch()
+    command = [sys.executable, "-m", "fcsim", "run", str(case_folder), "--out", str(out), "--set", "held=on", "--vtk-every", "0"]
     process = subprocess.Popen(
         command,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
@@ -68,11 +69,11 @@ def test_who_ended_a_run_is_said(case_folder: Path, tmp_path: Path, sent: str, b
         preexec_fn=lambda: [signal.signal(number, signal.SIG_DFL) for number in (signal.SIGINT, signal.SIGHUP)],
     )
     try:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 120
         while not ((out / "steps.csv").is_file() and (out / "steps.csv").read_text().count("\n") > 2) and time.monotonic() < deadline:
             time.sleep(0.01)
         process.send_signal(getattr(signal, sent))
-        output, _ = process.communicate(timeout=30)
+        output, _ = process.communicate(timeout=120)
     finally:
         process.kill()
     description = open_run(out).description

@@ -24,9 +24,9 @@ def test_a_case_in_the_working_folder(case_folder: Path, monkeypatch: pytest.Mon
 
 def test_parameters_are_read_as_their_types(case_folder: Path) -> None:
     script = load_case(case_folder)
-    texts = {"size": "0.1, 0.2,0.3", "divisions": "(2,1,1)", "E": "2e9", "slow": "On", "rule": "faces", "steps": "7", "solver": "NSGS-AC"}
+    texts = {"size": "0.1, 0.2,0.3", "divisions": "(2,1,1)", "E": "2e9", "held": "On", "rule": "faces", "steps": "7", "solver": "NSGS-AC"}
     p = parse_parameters(script, texts)
-    assert (p.size, p.divisions, p.E, p.slow, p.rule, p.steps, p.solver) == ((0.1, 0.2, 0.3), (2, 1, 1), 2e9, True, "faces", 7, "NSGS-AC")
+    assert (p.size, p.divisions, p.E, p.held, p.rule, p.steps, p.solver) == ((0.1, 0.2, 0.3), (2, 1, 1), 2e9, True, "faces", 7, "NSGS-AC")
     assert p.tol == 1e-8
     assert [type(value) for value in p.divisions] == [int, int, int]
 
@@ -37,7 +37,7 @@ def test_parameters_are_read_as_their_types(case_folder: Path) -> None:
         ("height", "3", "has the parameters size, divisions, E"),
         ("E", "stiff", r"--set E=stiff: case two_blocks expects a number"),
         ("steps", "1.5", "expects a whole number"),
-        ("slow", "maybe", "expects on or off"),
+        ("held", "maybe", "expects on or off"),
         ("rule", "edges", "expects one of nodes, faces"),
         ("size", "1,2", "expects 3 values"),
         ("size", "1,2,x", "expects"),

@@ -307,8 +307,9 @@ def test_an_error_inside_a_run_is_not_called_finished(case_folder: Path, tmp_pat
 )
 def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_seconds: Rows, sent: str, code: int, status: str) -> None:
     """A real process is stopped in the middle; resuming gives the uninterrupted run, bit by bit."""
-    out = tmp_path / "out"
-    command = [sys.executable, "-m", "fcsim.command_line.main", "run", str(case_folder), "--out", str(out), "--set", "slow=on"]
+    out, hold = tmp_path / "out", case_folder / "hold"
+    hold.touch()
+    command = [sys.executable, "-m", "fcsim.command_line.main", "run", str(case_folder), "--out", str(out), "--set", "held=on"]
     arguments = ["--checkpoint-every", "3", "--export-every", "2", "--vtk-every", "2"]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     process = subprocess.Popen(
@@ -320,13 +321,14 @@ def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_s
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background shell hands SIGINT down as ignored
     )
     try:
-        table, deadline = out / "steps.csv", time.monotonic() + 60
+        table, deadline = out / "steps.csv", time.monotonic() + 120
         while not (table.is_file() and table.read_text().count("\n") > 5) and process.poll() is None and time.monotonic() < deadline:
             time.sleep(0.005)
         process.send_signal(getattr(signal, sent))
-        output, _ = process.communicate(timeout=30)
+        output, _ = process.communicate(timeout=120)
     finally:
         process.kill()
+        hold.unlink()
     assert process.returncode == code, output
     about = json.loads((out / "run.json").read_text())
     assert about["status"] == status

@@ -75,6 +75,26 @@ def test_steps_of_the_adaptive_rule() -> None:
     assert_allclose(found[1:], found[:-1] * alpha / (1 + alpha), rtol=1e-5, atol=1e-12)
 
 
+def test_steps_in_the_metric_of_the_compliances() -> None:
+    """With D = W the distance to the solution is multiplied by alpha / (1 + alpha) at every contact, however stiff."""
+    W = np.diag(np.repeat([4.0, 1.0, 1e-3], 3))
+    p = LocalProblem(W, np.tile([-2.0, 0, 0], 3), np.full(3, 0.5))
+    found = errors(p, metric="compliance", alpha=1.0, alpha_rule="constant")
+    assert_allclose(found, 0.5 ** np.arange(len(found)), rtol=1e-5, atol=1e-12)
+    with_the_mean = errors(p, metric="identity", alpha=1.0, alpha_rule="constant")
+    assert with_the_mean[len(found) - 1] > 1e-3, "the stiffest contact hardly moves"
+
+
+def test_what_counts_as_an_iteration() -> None:
+    p = random_problem(5)
+    steps = solve(p, "PPA-NSN-AC")
+    inside = solve(p, "PPA-NSN-AC", counts="internal iterations")
+    assert np.array_equal(steps.r, inside.r)
+    assert steps.iterations == len(steps.history) - 1 < inside.iterations
+    few = solve(p, "PPA-NSN-AC", counts="internal iterations", max_iterations=3)
+    assert few.status is Status.MAX_ITERATIONS and few.iterations == 3
+
+
 def test_steps_of_the_regularisation() -> None:
     """With its centre at 0 the error is alpha_k / (W + alpha_k), alpha_k = alpha / sigma^k."""
     found = errors(pressed_contact(), strategy="regularisation", alpha=0.5, sigma=10.0, alpha_least=1e-12)
@@ -160,6 +180,8 @@ def test_internal_method_of_another_dimension_is_refused(monkeypatch: pytest.Mon
     "options",
     [
         {"strategy": "magic"},
+        {"metric": "magic"},
+        {"counts": "magic"},
         {"alpha": 0.0},
         {"alpha": float("nan")},
         {"alpha_rule": "magic"},

@@ -23,6 +23,7 @@ from fcsim.mesh import (
 )
 from fcsim.witness.overlap import PairOverlaps, measure
 from fcsim.witness.skin import skins_of
+from tests.unit.contact_detection.general.strips import arc, bent, fork, hollow, strip
 
 STONE = Material(1e9, 0.2, 2000.0)
 
@@ -194,3 +195,37 @@ def test_the_same_wherever_it_stands() -> None:
     turned = overlap(*(polyhedron(name, c @ R.T + (30.0, -7.0, 2.0)) for name, c in zip("ab", clouds[::-1], strict=True)))
     assert turned.depth == pytest.approx(first.depth, rel=1e-6)
     assert turned.point[0] == pytest.approx(R @ first.point[0] + (30.0, -7.0, 2.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+@pytest.mark.parametrize("depth", [0.0, 1e-4, 0.02, 0.05])
+def test_a_fork_whose_legs_overlap_overlaps_itself(depth: float, scale: float) -> None:
+    """Legs of 0.1, moved towards each other: the overlap is by how much they are in each other; with their thickness alone, none."""
+    part = fork(STONE, scale, 0.1 * scale, 0.3 * scale, 20, 2)
+    model = build_model([Body("fork", part)])
+    x = model.reference.copy()
+    legs = x[:, 0] > 0
+    x[legs, 1] -= np.sign(x[legs, 1]) * (0.15 + depth / 2) * scale * np.minimum(1, x[legs, 0] / scale / 0.3)
+    found = measure(skins_of(model)[0], x, 1e-6)
+    if depth == 0:
+        assert not len(found.depth)
+        return
+    assert found.bodies.tolist() == [[0, 0]]
+    assert found.depth == pytest.approx([depth * scale], rel=1e-6)
+
+
+@pytest.mark.parametrize("width", [None, 0.1])
+def test_thin_and_hollow_bodies_do_not_overlap_themselves(width: float | None) -> None:
+    """Strained by some percent, whatever their thickness; a hollow one whose plates are pressed into each other does."""
+    line, across = arc(1.0, -2.5, -0.6, 24)
+    for part in (hollow(STONE, 1.0, 0.04, 0.02, width), strip("gutter", line, across, 0.004, 1, STONE, width=width)):
+        model = build_model([Body("body", part)])
+        skins = skins_of(model)[0]
+        assert len(skins.folding.bodies) == 1
+        for seed in range(4):
+            assert not len(measure(skins, bent(model.reference, 0.03, seed), 1e-6).depth)
+    model = build_model([Body("body", hollow(STONE, 1.0, 0.04, 0.02, width))])
+    x = model.reference.copy()
+    middle = np.abs(x[:, 0] - 0.5) < 0.2
+    x[middle, 1] -= np.sign(x[middle, 1]) * 0.013
+    assert measure(skins_of(model)[0], x, 1e-6).depth == pytest.approx([0.006])

@@ -8,6 +8,7 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Contacts, Everything, contact_matrix
 from fcsim.errors import InputError
+from fcsim.mesh import rigid_polyhedron
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, RigidBody
@@ -262,3 +263,25 @@ def test_the_same_twice_and_identity_that_stays() -> None:
     later = everything(moved)
     assert np.array_equal(first.identity, again.identity) and np.array_equal(first.gap, again.gap)
     assert np.array_equal(first.identity, later.identity)
+
+
+@pytest.mark.parametrize("degrees", [0.06, 0.2, 1.0, 1.9, 3.0, 10.0])
+@pytest.mark.parametrize("gap", [1e-5, -1e-5])
+def test_shallow_ridges_that_cross_hold_each_other(degrees: float, gap: float) -> None:
+    """Two roofs whose faces meet at `degrees`, ridge across ridge: nearest, or deepest, where the ridges cross, by the gap set."""
+
+    def roof(name: str, up: float, across: bool) -> RigidBody:
+        fall = 0.1 * np.tan(np.deg2rad(degrees) / 2)
+        section = [(-0.1, -0.1 - fall), (0.1, -0.1 - fall), (-0.1, -fall), (0.1, -fall), (0.0, 0.0)]
+        points = np.array([(x, y, up * z) for x in (-0.5, 0.5) for y, z in section])
+        return rigid_polyhedron(name, points[:, [1, 0, 2]] if across else points, 1000.0)
+
+    model = build_model([roof("lower", 1.0, False), roof("upper", -1.0, True)])
+    positions = model.reference.copy()
+    positions[model.node_offset[1] :, 2] += gap
+    found = Everything(model, 0.5)(positions)
+    nearest = int(np.argmin(found.gap))
+    assert found.gap[nearest] == pytest.approx(gap, rel=1e-3)
+    assert np.abs(found.point[nearest]).max() < 1e-4
+    assert abs(found.frame[nearest, 0, 2]) > np.cos(np.deg2rad(degrees))
+    assert np.sort(found.gap)[1:].min(initial=1.0) > 0

@@ -238,7 +238,7 @@ def test_path_that_fails_or_hangs(stand_in: Path) -> None:
     assert "return code 1" in failed.message
     stand_in.write_text("#!/bin/sh\nexec sleep 60\n")
     result = solve(p, "PATH", engine="PATH", crash_sweeps=0, time_limit=0.3)
-    assert result.status is Status.TIME_LIMIT and result.time < 10
+    assert result.status is Status.TIME_LIMIT and result.time < 50
 
 
 def test_path_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,10 +11,11 @@ import scipy.sparse as sp
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import LocalProblem, natural_map_residual
 from fcsim.solvers.base import Monitor, Status
-from fcsim.solvers.newton.regularised import RegularisedNewton
 from fcsim.solvers.newton.systems import choice
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem, Shifted
+from fcsim.solvers.proximal.inner import InnerProblems
+from fcsim.solvers.proximal.options import ProximalOptions
 
 
 def sparse(W: sp.csr_array, d: int) -> NewtonSystem:
@@ -84,7 +85,8 @@ def test_solution_of_the_regularised_problem(storage: str, monkeypatch: pytest.M
     if storage == "dense and large":
         monkeypatch.setattr(choice, "ONCE_DENSE", 0)
     problem = LocalProblem(sp.csr_array(W) if storage == "sparse" else W, q, np.full(nc, mu))
-    found, _ = RegularisedNewton(problem).solve(centre, alpha, 1e-12, "AC", Monitor(q, problem.mu, d, 1e-12))
+    inner = InnerProblems(problem, Monitor(q, problem.mu, d, 1e-12), ProximalOptions(metric="compliance"))
+    found, _ = inner.solve(centre, centre, alpha, 1e-12, 100)
     assert found.status is Status.SOLVED
     D = np.array([np.trace(W[d * a : d * a + d, d * a : d * a + d]) / d for a in range(nc)])
     D[0] = D[1:].mean()
@@ -107,7 +109,9 @@ def test_a_rho_that_adapts_solves_many_that_a_constant_one_leaves() -> None:
         shift = 1e-3 * np.repeat([np.trace(W[3 * a : 3 * a + 3, 3 * a : 3 * a + 3]) / 3 for a in range(3)], 3)
 
         def solved(adaptive: bool, problem: LocalProblem = problem, watch: Monitor = watch, shift: np.ndarray = shift) -> bool:
-            found, _ = RegularisedNewton(problem).solve(np.zeros(9), 1e-3, 1e-9, "AC", watch, adaptive=adaptive)
+            rho = {"rho": "adaptive"} if adaptive else {"rho": "split spectral norm", "rho_factor": 10.0}
+            inner = InnerProblems(problem, watch, ProximalOptions(metric="compliance", internal_options=rho))
+            found, _ = inner.solve(np.zeros(9), np.zeros(9), 1e-3, 1e-9, 15)
             error = natural_map_residual(found.r, problem.W @ found.r + shift * found.r + problem.q, problem.mu)
             claimed = found.status is Status.SOLVED
             assert not claimed or error <= 1.001e-9 * np.linalg.norm(problem.q)

@@ -9,9 +9,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.general.boundary import Boundary
-from fcsim.contact_detection.general.shape import facet_geometry
-from fcsim.contact_detection.general.skin import FLAT, SMOOTH, Skin
+from fcsim.contact_detection.skin.boundary import Boundary
+from fcsim.contact_detection.skin.shape import facet_geometry
+from fcsim.contact_detection.skin.skin import FLAT, SMOOTH, Skin
 from fcsim.errors import InputError
 
 

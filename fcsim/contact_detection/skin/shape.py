@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.contact_detection.general.skin import Shape, Skin
+from fcsim.contact_detection.skin.skin import Shape, Skin
 from fcsim.errors import InputError
 
 

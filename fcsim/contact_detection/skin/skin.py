@@ -9,8 +9,8 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 
-FLAT = np.cos(np.deg2rad(2.0))
-"""Faces that meet at less than 2 degrees are one: the edge between them needs no contact of its own, the vertices on it do the work."""
+FLAT = np.cos(np.deg2rad(0.05))
+"""Faces that meet at less than 0.05 degrees are one: the edge between them needs no contact of its own, the vertices on it do the work."""
 
 SMOOTH = np.cos(np.deg2rad(45.0))
 """Faces that meet at less than 45 degrees stand for a curved surface: a vertex rolls over the edge between them."""
