@@ -7,7 +7,7 @@ one. The compliance of a block on its contact dofs is formed once; from them eac
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.body_factors import BodyFactors
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.elastic_forces import turned_by
 from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
@@ -38,7 +39,12 @@ class SystemFactor:
         self.model, self.mass, self.stiffness = model, mass, stiffness
         touched = np.zeros(model.n_nodes, dtype=bool)
         touched[contact_nodes] = True
-        self._groups = [_GroupFactor(model, group, mass, stiffness, touched) for group in model.groups]
+        self._groups: list[_GroupFactor | BodyFactors] = [
+            _GroupFactor(model, group, mass, stiffness, touched)
+            if group.laws is None
+            else BodyFactors(mass, group, stiffness * group.laws.first_tangent[None], own_surface(model, group, touched))
+            for group in model.groups
+        ]
         if not mass and model.rigid_free.any():
             body = model.rigid[int(np.argmax(model.rigid_free.any(axis=1)))]
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
@@ -83,11 +89,43 @@ class SystemFactor:
         other.rotation, other._matrix = rotation, None
         return other
 
+    def with_tangents(self, blocks: Sequence[FloatArray], kept: SystemFactor | None, share: float) -> SystemFactor:
+        """The factor with other stiffnesses of the bodies of nonlinear materials: of each of their groups blocks (nb, nblocks, d, d), as
+        they
+        enter A. Bodies whose blocks differ from those of `kept` by less than a share keep blocks and factor. See `blocks`."""
+        other = copy.copy(self)
+        given = iter(blocks)
+        other._groups = []
+        for k, group in enumerate(self._groups):
+            if isinstance(group, BodyFactors):
+                earlier = None if kept is None else kept._groups[k]
+                assert earlier is None or isinstance(earlier, BodyFactors)
+                group = group.with_blocks(next(given), earlier, share)
+            other._groups.append(group)
+        other._matrix = None
+        return other
+
+    def prepare(self) -> None:
+        """Make all factors that are not there yet; raises Indefinite."""
+        for group in self.nonlinear_groups:
+            for k in range(len(group.blocks)):
+                group.factor(k)
+
+    @property
+    def nonlinear_groups(self) -> tuple[BodyFactors, ...]:
+        """The bodies of nonlinear materials, group by group."""
+        return tuple(group for group in self._groups if isinstance(group, BodyFactors))
+
     def matrix(self) -> Any:
         """A as one csr_array on the problems' unknowns: (n_free, n_free), or (n_dofs, n_dofs) with identity rows. Made once."""
         if self._matrix is None:
-            self._matrix = _joined(self._elastic.block if self.rotation is None else self._elastic.at(self.rotation), self._rigid_block())
+            plain = self.rotation is None and not self.nonlinear_groups
+            self._matrix = _joined(self._elastic.block if plain else self._elastic.at(self.rotation, self._blocks()), self._rigid_block())
         return self._matrix
+
+    def _blocks(self) -> dict[int, FloatArray]:
+        """The blocks of A of the bodies of nonlinear groups, by the group's number."""
+        return {k: group.matrices for k, group in enumerate(self._groups) if isinstance(group, BodyFactors)}
 
     def _rigid_block(self) -> Any:
         model, k = self.model, self.rigid_mass.shape[-1]
@@ -106,7 +144,17 @@ class SystemFactor:
         y = self.mass * self.model.apply_mass(v, self.rigid_mass)
         if self.stiffness:
             turned = self.model.elastic.turned_stiffness
-            y += self.stiffness * (self.model.apply_stiffness(v) if self.rotation is None else turned(self.rotation, v))
+            linear = self.model.apply_stiffness(v) if self.rotation is None else turned(self.rotation, v)
+            for bodies in self.nonlinear_groups:
+                linear[bodies.dofs] = 0
+            y += self.stiffness * linear
+        return y + self.apply_tangents(v)
+
+    def apply_tangents(self, v: FloatArray) -> FloatArray:
+        """The share of A v (n_dofs,) of the nonlinear bodies' stiffness."""
+        y = np.zeros_like(v)
+        for bodies in self.nonlinear_groups:
+            y[bodies.dofs] = bodies.product(v[bodies.dofs])
         return y
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -122,6 +170,9 @@ class SystemFactor:
         x = rhs.copy()
         for group in self._groups:
             dofs = group.dofs[:, group.free]
+            if isinstance(group, BodyFactors):
+                x[dofs] = group.solve(rhs[dofs])
+                continue
             if self.rotation is None:
                 x[dofs] = group.factor.solve(np.ascontiguousarray(rhs[dofs].T)).T
                 continue
@@ -138,7 +189,10 @@ class SystemFactor:
         """The bodies' compliances, in the order of `places`: (first body, C (c, k, k), which of them is whose (nb,))."""
         begin = 0
         for group in self._groups:
-            yield begin, group.compliance[None], np.zeros(len(group.first), dtype=np.int64)
+            if isinstance(group, BodyFactors):
+                yield begin, group.compliances(), group.kind
+            else:
+                yield begin, group.compliance[None], np.zeros(len(group.first), dtype=np.int64)
             begin += len(group.first)
         yield begin, self._rigid_inverse, np.arange(len(self._rigid_inverse))
 
@@ -149,9 +203,10 @@ class _ElasticMatrix:
     def __init__(self, model: Model, mass: float, stiffness: float) -> None:
         self._model, self._mass, self._stiffness = model, mass, stiffness
 
-    def at(self, rotation: FloatArray) -> Any:
-        """The block with the bodies turned by rotation (n_deformable, d, d)."""
-        return self._own.at(rotation) if self._axes is None else self._restricted(self._axes @ self._own.at(rotation) @ self._axes.T)
+    def at(self, rotation: FloatArray | None, blocks: Mapping[int, FloatArray]) -> Any:
+        """The block with the bodies turned by rotation (n_deformable, d, d), None: not, and the blocks of nonlinear groups."""
+        A = self._own.at(rotation, blocks)
+        return A if self._axes is None else self._restricted(self._axes @ A @ self._axes.T)
 
     @cached_property
     def _own(self) -> TurnedMatrix:
@@ -200,6 +255,15 @@ def _joined(first: Any, second: Any) -> Any:
     )
 
 
+def own_surface(model: Model, group: Group, touched: BoolArray) -> IntArray:
+    """Numbers of the contact dofs in the part, driven ones left out."""
+    d = model.dimension
+    nodes = np.zeros(group.size // d, dtype=bool)
+    for first in group.nodes:
+        nodes |= touched[first : first + len(nodes)]
+    return np.flatnonzero(np.repeat(nodes, d) & ~group.driven)
+
+
 class _GroupFactor:
     """Factor and contact compliance of one group's block."""
 
@@ -218,13 +282,7 @@ class _GroupFactor:
             raise InputError(
                 f"part {group.part.name!r}: its system matrix is singular ({error}); in statics a body needs supports, or a larger eta"
             ) from None
-        d = model.dimension
-        nodes = np.zeros(self.size // d, dtype=bool)
-        for first in group.nodes:
-            nodes |= touched[first : first + len(nodes)]
-        # numbers of the contact dofs in the part, driven ones left out
-        surface = np.repeat(nodes, d) & ~group.driven
-        self.surface = np.flatnonzero(surface)
+        self.surface = own_surface(model, group, touched)
         compliance = linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free))
         self.compliance = 0.5 * (compliance + compliance.T)
 

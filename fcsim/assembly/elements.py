@@ -1,4 +1,4 @@
-"""Elements of first order: the strain of a cell from its nodes' displacements, and its stiffness.
+"""Elements: the strain of a cell from its nodes' displacements, and its stiffness.
 
 Hexahedra and quadrilaterals, by `Part.elements`:
 
@@ -12,8 +12,11 @@ Hexahedra and quadrilaterals, by `Part.elements`:
   parallelepipeds lose nothing, trapezia lose part of it (no four-node element that passes the patch test can bend exactly there).
 * "Q1-bbar": of Q1's strain the dilatation is replaced by its mean over the cell: no volumetric locking; bends as Q1 does.
 
-Tetrahedra and triangles: "P1" alone. Their strain is constant: they bend stiffly, and lock for nu towards 1/2; there is neither an
-enhanced nor a B-bar variant (the mean of a constant is that constant), and elements of second order are not here.
+Tetrahedra and triangles: "P1". Their strain is constant: they bend stiffly, and lock for nu towards 1/2; there is neither an
+enhanced nor a B-bar variant (the mean of a constant is that constant).
+
+"Q2" and "P2": displacements of second order (27, 9, 10 and 6 nodes), eps = sym grad x. They bend as a beam does, in one cell through the
+height too, and keep most of it for nu towards 1/2.
 
 All points and cells are axes of arrays. Strains are (xx, yy, zz, xy, yz, zx) with gamma = 2 eps in the last three, in 2D too.
 Mass and loads are those of Q1 for all of them: the modes have no inertia and loads do no work on them.
@@ -29,6 +32,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, product
+from math import factorial
 from types import MappingProxyType
 from typing import Protocol
 
@@ -38,6 +42,7 @@ from scipy.sparse import csr_array
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, CellType
+from fcsim.mesh.order.quadrature import quadrature as by_gauss
 from fcsim.mesh.part import Part
 
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
@@ -126,9 +131,23 @@ def strain_of_gradients(gradients: FloatArray) -> FloatArray:
 
 
 STRAIN: Mapping[str, Element] = MappingProxyType(
-    {"P1": displacement_strain, "Q1": displacement_strain, "Q1-enhanced": enhanced_strain, "Q1-bbar": bbar_strain}
+    {
+        **dict.fromkeys(("P1", "Q1", "P2", "Q2"), displacement_strain),
+        "Q1-enhanced": enhanced_strain,
+        "Q1-bbar": bbar_strain,
+    }
 )
 """What the names of `Part.elements` mean."""
+
+
+def quadrature(kind: CellType) -> tuple[FloatArray, FloatArray]:
+    """Points (nq, d) and weights (nq,) of the rule with which a cell's strains are integrated: Gauss' of two points a direction, the centre
+    of simplices, whose strain is constant; for second order three points a direction, of simplices the rule of degree 5."""
+    if kind.order == 2:
+        return by_gauss(kind, 3)
+    if kind.simplex:
+        return kind.centre, np.array([1 / factorial(kind.dimension)])
+    return gauss(kind.dimension)
 
 
 def gauss(d: int) -> tuple[FloatArray, FloatArray]:
@@ -143,13 +162,13 @@ def strain_blocks(part: Part, C: FloatArray, at: FloatArray) -> Iterator[tuple[I
 
 
 def stiffness(part: Part, C: FloatArray) -> csr_array:
-    """Return K (d nn, d nn) [N/m] of a part of quadrilaterals or hexahedra, exactly symmetric, two Gauss points a direction:
+    """Return K (d nn, d nn) [N/m] of a part, exactly symmetric, by `quadrature`:
     K = sum over cells of int B^T C B, with B that of `Part.elements`.
 
     Since the modes minimise the energy, int B^T C B with them put into B is the condensed K_uu - K_us K_ss^-1 K_su.
     Raises InputError for a cell that is inverted or flat at its centre or a Gauss point.
     """
-    points, weights = gauss(part.dimension)
+    points, weights = quadrature(CELL_TYPES[part.cell_type])
     n = part.points.size
     K = csr_array((n, n))
     for dofs, cells in _blocks(part, C):
@@ -166,18 +185,18 @@ def stiffness(part: Part, C: FloatArray) -> csr_array:
 
 def _blocks(part: Part, C: FloatArray) -> Iterator[tuple[IntArray, Cells]]:
     d = part.dimension
-    if part.elements not in ("Q1", "P1"):
-        _refuse_inverted(part)
+    if part.elements in ("Q1-enhanced", "Q1-bbar"):
+        refuse_inverted(part)
     for begin in range(0, len(part.cells), CELLS_AT_ONCE):
         numbers = part.cells[begin : begin + CELLS_AT_ONCE]
         corners = part.points[numbers] - part.points[numbers[:, :1]]  # no digits are lost far from the origin
         yield (d * numbers[:, :, None] + np.arange(d)).reshape(len(numbers), -1), Cells(CELL_TYPES[part.cell_type], corners, C)
 
 
-def _refuse_inverted(part: Part) -> None:
-    """A determinant that changes its sign within a cell would make the modes' factor j_0 / j infinite."""
+def refuse_inverted(part: Part) -> None:
+    """InputError for cells that are inverted or flat: the modes' factor j_0 / j would be infinite, the volume of points negative."""
     kind = CELL_TYPES[part.cell_type]
-    at = np.vstack([kind.centre, gauss(kind.dimension)[0]])
+    at = np.vstack([kind.centre, quadrature(kind)[0]])
     least = np.linalg.det(np.einsum("cai,qaj->cqij", part.points[part.cells], kind.gradient(at))).min(axis=1)
     if np.any(least <= 0):
         cell = int(np.argmax(least <= 0))

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly import elasticity
 from fcsim.assembly.layout import BodyLayout
+from fcsim.assembly.nonlinear.part import NonlinearPart, nonlinear_part
 from fcsim.assembly.supports import HeldDofs
+from fcsim.errors import InputError
+from fcsim.mesh.material.law import is_linear
 from fcsim.mesh.part import Kinematics, Part
 
 PARALLEL = 1e-12
@@ -25,6 +28,7 @@ class Group:
     """Deformable bodies that share their operators: one part, one orientation, the same supported degrees of freedom.
 
     members (nb,) their numbers; first (nb,) first dof, nodes (nb,) first node of each; turning: whether they stand in floating frames
+    laws: of a part whose material is not linear; K is then its tangent at the beginning
     nodal_volume (nn,) [m^3]; rotation (d, d) of all of them; K, M (n_part, n_part) in world axes; driven (n_part,) bool along the
     supports' axes, the rows of `axes` (nn, d, d), None = the world's
     """
@@ -41,6 +45,17 @@ class Group:
     nodal_volume: FloatArray
     driven: NDArray[np.bool_]
     axes: FloatArray | None = None
+    laws: NonlinearPart | None = None
+
+    @property
+    def finite(self) -> bool:
+        """Whether strains may be of any size."""
+        return self.laws is not None and self.laws.finite
+
+    @property
+    def rotates(self) -> bool:
+        """Whether rotations of any size are no strain."""
+        return self.turning if self.laws is None else self.laws.turning
 
     @property
     def size(self) -> int:
@@ -116,6 +131,8 @@ def operator_groups(layout: BodyLayout, held: HeldDofs, lumped: bool, kinematics
         bounds = int(layout.dof_offset[b]), int(layout.dof_offset[b + 1])
         own = driven[slice(*bounds)]
         axes = axes_of[b] = None if held.axes is None else held.axes.blocks(*bounds, layout.dimension)
+        if body.kinematics == "linear" and not is_linear(body.part.material) and nonlinear_part(body.part)[True].finite:
+            raise InputError(f"Body {body.name!r}, kinematics: expected 'turning' or None for a material of finite strain, got 'linear'")
         named = body.kinematics or ("turning" if b in turned else kinematics)
         turning = named == "turning" if named else can_turn(body.points, own, axes)
         along = b"" if axes is None else axes.tobytes()
@@ -123,21 +140,25 @@ def operator_groups(layout: BodyLayout, held: HeldDofs, lumped: bool, kinematics
     groups = []
     for (_, turning, _, _, _), numbers in members.items():
         body = layout.deformable[numbers[0]]
-        operators = elasticity.assemble(body.part)
+        linear = is_linear(body.part.material)
+        laws = None if linear else nonlinear_part(body.part)[turning]
+        stiffness = elasticity.stiffness(body.part) if laws is None else laws.graph.matrix(laws.first_tangent)
+        lumped_mass = elasticity.lumped_mass(body.part)
         first = layout.dof_offset[numbers]
         groups.append(
             Group(
                 part=body.part,
-                turning=turning,
+                turning=turning and linear,
                 members=np.array(numbers),
                 first=first,
                 nodes=layout.node_offset[numbers],
                 rotation=body.rotation,
-                K=rotated(operators.stiffness, body.rotation),
-                M=sp.diags_array(operators.lumped_mass).tocsr() if lumped else rotated(operators.consistent_mass, body.rotation),
-                lumped=operators.lumped_mass if lumped else None,
-                nodal_volume=operators.nodal_volume,
-                driven=driven[first[0] : first[0] + len(operators.lumped_mass)],
+                K=rotated(stiffness, body.rotation),
+                M=sp.diags_array(lumped_mass).tocsr() if lumped else rotated(elasticity.consistent_mass(body.part), body.rotation),
+                lumped=lumped_mass if lumped else None,
+                nodal_volume=elasticity.nodal_volume(body.part),
+                driven=driven[first[0] : first[0] + len(lumped_mass)],
+                laws=laws,
                 axes=axes_of[numbers[0]],
             )
         )

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group, operator_groups
+from fcsim.assembly.inner_forces import NonlinearBodies
 from fcsim.assembly.kinematics.elastic_forces import ElasticForces
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout, in_order
 from fcsim.assembly.loads import Follower, Load, load_vector, turned
@@ -93,8 +94,13 @@ class Model(BodyLayout):
 
     @cached_property
     def elastic(self) -> ElasticForces:
-        """The elastic forces of the deformable bodies."""
+        """The elastic forces of the deformable bodies of linear materials."""
         return ElasticForces(self.groups, len(self.deformable), self.dimension, self.beta)
+
+    @cached_property
+    def nonlinear(self) -> NonlinearBodies:
+        """The inner forces of the others."""
+        return NonlinearBodies(self.groups, self.beta)
 
     def moving(self, kinematics: Kinematics | None) -> Model:
         """Return the model with that kinematics where none is named; the model itself where that changes nothing."""
@@ -130,7 +136,7 @@ class Model(BodyLayout):
         return rigid.reference_mass if x is None else rigid.mass(self.rigid_part(x))
 
     def apply_stiffness(self, x: FloatArray) -> FloatArray:
-        """Return K x (n_dofs,) [N], K of the reference configuration."""
+        """Return K x (n_dofs,) [N], K of the reference configuration (of nonlinear materials their tangent there)."""
         return self._apply("K", x)
 
     def apply_mass(self, v: FloatArray, rigid_mass: FloatArray | None = None) -> FloatArray:

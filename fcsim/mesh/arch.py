@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
-from fcsim.mesh.material import Material
+from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.part import Body
 
 
@@ -52,7 +52,7 @@ def semicircular_arch(
     depth: float | None = 0.3,
     divisions: Sequence[int] = (1, 1, 1),
     *,
-    material: Material,
+    material: AnyMaterial,
     elements: str | None = None,
 ) -> SemicircularArch:
     """Return a semicircular arch of `voussoirs` equal blocks of hexahedra (depth=None: a plane one of quadrilaterals).

@@ -9,8 +9,9 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.cell_type import CELL_TYPES
-from fcsim.mesh.material import Material
+from fcsim.mesh.cell_type import CELL_TYPES, RAISED
+from fcsim.mesh.material.isotropic import Material
+from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.named_mesh import NamedMesh, from_gmsh
 from fcsim.mesh.part import Part, RigidBody
 from fcsim.runtime import gmsh_model
@@ -21,7 +22,7 @@ AXES = "xyz"
 def part_from_gmsh(
     gmsh: Any,
     name: str,
-    material: Material,
+    material: AnyMaterial,
     *,
     volume: str | None = None,
     plane: Literal["strain", "stress"] = "strain",
@@ -33,7 +34,7 @@ def part_from_gmsh(
     The cells are those of the physical group `volume` (of surfaces, for a plane model), which can be left out where there is one
     group or none; the part's surfaces are the physical groups of one dimension less, by name, oriented outwards. A model of several
     volume groups makes several parts, one call each; a surface keeps the facets that bound the part. InputError for cells that are
-    not of first order, of several types, inverted or degenerate, and for surfaces that are not on the boundary.
+    of several types or none of `fcsim.mesh.cell_type`, inverted or degenerate, and for surfaces that are not on the boundary.
     """
     mesh = from_gmsh(gmsh, f"gmsh model {gmsh.model.getCurrent()!r}", plane=plane, thickness=thickness)
     return mesh.part(material, name=name, volume=volume, elements=elements)
@@ -43,7 +44,7 @@ def brick(
     name: str,
     size: Sequence[float],
     divisions: Sequence[int],
-    material: Material,
+    material: AnyMaterial,
     cell: str = "hexahedron",
     origin: Sequence[float] = (0.0, 0.0, 0.0),
     *,
@@ -52,7 +53,8 @@ def brick(
     """Return a box from `origin` to `origin + size` [m] with surfaces "x-", "x+", "y-", "y+", "z-", "z+".
 
     A structured mesh of `divisions` = (nx, ny, nz) hexahedra; with cell="tetrahedron" each of them is cut into tetrahedra.
-    elements: "Q1" (default), "Q1-enhanced" where the brick bends or is nearly incompressible, "Q1-bbar"; see `Part`.
+    elements: "Q1" (default), "Q1-enhanced" where the brick bends or is nearly incompressible, "Q1-bbar", "Q2"; of tetrahedra "P1", "P2";
+    see `Part`.
     """
     return _box(name, size, divisions, cell, origin, dimension=3).part(material, name=name, elements=elements)
 
@@ -61,7 +63,7 @@ def rectangle(
     name: str,
     size: Sequence[float],
     divisions: Sequence[int],
-    material: Material,
+    material: AnyMaterial,
     cell: str = "quadrilateral",
     *,
     plane: Literal["strain", "stress"] = "strain",
@@ -72,7 +74,7 @@ def rectangle(
     """Return a rectangle from `origin` to `origin + size` [m] with surfaces "x-", "x+", "y-", "y+".
 
     A structured mesh of `divisions` = (nx, ny) quadrilaterals; with cell="triangle" each of them is cut in two. `plane` and
-    `thickness` [m] are those of `Part`, as are `elements`: "Q1" (default), "Q1-enhanced", "Q1-bbar".
+    `thickness` [m] are those of `Part`, as are `elements`: "Q1" (default), "Q1-enhanced", "Q1-bbar", "Q2"; "P1", "P2".
     """
     return _box(name, size, divisions, cell, origin, dimension=2, plane=plane, thickness=thickness).part(
         material, name=name, elements=elements
@@ -141,8 +143,8 @@ def _box(
         raise InputError(f"{name!r}, size: expected lengths > 0 in m, got {size.tolist()}")
     if np.any(counts < 1) or np.any(counts != np.round(counts)):
         raise InputError(f"{name!r}, divisions: expected whole numbers >= 1, got {divisions!r}")
-    if cell not in CELL_TYPES or CELL_TYPES[cell].dimension != dimension:
-        known = " or ".join(repr(c) for c, its in CELL_TYPES.items() if its.dimension == dimension)
+    if cell not in RAISED or CELL_TYPES[cell].dimension != dimension:
+        known = " or ".join(repr(c) for c in RAISED if CELL_TYPES[c].dimension == dimension)
         raise InputError(f"{name!r}, cell: expected {known}, got {cell!r}")
 
     with gmsh_model(name) as gmsh:

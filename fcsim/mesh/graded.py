@@ -17,7 +17,8 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
 from fcsim.mesh.cell_type import CELL_TYPES
-from fcsim.mesh.material import Material
+from fcsim.mesh.material.isotropic import Material
+from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.part import Part
 from fcsim.mesh.quality import check_quality
 
@@ -31,7 +32,7 @@ def half_ball(
     radius: float,
     core: float,
     divisions: int,
-    material: Material,
+    material: AnyMaterial,
     *,
     whole: str = "",
     side: Side = "above",
@@ -54,7 +55,7 @@ def half_disk(
     radius: float,
     core: float,
     divisions: int,
-    material: Material,
+    material: AnyMaterial,
     *,
     whole: str = "",
     side: Side = "above",
@@ -72,7 +73,7 @@ def graded_brick(
     size: float,
     core: float,
     divisions: int,
-    material: Material,
+    material: AnyMaterial,
     *,
     whole: str = "",
     side: Side = "below",
@@ -91,7 +92,7 @@ def graded_rectangle(
     size: float,
     core: float,
     divisions: int,
-    material: Material,
+    material: AnyMaterial,
     *,
     whole: str = "",
     side: Side = "below",
@@ -102,7 +103,7 @@ def graded_rectangle(
 
 
 def _half_round(
-    name: str, radius: float, core: float, divisions: int, material: Material, d: int, whole: str, side: Side, layers: int | None
+    name: str, radius: float, core: float, divisions: int, material: AnyMaterial, d: int, whole: str, side: Side, layers: int | None
 ) -> Part:
     if not 0 < core < radius < np.inf:
         raise InputError(f"{name!r}: expected 0 < core < radius in m, got core {core} and radius {radius}")
@@ -128,7 +129,7 @@ def _half_round(
 
 
 def _half_space(
-    name: str, size: float, core: float, divisions: int, material: Material, d: int, whole: str, side: Side, layers: int | None
+    name: str, size: float, core: float, divisions: int, material: AnyMaterial, d: int, whole: str, side: Side, layers: int | None
 ) -> Part:
     if not 0 < core < size < np.inf:
         raise InputError(f"{name!r}: expected 0 < core < size in m, got core {core} and size {size}")
@@ -153,7 +154,7 @@ class _Grid:
     def plane(self) -> BoolArray:
         return np.abs(self.points[:, -1]) < _REACHED
 
-    def part(self, name: str, points: FloatArray, material: Material, sides: dict[str, BoolArray]) -> Part:
+    def part(self, name: str, points: FloatArray, material: AnyMaterial, sides: dict[str, BoolArray]) -> Part:
         """The part of the moved points, its boundary facets sorted by the masks (n,) of `sides` and the planes of symmetry."""
         facets, of_core = self._boundary()
         masks = {**sides, **{f"{axis}-": np.abs(self.points[:, AXES.index(axis)]) < _REACHED for axis in self.symmetric}}

@@ -11,7 +11,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
-from fcsim.mesh.material import Material
+from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.part import Body, Part
 
 
@@ -78,7 +78,7 @@ def running_bond(
     block_size: Sequence[float] = (0.2, 0.1, 0.1),
     divisions: Sequence[int] = (8, 4, 4),
     *,
-    material: Material,
+    material: AnyMaterial,
     cell: str | None = None,
     gap: float = 0.0,
     plane: Literal["strain", "stress"] = "strain",

@@ -12,7 +12,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, GMSH_TYPES
 from fcsim.mesh.facets import match_facets, refuse_repeated
-from fcsim.mesh.material import Material
+from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.part import Part
 from fcsim.mesh.quality import check_quality
 
@@ -41,7 +41,7 @@ class NamedMesh:
     plane: Literal["strain", "stress"] = field(default="strain", kw_only=True)
     thickness: float = field(default=1.0, kw_only=True)
 
-    def part(self, material: Material, *, name: str | None = None, volume: str | None = None, elements: str | None = None) -> Part:
+    def part(self, material: AnyMaterial, *, name: str | None = None, volume: str | None = None, elements: str | None = None) -> Part:
         """Return the part of `volume`, which can be left out where the mesh has only one. `name`: default that of the volume;
         elements: those of `Part`."""
         if volume is None:
@@ -55,7 +55,7 @@ class NamedMesh:
             raise InputError(f"{self.source}: expected a volume among {_names(self.volumes)}, got {volume!r}")
         return self._part(volume, material, name or volume or self.source, self._surfaces_by_volume()[volume], elements)
 
-    def parts(self, materials: Mapping[str, Material], elements: str | None = None) -> list[Part]:
+    def parts(self, materials: Mapping[str, AnyMaterial], elements: str | None = None) -> list[Part]:
         """Return one part for each volume, in the order of the mesh; `materials` holds the material of each by name."""
         if self.ungrouped:
             raise InputError(f"{self.source}: expected every cell in a volume, got {self.ungrouped} cells that are in none")
@@ -85,7 +85,7 @@ class NamedMesh:
                 )
         return sorted_out
 
-    def _part(self, volume: str, material: Material, name: str, surfaces: Mapping[str, IntArray], elements: str | None) -> Part:
+    def _part(self, volume: str, material: AnyMaterial, name: str, surfaces: Mapping[str, IntArray], elements: str | None) -> Part:
         used, cells = np.unique(self.volumes[volume], return_inverse=True)
         number = np.full(len(self.points), -1)
         number[used] = np.arange(len(used))
@@ -113,15 +113,15 @@ def named_mesh(
 ) -> NamedMesh:
     """Sort blocks of elements into volumes (the highest dimension) and surfaces (one below), by their group.
 
-    points (n, 3) or (n, 2) [m]; a 2D mesh lies in a plane z = const. InputError for elements that are not of first order or not of
+    points (n, 3) or (n, 2) [m]; a 2D mesh lies in a plane z = const. InputError for elements of other kinds than `CELL_TYPES` or not of
     one type, and where there are no volume cells.
     """
     blocks = [block for block in blocks if len(block.elements)]
     types = list(dict.fromkeys(block.cell_type for block in blocks))
-    if unknown := [t for t in types if t not in CELL_TYPES and t not in ("line", "vertex")]:
+    if unknown := [t for t in types if t not in CELL_TYPES and t not in ("line", "line3", "vertex")]:
         raise InputError(
-            f"{source}: expected first-order cells ({', '.join(CELL_TYPES)}), got {', '.join(unknown)}: "
-            "cells of second order, prisms and pyramids are not supported"
+            f"{source}: expected cells of first or full second order ({', '.join(CELL_TYPES)}), got {', '.join(unknown)}: prisms, pyramids "
+            "and cells without middle nodes of their faces (gmsh: Mesh.SecondOrderIncomplete = 0) are not supported"
         )
     cell_types = [t for t in types if t in CELL_TYPES]
     dimension = max((CELL_TYPES[t].dimension for t in cell_types), default=0)
@@ -191,7 +191,8 @@ def from_gmsh(gmsh: Any, source: str, **plane_and_thickness: Any) -> NamedMesh:
             places = np.searchsorted(tags, nodes)
             if np.any(places >= len(tags)) or np.any(tags[places] != nodes):
                 raise InputError(f"{source}: expected elements of nodes that are there, got some of others in {group or 'no group'}")
-            blocks.append(Block(GMSH_TYPES.get(number, described), places.reshape(-1, size), group))
+            kind, places = GMSH_TYPES.get(number, described), places.reshape(-1, size)
+            blocks.append(Block(kind, places[:, CELL_TYPES[kind].from_gmsh] if kind in CELL_TYPES else places, group))
 
     for dimension, tag in sorted(gmsh.model.getPhysicalGroups(), key=lambda group: group[1]):
         for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, tag):

@@ -68,7 +68,12 @@ def check_moments(moments: tuple[Moment, Moment], model: Model, steps: int, path
     """InputError where a checkpoint cannot be of this model: shapes, numbers that are none, a step beyond the last."""
     for moment in moments:
         arrays = {name: getattr(moment.state, name) for name in ("x", "v", "rate", "inertia")}
-        for name, values in arrays.items():
+        internal = moment.state.internal
+        if internal is not None and internal.shape != model.nonlinear.initial.shape:
+            count = len(model.nonlinear.initial)
+            raise InputError(f"{path}, internal: expected {count} internal variables as the model's materials have, got {internal.shape}")
+        arrays["internal"] = internal
+        for name, values in {k: arrays[k] for k in ("x", "v", "rate", "inertia")}.items():
             if values is not None and values.shape != (model.n_dofs,):
                 raise InputError(f"{path}, {name}: expected {model.n_dofs} degrees of freedom as in the model, got {values.shape}")
         for name, values in (*arrays.items(), ("t", moment.state.t), *((f"r of memory {k}", m.r) for k, m in enumerate(moment.memory))):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fcsim.errors import MissingDependency
 from fcsim.files import replacing
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material.law import is_linear
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.running.folder import read_collection, write_collection
 
@@ -128,7 +129,8 @@ class SeriesWriter:
         velocity = self._model.node_velocity(step.state.v, step.state.x)
         datasets = {"contacts": (_contact_points(self._vtk, step, displacement), "vtp")}
         if self._blocks:
-            datasets["blocks"] = (self._blocks.dataset(displacement, velocity, self._model.strained_displacement(step.state.x)), "vtu")
+            strained = self._model.strained_displacement(step.state.x)
+            datasets["blocks"] = (self._blocks.dataset(displacement, velocity, strained, step.state), "vtu")
         if self._rigid:
             datasets["rigid"] = (self._rigid.dataset(displacement, velocity), "vtp")
         files = {name: f"{name}_{step.number:05d}.{suffix}" for name, (_, suffix) in datasets.items()}
@@ -151,12 +153,12 @@ class _Blocks:
     def __init__(self, vtk: _VTK, model: Any, numbers: list[int]) -> None:
         from fcsim.assembly.stress import stress_operator, von_mises
 
-        self._vtk, self._von_mises = vtk, von_mises
+        self._vtk, self._von_mises, self._model = vtk, von_mises, model
         bodies: list[Body] = [model.bodies[k] for k in numbers]
         self._nodes, node_begin = _body_nodes(model, numbers)
         count = np.array([len(body.part.cells) for body in bodies])
         cell_begin = np.concatenate([[0], np.cumsum(count)])
-        self._ncells = int(cell_begin[-1])
+        self._ncells, self._cell_begin = int(cell_begin[-1]), cell_begin
 
         members: dict[Part, list[int]] = {}
         for place, body in enumerate(bodies):
@@ -164,7 +166,7 @@ class _Blocks:
         # a part: its operator, its bodies' nodes (nb, nn), their rotations (nb, d, d), their cells (nb, ncells)
         self._parts = [
             (
-                stress_operator(part),
+                stress_operator(part) if is_linear(part.material) else None,
                 self._nodes[node_begin[places][:, None] + np.arange(len(part.points))],
                 np.stack([bodies[place].rotation for place in places]),
                 cell_begin[places][:, None] + np.arange(len(part.cells)),
@@ -180,17 +182,38 @@ class _Blocks:
         self._grid.SetCells(vtk.support.numpy_to_vtk(kinds, deep=True), vtk.cells(np.concatenate([[0], np.cumsum(width)]), connectivity))
         self._grid.GetCellData().AddArray(vtk.array("body", np.repeat(np.array(numbers, dtype=np.int32), count)))
 
-    def dataset(self, displacement: NDArray, velocity: NDArray, strained: NDArray) -> Any:
+    def dataset(self, displacement: NDArray, velocity: NDArray, strained: NDArray, state: Any) -> Any:
         point_data, cell_data = self._grid.GetPointData(), self._grid.GetCellData()
         point_data.AddArray(self._vtk.array("displacement", _in_space(displacement[self._nodes])))
         point_data.AddArray(self._vtk.array("velocity", _in_space(velocity[self._nodes])))
-        cell_data.AddArray(self._vtk.array("von_mises", self._stress(strained)))
+        stress = self._stress(strained)
+        for name, values in self._nonlinear(stress, state).items():
+            cell_data.AddArray(self._vtk.array(name, values))
+        cell_data.AddArray(self._vtk.array("von_mises", stress))
         return self._grid
+
+    def _nonlinear(self, von_mises: NDArray, state: Any) -> dict[str, NDArray]:
+        """Put the von Mises stress of bodies of nonlinear materials in its place; their internal variables by name, (ncells,) or
+        (ncells, c), means of the cells' points, nan where a material has none of that name."""
+        found: dict[str, NDArray] = {}
+        if not self._model.nonlinear:
+            return found
+        for group, inner, variables in self._model.nonlinear.at_cells(state.x, state.internal, state.t):
+            for b, body in enumerate(group.members.tolist()):
+                begin = self._cell_begin[body]
+                cells = slice(begin, begin + inner.stress.shape[1])
+                von_mises[cells] = self._von_mises(inner.stress[b])
+                for name, values in variables.items():
+                    all_cells = found.setdefault(name, np.full((self._ncells, *values.shape[2:]), np.nan))
+                    all_cells[cells] = values[b]
+        return found
 
     def _stress(self, strained: NDArray) -> NDArray:
         """von Mises stress (ncells,) [Pa]: stress = S R^T y for all bodies of a part at once, y the displacement that strains."""
         values = np.empty(self._ncells)
         for operator, nodes, rotation, cells in self._parts:
+            if operator is None:
+                continue
             in_part_axes = strained[nodes] @ rotation  # rows: (R^T y)^T = y^T R
             stress = (operator @ in_part_axes.reshape(len(nodes), -1).T).reshape(cells.shape[1], 6, len(nodes))
             values[cells] = self._von_mises(stress.transpose(2, 0, 1).reshape(-1, 6)).reshape(cells.shape)
@@ -254,7 +277,6 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
     contacts, nc = step.contacts, len(step.contacts)
     force = np.asarray(step.contact_force).reshape(nc, contacts.dimension)
     sliding = np.asarray(step.result.u).reshape(nc, contacts.dimension)[:, 1:]
-    on_master = np.where(contacts.nodes < 0, 0.0, -np.minimum(contacts.weights, 0.0))  # shape functions of the facet at the foot point
     points = vtk.data.vtkPolyData()
     points.SetPoints(vtk.points(contacts.point))
     points.SetVerts(vtk.cells(np.arange(nc + 1), np.arange(nc)))
@@ -267,7 +289,7 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
         "sliding_velocity": np.linalg.norm(sliding, axis=1),
         "mu": contacts.mu,
         "normal": _in_space(contacts.frame[:, 0]),
-        "displacement": _in_space(np.einsum("ak,akj->aj", on_master, displacement[contacts.nodes])),
+        "displacement": _in_space(np.einsum("ak,akj->aj", contacts.on_master, displacement[contacts.nodes])),
     }.items():
         points.GetPointData().AddArray(vtk.array(name, values))
     for name, values in step.law_variables.items():

@@ -89,6 +89,30 @@ def encounter(
     return under_law(model, scheme, state, detection(positions, moved), positions, proportions, variables)
 
 
+def met_on_the_way(
+    model: Model,
+    detection: Detection,
+    scheme: Scheme,
+    state: State,
+    v: FloatArray,
+    proportions: Proportions,
+    variables: Variables | None,
+) -> Encounter:
+    """The contacts of a step of statics as they are found at its iterate v (n_dofs,) [m], for increments from its beginning.
+
+    The gap g(x + v) is linearised there: 0 <= g - N . (H^T v) + u_N ⊥ r_N >= 0 with u the increment over the whole step; the law is told
+    the
+    gap brought back, `contacts` has that at the iterate.
+    """
+    x = model.advance(state.x, v)
+    positions = model.positions(x)
+    found = detection(positions)
+    H = model.contact_matrix(contact_matrix(found, model.n_nodes), x)
+    back = found.gap - (H.T @ v).reshape(len(found), -1)[:, 0] if len(found) else found.gap
+    met = under_law(model, scheme, state, replace(found, gap=back), positions, proportions, variables, configuration=x)
+    return replace(met, contacts=replace(met.contacts, gap=found.gap[np.searchsorted(found.identity, met.contacts.identity)]))
+
+
 def under_law(
     model: Model,
     scheme: Scheme,
@@ -98,9 +122,13 @@ def under_law(
     proportions: Proportions,
     variables: Variables | None,
     bend: FloatArray | None = None,
+    configuration: FloatArray | None = None,
 ) -> Encounter:
-    """Ask the law about contacts at `positions` (n_nodes, d) [m]; bend (nc,) [m], see `Meeting`."""
-    law, configuration = scheme.law, scheme.detection_configuration(model, state)
+    """Ask the law about contacts at `positions` (n_nodes, d) [m]; bend (nc,) [m], see `Meeting`; configuration (n_dofs,): where rigid
+    bodies
+    stand, None = as they are detected."""
+    law = scheme.law
+    configuration = scheme.detection_configuration(model, state) if configuration is None else configuration
     chosen = law.select(contacts, proportions, variables)
     through = None
     if not chosen.all():

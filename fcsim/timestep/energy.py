@@ -16,12 +16,13 @@ from fcsim.timestep.state import State
 class Energy:
     """Energies at the end of a step, and what was exchanged during it; all [J] (2D: J per the model's thickness).
 
-    kinetic, elastic         v.M v / 2 and x.K x / 2 at the end of the step
+    kinetic, elastic         v.M v / 2 and x.K x / 2 at the end of the step; of nonlinear materials what they store
     contact                  what joints hold at the end of the step: springs, and what cohesion would give back; see `fcsim.contact_law`
     load_work                work of gravity and loads
     support_work             work of the supports that drive degrees of freedom
     damping_dissipation      of the Rayleigh damping
     numerical_dissipation    of the time scheme; zero for the theta scheme at theta = 1/2
+    material_dissipation     of the materials: plastic flow, viscosity
     normal_dissipation       minus the work of the normal reactions: what impacts lose
     tangential_dissipation   minus the work of the tangential reactions
     friction_dissipation     -sum r_T . u_T with the velocity u_T at the end of the step, of which Coulomb's law speaks: never negative.
@@ -45,6 +46,7 @@ class Energy:
     residual: float
     contact: float = 0.0
     contact_gain: float = 0.0
+    material_dissipation: float = 0.0
 
     def with_joints(self, before: float, after: float) -> Energy:
         """The balance where joints held `before` [J] at the beginning and `after` at the end."""
@@ -54,7 +56,8 @@ class Energy:
     @property
     def at_beginning(self) -> float:
         """Kinetic and elastic energy at the beginning of the step."""
-        dissipated = self.damping_dissipation + self.numerical_dissipation + self.normal_dissipation + self.tangential_dissipation
+        dissipated = self.damping_dissipation + self.numerical_dissipation + self.material_dissipation
+        dissipated += self.normal_dissipation + self.tangential_dissipation
         return self.kinetic + self.elastic - (self.load_work + self.support_work - dissipated + self.residual)
 
     def then(self, later: Energy) -> Energy:
@@ -117,8 +120,13 @@ def balance(
     damping: float,
     numerical: float,
     contact: ContactWork,
+    inner: InnerWork,
 ) -> Energy:
-    """Close the balance; kinetic and elastic energy at the beginning and the end, works and dissipations as in `Energy`."""
+    """Close the balance; kinetic and elastic energy at the beginning and the end, works and dissipations as in `Energy`; inner: of the
+    bodies
+    of nonlinear materials."""
+    elastic = elastic[0] + inner.stored[0], elastic[1] + inner.stored[1]
+    damping, numerical = damping + inner.viscous, numerical + inner.numerical
     change = kinetic[1] - kinetic[0] + elastic[1] - elastic[0]
     return Energy(
         kinetic=kinetic[1],
@@ -130,8 +138,45 @@ def balance(
         normal_dissipation=-contact.normal,
         tangential_dissipation=-contact.tangential,
         friction_dissipation=contact.friction_dissipation,
-        residual=change - loads - supports + damping + numerical - contact.normal - contact.tangential,
+        residual=change - loads - supports + damping + numerical + inner.dissipated - contact.normal - contact.tangential,
+        material_dissipation=inner.dissipated,
     )
+
+
+@dataclass(frozen=True)
+class InnerWork:
+    """Of the bodies of nonlinear materials over a step [J]: stored at the beginning and the end, dissipated by the materials, viscous by
+    stiffness-proportional damping, numerical: what the work of the inner forces is more than all that."""
+
+    stored: tuple[float, float] = (0.0, 0.0)
+    dissipated: float = 0.0
+    viscous: float = 0.0
+    numerical: float = 0.0
+
+
+def inner_work(
+    model: Model, before: State, after: State, dx: FloatArray, middle: tuple[FloatArray, float], damped: FloatArray | None
+) -> InnerWork:
+    """The work of a step's inner forces on dx (n_dofs,), those of the configuration x (n_dofs,) that was reached the time dt [s] after the
+    beginning, middle = (x, dt), by what became of it; damped: the velocity (n_dofs,) that was damped."""
+    bodies = model.nonlinear
+    if not bodies:
+        return InnerWork()
+    x, dt = middle
+    force = bodies.inner(x, before.internal, before.t + dt, dt).force
+    viscous = 0.0
+    if bodies.beta and damped is not None:
+        viscous = float(dx @ (bodies.inner(x, before.internal, before.t + dt, dt, v=damped).force - force))
+    first = bodies.inner(before.x, before.internal, before.t, 0.0).energy
+    last = bodies.inner(after.x, before.internal, after.t, after.t - before.t)
+    numerical = float(dx @ force) - (last.energy - first) - last.dissipated
+    return InnerWork((first, last.energy), last.dissipated, viscous, numerical)
+
+
+def inner_force(model: Model, before: State, middle: tuple[FloatArray, float], damped: FloatArray) -> FloatArray | float:
+    """The inner forces (n_dofs,) [N] of `inner_work`, viscous ones included; 0 without nonlinear bodies."""
+    bodies, (x, dt) = model.nonlinear, middle
+    return bodies.inner(x, before.internal, before.t + dt, dt, v=damped).force if bodies else 0.0
 
 
 @dataclass(frozen=True)

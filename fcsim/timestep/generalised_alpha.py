@@ -35,7 +35,7 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work, momentum, turning
+from fcsim.timestep.energy import Energy, balance, contact_work, inner_force, inner_work, momentum, turning
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -111,6 +111,18 @@ class GeneralisedAlpha:
     @property
     def elastic_share(self) -> float:
         return 1.0
+
+    @property
+    def elastic_reach(self) -> float:
+        return self.kappa * self.alpha_f**2
+
+    @property
+    def damping_reach(self) -> float:
+        return self.alpha_f
+
+    @property
+    def elastic_time(self) -> float:
+        return self.h * self.alpha_f
 
     def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Forces act as they are at x_f: both ends are there."""
@@ -193,9 +205,11 @@ class GeneralisedAlpha:
         first, last = elastic.at(before.x), elastic.at(after.x)
         middle = elastic.at(before.x + alpha_f * (after.x - before.x))
         energies = elastic.energy(first), elastic.energy(last)
-        # what driven rotations leave dx by, see `Theta.energy`
-        drift = model.driven_share(after.x - before.x - dx) if model.held.turns else np.zeros_like(dx)
-        strain_work = float(drift @ elastic.force(middle, middle, 1.0)) if model.held.turns else 0.0
+        velocity, drift, strain_work = alpha_f * after.v + (1 - alpha_f) * before.v, np.zeros_like(dx), 0.0
+        if model.held.turns:  # what driven rotations leave dx by, see `Theta.energy`
+            drift = model.driven_share(after.x - before.x - dx)
+            strain = elastic.force(middle, middle, 1.0) + inner_force(model, before, (middle.x, self.elastic_time), velocity)
+            strain_work = float(drift @ strain)
         if elastic.turning:
             elastic_loss = float((dx + drift) @ elastic.force(middle, middle, 1.0)) - (energies[1] - energies[0])
         else:
@@ -204,7 +218,6 @@ class GeneralisedAlpha:
         damping = model.alpha * (alpha_f * M1 + (1 - alpha_f) * M0)
         viscous = 0.0
         if model.beta:
-            velocity = alpha_f * after.v + (1 - alpha_f) * before.v
             viscous = float(dx @ (elastic.force(middle, middle, 1.0, velocity) - elastic.force(middle, middle, 1.0)))
         struck = -model.driven_share(H @ result.r)
         return balance(
@@ -219,6 +232,7 @@ class GeneralisedAlpha:
             + turning(model, v0, M0, v1, M1)
             + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(H, result.r, result.u, mean, model.dimension),
+            inner=inner_work(model, before, after, dx + drift, (middle.x, self.elastic_time), velocity),
         )
 
     @staticmethod
@@ -228,4 +242,6 @@ class GeneralisedAlpha:
             return state.rate, state.inertia
         now = model.elastic.at(state.x)
         inertia = model.load(state.t, state.x) - model.alpha * momentum(model, state) - model.elastic.force(now, now, 1.0, state.v)
+        if model.nonlinear:
+            inertia -= model.nonlinear.inner(state.x, state.internal, state.t, 0.0, v=state.v).force
         return state.v, inertia - model.driven_share(inertia)

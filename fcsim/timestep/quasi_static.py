@@ -18,7 +18,7 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work
+from fcsim.timestep.energy import Energy, balance, contact_work, inner_work
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 
@@ -106,6 +106,18 @@ class QuasiStatic:
     def elastic_share(self) -> float:
         return 1.0
 
+    @property
+    def elastic_reach(self) -> float:
+        return 1.0
+
+    @property
+    def damping_reach(self) -> float:
+        return 0.0
+
+    @property
+    def elastic_time(self) -> float:
+        return self.h
+
     def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Equilibrium is at the end of the step: both ends are there."""
         end = state.x + v
@@ -158,4 +170,5 @@ class QuasiStatic:
             damping=0.0,
             numerical=euler + regularisation,
             contact=contact_work(H, result.r, result.u, dx, model.dimension),
+            inner=inner_work(model, before, after, dx, (after.x, self.h), None),
         )

@@ -84,6 +84,22 @@ class Scheme(Protocol):
         """Return the configurations between which the elastic forces act if the unknowns are v (n_dofs,); of deformable bodies only."""
         ...
 
+    @property
+    def elastic_reach(self) -> float:
+        """Change of the configuration whose inner forces act, elastic_share of the way along `elastic_path`, for a unit change of the
+        unknowns."""
+        ...
+
+    @property
+    def damping_reach(self) -> float:
+        """Change of `damping_velocity` for a unit change of the unknowns."""
+        ...
+
+    @property
+    def elastic_time(self) -> float:
+        """Time [s] from the beginning of the step to that configuration."""
+        ...
+
     def damping_velocity(self, model: Model, state: State, v: FloatArray) -> FloatArray | None:
         """Return the velocity (n_dofs,) [m/s] that is damped if the unknowns are v; None where nothing is."""
         ...

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model
@@ -21,16 +22,17 @@ from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
-from fcsim.timestep.encounter import Encounter, encounter
+from fcsim.timestep.encounter import Encounter, encounter, met_on_the_way
 from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest, refuse_misplaced
 from fcsim.timestep.step import Attempt, Moment, Step
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
-from fcsim.timestep.step_equation.equation import Equation, Past, solve_equation
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
+from fcsim.timestep.step_equation.newton import solve_nonlinear
 from fcsim.timestep.warm_start import MEMORY
 from fcsim.witness import Watch, Witness, begin, penetration_seen
 
@@ -243,6 +245,35 @@ class Simulation:
             refuse_going_through(self.model, scheme, met.passing, f"step {start.number}, t = {start.state.t:.6g} s")
         return None
 
+    def _solved(self, equation: Equation, past: Past, attempts: list[Attempt], clock: Clock, start: Moment) -> tuple[Answer | None, Past]:
+        """The answer of a step's equation, None where there is none, and the past of the next."""
+        if not self.model.nonlinear:
+            return solve_equation(equation, self.solver, self._extent, past, attempts, clock)
+        return solve_nonlinear(equation, self.solver, self._extent, past, attempts, clock, self._anew(equation.scheme, start))
+
+    def _support_impulse(self, scheme: Scheme, answer: Answer, impulse: FloatArray, rigid_mass: FloatArray, after: State) -> FloatArray:
+        """The supports' impulses (n_dofs,), from what is left of A v - f - H r."""
+        residual = answer.factor.apply(answer.v) - answer.load - impulse
+        if self.model.nonlinear:
+            residual = self.model.driven_share(residual)  # the rest is what Newton's method has left
+        support = scheme.support_impulse(self.model, residual, impulse)
+        return support + turning_impulse(self.model, answer.v, rigid_mass, after) if scheme.timing.moving else support
+
+    def _anew(self, scheme: Scheme, start: Moment) -> Callable[[FloatArray], Encounter] | None:
+        """What finds contacts at the iterates of a step of statics; None in dynamics."""
+        if scheme.timing.moving:
+            return None
+        return partial(
+            met_on_the_way, self.model, self.detector, scheme, start.state, proportions=self._proportions, variables=start.variables
+        )
+
+    def _updated(self, state: State, after: State) -> State:
+        """The state after a step with the internal variables at its end."""
+        bodies = self.model.nonlinear
+        if not bodies:
+            return after
+        return replace(after, internal=bodies.inner(after.x, state.internal, after.t, after.t - state.t).variables)
+
     def _part(
         self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
     ) -> Step | None:
@@ -264,21 +295,20 @@ class Simulation:
         looks = 0
         while True:
             equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts)
-            answer, past = solve_equation(equation, self.solver, self._extent, past, attempts, clock)
+            answer, past = self._solved(equation, past, attempts, clock, start)
             if kept is not None and past.serving is not None:
                 kept[cuts] = past.serving
             if answer is None:
                 return None
-            result, v = answer.result, answer.v
+            result, v, met = answer.result, answer.v, answer.met
             impulse = met.H @ met.reaction(result.r)
-            after = scheme.advance(model, state, v, impulse, rigid_mass)
+            after = self._updated(state, scheme.advance(model, state, v, impulse, rigid_mass))
             ahead = looked_ahead(model, self.detector, scheme, state, met, v, after) if looks < ROUNDS else None
             clock.lap("detection")
             if ahead is None:
                 break
             met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
-        support = scheme.support_impulse(model, factor.apply(v) - answer.load - impulse, impulse)
-        support = support + turning_impulse(model, v, rigid_mass, after) if scheme.timing.moving else support
+        support = self._support_impulse(scheme, answer, impulse, rigid_mass, after)
         variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
         return Step(
@@ -302,4 +332,5 @@ class Simulation:
             encounter=met,
             variables=variables,
             lead=past.lead,
+            linearised=answer.linearised,
         )

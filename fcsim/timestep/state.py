@@ -18,6 +18,7 @@ START = 1e-6
 class State:
     """t [s]; x (n_dofs,) displacement [m, rad]; v (n_dofs,) velocity [m/s, rad/s]; driven dofs included.
 
+    internal (n_variables,): internal variables of nonlinear materials, None = those at the beginning, see `NonlinearBodies`
     rate, inertia (n_dofs,): what the generalised-alpha scheme keeps beside, the rate of x [m/s, rad/s] and M v' of smooth motion [N, N m]
     """
 
@@ -26,6 +27,7 @@ class State:
     v: FloatArray
     rate: FloatArray | None = None
     inertia: FloatArray | None = None
+    internal: FloatArray | None = None
 
 
 def at_rest(model: Model, t: float = 0.0, h: float = 1e-3) -> State:

@@ -46,6 +46,26 @@ class Attempt:
         return f"{self.solver} from {self.start}: {self.status}, error {self.error:.2e}"
 
 
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """One friction problem of the sequence that a step with nonlinear bodies is, see `fcsim.timestep.step_equation.newton`.
+
+    problem, result, start  the problem, its answer, where its solver began
+    residual                of the nonlinear equation after it, largest of a body relative to the forces on it
+    length                  how far towards the answer the iteration went, 1 = all the way
+    factored                bodies whose tangent was factored anew
+    stiffened               share of the first stiffness that a body which had lost its own was given, 0 = none
+    """
+
+    problem: GlobalProblem
+    result: Result
+    start: FloatArray
+    residual: float
+    length: float
+    factored: int
+    stiffened: float
+
+
 @dataclass(frozen=True)
 class Lead:
     """Which solver begins the chain instead of the settings' own, learned from the steps before.
@@ -110,6 +130,7 @@ class Step:
     encounter         the contacts under their law: what it was told and what it gave
     variables         what the law remembers at the end of the step
     ledger, lead      see `Moment`
+    linearised        with nonlinear bodies: the problems that led to the last one, see `Linearised`; of the last sub-step
     remarks           what is to be known of the run from this step on, see `Limits`
     overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
     """
@@ -140,6 +161,7 @@ class Step:
     lead: Lead = NOBODY
     overlap: Overlap | None = None
     remarks: tuple[str, ...] = ()
+    linearised: tuple[Linearised, ...] = ()
 
     @property
     def memory(self) -> tuple[Reactions, ...]:

@@ -25,7 +25,7 @@ from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work, momentum
+from fcsim.timestep.energy import Energy, balance, contact_work, inner_force, inner_work, momentum
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -83,6 +83,18 @@ class Theta:
     @property
     def elastic_share(self) -> float:
         return self.theta
+
+    @property
+    def elastic_reach(self) -> float:
+        return self.h * self.theta**2
+
+    @property
+    def damping_reach(self) -> float:
+        return self.theta
+
+    @property
+    def elastic_time(self) -> float:
+        return self.h * self.theta
 
     def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         return state.x, state.x + self.h * self.damping_velocity(model, state, v)
@@ -148,10 +160,12 @@ class Theta:
         M0, M1 = momentum(model, before), momentum(model, after)
         first, last = model.elastic.at(before.x), model.elastic.at(after.x)
         loss, supports = model.elastic.loss(first, last), float(v @ support)
+        dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
+        inner = before.x + theta * dx, self.elastic_time
         if model.held.turns:
-            dx = after.x - before.x
-            strain = model.elastic.force(first, last, theta, dx / h)
-            supports += float(model.driven_share(dx - h * (theta * after.v + (1 - theta) * before.v)) @ strain)
+            drift = model.driven_share(dx - h * mean)
+            mean = mean + drift / h
+            supports += float(drift @ (model.elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
             elastic=(model.elastic.energy(first), model.elastic.energy(last)),
@@ -160,4 +174,5 @@ class Theta:
             damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta / h * loss,
             numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + loss) + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(H, result.r, result.u, v, model.dimension),
+            inner=inner_work(model, before, after, dx, inner, mean),
         )

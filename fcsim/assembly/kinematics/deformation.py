@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.elements import quadrature
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.frames import FloatingGroup, angle_of
 from fcsim.mesh.cell_type import CELL_TYPES
@@ -20,13 +21,15 @@ SUSPECT = 0.3
 @dataclass(frozen=True, eq=False)
 class Deformation:
     """Of each deformable body (n_deformable,): rotation [rad] of its frame from the reference; strain, the largest principal one in size
-    at the centre of its most strained cell, without the rotation; inverted: whether a cell has a negative volume somewhere; turning:
-    whether its kinematics is "turning"."""
+    at the most strained of its cells' centres (`CellType.inside` of cells of second order), without the rotation; inverted: whether a cell
+    has a negative volume somewhere (of finite strain: at a quadrature point); turning: whether its kinematics covers rotation; finite:
+    whether its material covers any strain."""
 
     rotation: FloatArray
     strain: FloatArray
     inverted: BoolArray
     turning: BoolArray
+    finite: BoolArray
 
 
 class DeformationMeasure:
@@ -40,24 +43,25 @@ class DeformationMeasure:
     def __call__(self, x: FloatArray) -> Deformation:
         """The deformation at the configuration x (n_dofs,)."""
         rotation, strain = np.zeros((2, self._count))
-        inverted, turning = np.zeros((2, self._count), dtype=bool)
+        inverted, turning, finite = np.zeros((3, self._count), dtype=bool)
         for measure in self._groups:
             group = measure.floating.group
             frames = measure.floating.frames(measure.floating.displacement(x))
             rotation[group.members] = angle_of(frames.rotation)
             strain[group.members] = measure.strain(frames.strained)
             inverted[group.members] = measure.inverted(frames.strained)
-            turning[group.members] = group.turning
-        return Deformation(rotation, strain, inverted, turning)
+            turning[group.members], finite[group.members] = group.rotates, group.finite
+        return Deformation(rotation, strain, inverted, turning, finite)
 
 
 class _GroupMeasure:
     def __init__(self, group: Group) -> None:
         self.floating = FloatingGroup(group)
         self._cell = CELL_TYPES[group.part.cell_type]
+        self._where = quadrature(self._cell)[0] if group.finite else self._cell.nodes
         self._points = self.floating.arm
         self._cells = group.part.cells
-        self._centre = self._gradient(self._cell.centre)
+        self._inside = self._gradient(self._cell.inside)
         edges = np.unique(np.sort(self._cells[:, self._cell.edges].reshape(-1, 2), axis=1), axis=0)
         self._edges: IntArray = edges.T
         self._lengths = np.linalg.norm(self._points[edges[:, 0]] - self._points[edges[:, 1]], axis=1)
@@ -79,7 +83,7 @@ class _GroupMeasure:
         return values.reshape(-1, d, nb, d).transpose(0, 2, 3, 1)
 
     def strain(self, y: FloatArray) -> FloatArray:
-        H = self._displacement_gradient(self._centre, y)
+        H = self._displacement_gradient(self._inside, y)
         epsilon = 0.5 * (H + H.swapaxes(2, 3))
         most = np.argmax(np.einsum("qbij,qbij->qb", epsilon, epsilon), axis=0)
         principal: FloatArray = np.linalg.eigvalsh(epsilon[most, np.arange(len(y))])
@@ -91,6 +95,6 @@ class _GroupMeasure:
         found = np.zeros(len(y), dtype=bool)
         suspect = np.flatnonzero(change.max(axis=1) > SUSPECT)
         if suspect.size:
-            H = self._displacement_gradient(self._gradient(self._cell.nodes), y[suspect])
+            H = self._displacement_gradient(self._gradient(self._where), y[suspect])
             found[suspect] = np.any(np.linalg.det(np.eye(y.shape[2]) + H) <= 0, axis=0)
         return found

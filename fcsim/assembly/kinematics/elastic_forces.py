@@ -1,4 +1,5 @@
-"""Elastic and viscous forces of all deformable bodies of a model, linear ones and those in floating frames."""
+"""Elastic and viscous forces of all deformable bodies of linear materials, of small rotation and in floating frames. Bodies of other
+materials have none here: see `fcsim.assembly.nonlinear`."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ class ElasticForces:
 
     def __init__(self, groups: Sequence[Group], count: int, dimension: int, beta: float) -> None:
         """count: number of deformable bodies."""
-        self.groups, self.beta = tuple(groups), beta
+        self.groups, self.beta = tuple(group for group in groups if group.laws is None), beta
+        self._all, self._elastic = tuple(groups), sum(group.dofs.size for group in groups)
         self._shape = count, dimension
         self._floating = tuple(FloatingGroup(group) if group.turning else None for group in self.groups)
 
@@ -39,7 +41,7 @@ class ElasticForces:
     def largest_force(self) -> FloatArray:
         """Largest diagonal entry of K times the size of each body (n_deformable,) [N]: what round-off is relative to."""
         force = np.zeros(self._shape[0])
-        for group in self.groups:
+        for group in self._all:
             count = group.size // self._shape[1]
             size = float(np.ptp(group.part.points, axis=0).max())
             force[group.members] = np.sqrt(count) * abs(group.K.diagonal()).max() * size
@@ -62,7 +64,7 @@ class ElasticForces:
 
     def strained(self, configuration: Configuration) -> FloatArray:
         """Displacement y (n_elastic,) [m] without the frames' motion in the axes of the reference; of linear bodies x itself."""
-        y = configuration.x[: sum(group.dofs.size for group in self.groups)].copy()
+        y = configuration.x[: self._elastic].copy()
         for group, frames in zip(self.groups, configuration.frames, strict=True):
             if frames is not None:
                 y[group.dofs] = frames.strained.reshape(len(frames.strained), -1)

@@ -1,7 +1,8 @@
-"""The deformable bodies' system matrix T (a M + b K) T^T as their frames turn: one pattern, new values."""
+"""The deformable bodies' system matrix T (a M + b K) T^T as their frames turn and their tangents change: one pattern, new values."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,11 @@ class TurnedMatrix:
         rows, columns, self._blocks = [np.empty(0, dtype=np.int32)], [np.empty(0, dtype=np.int32)], []
         for group in groups:
             d = len(group.rotation)
-            A = sp.bsr_array(sp.csr_array(mass * group.M + stiffness * group.K), blocksize=(d, d))
+            if group.laws is None:
+                A = sp.bsr_array(sp.csr_array(mass * group.M + stiffness * group.K), blocksize=(d, d))
+            else:
+                graph = group.laws.graph
+                A = sp.bsr_array((np.zeros((len(graph.indices), d, d)), graph.indices, graph.indptr))
             i = np.repeat(np.arange(A.shape[0] // d), np.diff(A.indptr))
             a, c = np.divmod(np.arange(d * d), d)
             rows.append((group.first[:, None, None] + d * i + a[:, None]).astype(np.int32).ravel())
@@ -29,11 +34,16 @@ class TurnedMatrix:
             self._blocks.append(A.data.reshape(-1, d * d).T.copy())
         self._indptr, self._indices, self._source, self._size = _pattern(np.concatenate(rows), np.concatenate(columns), free, eliminated)
 
-    def at(self, Q: FloatArray) -> Any:
-        """The matrix as a csr_array with the rotations Q (n_deformable, d, d) of the bodies."""
+    def at(self, Q: FloatArray | None, matrices: Mapping[int, FloatArray]) -> Any:
+        """The matrix as a csr_array with the rotations Q (n_deformable, d, d) of the bodies (None: none turns), and of the bodies of
+        nonlinear
+        groups, by the group's number, their blocks (nb, nblocks, d, d)."""
         values = []
-        for group, block in zip(self._groups, self._blocks, strict=True):
-            if not group.turning:
+        for k, (group, block) in enumerate(zip(self._groups, self._blocks, strict=True)):
+            if group.laws is not None:
+                values.append(matrices[k].reshape(len(group.members), -1, len(block)).swapaxes(1, 2).ravel())
+                continue
+            if Q is None or not group.turning:
                 values.append(np.tile(block.ravel(), len(group.members)))
                 continue
             own = Q[group.members]

@@ -21,7 +21,7 @@ from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Attempt, Lead
+from fcsim.timestep.step import Attempt, Lead, Linearised
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE, Linearisation
 from fcsim.timestep.step_equation.mixing import Mixing
@@ -99,7 +99,9 @@ class Equation:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The last problem of a step, its result, v (n_dofs,), its right side load (n_dofs,), and where its first solve began, start (m,)."""
+    """The last problem of a step, its result, v (n_dofs,), its right side load (n_dofs,), where a solve began, start (m,), the factor of
+    its
+    matrix and its contacts; linearised: all problems of a step with nonlinear bodies."""
 
     problem: GlobalProblem
     reduction: Reduction
@@ -107,6 +109,9 @@ class Answer:
     v: FloatArray
     load: FloatArray
     start: FloatArray
+    factor: SystemFactor
+    met: Encounter
+    linearised: tuple[Linearised, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +153,7 @@ def solve_equation(
         clock.lap("assembly")
         if start is None:
             start = r = warm_start(reduction.local, equation.met.contacts, past.reactions) if problem.nc else r
-        tol = settings.tol * min(1.0, _longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction))
+        tol = settings.tol * min(1.0, longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction))
         first = len(attempts)
         result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
         clock.lap("solve")
@@ -158,7 +163,7 @@ def solve_equation(
         if not mixing.points:  # a step teaches once, whatever its linearisations
             past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
         v, r = equation.velocity(result.v), result.r  # type: ignore[arg-type]
-        answer = Answer(problem, reduction, result, v, load, start)
+        answer = Answer(problem, reduction, result, v, load, start, equation.factor, equation.met)
         if elastic.rotation is None:
             return answer, past
         now = elastic.term(v)
@@ -176,7 +181,7 @@ def solve_equation(
     return None, past
 
 
-def _longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:
+def longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:
     """How far the bodies may fly freely in one step, the size of the model, relative to how far they do; infinity where they rest.
 
     Bodies that only contact holds move freely by f / (eta M / h^2) in q, which may be kilometres: an error relative to that would

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -88,3 +90,18 @@ def test_an_unknown_stage_is_named() -> None:
 def test_stages_say_what_they_are_and_have_names_of_their_own() -> None:
     assert len({stage.name for stage in STAGES}) == len(STAGES)
     assert all(stage.about.endswith(".") for stage in STAGES)
+
+
+def test_from_a_warm_start_cheap_sweeps_come_before_the_elimination_of_a_sparse_matrix(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pile of a thousand boxes took 5 s a step for one LU of its 62 000 rows, where 40 sweeps of 10 ms are enough."""
+    W, nc = sp.bsr_array(chain(400, 3), blocksize=(3, 3)), 400
+    q = np.random.default_rng(1).standard_normal(3 * nc)
+    start = solve(LocalProblem(W, q, np.full(nc, 0.4)), "auto", tol=1e-10)
+
+    def refused(*_: object) -> None:
+        raise AssertionError("Newton began")
+
+    watched = [replace(stage, turns=refused) if stage.name == "Newton" else stage for stage in STAGES]
+    monkeypatch.setattr("fcsim.solvers.automatic.stages.STAGES", tuple(watched))
+    nearby = LocalProblem(W, q * (1 + 1e-4 * np.cos(np.arange(3 * nc))), np.full(nc, 0.4))
+    assert solve(nearby, "auto", r=start.r, tol=1e-10).solved

@@ -1,4 +1,4 @@
-"""The material of a part: isotropic linear elasticity."""
+"""Isotropic linear elasticity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
+from fcsim.mesh.material.law import refuse_density
 
 
 @dataclass(frozen=True)
@@ -22,5 +24,17 @@ class Material:
             raise InputError(f"Material: expected Young's modulus E > 0 in Pa, got {self.E}")
         if not -1 < self.nu < 0.5:
             raise InputError(f"Material: expected Poisson's ratio -1 < nu < 0.5, got {self.nu}")
-        if not (np.isfinite(self.density) and self.density >= 0):
-            raise InputError(f"Material: expected a density >= 0 in kg/m^3, got {self.density}")
+        refuse_density("Material", self.density)
+
+    @property
+    def elasticity(self) -> FloatArray:
+        """(6, 6) [Pa], see `LinearMaterial`."""
+        first, second = lame(self.E, self.nu)
+        C = np.diag([2 * second] * 3 + [second] * 3)
+        C[:3, :3] += first
+        return C
+
+
+def lame(E: float, nu: float) -> tuple[float, float]:
+    """Lame's constants (lambda, mu) [Pa]."""
+    return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))

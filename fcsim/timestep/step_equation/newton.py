@@ -1,0 +1,266 @@
+"""Newton's method on a step with nonlinear bodies: a sequence of friction problems, each a real one.
+
+With the inner forces F of nonlinear bodies, weighted by w, and b - B v for all that is linear, the step's equation is
+
+    R(v, r) = B v - b + w F(x(v)) - H r = 0,  with the laws of contact between u = H^T v + w_N and r                        (1)
+
+At the iterate v_i with S_i = w dF/dv the problem A_i v = H r + f_i, A_i = B + S_i, f_i = b - w F(x(v_i)) + S_i v_i, with the laws of
+contact is a global problem like any other step's: the solver begins where it ended for v_i-1. Its answer (v, r) is where (1) is
+measured and linearised next, until R is below the tolerance and contact is where it was meant: quadratic where S_i is exact. Where R
+grows, or a body has no admissible state, (v, r) is gone only part of the way. In quasi-statics contacts are found anew at every iterate,
+with gaps
+brought back to the beginning of the step, so that u remains the increment over all of it; in dynamics they are those of the step.
+
+A_i must be positive definite: a body that has lost stiffness gets a share of its first one beside, and converges more slowly for it.
+Bodies keep their tangent and factor while that differs by less than `KEPT`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.assembly.body_factors import Indefinite
+from fcsim.assembly.compliance import SystemFactor
+from fcsim.problem import GlobalProblem
+from fcsim.problem.reduction import Reduction
+from fcsim.solvers import Result
+from fcsim.solvers.memory import Kept
+from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
+from fcsim.timestep.encounter import Encounter
+from fcsim.timestep.step import Attempt, Linearised
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past, longest_flight
+from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
+from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
+from fcsim.timestep.warm_start import Reactions, warm_start
+
+TOLERANCE = 1e-9
+"""Of a body's residual, relative to the forces on it."""
+
+SETTLED = 1e-8
+"""Of the smallest body: by how much less a contact may have moved from where it was meant."""
+
+KEPT = 1e-5
+"""A body's system matrix serves on while no entry differs by more than this share of the largest."""
+
+MAX_ITERATIONS = 40
+
+_SHORTEST = 1 / 64
+_SHARES = (0.01, 0.04, 0.16, 0.64, 2.5)
+
+
+@dataclass(frozen=True, eq=False)
+class KeptFactor(Kept):
+    """The last system matrix with the factors of its bodies, for the steps that follow."""
+
+    factor: SystemFactor = field(kw_only=True)
+
+
+@dataclass(frozen=True, eq=False)
+class _Iterate:
+    """v (n_dofs,), r of the contacts `met`, the term there, and the residuals of the bodies relative to what is allowed."""
+
+    v: FloatArray
+    r: FloatArray
+    term: Term
+    residual: float
+
+
+def solve_nonlinear(
+    equation: Equation,
+    settings: SolverSettings,
+    extent: float,
+    past: Past,
+    attempts: list[Attempt],
+    clock: Clock,
+    anew: Callable[[FloatArray], Encounter] | None,
+) -> tuple[Answer | None, Past]:
+    """Return the answer, None where it is not found, and the past of the next step; as `solve_equation`, for models with nonlinear bodies.
+
+    anew: the contacts at an iterate v (n_dofs,), None where those of the step stay (dynamics).
+    """
+    return _Newton(equation, settings, extent, attempts, clock, anew).solve(past)
+
+
+class _Newton:
+    def __init__(
+        self,
+        equation: Equation,
+        settings: SolverSettings,
+        extent: float,
+        attempts: list[Attempt],
+        clock: Clock,
+        anew: Callable[[FloatArray], Encounter] | None,
+    ) -> None:
+        self.equation, self.settings, self.extent = equation, settings, extent
+        self.attempts, self.clock, self.anew = attempts, clock, anew
+        self.inner = InnerTerm(equation.scheme, equation.model, equation.state)
+        self.done: list[Linearised] = []
+        self.start: FloatArray | None = None
+
+    def solve(self, past: Past) -> tuple[Answer | None, Past]:
+        equation, elastic = self.equation, self.equation.elastic
+        lead = past.lead
+        now = _Iterate(elastic.first, np.empty(0), self.inner.at(elastic.first, tangent=True), np.inf)
+        if now.term.inadmissible:
+            return self._failed(f"body {now.term.inadmissible!r} has no admissible state where its velocity takes it", past)
+        for _ in range(MAX_ITERATIONS):
+            try:
+                factor, share, past = self._factor(now.term, past)
+            except Indefinite as error:
+                name = equation.model.deformable[error.body].name
+                return self._failed(f"body {name!r} has lost its stiffness: it buckles, snaps or softens, which dynamics can follow", past)
+            equation = replace(equation, factor=factor)
+            load = self._load(equation, now)
+            problem = equation.problem(load)
+            reduction = Reduction(problem, equation.compliance)
+            self.clock.lap("assembly")
+            warm = (
+                now.r
+                if self.start is not None
+                else warm_start(reduction.local, equation.met.contacts, past.reactions)
+                if problem.nc
+                else now.r
+            )
+            self.start = warm if self.start is None else self.start
+            tol = self.settings.tol * min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
+            first = len(self.attempts)
+            result, serving = solve_chain(self.settings, reduction, warm, tol, equation.share, self.attempts, past.serving, lead)
+            self.clock.lap("solve")
+            past = replace(past, serving=serving)
+            if result is None:
+                return None, past
+            if not self.done:
+                past = replace(past, lead=lead.after(self.attempts[first].solver, self.attempts[-1].solver))
+            found = self._way(equation, now, equation.velocity(result.v), result)  # type: ignore[arg-type]
+            if found is None:
+                return self._failed("a body has no admissible state on the way to the answer", past)
+            new, length = found
+            met = equation.met if self.anew is None else self.anew(new.v)
+            settled = self.anew is None or self._settled(equation, met, new)
+            new = new if self.anew is None else self._moved(replace(equation, met=met), equation.met, new)
+            self.clock.lap("detection" if self.anew is not None else "assembly")
+            self._note(problem, result, warm, new, length, factor, share)
+            if length == 1 and new.residual <= 1 and settled:
+                return self._answer(equation, reduction, new, load, result), past
+            if self.anew is not None:
+                past, equation = past.of_the_same_step(equation.met.contacts, met.contacts, result.r), replace(equation, met=met)
+            now = replace(new, term=self.inner.at(new.v, tangent=True))
+        return self._failed("did not settle", past)
+
+    def _factor(self, term: Term, past: Past) -> tuple[SystemFactor, float, Past]:
+        """The factor of A_i, the share of the first stiffness in it, and the past that keeps it; raises Indefinite."""
+        kept = None if past.serving is None else past.serving.earlier(KeptFactor)
+        base, blocks = self.equation.factor, term.blocks
+        earlier = None if kept is None else kept.factor
+        for share in (0.0, *_SHARES):
+            try:
+                factor = base.with_tangents(blocks, earlier, KEPT)
+                factor.prepare()
+                break
+            except Indefinite as error:
+                if share == _SHARES[-1]:
+                    raise
+                more = _SHARES[0] if not share else 3 * share
+                blocks = _stiffened(base, blocks, error.body, more * self.inner.scheme.elastic_weight * self.inner.scheme.elastic_reach)
+        if past.serving is not None:
+            past = replace(past, serving=past.serving.having(KeptFactor(np.empty(0, dtype=np.int64), factor=factor)))
+        return factor, share, past
+
+    def _linear(self, v: FloatArray) -> FloatArray:
+        """The elastic term of the linear bodies at v (n_dofs,), see `Linearisation`."""
+        elastic = self.equation.elastic
+        return elastic.term(np.zeros_like(v) if elastic.rotation is None else v)
+
+    def _load(self, equation: Equation, now: _Iterate) -> FloatArray:
+        return equation.rest - self._linear(now.v) - now.term.force + equation.factor.apply_tangents(now.v)
+
+    def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term) -> FloatArray:
+        """R(v, r) (n_dofs,), zero at driven dofs."""
+        factor, met = equation.factor, equation.met
+        R = factor.apply(v) - factor.apply_tangents(v) + term.force + self._linear(v) - equation.rest - met.H @ met.reaction(r)
+        return R - equation.model.driven_share(R)
+
+    def _relative(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term) -> float:
+        """Largest residual of a body over what is allowed."""
+        elastic = equation.elastic
+        allowed = TOLERANCE / LINEAR_TOLERANCE * elastic.allowed(term.force, equation.rest)
+        return float((elastic.norms(self.residual(equation, v, r, term)) / allowed).max(initial=0.0))
+
+    def _way(self, equation: Equation, now: _Iterate, v: FloatArray, result: Result) -> tuple[_Iterate, float] | None:
+        """How far to go from the iterate towards the answer v (n_dofs,), r: all the way where the residual does not grow."""
+        length, best = 1.0, None
+        r0 = now.r if now.r.shape == result.r.shape else result.r
+        while length >= _SHORTEST:
+            w, r = (v, result.r) if length == 1 else (now.v + length * (v - now.v), r0 + length * (result.r - r0))
+            term = self.inner.at(w)
+            if not term.inadmissible:
+                size = self._relative(equation, w, r, term)
+                found = _Iterate(w, r, term, size), length
+                if size <= max(1.0, 2 * now.residual):
+                    return found
+                best = found if best is None or size < best[0].residual else best
+            length *= 0.5
+        return best
+
+    def _moved(self, equation: Equation, earlier: Encounter, new: _Iterate) -> _Iterate:
+        """The iterate with its reactions at the contacts as they are found there, and the residual with these."""
+        old = Reactions(earlier.contacts.identity, earlier.contacts.frame, new.r.reshape(-1, earlier.contacts.dimension))
+        r = old.transfer(equation.met.contacts)
+        return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term))
+
+    def _settled(self, equation: Equation, met: Encounter, new: _Iterate) -> bool:
+        """Whether contacts are where the last problem meant them: pressed ones at their gap, none closed that was not."""
+        d, old = met.contacts.dimension, equation.met
+        here, meant = ((e.H.T @ new.v + e.w).reshape(-1, d)[:, 0] for e in (met, old))
+        pressed = new.r.reshape(-1, d)[:, 0] > 0
+        bearing = SETTLED * float(met.meeting.proportions.size.min(initial=np.inf)) / met.meeting.timing.length_per_u
+        place, known = _places(old.contacts.identity, met.contacts.identity)
+        moved = np.abs(here - np.append(meant, np.nan)[place])
+        pressed_here = np.append(pressed, False)[place]
+        same = np.count_nonzero(pressed_here) == np.count_nonzero(pressed)
+        open_or_known = np.where(
+            pressed_here, moved <= bearing, here >= np.minimum(-bearing, np.where(known, np.append(meant, 0)[place], 0) - bearing)
+        )
+        return bool(same and np.all(open_or_known))
+
+    def _note(
+        self, problem: GlobalProblem, result: Result, start: FloatArray, new: _Iterate, length: float, factor: SystemFactor, share: float
+    ) -> None:
+        fresh = sum(group.fresh for group in factor.nonlinear_groups)
+        self.done.append(Linearised(problem, result, start, TOLERANCE * new.residual, length, fresh, share))
+
+    def _answer(self, equation: Equation, reduction: Reduction, new: _Iterate, load: FloatArray, result: Result) -> Answer:
+        """The answer; its right side is that of the nonlinear equation, so that what supports take is what they take of it."""
+        exact = equation.rest - self._linear(new.v) - new.term.force + equation.factor.apply_tangents(new.v)
+        assert self.start is not None
+        return Answer(
+            self.done[-1].problem, reduction, result, new.v, exact, self.done[-1].start, equation.factor, equation.met, tuple(self.done)
+        )
+
+    def _failed(self, why: str, past: Past) -> tuple[None, Past]:
+        """No answer: why goes into the attempts."""
+        apart = self.done[-1].residual if self.done else np.inf
+        equation = self.equation
+        self.attempts.append(Attempt("Newton", "the last state", why, apart, len(self.done), equation.share, self.settings.tol))
+        return None, past
+
+
+def _stiffened(base: SystemFactor, blocks: tuple[FloatArray, ...], body: int, factor: float) -> tuple[FloatArray, ...]:
+    """The blocks with a share of the first stiffness added to one body's."""
+    changed = []
+    for group, own in zip(base.nonlinear_groups, blocks, strict=True):
+        own = own.copy()
+        own[group.members == body] += factor * group.first_stiffness
+        changed.append(own)
+    return tuple(changed)
+
+
+def _places(known: IntArray, wanted: IntArray) -> tuple[IntArray, FloatArray]:
+    """Where the numbers `wanted` stand among the ascending `known` ones, len(known) for those that do not, and which do."""
+    place = np.searchsorted(known, wanted)
+    there = np.append(known, -1)[place] == wanted
+    return np.where(there, place, len(known)), there

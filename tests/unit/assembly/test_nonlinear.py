@@ -1,0 +1,171 @@
+"""Inner forces of nonlinear bodies: derivatives of their energy, their tangents, invariance, and the linear limit."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.assembly import elasticity
+from fcsim.assembly.nonlinear import _tangent_kernels as kernels
+from fcsim.assembly.nonlinear.cells import _operator, _product
+from fcsim.assembly.nonlinear.part import Instant, NonlinearPart
+from fcsim.errors import InputError
+from fcsim.mesh.blocks import brick, rectangle
+from fcsim.mesh.material import Material, Orthotropic, mooney_rivlin, neo_hooke, ogden, saint_venant_kirchhoff
+from fcsim.mesh.material.law import LinearLaw
+from fcsim.mesh.part import Part
+
+E, NU = 3e6, 0.3
+LAWS = {
+    "linear": LinearLaw(Material(E, NU, 1000.0)),
+    "svk": saint_venant_kirchhoff(E, NU, 1000.0),
+    "neo-hooke": neo_hooke(E, NU, 1000.0),
+    "mooney-rivlin": mooney_rivlin(4e5, 2e5, 1e8, 1000.0),
+    "ogden": ogden([6e5, 2e5], [1.7, -2.0], 1e7, 1000.0),
+}
+CELLS = [
+    ("hexahedron", "Q1"),
+    ("hexahedron", "Q1-bbar"),
+    ("tetrahedron", "P1"),
+    ("quadrilateral", "Q1"),
+    ("quadrilateral", "Q1-bbar"),
+    ("triangle", "P1"),
+    ("hexahedron", "Q2"),
+    ("tetrahedron", "P2"),
+    ("quadrilateral", "Q2"),
+    ("triangle", "P2"),
+]
+
+
+def part_of(grid_part: Any, cell: str, elements: str, material: Any, plane: str = "strain") -> Part:
+    n, lengths = ((2, 1, 2), (0.4, 0.2, 0.3)) if cell in ("hexahedron", "tetrahedron") else ((3, 2), (0.4, 0.3))
+    return grid_part(cell, n, lengths, material, distort=0.1, elements=elements, plane=plane, thickness=0.1 if len(n) == 2 else 1.0)
+
+
+def displaced(part: Part, size: float, seed: int = 0) -> np.ndarray:
+    return size * 0.1 * np.random.default_rng(seed).uniform(-1, 1, (1, *part.points.shape))
+
+
+def inner(laws: NonlinearPart, u: np.ndarray, tangent: bool = False) -> Any:
+    return laws.inner(u, laws.initial[None], Instant(0.0, 0.0), tangent)
+
+
+@pytest.mark.parametrize("law", ["neo-hooke", "linear"])
+@pytest.mark.parametrize("turning", [False, True])
+@pytest.mark.parametrize(("cell", "elements"), CELLS)
+def test_force_is_the_derivative_of_energy_and_tangent_that_of_force(
+    grid_part: Any, cell: str, elements: str, turning: bool, law: str
+) -> None:
+    part = part_of(grid_part, cell, elements, LAWS[law])
+    laws = NonlinearPart(part, turning)
+    u, direction = displaced(part, 0.2), displaced(part, 1.0, seed=1)
+    h = 1e-5
+    found = inner(laws, u, tangent=True)
+    ends = [inner(laws, u + s * h * direction) for s in (1, -1)]
+    assert found.admissible.all()
+    work = float(np.vdot(found.force, direction))
+    assert_allclose((ends[0].energy - ends[1].energy)[0] / (2 * h), work, rtol=1e-6)
+    K = laws.graph.matrix(found.blocks[0])
+    assert_allclose((ends[0].force - ends[1].force).ravel() / (2 * h), K @ direction.ravel(), atol=1e-6 * abs(K @ direction.ravel()).max())
+    assert abs(K - K.T).max() < 1e-12 * abs(K).max()
+
+
+@pytest.mark.parametrize("law", sorted(LAWS))
+@pytest.mark.parametrize("d", [2, 3])
+def test_every_law_in_a_body(law: str, d: int) -> None:
+    part = brick("b", (0.2, 0.1, 0.1), (2, 1, 1), LAWS[law]) if d == 3 else rectangle("b", (0.2, 0.1), (2, 1), LAWS[law])
+    laws = NonlinearPart(part, True)
+    u, direction, h = displaced(part, 0.1), displaced(part, 1.0, seed=1), 1e-6
+    found, ends = inner(laws, u, tangent=True), [inner(laws, u + s * h * direction) for s in (1, -1)]
+    Kd = laws.graph.matrix(found.blocks[0]) @ direction.ravel()
+    assert_allclose((ends[0].energy - ends[1].energy)[0] / (2 * h), np.vdot(found.force, direction), rtol=1e-5)
+    assert_allclose((ends[0].force - ends[1].force).ravel() / (2 * h), Kd, atol=1e-6 * abs(Kd).max())
+
+
+@pytest.mark.parametrize("law", ["svk", "neo-hooke", "ogden"])
+@pytest.mark.parametrize("plane", ["strain", "stress"])
+@pytest.mark.parametrize(("cell", "elements"), CELLS)
+def test_first_tangent_is_linear_elasticity(grid_part: Any, cell: str, elements: str, plane: str, law: str) -> None:
+    """At F = 1 every law is Hooke's with its moduli; of Ogden's mu = 8e5, K = 1e7."""
+    if plane == "stress" and (cell in ("hexahedron", "tetrahedron") or elements == "Q1-bbar"):
+        pytest.skip("no plane stress")
+    nu = (3 * 1e7 - 2 * 8e5) / (2 * (3 * 1e7 + 8e5))
+    linear = Material(2 * 8e5 * (1 + nu), nu, 1000.0) if law == "ogden" else Material(E, NU, 1000.0)
+    laws = NonlinearPart(part_of(grid_part, cell, elements, LAWS[law], plane), True)
+    K = elasticity.stiffness(part_of(grid_part, cell, elements, linear, plane))
+    assert abs(laws.graph.matrix(laws.first_tangent) - K).max() < 1e-9 * abs(K).max()
+
+
+@pytest.mark.parametrize("law", sorted(LAWS))
+@pytest.mark.parametrize(("cell", "elements"), CELLS)
+def test_rotation_of_any_size_neither_stresses_nor_turns_back(grid_part: Any, cell: str, elements: str, law: str) -> None:
+    """Energy is that without the rotation, forces are turned: of a strained body, and of one that is only turned none."""
+    part = part_of(grid_part, cell, elements, LAWS[law])
+    laws, d = NonlinearPart(part, True), part.dimension
+    R = np.linalg.qr(np.random.default_rng(3).normal(size=(d, d)))[0]
+    R[:, 0] *= np.sign(np.linalg.det(R))
+    turned = (part.points @ R.T - part.points)[None]
+    scale = E * abs(part.points).max() ** 2
+    assert abs(inner(laws, turned).force).max() < 1e-12 * scale
+    u = displaced(part, 0.1)
+    at_rest, after = inner(laws, u), inner(laws, turned + u @ R.T)
+    assert_allclose(after.energy, at_rest.energy, rtol=1e-10)
+    assert_allclose(after.force, at_rest.force @ R.T, atol=1e-9 * abs(at_rest.force).max())
+    x = part.points + u[0]
+    moment = np.einsum("ni,nj->ij", at_rest.force[0], x)
+    assert_allclose(moment, moment.T, atol=1e-12 * scale)  # the inner forces have no moment
+
+
+def test_kernel_against_numpy() -> None:
+    rng = np.random.default_rng(0)
+    for d, k in ((2, 4), (3, 8)):
+        G, A = rng.normal(size=(3, 5, k, d)), rng.normal(size=(3, 5, 3, 3, 3, 3))
+        K = np.zeros((3, k * d, k * d))
+        kernels.cell_tangents(G, A, K)
+        assert_allclose(K, _product(_operator(G), A), rtol=1e-11, atol=1e-11)
+        cells = rng.integers(0, 6, (3, k))
+        nodal, twin = np.zeros((6, d)), np.zeros((6, d))
+        f = rng.normal(size=(3, k, d))
+        kernels.scatter_nodes(f, cells, nodal)
+        np.add.at(twin, cells, f)
+        assert_allclose(nodal, twin, atol=1e-14)
+        place, blocks = rng.integers(0, 7, (3, k, k)), np.zeros((7, d, d))
+        kernels.scatter_blocks(K, place, d, blocks)
+        twin = np.zeros((7, d, d))
+        np.add.at(twin, place, K.reshape(3, k, d, k, d).transpose(0, 1, 3, 2, 4))
+        assert_allclose(blocks, twin, atol=1e-12)
+
+
+def test_mean_volume_does_not_lock() -> None:
+    """A bent block of nearly incompressible rubber, nu = 0.4999: the linear limits of F-bar and B-bar have one stiffness."""
+    soft = mooney_rivlin(4e5, 1e5, 5e9, 1000.0)
+    laws = NonlinearPart(brick("b", (0.2, 0.1, 0.1), (4, 2, 2), soft, elements="Q1-bbar"), True)
+    nu = (3 * 5e9 - 2 * 1e6) / (2 * (3 * 5e9 + 1e6))
+    linear = brick("b", (0.2, 0.1, 0.1), (4, 2, 2), Material(2e6 * (1 + nu), nu, 1000.0), elements="Q1-bbar")
+    K = elasticity.stiffness(linear)
+    assert abs(laws.graph.matrix(laws.first_tangent) - K).max() < 1e-8 * abs(K).max()
+
+
+def test_orthotropic_bar_in_its_part() -> None:
+    """Pulled along each axis: strain 1/E_i, contraction nu_ij; K of the part does that work on constant strains."""
+    material = Orthotropic((10e9, 1e9, 0.5e9), (0.3, 0.4, 0.02), (0.7e9, 0.1e9, 0.6e9), 500.0)
+    part = brick("b", (0.2, 0.1, 0.3), (2, 1, 2), material)
+    K, C = elasticity.stiffness(part), material.elasticity
+    volume = 0.2 * 0.1 * 0.3
+    for i, E_i in enumerate(material.E):
+        strain = np.linalg.solve(C, np.eye(6)[i])
+        assert_allclose(strain[i], 1 / E_i)
+        x = (part.points * strain[:3]).ravel()
+        assert_allclose(x @ K @ x, volume * strain[i], rtol=1e-12)
+    assert_allclose(np.linalg.solve(C, np.eye(6)[0])[1], -0.3 / 10e9)
+    assert_allclose(np.linalg.solve(C, np.eye(6)[2])[0], -0.02 / 0.5e9)
+    with pytest.raises(InputError, match="positive energy"):
+        Orthotropic((10e9, 1e9, 0.5e9), (4.0, 0.4, 0.02), (0.7e9, 0.1e9, 0.6e9), 500.0)
+
+
+def test_elements_and_materials_that_do_not_go_together() -> None:
+    with pytest.raises(InputError, match="expected 'P1' or 'Q1' or 'Q1-bbar' for a material that is not linear, got 'Q1-enhanced'"):
+        NonlinearPart(brick("b", (1, 1, 1), (1, 1, 1), LAWS["svk"], elements="Q1-enhanced"), True)
+    with pytest.raises(InputError, match="material: expected a Material"):
+        brick("b", (1, 1, 1), (1, 1, 1), "steel")  # type: ignore[arg-type]
