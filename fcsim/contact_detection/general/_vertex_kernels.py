@@ -54,11 +54,11 @@ def _rims(
     facets: IntArray,
     sides: IntArray,
     facet_edges: IntArray,
-    sharp: BoolArray,
+    rim: BoolArray,
     star: IntArray,
     first_star: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Directions inwards (k, 3) and points (k, 3) of the sharp rims of the facet f that the foot lies on.
+    """Directions inwards (k, 3) and points (k, 3) of the rims of the facet f that the foot lies on.
 
     At a corner, the rims there of all facets in that plane: a face may be cut into triangles.
     """
@@ -76,7 +76,7 @@ def _rims(
             continue
         for l in range(sides[g]):
             edge = facet_edges[g, l]
-            if edge < 0 or not sharp[edge] or count == _RIMS:
+            if edge < 0 or not rim[edge] or count == _RIMS:
                 continue
             a = point[facets[g, l]]
             if sides[g] == 2:
@@ -106,14 +106,14 @@ def _covers(
     facets: IntArray,
     sides: IntArray,
     facet_edges: IntArray,
-    sharp: BoolArray,
+    rim: BoolArray,
     star: IntArray,
     first_star: IntArray,
 ) -> bool:
-    """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its sharp rim only if a facet
+    """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its rim only if a facet
     around v that faces it reaches over the rim inwards, without rising steeply from it. (Blocks whose corners merely meet, in a wall
     or, at any angles, in a dome, do not hold each other; one that rocks on the rim is held.)"""
-    rims, start = _rims(f, foot, n, near, point, normals, facets, sides, facet_edges, sharp, star, first_star)
+    rims, start = _rims(f, foot, n, near, point, normals, facets, sides, facet_edges, rim, star, first_star)
     if len(rims) == 0:
         return True
     for k in range(first_star[v], first_star[v + 1]):
@@ -156,18 +156,18 @@ def _pseudonormal(
 
 
 @njit(cache=True)
-def _in_a_corner(f: int, feature: int, sides: IntArray, facet_edges: IntArray, sharp: BoolArray, smooth: BoolArray) -> bool:
+def _in_a_corner(f: int, feature: int, sides: IntArray, facet_edges: IntArray, rim: BoolArray, smooth: BoolArray) -> bool:
     """Whether a foot on the boundary of a facet lies where the surface rises steeply: in a concave edge, or at its end."""
     if feature == INSIDE:
         return False
     l = feature - EDGE if feature < VERTEX else feature - VERTEX
     edge = facet_edges[f, l]
-    if not sharp[edge] and not smooth[edge]:
+    if not rim[edge] and not smooth[edge]:
         return True
     if feature < VERTEX or sides[f] == 2:
         return False
     edge = facet_edges[f, l - 1 if l > 0 else sides[f] - 1]
-    return not sharp[edge] and not smooth[edge]
+    return not rim[edge] and not smooth[edge]
 
 
 @njit(cache=True)
@@ -191,7 +191,7 @@ def touched_facets(
     sides: IntArray,
     facet_edges: IntArray,
     edge_facets: IntArray,
-    sharp: BoolArray,
+    rim: BoolArray,
     smooth: BoolArray,
     smooth_vertex: BoolArray,
     star: IntArray,
@@ -229,7 +229,7 @@ def touched_facets(
             aside = np.sqrt(max(distance[row] ** 2 - height[row] ** 2, 0.0))
             usable[row] = feature[row] == INSIDE or aside <= tol
             if not usable[row] and not outside and aside <= depth[group]:
-                usable[row] = _in_a_corner(facet[row], feature[row], sides, facet_edges, sharp, smooth)
+                usable[row] = _in_a_corner(facet[row], feature[row], sides, facet_edges, rim, smooth)
             under[row] = usable[row]
             if outside:
                 usable[row] = usable[row] and 0.0 < height[row] <= alert[group]
@@ -251,7 +251,7 @@ def touched_facets(
             if best < 0:
                 break
             foot = point[v] - height[best] * normal[best]
-            if _covers(v, facet[best], foot, normal[best], tol, point, normals, facets, sides, facet_edges, sharp, star, first_star):
+            if _covers(v, facet[best], foot, normal[best], tol, point, normals, facets, sides, facet_edges, rim, star, first_star):
                 break
             usable[best] = False
             deepest = min(deepest, abs(height[best]) + _ROLL * tol)  # where corners meet, the way out is none through a farther side
