@@ -31,6 +31,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--solver", help="solver of every step (see fcsim solvers)")
     run.add_argument("--tol", type=float, help="tolerance on the error of every step")
     run.add_argument("--export-every", type=int, default=10, metavar="K", help="write an FCLIB file every K steps, 0 = none (default 10)")
+    run.add_argument(
+        "--export-iterations",
+        action="store_true",
+        help="of steps with nonlinear bodies write all problems of Newton's method, not the last alone",
+    )
     run.add_argument("--export-form", choices=("global", "local", "both"), default="global", help="form of the FCLIB files")
     run.add_argument("--vtk-every", type=int, default=10, metavar="K", help="write VTK files every K steps, 0 = none (default 10)")
     run.add_argument("--checkpoint-every", type=int, default=20, metavar="K", help="steps between checkpoints (default 20)")
@@ -64,6 +69,7 @@ def _run(options: argparse.Namespace) -> int:
     settings = RunOptions(
         export_every=options.export_every,
         export_forms=forms,
+        export_iterations=options.export_iterations,
         vtk_every=options.vtk_every,
         checkpoint_every=options.checkpoint_every,
     )
