@@ -64,7 +64,7 @@ if [ ! -e .venv/.installed ] || ! .venv/bin/python -c '' >/dev/null 2>&1; then
     "$python" -m venv .venv
 fi
 rm -f .venv/.installed .venv/.ready
-.venv/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[fem,view,optimisation,dev]'
+.venv/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[fem,view,optimisation,masonry,dev]'
 touch .venv/.installed
 .venv/bin/python tools/check_environment.py
 touch .venv/.ready

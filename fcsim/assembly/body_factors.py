@@ -11,7 +11,8 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.groups import Group
 from fcsim.assembly.inner_forces import changed, mass_blocks
 from fcsim.errors import FcsimError
-from fcsim.linear.factors import DENSE_UP_TO, Factor, SingularMatrix, factorise, inverse_on
+from fcsim.linear.factors import Factor, SingularMatrix, factorise, inverse_on
+from fcsim.linear.storage import BLOCK_UP_TO
 
 
 class Indefinite(FcsimError, ArithmeticError):
@@ -78,7 +79,7 @@ class BodyFactors:
             assert self._group.laws is not None
             A = self._group.laws.graph.matrix(self.blocks[k] + self._mass_blocks)[self.free][:, self.free]
             try:
-                self._factors[k] = factorise(A.toarray() if A.shape[0] <= DENSE_UP_TO else A, positive_definite=True)
+                self._factors[k] = factorise(A.toarray() if A.shape[0] <= BLOCK_UP_TO else A, positive_definite=True)
             except SingularMatrix as error:
                 raise Indefinite(int(self.members[k]), str(error)) from None
         return self._factors[k]

@@ -23,9 +23,11 @@ from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly import elements
 from fcsim.errors import InputError, MissingDependency
+from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material.isotropic import Material
 from fcsim.mesh.material.isotropic import lame as isotropic_lame
 from fcsim.mesh.material.law import LinearMaterial
+from fcsim.mesh.order.quadrature import quadrature
 from fcsim.mesh.part import Part
 
 # Polynomial degree integrated exactly, in each direction for hexahedra and quadrilaterals: 3 = two Gauss points a direction.
@@ -35,7 +37,15 @@ QUADRATURE_DEGREE = {
     "quadrilateral": {"stiffness": 3, "mass": 3, "load": 3},
     "tetrahedron": {"stiffness": 0, "mass": 2, "load": 1},
     "triangle": {"stiffness": 0, "mass": 2, "load": 1},
+    "hexahedron27": {"stiffness": 5, "mass": 5, "load": 5},  # three Gauss points a direction
+    "quadrilateral9": {"stiffness": 5, "mass": 5, "load": 5},
+    "tetrahedron10": {"stiffness": 2, "mass": 4, "load": 3},  # exact for straight edges
+    "triangle6": {"stiffness": 2, "mass": 4, "load": 3},
 }
+
+
+BY_DOLFINX = ("Q1", "P1", "Q2", "P2")
+"""Elements whose strain is that of their displacements."""
 
 
 def once_per_part[T](make: Callable[[Part], T]) -> Callable[[Part], T]:
@@ -54,7 +64,7 @@ def once_per_part[T](make: Callable[[Part], T]) -> Callable[[Part], T]:
 @dataclass(frozen=True, eq=False)
 class PartOperators:
     """What a part brings to a model: stiffness and consistent_mass (d nn, d nn) [N/m], [kg]; lumped_mass (d nn,) [kg];
-    nodal_volume (nn,) [m^3]. Shared by all bodies that place the part, therefore read-only."""
+    nodal_volume (nn,) [m^3], that of the lumped mass, all positive. Shared by all bodies that place the part, therefore read-only."""
 
     stiffness: csr_array
     consistent_mass: csr_array
@@ -65,22 +75,22 @@ class PartOperators:
 @once_per_part
 def assemble(part: Part) -> PartOperators:
     """Return all operators of the part. Raises as `stiffness` does."""
-    return PartOperators(stiffness(part), consistent_mass(part), lumped_mass(part), nodal_volume(part))
+    return PartOperators(stiffness(part), consistent_mass(part), lumped_mass(part), lumped_volume(part))
 
 
 @once_per_part
 def stiffness(part: Part) -> csr_array:
     """Return K (d nn, d nn) [N/m], exactly symmetric: x^T K y = integral of sigma(x) : eps(y), with
     sigma = lambda tr(eps) I + 2 mu eps in 3D and plane strain, and lambda replaced by 2 lambda mu / (lambda + 2 mu) in plane stress;
-    sigma = C eps of other linear materials. eps is that of the part's elements: "Q1" and "P1" of isotropic materials here by
-    dolfinx, all others by `fcsim.assembly.elements`.
+    sigma = C eps of other linear materials. eps is that of the part's elements: `BY_DOLFINX` of isotropic materials here, all others by
+    `fcsim.assembly.elements`.
 
     Raises InputError for a mesh with nodes that belong to no cell, MissingDependency without dolfinx or a C compiler.
     """
     import ufl
 
     discrete = _discretise(part)
-    if part.elements not in ("Q1", "P1") or not isinstance(part.material, Material):
+    if part.elements not in BY_DOLFINX or not isinstance(part.material, Material):
         return _read_only(elements.stiffness(part, elasticity_matrix(part)))
     V = discrete.vector_space
     first, second = (discrete.constant(value) for value in lame(part))
@@ -105,13 +115,37 @@ def consistent_mass(part: Part) -> csr_array:
 
 @once_per_part
 def lumped_mass(part: Part) -> FloatArray:
-    """Return the row sums of the consistent mass (d nn,) [kg]: all positive for first-order cells. Raises as `stiffness` does."""
-    return _read_only(np.repeat(part.material.density * nodal_volume(part), part.dimension))
+    """Return the density times `lumped_volume` (d nn,) [kg]. Raises as `stiffness` does."""
+    return _read_only(np.repeat(part.material.density * lumped_volume(part), part.dimension))
+
+
+@once_per_part
+def lumped_volume(part: Part) -> FloatArray:
+    """Return the share (nn,) [m^3] of the volume that each node has in the lumped mass, all positive: `nodal_volume`, the row sums of the
+    consistent mass, for first-order cells; for second order, where these are negative in the corners of simplices, each cell's volume in
+    the proportion of int N_a^2 (E. Hinton, T. Rock, O. C. Zienkiewicz, "A note on mass lumping and related processes in the finite element
+    method", Earthq. Eng. Struct. Dyn. 4, 1976). Raises as `stiffness` does."""
+    cell = CELL_TYPES[part.cell_type]
+    if cell.order == 1:
+        return nodal_volume(part)
+    _discretise(part)  # refuses what it must
+    at, weights = quadrature(cell, 4)
+    gradients, squares = cell.gradient(at), cell.shape(at) ** 2
+    own = np.zeros((len(part.cells), cell.size))
+    volume = np.zeros(len(part.cells))
+    nodes = part.points[part.cells] - part.points[part.cells[:, :1]]
+    for weight, gradient, square in zip(weights, gradients, squares, strict=True):
+        measure = weight * np.linalg.det(nodes.transpose(0, 2, 1) @ gradient)
+        own += measure[:, None] * square
+        volume += measure
+    own *= (volume / own.sum(axis=1))[:, None]
+    return _read_only(part.thickness * np.bincount(part.cells.ravel(), own.ravel(), minlength=len(part.points)))
 
 
 @once_per_part
 def nodal_volume(part: Part) -> FloatArray:
-    """Return the integral of each node's shape function (nn,) [m^3]; they sum to the volume. Raises as `stiffness` does."""
+    """Return the integral of each node's shape function (nn,) [m^3]; they sum to the volume, and are negative in the corners of
+    tetrahedra of second order, zero in those of triangles. Raises as `stiffness` does."""
     import ufl
 
     discrete = _discretise(part)
@@ -182,7 +216,7 @@ def _surface_load(part: Part, surface_name: str, force: FloatArray, pressure: fl
 
 @dataclass(frozen=True, eq=False)
 class _Discretisation:
-    """A part's dolfinx mesh and first-order spaces; `node` (nn,) is the part's node of each vertex of dolfinx's geometry."""
+    """A part's dolfinx mesh and the spaces of its order; `node` (nn,) is the part's node of each point of dolfinx's geometry."""
 
     mesh: Any
     node: IntArray
@@ -201,10 +235,8 @@ class _Discretisation:
 
     def dof(self, space: Any) -> IntArray:
         """Return the part's dof number of each dof of the space (both list the nodes of a cell in the same order)."""
-        dim = self.mesh.topology.dim
-        cells = np.arange(self.mesh.topology.index_map(dim).size_local, dtype=np.int32)
         node = np.empty(len(self.node), dtype=np.int64)
-        node[space.dofmap.list] = self.node[runtime.dolfinx().mesh.entities_to_geometry(self.mesh, dim, cells)]
+        node[space.dofmap.list] = self.node[self.mesh.geometry.dofmaps[0]]
         components = space.dofmap.index_map_bs
         return (components * node[:, None] + np.arange(components)).ravel()
 
@@ -253,15 +285,15 @@ def _discretise(part: Part) -> _Discretisation:
     import basix.ufl
     from mpi4py import MPI
 
-    d = part.dimension
-    vtk_order = dolfinx.cpp.io.perm_vtk(dolfinx.mesh.to_type(part.cell_type), part.cells.shape[1])
-    element = basix.ufl.element("Lagrange", part.cell_type, 1, shape=(d,), dtype=np.float64)
+    d, cell = part.dimension, CELL_TYPES[part.cell_type]
+    vtk_order = dolfinx.cpp.io.perm_vtk(dolfinx.mesh.to_type(cell.basix), cell.size)
+    element = basix.ufl.element("Lagrange", cell.basix, cell.order, shape=(d,), dtype=np.float64)
     mesh = dolfinx.mesh.create_mesh(MPI.COMM_SELF, part.cells[:, vtk_order], element, part.points)
     return _Discretisation(
         mesh=mesh,
         node=mesh.geometry.input_global_indices,
-        scalar_space=dolfinx.fem.functionspace(mesh, ("Lagrange", 1)),
-        vector_space=dolfinx.fem.functionspace(mesh, ("Lagrange", 1, (d,))),
+        scalar_space=dolfinx.fem.functionspace(mesh, ("Lagrange", cell.order)),
+        vector_space=dolfinx.fem.functionspace(mesh, ("Lagrange", cell.order, (d,))),
         degree=QUADRATURE_DEGREE[part.cell_type],
     )
 

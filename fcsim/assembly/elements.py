@@ -1,4 +1,4 @@
-"""Elements of first order: the strain of a cell from its nodes' displacements, and its stiffness.
+"""Elements: the strain of a cell from its nodes' displacements, and its stiffness.
 
 Hexahedra and quadrilaterals, by `Part.elements`:
 
@@ -12,8 +12,11 @@ Hexahedra and quadrilaterals, by `Part.elements`:
   parallelepipeds lose nothing, trapezia lose part of it (no four-node element that passes the patch test can bend exactly there).
 * "Q1-bbar": of Q1's strain the dilatation is replaced by its mean over the cell: no volumetric locking; bends as Q1 does.
 
-Tetrahedra and triangles: "P1" alone. Their strain is constant: they bend stiffly, and lock for nu towards 1/2; there is neither an
-enhanced nor a B-bar variant (the mean of a constant is that constant), and elements of second order are not here.
+Tetrahedra and triangles: "P1". Their strain is constant: they bend stiffly, and lock for nu towards 1/2; there is neither an
+enhanced nor a B-bar variant (the mean of a constant is that constant).
+
+"Q2" and "P2": displacements of second order (27, 9, 10 and 6 nodes), eps = sym grad x. They bend as a beam does, in one cell through the
+height too, and keep most of it for nu towards 1/2.
 
 All points and cells are axes of arrays. Strains are (xx, yy, zz, xy, yz, zx) with gamma = 2 eps in the last three, in 2D too.
 Mass and loads are those of Q1 for all of them: the modes have no inertia and loads do no work on them.
@@ -39,6 +42,7 @@ from scipy.sparse import csr_array
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, CellType
+from fcsim.mesh.order.quadrature import quadrature as by_gauss
 from fcsim.mesh.part import Part
 
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
@@ -127,14 +131,20 @@ def strain_of_gradients(gradients: FloatArray) -> FloatArray:
 
 
 STRAIN: Mapping[str, Element] = MappingProxyType(
-    {"P1": displacement_strain, "Q1": displacement_strain, "Q1-enhanced": enhanced_strain, "Q1-bbar": bbar_strain}
+    {
+        **dict.fromkeys(("P1", "Q1", "P2", "Q2"), displacement_strain),
+        "Q1-enhanced": enhanced_strain,
+        "Q1-bbar": bbar_strain,
+    }
 )
 """What the names of `Part.elements` mean."""
 
 
 def quadrature(kind: CellType) -> tuple[FloatArray, FloatArray]:
     """Points (nq, d) and weights (nq,) of the rule with which a cell's strains are integrated: Gauss' of two points a direction, the centre
-    of simplices, whose strain is constant."""
+    of simplices, whose strain is constant; for second order three points a direction, of simplices the rule of degree 5."""
+    if kind.order == 2:
+        return by_gauss(kind, 3)
     if kind.simplex:
         return kind.centre, np.array([1 / factorial(kind.dimension)])
     return gauss(kind.dimension)
@@ -175,7 +185,7 @@ def stiffness(part: Part, C: FloatArray) -> csr_array:
 
 def _blocks(part: Part, C: FloatArray) -> Iterator[tuple[IntArray, Cells]]:
     d = part.dimension
-    if part.elements not in ("Q1", "P1"):
+    if part.elements in ("Q1-enhanced", "Q1-bbar"):
         refuse_inverted(part)
     for begin in range(0, len(part.cells), CELLS_AT_ONCE):
         numbers = part.cells[begin : begin + CELLS_AT_ONCE]

@@ -1,4 +1,5 @@
-"""The command line: fcsim run | solve | info | render | solvers | collection | bench | profile | report, each a file beside."""
+"""The command line: fcsim run | solve | info | render | solvers | collection | bench | profile | report, each a file beside; limit | tilt |
+push in `masonry`."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from fcsim.command_line import bench, collection, info, profile, render, run, solve, solvers
+from fcsim.command_line import bench, collection, info, masonry, profile, render, run, solve, solvers
 from fcsim.command_line.terminal import any_encoding, say, silence
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError
 from fcsim.interrupts import ended_by, is_interrupt
@@ -23,7 +24,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"fcsim {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    for command in (run, solve, info, render, solvers, collection, bench, profile):
+    for command in (run, solve, info, render, solvers, collection, bench, profile, masonry):
         command.add_parser(commands)
     return parser
 

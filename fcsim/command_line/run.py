@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from contextlib import nullcontext
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from fcsim.command_line.assignments import add_plugin_option, checked_tolerance,
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK, InputError
 from fcsim.interrupts import ended_politely
+from fcsim.memory import any_size
 
 if TYPE_CHECKING:
     from fcsim.running.case import Case, CaseScript
@@ -35,6 +37,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--resume", action="store_true", help="go on with an interrupted run in the folder of the results")
     run.add_argument("--accept-changes", action="store_true", help="resume also where script, meshes, tables or versions have changed")
     run.add_argument("--overwrite", action="store_true", help="replace an earlier run's results")
+    run.add_argument("--any-size", action="store_true", help="begin also what the free memory does not seem to hold")
     run.add_argument("--parameters", action="store_true", help="list the case's parameters and stop")
     add_plugin_option(run)
     run.set_defaults(act=_run)
@@ -65,7 +68,7 @@ def _run(options: argparse.Namespace) -> int:
         vtk_every=options.vtk_every,
         checkpoint_every=options.checkpoint_every,
     )
-    with ended_politely(), Bar("step") as bar:
+    with ended_politely(), any_size() if options.any_size else nullcontext(), Bar("step") as bar:
         summary = run_case(
             script,
             assignments,
@@ -74,6 +77,7 @@ def _run(options: argparse.Namespace) -> int:
             resume=options.resume,
             overwrite=options.overwrite,
             accept_changes=options.accept_changes,
+            announce=bar.say,
             watch=lambda case, step: show_step(bar, case, step),
         )
     _print_summary(summary, directory)

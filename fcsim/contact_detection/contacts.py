@@ -17,7 +17,7 @@ class Contacts:
 
     point    (nc, d) [m] foot point on the master surface; of a mortar contact the weighted mean of the feet
     frame    (nc, d, d)  rows N, T1[, T2]: orthonormal, right-handed
-    gap      (nc,) [m]   (candidate - foot point) . N, negative = penetration; the candidate is the sum of the positive weights times nodes
+    gap      (nc,) [m]   (candidate - foot point) . N = N . sum of weights times nodes, negative = penetration
     mu       (nc,)       Coulomb friction coefficient
     nodes    (nc, k)     global node numbers, -1 = none
     weights  (nc, k)     + shape functions on the slave's nodes, - shape functions on the master's; they sum to zero
@@ -40,6 +40,14 @@ class Contacts:
     @property
     def dimension(self) -> int:
         return self.frame.shape[-1]
+
+    @property
+    def on_master(self) -> FloatArray:
+        """Weights (nc, k) >= 0 of the foot point: minus the negative weights, which sum to 1 unless shape functions of second order have
+        both signs; then scaled to that sum, so that they give a point among the master's nodes."""
+        weights = np.where(self.nodes < 0, 0.0, -np.minimum(self.weights, 0.0))
+        total = weights.sum(axis=1, keepdims=True)
+        return np.where(np.abs(total - 1) > 1e-6, weights / np.where(total > 0, total, 1.0), weights)
 
     def take(self, chosen: NDArray[np.bool_] | IntArray) -> Contacts:
         """Return the chosen contacts (a mask (nc,) or numbers)."""

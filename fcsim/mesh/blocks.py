@@ -9,7 +9,8 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.memory import refuse_beyond_memory
+from fcsim.mesh.cell_type import CELL_TYPES, RAISED
 from fcsim.mesh.material.isotropic import Material
 from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.named_mesh import NamedMesh, from_gmsh
@@ -17,6 +18,8 @@ from fcsim.mesh.part import Part, RigidBody
 from fcsim.runtime import gmsh_model
 
 AXES = "xyz"
+BYTES_PER_CELL = 1200.0
+"""What gmsh holds and hands out of a structured mesh, measured at 64 000 and 343 000 hexahedra."""
 
 
 def part_from_gmsh(
@@ -34,7 +37,7 @@ def part_from_gmsh(
     The cells are those of the physical group `volume` (of surfaces, for a plane model), which can be left out where there is one
     group or none; the part's surfaces are the physical groups of one dimension less, by name, oriented outwards. A model of several
     volume groups makes several parts, one call each; a surface keeps the facets that bound the part. InputError for cells that are
-    not of first order, of several types, inverted or degenerate, and for surfaces that are not on the boundary.
+    of several types or none of `fcsim.mesh.cell_type`, inverted or degenerate, and for surfaces that are not on the boundary.
     """
     mesh = from_gmsh(gmsh, f"gmsh model {gmsh.model.getCurrent()!r}", plane=plane, thickness=thickness)
     return mesh.part(material, name=name, volume=volume, elements=elements)
@@ -53,7 +56,8 @@ def brick(
     """Return a box from `origin` to `origin + size` [m] with surfaces "x-", "x+", "y-", "y+", "z-", "z+".
 
     A structured mesh of `divisions` = (nx, ny, nz) hexahedra; with cell="tetrahedron" each of them is cut into tetrahedra.
-    elements: "Q1" (default), "Q1-enhanced" where the brick bends or is nearly incompressible, "Q1-bbar"; see `Part`.
+    elements: "Q1" (default), "Q1-enhanced" where the brick bends or is nearly incompressible, "Q1-bbar", "Q2"; of tetrahedra "P1", "P2";
+    see `Part`.
     """
     return _box(name, size, divisions, cell, origin, dimension=3).part(material, name=name, elements=elements)
 
@@ -73,7 +77,7 @@ def rectangle(
     """Return a rectangle from `origin` to `origin + size` [m] with surfaces "x-", "x+", "y-", "y+".
 
     A structured mesh of `divisions` = (nx, ny) quadrilaterals; with cell="triangle" each of them is cut in two. `plane` and
-    `thickness` [m] are those of `Part`, as are `elements`: "Q1" (default), "Q1-enhanced", "Q1-bbar".
+    `thickness` [m] are those of `Part`, as are `elements`: "Q1" (default), "Q1-enhanced", "Q1-bbar", "Q2"; "P1", "P2".
     """
     return _box(name, size, divisions, cell, origin, dimension=2, plane=plane, thickness=thickness).part(
         material, name=name, elements=elements
@@ -142,10 +146,13 @@ def _box(
         raise InputError(f"{name!r}, size: expected lengths > 0 in m, got {size.tolist()}")
     if np.any(counts < 1) or np.any(counts != np.round(counts)):
         raise InputError(f"{name!r}, divisions: expected whole numbers >= 1, got {divisions!r}")
-    if cell not in CELL_TYPES or CELL_TYPES[cell].dimension != dimension:
-        known = " or ".join(repr(c) for c, its in CELL_TYPES.items() if its.dimension == dimension)
+    if cell not in RAISED or CELL_TYPES[cell].dimension != dimension:
+        known = " or ".join(repr(c) for c in RAISED if CELL_TYPES[c].dimension == dimension)
         raise InputError(f"{name!r}, cell: expected {known}, got {cell!r}")
 
+    refuse_beyond_memory(
+        f"{name!r}: a mesh of {' x '.join(f'{count:g}' for count in counts)} cells", BYTES_PER_CELL * float(np.prod(counts))
+    )
     with gmsh_model(name) as gmsh:
         swept = [(0, gmsh.model.geo.addPoint(*origin, *(0.0,) * (3 - dimension)))]
         for axis in range(dimension):

@@ -31,10 +31,12 @@ def match_facets(cells: IntArray, cell_type: str, facets: IntArray) -> tuple[Int
     oriented = facets.copy()
     belongs = count > 0
     outward = candidates[owner[wanted[belongs]]]
-    if outward.shape[1] > 2:  # a segment has no choice of its first node
-        start = np.argmax(outward == facets[belongs, :1], axis=1)
-        turn = (start[:, None] + np.arange(outward.shape[1])) % outward.shape[1]
-        outward = np.take_along_axis(outward, turn, axis=1)
+    k = CELL_TYPES[cell_type].facet_corners
+    if k > 2:  # a segment has no choice of its first node
+        start = np.argmax(outward[:, :k] == facets[belongs, :1], axis=1)
+        turn = (start[:, None] + np.arange(k)) % k
+        for ring in range(0, outward.shape[1] - k + 1, k):  # the corners, and the middles of the edges that begin at them
+            outward[:, ring : ring + k] = np.take_along_axis(outward[:, ring : ring + k], turn, axis=1)
     oriented[belongs] = outward
     return count, oriented
 

@@ -27,6 +27,7 @@ from fcsim.mesh.part import Part
 from fcsim.runtime import gmsh_model
 
 KEEPS_SURFACES = (".msh", ".vtu", ".vtk", ".xdmf")
+KEEPS_SECOND_ORDER = (".msh", ".vtu", ".vtk")  # meshio writes them elsewhere too, but cannot read all of it again
 KEEPS_CELLS = (*KEEPS_SURFACES, ".inp", ".med", ".mesh")  # the other formats of meshio lose cells or digits
 _MSH_NAME = 127  # gmsh cuts longer names of physical groups
 
@@ -44,8 +45,8 @@ def read_mesh(
     """Return the part that a mesh file holds: `volume` of it, where it has several named volumes.
 
     `name` is the part's: by default that of the volume, or of the file where its cells have no name. A 2D mesh lies in a plane
-    z = const. InputError where the file is missing or unreadable, has no volume cells, has cells of several types or of second
-    order, has inverted, degenerate or unused elements, or surfaces that are not on the boundary.
+    z = const. InputError where the file is missing or unreadable, has no volume cells, has cells of several types or of kinds
+    that are not in `fcsim.mesh.cell_type`, has inverted, degenerate or unused elements, or surfaces that are not on the boundary.
     """
     mesh = _read(Path(path), plane, thickness)
     part_name = name or volume or next(iter(mesh.volumes)) or Path(path).stem
@@ -95,6 +96,8 @@ def _check_writable(path: Path, part: Part, surfaces: bool) -> None:
             f"{path}: expected one of {', '.join(KEEPS_SURFACES)}, which keep the {len(part.surfaces)} surfaces of part {part.name!r}, or "
             f"surfaces=False to leave them out, got {path.suffix!r}"
         )
+    if CELL_TYPES[part.cell_type].order == 2 and path.suffix not in KEEPS_SECOND_ORDER:
+        raise InputError(f"{path}: expected {', '.join(KEEPS_SECOND_ORDER)} for cells of second order, got {path.suffix!r}")
     if surfaces and "" in part.surfaces:
         raise InputError(f"{path}: expected surfaces with names, got part {part.name!r} with a surface ''")
     if path.suffix == ".msh":
@@ -118,7 +121,8 @@ def _write_msh(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> None
     with gmsh_model(part.name) as gmsh:
         volume = gmsh.model.addDiscreteEntity(d)
         gmsh.model.mesh.addNodes(d, volume, np.arange(1, len(points) + 1), points.ravel())
-        gmsh.model.mesh.addElementsByType(volume, GMSH_NUMBERS[part.cell_type], [], part.cells.ravel() + 1)
+        in_gmsh = np.argsort(CELL_TYPES[part.cell_type].from_gmsh)
+        gmsh.model.mesh.addElementsByType(volume, GMSH_NUMBERS[part.cell_type], [], part.cells[:, in_gmsh].ravel() + 1)
         gmsh.model.addPhysicalGroup(d, [volume], name=part.name)
         for name, facets in surfaces.items():
             surface = gmsh.model.addDiscreteEntity(d - 1)

@@ -113,15 +113,15 @@ def named_mesh(
 ) -> NamedMesh:
     """Sort blocks of elements into volumes (the highest dimension) and surfaces (one below), by their group.
 
-    points (n, 3) or (n, 2) [m]; a 2D mesh lies in a plane z = const. InputError for elements that are not of first order or not of
+    points (n, 3) or (n, 2) [m]; a 2D mesh lies in a plane z = const. InputError for elements of other kinds than `CELL_TYPES` or not of
     one type, and where there are no volume cells.
     """
     blocks = [block for block in blocks if len(block.elements)]
     types = list(dict.fromkeys(block.cell_type for block in blocks))
-    if unknown := [t for t in types if t not in CELL_TYPES and t not in ("line", "vertex")]:
+    if unknown := [t for t in types if t not in CELL_TYPES and t not in ("line", "line3", "vertex")]:
         raise InputError(
-            f"{source}: expected first-order cells ({', '.join(CELL_TYPES)}), got {', '.join(unknown)}: "
-            "cells of second order, prisms and pyramids are not supported"
+            f"{source}: expected cells of first or full second order ({', '.join(CELL_TYPES)}), got {', '.join(unknown)}: prisms, pyramids "
+            "and cells without middle nodes of their faces (gmsh: Mesh.SecondOrderIncomplete = 0) are not supported"
         )
     cell_types = [t for t in types if t in CELL_TYPES]
     dimension = max((CELL_TYPES[t].dimension for t in cell_types), default=0)
@@ -191,7 +191,8 @@ def from_gmsh(gmsh: Any, source: str, **plane_and_thickness: Any) -> NamedMesh:
             places = np.searchsorted(tags, nodes)
             if np.any(places >= len(tags)) or np.any(tags[places] != nodes):
                 raise InputError(f"{source}: expected elements of nodes that are there, got some of others in {group or 'no group'}")
-            blocks.append(Block(GMSH_TYPES.get(number, described), places.reshape(-1, size), group))
+            kind, places = GMSH_TYPES.get(number, described), places.reshape(-1, size)
+            blocks.append(Block(kind, places[:, CELL_TYPES[kind].from_gmsh] if kind in CELL_TYPES else places, group))
 
     for dimension, tag in sorted(gmsh.model.getPhysicalGroups(), key=lambda group: group[1]):
         for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, tag):

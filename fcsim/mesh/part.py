@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import Literal, get_args
 
@@ -18,9 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS
+from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, RAISED
 from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.material.law import AnyMaterial, LinearMaterial, PointLaw
+from fcsim.mesh.order.linear_facets import linear_facets
+from fcsim.mesh.order.second_order import raised
 
 Kinematics = Literal["turning", "linear"]
 
@@ -64,12 +67,16 @@ class Part:
 
     points    (nn, d) [m], d = 2 or 3
     cells     (ncells, k) node numbers, in VTK's (= gmsh's for first order) ordering
-    cell_type "hexahedron", "tetrahedron", "quadrilateral" or "triangle"
+    cell_type "hexahedron", "tetrahedron", "quadrilateral" or "triangle"; of second order "hexahedron27", "tetrahedron10",
+              "quadrilateral9" or "triangle6"
     surfaces  name -> (nf, kf) node numbers of the facets; a 3D facet is ordered counter-clockwise seen from outside, so that its
-              right-hand normal points out of the body; a 2D facet (a, b) has the body on its left, outward normal (t_y, -t_x)
+              right-hand normal points out of the body; a 2D facet (a, b) has the body on its left, outward normal (t_y, -t_x). Facets
+              of second order: the corners, then the middles of the edges around, then the middle of a quadrilateral
     plane     2D only: "strain" or "stress"; thickness [m] multiplies every 2D integral
     elements  how the cells deform (`fcsim.assembly.elements`): hexahedra and quadrilaterals "Q1" (None: this), "Q1-enhanced" (bends and
-              keeps its volume without locking) or "Q1-bbar" (without volumetric locking); tetrahedra and triangles "P1" alone
+              keeps its volume without locking) or "Q1-bbar" (without volumetric locking); tetrahedra and triangles "P1"; of second
+              order "Q2" and "P2". Cells of first order given with these are raised: the new nodes, in the middle of straight edges, come
+              after the given ones, and points, cells, cell_type and surfaces are then those of second order
     """
 
     name: str
@@ -85,9 +92,7 @@ class Part:
     def __post_init__(self) -> None:
         what = f"Part {self.name!r}"
         if self.cell_type not in CELL_TYPES:
-            first = next((name for name in CELL_TYPES if str(self.cell_type).startswith(name)), None)
-            hint = f": cells of second order are not supported, mesh with {first}s of first order" if first else ""
-            raise InputError(f"{what}: expected a cell type among {', '.join(CELL_TYPES)}, got {self.cell_type!r}{hint}")
+            raise InputError(f"{what}: expected a cell type among {', '.join(CELL_TYPES)}, got {self.cell_type!r}")
         if self.plane not in ("strain", "stress"):
             raise InputError(f"{what}: expected plane 'strain' or 'stress', got {self.plane!r}")
         if not self.thickness > 0:
@@ -105,19 +110,35 @@ class Part:
         if self.cells.size == 0 or self.cells.min() < 0 or self.cells.max() >= len(self.points):
             raise InputError(f"{what}: expected cells with node numbers 0 ... {len(self.points) - 1}, got {self.cells.shape[0]} cells")
         object.__setattr__(self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), cell.facet_size, what))
+        if cell.order == 1 and self.elements in ELEMENTS[RAISED[self.cell_type]]:
+            self._raise_order()
+
+    def _raise_order(self) -> None:
+        points, cells, cell_type, surfaces = raised(self.points, self.cells, self.cell_type, self.surfaces, f"Part {self.name!r}")
+        for array in (points, cells, *surfaces.values()):
+            array.setflags(write=False)
+        for name, value in (("points", points), ("cells", cells), ("cell_type", cell_type), ("surfaces", MappingProxyType(surfaces))):
+            object.__setattr__(self, name, value)
 
     @property
     def dimension(self) -> int:
         return self.points.shape[1]
 
+    @cached_property
+    def linear_surfaces(self) -> Mapping[str, IntArray]:
+        """The surfaces with facets of first order: those of second order are cut at their nodes, see `fcsim.mesh.order.linear_facets`."""
+        cell = CELL_TYPES[self.cell_type]
+        return MappingProxyType({name: linear_facets(facets, cell) for name, facets in self.surfaces.items()})
+
 
 def _refuse_elements(part: Part) -> None:
     """Refuse elements that the part's cells do not have, and those that change nothing where they stand."""
     what = f"Part {part.name!r}, elements"
-    known = ELEMENTS[part.cell_type]
+    cell = CELL_TYPES[part.cell_type]
+    known = (*ELEMENTS[part.cell_type], *(ELEMENTS[RAISED[part.cell_type]] if cell.order == 1 else ()))
     if part.elements not in known:
-        simplex = CELL_TYPES[part.cell_type].simplex
-        hint = ": their strain is constant, so there is nothing to enhance; mesh finer, or with " if simplex else ""
+        simplex = cell.simplex and cell.order == 1
+        hint = ": their strain is constant, so there is nothing to enhance; take 'P2', mesh finer, or with " if simplex else ""
         hint += ("hexahedra" if part.cell_type == "tetrahedron" else "quadrilaterals") if simplex else ""
         raise InputError(f"{what}: expected {' or '.join(map(repr, known))} for {part.cell_type} cells, got {part.elements!r}{hint}")
     if part.elements == "Q1-bbar" and part.cell_type == "quadrilateral" and part.plane == "stress":
@@ -160,7 +181,8 @@ class Body:
 
     @property
     def surfaces(self) -> Mapping[str, IntArray]:
-        return self.part.surfaces
+        """Facets of first order: `Part.linear_surfaces`."""
+        return self.part.linear_surfaces
 
 
 @dataclass(frozen=True, eq=False)

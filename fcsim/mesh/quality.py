@@ -9,6 +9,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.order.quadrature import quadrature
 from fcsim.mesh.part import Part
 
 SMALLEST_SCALED_JACOBIAN = 1e-3
@@ -38,10 +39,14 @@ def _determinants(matrices: FloatArray) -> FloatArray:
 def cell_volumes(points: FloatArray, cells: IntArray, cell_type: str) -> FloatArray:
     """Volumes (ncells,) [m^3] of the cells, areas [m^2] in 2D; negative where a cell is inverted.
 
-    Quadrilaterals and hexahedra: 2 Gauss points a direction, exact for the bilinear and trilinear maps.
+    Quadrilaterals and hexahedra: 2 Gauss points a direction, exact for the bilinear and trilinear maps; cells of second order: 3.
     """
     cell = CELL_TYPES[cell_type]
     d = cell.dimension
+    if cell.order == 2:
+        at, weights = quadrature(cell, 3)
+        nodes = _nodes(points, cells)
+        return np.sum([w * _determinants(_jacobians(nodes, g)) for w, g in zip(weights, cell.gradient(at), strict=True)], axis=0)
     if not cell.simplex:
         gradients = cell.gradient(_gauss_points(d))
         nodes = _nodes(points, cells)
@@ -55,10 +60,16 @@ def scaled_jacobian(points: FloatArray, cells: IntArray, cell_type: str) -> Floa
     Quadrilaterals and hexahedra: the least of det J / prod_j |J_j| (J_j the columns of J) over the nodes, the centre and the
     2 x 2 (x 2) Gauss points. Triangles and tetrahedra: det J over the largest product of the edges that meet in a node, times
     2/sqrt(3) and sqrt(2). The measures "scaled Jacobian" of C. J. Stimpson et al., The Verdict Geometric Quality Library,
-    SAND2007-1751, with the inner points added.
+    SAND2007-1751, with the inner points added. Cells of second order: the least of these measures for the parallelepipeds, or the
+    simplices, that J spans at the nodes, the centre and the points inside.
     """
     nodes = _nodes(points, cells)
     cell = CELL_TYPES[cell_type]
+    if cell.order == 2 and cell.simplex:
+        worst = np.full(len(cells), np.inf)
+        for gradients in cell.gradient(np.concatenate((cell.nodes, cell.centre, cell.inside))):
+            worst = np.minimum(worst, _simplex_measure(np.pad(_jacobians(nodes, gradients).transpose(0, 2, 1), ((0, 0), (1, 0), (0, 0)))))
+        return worst
     if not cell.simplex:
         at = np.concatenate((cell.nodes, cell.centre, _gauss_points(cell.dimension)))
         worst = np.full(len(cells), np.inf)
@@ -66,10 +77,16 @@ def scaled_jacobian(points: FloatArray, cells: IntArray, cell_type: str) -> Floa
             jacobian = _jacobians(nodes, gradients)
             worst = np.minimum(worst, _ratio(_determinants(jacobian), np.prod(np.linalg.norm(jacobian, axis=1), axis=1)))
         return worst
-    lengths = np.linalg.norm(nodes[:, :, None] - nodes[:, None], axis=3)
-    lengths += np.eye(cells.shape[1])  # a node's distance to itself is no edge: 1 leaves the product as it is
-    det = _determinants(nodes[:, 1:])
-    return (2 / np.sqrt(3) if cell_type == "triangle" else np.sqrt(2)) * _ratio(det, lengths.prod(axis=2).max(axis=1))
+    return _simplex_measure(nodes)
+
+
+def _simplex_measure(corners: FloatArray) -> FloatArray:
+    """The measure (n,) of triangles or tetrahedra with `corners` (n, d + 1, d), the first in the origin."""
+    count = corners.shape[1]
+    lengths = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=3)
+    lengths += np.eye(count)  # a node's distance to itself is no edge: 1 leaves the product as it is
+    det = _determinants(corners[:, 1:])
+    return (2 / np.sqrt(3) if count == 3 else np.sqrt(2)) * _ratio(det, lengths.prod(axis=2).max(axis=1))
 
 
 def _ratio(numerator: FloatArray, denominator: FloatArray) -> FloatArray:

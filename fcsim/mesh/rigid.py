@@ -12,6 +12,8 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.order.linear_facets import linear_facets
+from fcsim.mesh.order.quadrature import quadrature
 from fcsim.mesh.part import Body, Part, RigidBody
 
 BlockKind = Literal["deformable", "rigid", "mixed"]
@@ -42,17 +44,19 @@ def mass_properties(part: Part) -> MassProperties:
 def rigid_body(body: Body) -> RigidBody:
     """Return a placed part as a rigid body: its name, its mass, centre and inertia (see `mass_properties`), its surfaces.
 
-    Of the nodes it keeps those of the surfaces. InputError for a part without density or without surfaces.
+    Of the nodes it keeps those of the surfaces; facets of second order become linear ones (`fcsim.mesh.order`). InputError for a part
+    without density or without surfaces.
     """
     part = body.part
     if not part.surfaces:
         raise InputError(f"rigid body of {body.name!r}: expected a part with surfaces, got {part.name!r} that has none")
     mass, centre, inertia = mass_properties(part)
     R = body.rotation
-    used, numbers = np.unique(np.concatenate([facets.ravel() for facets in part.surfaces.values()]), return_inverse=True)
-    ends = np.cumsum([facets.size for facets in part.surfaces.values()])[:-1]
+    linear = {name: linear_facets(facets, CELL_TYPES[part.cell_type]) for name, facets in part.surfaces.items()}
+    used, numbers = np.unique(np.concatenate([facets.ravel() for facets in linear.values()]), return_inverse=True)
+    ends = np.cumsum([facets.size for facets in linear.values()])[:-1]
     pieces = np.split(numbers.ravel(), ends)
-    surfaces = {name: piece.reshape(facets.shape) for (name, facets), piece in zip(part.surfaces.items(), pieces, strict=True)}
+    surfaces = {name: piece.reshape(facets.shape) for (name, facets), piece in zip(linear.items(), pieces, strict=True)}
     turned = R @ inertia @ R.T if part.dimension == 3 else inertia
     return RigidBody(body.name, mass, 0.5 * (turned + turned.T), R @ centre + body.translation, body.points[used], surfaces)
 
@@ -90,11 +94,14 @@ def _integrated(part: Part) -> MassProperties:
 def _quadrature(cell_type: str) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Shape functions (nq, k), their gradients (nq, k, d) and weights (nq,) on the reference cell: exact for x x^T times the Jacobian.
 
-    Simplices: the symmetric rules of degree 2; others: 3 Gauss points a direction, of degree 5 (the product has 4 in each direction).
+    Simplices: the symmetric rules of degree 2; others: 3 Gauss points a direction, of degree 5 (the product has 4 in each direction);
+    cells of second order: 5 Gauss points a direction.
     """
     cell = CELL_TYPES[cell_type]
     d = cell.dimension
-    if cell.simplex:
+    if cell.order == 2:  # x x^T J has the degree 4 + d in each direction, on simplices 4 + 3 (d - 1) in all at most
+        point, weight = quadrature(cell, 5)
+    elif cell.simplex:
         near = {2: 2 / 3, 3: (5 + 3 * np.sqrt(5)) / 20}[d]
         point = np.full((d + 1, d), (1 - near) / d)
         point[1:] += (near - (1 - near) / d) * np.eye(d)

@@ -277,7 +277,6 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
     contacts, nc = step.contacts, len(step.contacts)
     force = np.asarray(step.contact_force).reshape(nc, contacts.dimension)
     sliding = np.asarray(step.result.u).reshape(nc, contacts.dimension)[:, 1:]
-    on_master = np.where(contacts.nodes < 0, 0.0, -np.minimum(contacts.weights, 0.0))  # shape functions of the facet at the foot point
     points = vtk.data.vtkPolyData()
     points.SetPoints(vtk.points(contacts.point))
     points.SetVerts(vtk.cells(np.arange(nc + 1), np.arange(nc)))
@@ -290,7 +289,7 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
         "sliding_velocity": np.linalg.norm(sliding, axis=1),
         "mu": contacts.mu,
         "normal": _in_space(contacts.frame[:, 0]),
-        "displacement": _in_space(np.einsum("ak,akj->aj", on_master, displacement[contacts.nodes])),
+        "displacement": _in_space(np.einsum("ak,akj->aj", contacts.on_master, displacement[contacts.nodes])),
     }.items():
         points.GetPointData().AddArray(vtk.array(name, values))
     for name, values in step.law_variables.items():

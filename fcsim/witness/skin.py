@@ -13,6 +13,7 @@ from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.facets import match_facets
+from fcsim.mesh.order.linear_facets import linear_facets
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.witness._distance_kernels import Forest
 from fcsim.witness._overlap_kernels import refit
@@ -99,13 +100,11 @@ def skin_of(body: Body | RigidBody) -> Skin:
 
 
 def boundary_facets(part: Part) -> IntArray:
-    """Facets (nf, k) of a part's cells that belong to one cell, outwards, by their corners."""
+    """Facets (nf, k) of a part's cells that belong to one cell, outwards; those of second order cut at their nodes."""
     cell = CELL_TYPES[part.cell_type]
-    corners = 2 if cell.dimension == 2 else 3 if cell.simplex else 4
-    sides = np.asarray(cell.facets)[:, :corners]
-    facets = part.cells[:, sides].reshape(-1, sides.shape[1])
+    facets = part.cells[:, cell.facets].reshape(-1, cell.facet_size)
     _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
-    return facets[np.sort(first[count == 1])]
+    return linear_facets(facets[np.sort(first[count == 1])], cell)
 
 
 def _skin(facets: IntArray, points: FloatArray) -> Skin:

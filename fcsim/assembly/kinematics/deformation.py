@@ -21,8 +21,9 @@ SUSPECT = 0.3
 @dataclass(frozen=True, eq=False)
 class Deformation:
     """Of each deformable body (n_deformable,): rotation [rad] of its frame from the reference; strain, the largest principal one in size
-    at the centre of its most strained cell, without the rotation; inverted: whether a cell has a negative volume somewhere (of finite
-    strain: at a quadrature point); turning: whether its kinematics covers rotation; finite: whether its material covers any strain."""
+    at the most strained of its cells' centres (`CellType.inside` of cells of second order), without the rotation; inverted: whether a cell
+    has a negative volume somewhere (of finite strain: at a quadrature point); turning: whether its kinematics covers rotation; finite:
+    whether its material covers any strain."""
 
     rotation: FloatArray
     strain: FloatArray
@@ -60,7 +61,7 @@ class _GroupMeasure:
         self._where = quadrature(self._cell)[0] if group.finite else self._cell.nodes
         self._points = self.floating.arm
         self._cells = group.part.cells
-        self._centre = self._gradient(self._cell.centre)
+        self._inside = self._gradient(self._cell.inside)
         edges = np.unique(np.sort(self._cells[:, self._cell.edges].reshape(-1, 2), axis=1), axis=0)
         self._edges: IntArray = edges.T
         self._lengths = np.linalg.norm(self._points[edges[:, 0]] - self._points[edges[:, 1]], axis=1)
@@ -82,7 +83,7 @@ class _GroupMeasure:
         return values.reshape(-1, d, nb, d).transpose(0, 2, 3, 1)
 
     def strain(self, y: FloatArray) -> FloatArray:
-        H = self._displacement_gradient(self._centre, y)
+        H = self._displacement_gradient(self._inside, y)
         epsilon = 0.5 * (H + H.swapaxes(2, 3))
         most = np.argmax(np.einsum("qbij,qbij->qb", epsilon, epsilon), axis=0)
         principal: FloatArray = np.linalg.eigvalsh(epsilon[most, np.arange(len(y))])

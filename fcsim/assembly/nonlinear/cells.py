@@ -177,7 +177,7 @@ class MeanVolume:
 
 
 STRAIN: Mapping[str, tuple[type[CellStrain], type[CellStrain]]] = MappingProxyType(
-    {"P1": (Displacements, Displacements), "Q1": (Displacements, Displacements), "Q1-bbar": (MeanDilatation, MeanVolume)}
+    dict.fromkeys(("P1", "Q1", "P2", "Q2"), (Displacements, Displacements)) | {"Q1-bbar": (MeanDilatation, MeanVolume)}
 )
 """How elements strain laws of small and of finite strain."""
 

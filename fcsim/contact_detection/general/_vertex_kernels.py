@@ -10,6 +10,9 @@ from fcsim.contact_detection.general._foot_kernels import EDGE, INSIDE, VERTEX, 
 
 FACING = 0.1  # a facet around a vertex faces the direction N where n . N < -FACING
 _STEEP = 0.8  # sine of the slope
+_RISES = 1.2  # tangent of the slope up to which a facet lies over another one, rather than beside it
+_SAME_PLANE = 1.0 - 1e-10  # cosine
+_RIMS = 16
 _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it is round-off: its mean normal is taken
 
 
@@ -41,6 +44,57 @@ def _facing(
 
 
 @njit(cache=True)
+def _rims(
+    f: int,
+    foot: FloatArray,
+    n: FloatArray,
+    near: float,
+    point: FloatArray,
+    normals: FloatArray,
+    facets: IntArray,
+    sides: IntArray,
+    facet_edges: IntArray,
+    rim: BoolArray,
+    star: IntArray,
+    first_star: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Directions inwards (k, 3) and points (k, 3) of the rims of the facet f that the foot lies on.
+
+    At a corner, the rims there of all facets in that plane: a face may be cut into triangles.
+    """
+    inwards, start = np.empty((_RIMS, 3)), np.empty((_RIMS, 3))
+    count = 0
+    corner = -1
+    for c in range(sides[f]):
+        arm = foot - point[facets[f, c]]
+        if dot(arm, arm) < 4.0 * near * near:
+            corner = facets[f, c]
+    first, end = (first_star[corner], first_star[corner + 1]) if corner >= 0 else (0, 1)
+    for k in range(first, end):
+        g = star[k] if corner >= 0 else f
+        if g != f and dot(normals[g], n) < _SAME_PLANE:
+            continue
+        for l in range(sides[g]):
+            edge = facet_edges[g, l]
+            if edge < 0 or not rim[edge] or count == _RIMS:
+                continue
+            a = point[facets[g, l]]
+            if sides[g] == 2:
+                along = point[facets[g, 1]] - point[facets[g, 0]]
+                inward = along if l == 0 else -along
+            else:
+                following = l + 1 if l + 1 < sides[g] else 0
+                if corner >= 0 and facets[g, l] != corner and facets[g, following] != corner:
+                    continue
+                inward = np.cross(n, point[facets[g, following]] - a)
+            inward = inward / np.sqrt(dot(inward, inward))
+            if dot(foot - a, inward) < 2.0 * near:
+                inwards[count], start[count] = inward, a
+                count += 1
+    return inwards[:count], start[:count]
+
+
+@njit(cache=True)
 def _covers(
     v: int,
     f: int,
@@ -52,42 +106,26 @@ def _covers(
     facets: IntArray,
     sides: IntArray,
     facet_edges: IntArray,
-    sharp: BoolArray,
+    rim: BoolArray,
     star: IntArray,
     first_star: IntArray,
 ) -> bool:
-    """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its sharp rim only if a facet
-    around v that faces it reaches over the rim inwards. (Boxes whose corners merely meet do not hold each other.)"""
-    rims = np.empty((4, 3))
-    start = np.empty((4, 3))
-    count = 0
-    for l in range(sides[f]):
-        edge = facet_edges[f, l]
-        if edge < 0 or not sharp[edge]:
-            continue
-        a = point[facets[f, l]]
-        if sides[f] == 2:
-            along = point[facets[f, 1]] - point[facets[f, 0]]
-            inward = along if l == 0 else -along
-        else:
-            following = l + 1 if l + 1 < sides[f] else 0
-            inward = np.cross(n, point[facets[f, following]] - a)
-        inward = inward / np.sqrt(dot(inward, inward))
-        if dot(foot - a, inward) < 2.0 * near:
-            rims[count] = inward
-            start[count] = a
-            count += 1
-    if count == 0:
+    """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its rim only if a facet
+    around v that faces it reaches over the rim inwards, without rising steeply from it. (Blocks whose corners merely meet, in a wall
+    or, at any angles, in a dome, do not hold each other; one that rocks on the rim is held.)"""
+    rims, start = _rims(f, foot, n, near, point, normals, facets, sides, facet_edges, rim, star, first_star)
+    if len(rims) == 0:
         return True
     for k in range(first_star[v], first_star[v + 1]):
         g = star[k]
         if -dot(normals[g], n) <= FACING:
             continue
         over = True
-        for r in range(count):
+        for r in range(len(rims)):
             reaches = False
             for c in range(sides[g]):
-                if dot(point[facets[g, c]] - start[r], rims[r]) > 10.0 * near:
+                inwards = dot(point[facets[g, c]] - start[r], rims[r])
+                if inwards > 10.0 * near and dot(point[facets[g, c]] - foot, n) < _RISES * inwards:
                     reaches = True
             over = over and reaches
         if over:
@@ -118,18 +156,18 @@ def _pseudonormal(
 
 
 @njit(cache=True)
-def _in_a_corner(f: int, feature: int, sides: IntArray, facet_edges: IntArray, sharp: BoolArray, smooth: BoolArray) -> bool:
+def _in_a_corner(f: int, feature: int, sides: IntArray, facet_edges: IntArray, rim: BoolArray, smooth: BoolArray) -> bool:
     """Whether a foot on the boundary of a facet lies where the surface rises steeply: in a concave edge, or at its end."""
     if feature == INSIDE:
         return False
     l = feature - EDGE if feature < VERTEX else feature - VERTEX
     edge = facet_edges[f, l]
-    if not sharp[edge] and not smooth[edge]:
+    if not rim[edge] and not smooth[edge]:
         return True
     if feature < VERTEX or sides[f] == 2:
         return False
     edge = facet_edges[f, l - 1 if l > 0 else sides[f] - 1]
-    return not sharp[edge] and not smooth[edge]
+    return not rim[edge] and not smooth[edge]
 
 
 @njit(cache=True)
@@ -153,7 +191,7 @@ def touched_facets(
     sides: IntArray,
     facet_edges: IntArray,
     edge_facets: IntArray,
-    sharp: BoolArray,
+    rim: BoolArray,
     smooth: BoolArray,
     smooth_vertex: BoolArray,
     star: IntArray,
@@ -191,7 +229,7 @@ def touched_facets(
             aside = np.sqrt(max(distance[row] ** 2 - height[row] ** 2, 0.0))
             usable[row] = feature[row] == INSIDE or aside <= tol
             if not usable[row] and not outside and aside <= depth[group]:
-                usable[row] = _in_a_corner(facet[row], feature[row], sides, facet_edges, sharp, smooth)
+                usable[row] = _in_a_corner(facet[row], feature[row], sides, facet_edges, rim, smooth)
             under[row] = usable[row]
             if outside:
                 usable[row] = usable[row] and 0.0 < height[row] <= alert[group]
@@ -201,11 +239,11 @@ def touched_facets(
                 score[row] = _facing(v, normal[row], mean, point, facets, sides, normals, star, first_star)
                 usable[row] = score[row] > FACING
         # 3. the least way out of the body (the nearest facet above it); of equal ones that which is faced most squarely
-        best = -1
+        best, deepest = -1, np.inf
         while True:
             best = -1
             for row in range(begin, end):
-                if usable[row]:
+                if usable[row] and abs(height[row]) <= deepest:
                     nearer = best < 0 or abs(height[row]) < abs(height[best]) - tol
                     alike = best >= 0 and abs(height[row]) <= abs(height[best]) + tol
                     if nearer or (alike and score[row] > score[best] + 1e-9):
@@ -213,9 +251,10 @@ def touched_facets(
             if best < 0:
                 break
             foot = point[v] - height[best] * normal[best]
-            if _covers(v, facet[best], foot, normal[best], tol, point, normals, facets, sides, facet_edges, sharp, star, first_star):
+            if _covers(v, facet[best], foot, normal[best], tol, point, normals, facets, sides, facet_edges, rim, star, first_star):
                 break
             usable[best] = False
+            deepest = min(deepest, abs(height[best]) + _ROLL * tol)  # where corners meet, the way out is none through a farther side
         # 4. over a smooth edge or corner: along the line to it
         rolls = False
         if where >= VERTEX:

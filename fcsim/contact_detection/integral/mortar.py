@@ -21,7 +21,9 @@ of a multiplier that loses its last cover: it acts at the edge until then. A nod
 contact with the mean of both normals; see `split_at_sharp_edges`.
 
 Patch test: a uniform pressure p gives the nodal forces p int phi_k and - p int psi_l to round-off on triangles and parallelograms, and
-to the order of the Gauss rule (degree 4) on other quadrilaterals, whose shape functions are rational in the plane.
+to the order of the Gauss rule (degree 4) on other quadrilaterals, whose shape functions are rational in the plane. Facets of second
+order are cut into linear ones, whose chi_j are positive, while phi and psi are the shape functions of the facets themselves: a uniform
+pressure passes there as tightly (M. A. Puso, T. A. Laursen, J. Solberg, CMAME 197, 2008).
 
 Sources: Puso and Laursen 2004 (weighted gap; here the normal is averaged over the covered part only) and those of `segment_to_segment`.
 """
@@ -76,7 +78,8 @@ class Mortar(SegmentToSegment):
         """Contacts among the possible pairs of facets, and their surface pairs."""
         found = self.segments(now, slave, master)
         slave, master = found.slave, found.master
-        share, own, others = mortar_sums(found.row, len(slave), found.weight, self._functions(found), found.phi, found.psi)
+        phi, psi = self.slaves.shape(slave[found.row], found.phi), self.masters.shape(master[found.row], found.psi)
+        share, own, others = mortar_sums(found.row, len(slave), found.weight, self._functions(found), phi, psi)
         key, row = np.unique(self.multiplier[slave] * self.n_bodies + self.masters.bodies[master][:, None], return_inverse=True)
         row = row.reshape(share.shape)
         size = _sum_by(row, share, len(key))
@@ -85,26 +88,26 @@ class Mortar(SegmentToSegment):
 
         normal = np.stack([_sum_by(row, share * -n[:, None], len(key)) for n in now.slave.normal[slave].T], axis=1)[kept]
         normal /= np.sqrt(np.einsum("nd,nd->n", normal, normal))[:, None]
-        weights = _rows(
-            np.where(kept, np.cumsum(kept) - 1, -1)[row],
-            np.concatenate([own, -others], axis=2),
-            np.concatenate([self.slaves.closed[slave], self.masters.closed[master]], axis=1),
-            (int(kept.sum()), len(now.x)),
-        )
+        of_contact, shape = np.where(kept, np.cumsum(kept) - 1, -1)[row], (int(kept.sum()), len(now.x))
+        nodes = self.slaves.moving_nodes[slave], self.masters.moving_nodes[master]
+        weights = _rows(of_contact, np.concatenate([own, -others], axis=2), np.concatenate(nodes, axis=1), shape)
         weights.data *= np.repeat(1.0 / size[kept], np.diff(weights.indptr))
-        on_master = csr_array((np.minimum(weights.data, 0.0), weights.indices, weights.indptr), shape=weights.shape)
-        point = -(on_master @ now.x)
+        if self.masters.parents is None and self.slaves.parents is None:
+            on_master = csr_array((np.minimum(weights.data, 0.0), weights.indices, weights.indptr), shape=weights.shape)
+            point = -(on_master @ now.x)
+        else:  # shape functions of second order have both signs
+            point = (_rows(of_contact, others, nodes[1], shape) @ now.x) / size[kept][:, None]
         gap = np.einsum("nd,nd->n", weights @ now.x, normal)
         near = gap <= self.alert[self.pair_of_multiplier[multiplier[kept]]]
         multiplier, body = multiplier[kept][near], body[kept][near]
-        nodes, padded = _padded(weights if near.all() else weights[near])
+        touched, padded = _padded(weights if near.all() else weights[near])
         pair = self.pair_of_multiplier[multiplier]
         contacts = Contacts(
             point=point[near],
             frame=frames(normal[near]),
             gap=gap[near],
             mu=self.mu[pair],
-            nodes=nodes,
+            nodes=touched,
             weights=padded,
             bodies=np.stack([self.body_of_multiplier[multiplier], body], axis=1),
             identity=(multiplier - self.first[pair]) * self.n_bodies + body,

@@ -1,8 +1,9 @@
 """The segment Gauss point rule: each Gauss point of an overlap of two facets is a contact of its own.
 
 Its frame is that of the slave facet, N = - n, its weights phi_k and - psi_l at the point (see `segment_to_segment`): 2 points a
-segment in 2D; in 3D 3 in each triangle of the overlap, the centre alone where all facets are triangles. That is exact for the forces of
-a uniform pressure on triangles and parallelograms, so that the contact patch test is passed on any two meshes.
+segment in 2D; in 3D 3 in each triangle of the overlap, the centre alone where all facets are triangles (six and three where facets
+are of second order). That is exact for the forces of a uniform pressure on triangles and parallelograms, so that the contact patch test
+is passed on any two meshes.
 
 Hyperstaticity: the points are many more than the nodes can tell apart. W is singular, the reactions at the points are not unique, though
 what they do to the nodes is; methods that need W regular fail. Its rank is at most d (slave + master nodes in contact - fields that both
@@ -23,7 +24,9 @@ import numpy as np
 from fcsim.arrays import IntArray
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.frames import frames
-from fcsim.contact_detection.integral.segment_to_segment import CENTRE, POINTS_A_SEGMENT, THREE_POINTS, Configuration, SegmentToSegment
+from fcsim.contact_detection.integral._overlap_kernels import MAX_CORNERS
+from fcsim.contact_detection.integral.segment_to_segment import CENTRE, SIX_POINTS, THREE_POINTS, Configuration, SegmentToSegment
+from fcsim.contact_detection.surfaces.facets import Facets
 from fcsim.contact_detection.surfaces.surface import SurfacePair
 
 
@@ -36,9 +39,12 @@ class SegmentPoints(SegmentToSegment):
 
     def __init__(self, pairs: Sequence[SurfacePair], edge_tolerance: float, penetration: float) -> None:
         super().__init__(pairs, edge_tolerance, penetration)
-        self.rule = CENTRE if self.slaves.width == self.masters.width == 3 else THREE_POINTS
+        triangles = self.slaves.width == self.masters.width == 3
+        second = self.slaves.parents is not None or self.masters.parents is not None
+        self.rule = (THREE_POINTS if second else CENTRE) if triangles else SIX_POINTS if second else THREE_POINTS
         self.n_masters = np.diff(self.masters.offsets)
-        self.identities = np.diff(self.slaves.offsets) * self.n_masters * POINTS_A_SEGMENT
+        self.points_a_segment = (MAX_CORNERS - 2) * max(len(self.rule[1]), len(THREE_POINTS[1]))
+        self.identities = np.diff(self.slaves.offsets) * self.n_masters * self.points_a_segment
 
     def contacts(self, now: Configuration, slave: IntArray, master: IntArray) -> tuple[Contacts, IntArray]:
         """Contacts among the possible pairs of facets, and their surface pairs."""
@@ -56,9 +62,14 @@ class SegmentPoints(SegmentToSegment):
             frame=frames(-now.slave.normal[slave]),
             gap=found.gap[keep],
             mu=self.mu[pair],
-            nodes=np.concatenate([self.slaves.nodes[slave], self.masters.nodes[master]], axis=1),
-            weights=np.concatenate([found.phi[keep], -found.psi[keep]], axis=1),
+            nodes=np.concatenate([_nodes(self.slaves)[slave], _nodes(self.masters)[master]], axis=1),
+            weights=np.concatenate([self.slaves.shape(slave, found.phi[keep]), -self.masters.shape(master, found.psi[keep])], axis=1),
             bodies=np.stack([self.slaves.bodies[slave], self.masters.bodies[master]], axis=1),
-            identity=local * POINTS_A_SEGMENT + found.number[keep],
+            identity=local * self.points_a_segment + found.number[keep],
         )
         return contacts, pair
+
+
+def _nodes(facets: Facets) -> IntArray:
+    """Nodes (nf, k) whose weights are the facets' `shape`, -1 = none."""
+    return facets.nodes if facets.parents is None else facets.parents.nodes

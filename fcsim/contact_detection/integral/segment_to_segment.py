@@ -18,7 +18,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.frames import frames
-from fcsim.contact_detection.integral._overlap_kernels import MAX_CORNERS, gauss_points, overlap_polygons
+from fcsim.contact_detection.integral._overlap_kernels import gauss_points, overlap_polygons
 from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.broad_phase import near_facets
 from fcsim.contact_detection.surfaces.facets import FacetGeometry
@@ -37,7 +37,6 @@ CENTRE = np.full((1, 3), 1 / 3), np.ones(1)  # degree 1
 THREE_POINTS = _symmetric((1 / 6, 1 / 3))  # degree 2
 SIX_POINTS = _symmetric((0.445948490915965, 0.223381589678011), (0.091576213509771, 0.109951743655322))  # degree 4, Dunavant
 TWO_POINTS = np.array([0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3)])  # of [0, 1], weights 1/2: degree 3
-POINTS_A_SEGMENT = (MAX_CORNERS - 2) * len(THREE_POINTS[1])  # the most that a pair of facets can have with three points a triangle
 
 
 class Configuration(NamedTuple):

@@ -10,6 +10,7 @@ from fcsim.arrays import IntArray
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.order.linear_facets import linear_facets
 from fcsim.mesh.part import Body, Part, RigidBody
 
 
@@ -44,13 +45,11 @@ def boundary_of(model: Model) -> Boundary:
 
 
 def _of_cells(part: Part) -> IntArray:
-    """Facets of the cells that no second cell has."""
+    """Facets of the cells that no second cell has; those of second order cut at their nodes."""
     cell = CELL_TYPES[part.cell_type]
-    if cell.order != 1:
-        raise InputError(f"contact of everything, part {part.name!r}: expected cells of first order, got {part.cell_type!r}")
     facets = part.cells[:, cell.facets].reshape(-1, cell.facet_size)
     _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
-    return facets[np.sort(first[count == 1])]
+    return linear_facets(facets[np.sort(first[count == 1])], cell)
 
 
 def _of_surfaces(body: RigidBody) -> IntArray:

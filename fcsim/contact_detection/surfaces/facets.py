@@ -10,6 +10,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.surfaces.parents import Parents, of_first_order
+from fcsim.contact_detection.surfaces.parents import join as join_parents
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
 
@@ -21,16 +23,29 @@ class Facets(NamedTuple):
     closed  (nf, k) the same with a triangle's missing node replaced by its first, so that its corners close a polygon
     bodies  (nf,)
     offsets (surfaces + 1,) facets of surface s are offsets[s] ... offsets[s + 1] - 1
+    parents of second order, None where there are none
     """
 
     nodes: IntArray
     closed: IntArray
     bodies: IntArray
     offsets: IntArray
+    parents: Parents | None = None
 
     @property
     def width(self) -> int:
         return self.nodes.shape[1]
+
+    @property
+    def moving_nodes(self) -> IntArray:
+        """Nodes (nf, kp) by which the facets' points move: the closed facets' own, or their parents'; places without one have weight 0."""
+        if self.parents is None:
+            return self.closed
+        return np.where(self.parents.nodes < 0, self.parents.nodes[:, :1], self.parents.nodes)
+
+    def shape(self, facet: IntArray, weights: FloatArray) -> FloatArray:
+        """Weights (nq, kp) of `moving_nodes` at points with the weights (nq, k) in the corners of `facet` (nq,)."""
+        return weights if self.parents is None else self.parents.shape(facet, weights)
 
 
 class Topology(NamedTuple):
@@ -64,13 +79,17 @@ def join(surfaces: Sequence[ContactSurface], *, sort: bool = False) -> Facets:
     width = max(surface.facets.shape[1] for surface in surfaces)
     nodes = [np.pad(s.facets, ((0, 0), (0, width - s.facets.shape[1])), constant_values=-1) for s in surfaces]
     bodies = [s.bodies for s in surfaces]
+    second = any(s.parents is not None for s in surfaces)
+    parents = [s.parents or of_first_order(n) for s, n in zip(surfaces, nodes, strict=True)] if second else []
     if sort:
         orders = [np.lexsort(np.sort(n, axis=1).T[::-1]) for n in nodes]
         nodes = [n[order] for n, order in zip(nodes, orders, strict=True)]
         bodies = [b[order] for b, order in zip(bodies, orders, strict=True)]
+        parents = [p.take(order) for p, order in zip(parents, orders, strict=False)]
     joined = np.concatenate(nodes)
     offsets = np.cumsum([0] + [len(n) for n in nodes])
-    return Facets(joined, np.where(joined < 0, joined[:, :1], joined), np.concatenate(bodies), offsets)
+    closed = np.where(joined < 0, joined[:, :1], joined)
+    return Facets(joined, closed, np.concatenate(bodies), offsets, join_parents(parents) if second else None)
 
 
 def averaging_at_nodes(nodes: IntArray) -> tuple[IntArray, IntArray, csr_array]:

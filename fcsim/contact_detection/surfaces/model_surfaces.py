@@ -6,13 +6,18 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from fcsim.arrays import IntArray
 from fcsim.assembly.model import Model
+from fcsim.contact_detection.surfaces import parents
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.part import Body
 
 
 def contact_surface(model: Model, members: Iterable[tuple[str, str]]) -> ContactSurface:
-    """Return the union of named surfaces, members (body name, surface name), as one contact surface of the model.
+    """Return the union of named surfaces, members (body name, surface name), as one contact surface of the model. Facets of second order
+    are cut at their nodes into linear ones, which know their `Parents`.
 
     InputError: an unknown body or surface, or no member at all.
     """
@@ -23,4 +28,19 @@ def contact_surface(model: Model, members: Iterable[tuple[str, str]]) -> Contact
     width = max(f.shape[1] for f in facets)
     padded = [np.pad(f, ((0, 0), (0, width - f.shape[1])), constant_values=-1) for f in facets]
     bodies = np.repeat([model.number[body] for body, _ in members], [len(f) for f in facets])
-    return ContactSurface(np.concatenate(padded), bodies)
+    return ContactSurface(np.concatenate(padded), bodies, _parents(model, members, facets))
+
+
+def _parents(model: Model, members: list[tuple[str, str]], facets: list[IntArray]) -> parents.Parents | None:
+    """The parents of the members' linear facets; None where all are of first order."""
+    found, second = [], False
+    for (name, surface), linear in zip(members, facets, strict=True):
+        number = model.number[name]
+        body = model.bodies[number]
+        cell = CELL_TYPES[body.part.cell_type] if isinstance(body, Body) else None
+        if isinstance(body, Body) and cell is not None and cell.order == 2:
+            found.append(parents.of_pieces(body.part.surfaces[surface] + model.node_offset[number], cell))
+            second = True
+        else:
+            found.append(parents.of_first_order(linear))
+    return parents.join(found) if second else None

@@ -36,7 +36,7 @@ def split_at_sharp_edges(surface: ContactSurface, positions: FloatArray, angle: 
     graph = csr_array((np.ones(smooth.sum()), (first[smooth], second[smooth])), shape=(count, count))
     n_patches, patch = connected_components(graph, directed=False)
     colour = _colours(facets, patch, n_patches)[patch]
-    return [ContactSurface(surface.facets[colour == c], surface.bodies[colour == c]) for c in range(colour.max() + 1)]
+    return [surface.take(colour == c) for c in range(colour.max() + 1)]
 
 
 def _neighbours(facets: contact_facets.Facets) -> tuple[IntArray, IntArray]:

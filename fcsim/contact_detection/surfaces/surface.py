@@ -8,7 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcsim.arrays import IntArray
+from fcsim.arrays import BoolArray, IntArray
+from fcsim.contact_detection.surfaces.parents import Parents
 from fcsim.errors import InputError
 
 CandidateRule = Literal["nodes", "faces", "gauss", "mortar", "mortar-faces", "segments"]
@@ -33,19 +34,23 @@ class ContactSurface:
            has -1 in its last place. The right-hand normal points out of the body; in 2D the body lies on the left of a -> b and the
            outward normal is (t_y, -t_x)
     bodies (nf,) number of the body that owns the facet; a node belongs to one body only
+    parents the facets of second order that these are pieces of (`contact_surface` makes them); None where there are none
     """
 
     facets: IntArray
     bodies: IntArray
+    parents: Parents | None = None
 
     def __post_init__(self) -> None:
         facets = _integers(self.facets, "ContactSurface, facets", 2)
         bodies = _integers(self.bodies, "ContactSurface, bodies", 1)
         if facets.shape[1] not in (2, 3, 4):
-            hint = ": facets of second order are not supported, mesh with first-order cells" if facets.shape[1] in (6, 8, 9) else ""
+            hint = ": cut facets of second order at their nodes, as contact_surface does" if facets.shape[1] in (6, 8, 9) else ""
             raise InputError(f"ContactSurface, facets: expected 2, 3 or 4 nodes a facet, got shape {facets.shape}{hint}")
         if len(bodies) != len(facets):
             raise InputError(f"ContactSurface, bodies: expected one number for each of {len(facets)} facets, got {len(bodies)}")
+        if self.parents is not None and len(self.parents.kind) != len(facets):
+            raise InputError(f"ContactSurface, parents: expected one for each of {len(facets)} facets, got {len(self.parents.kind)}")
         if bodies.size and bodies.min() < 0:
             raise InputError(f"ContactSurface, bodies: expected numbers >= 0, got {bodies.min()}")
         real = facets[:, :3] if facets.shape[1] == 4 else facets
@@ -62,6 +67,10 @@ class ContactSurface:
     @property
     def dimension(self) -> int:
         return 2 if self.facets.shape[1] == 2 else 3
+
+    def take(self, chosen: BoolArray) -> ContactSurface:
+        """The chosen facets (a mask (nf,))."""
+        return ContactSurface(self.facets[chosen], self.bodies[chosen], None if self.parents is None else self.parents.take(chosen))
 
 
 @dataclass(frozen=True, eq=False)

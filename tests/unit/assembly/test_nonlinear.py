@@ -31,6 +31,10 @@ CELLS = [
     ("quadrilateral", "Q1"),
     ("quadrilateral", "Q1-bbar"),
     ("triangle", "P1"),
+    ("hexahedron", "Q2"),
+    ("tetrahedron", "P2"),
+    ("quadrilateral", "Q2"),
+    ("triangle", "P2"),
 ]
 
 

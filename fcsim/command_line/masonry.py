@@ -1,0 +1,169 @@
+"""fcsim limit | tilt | push: what a structure of blocks bears, by limit analysis and by simulation."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fcsim.command_line.terminal import print_table, say
+from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
+
+if TYPE_CHECKING:
+    from fcsim.masonry import Bracket, LimitAnalysis, MasonryProblem
+
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the commands `limit`, `tilt` and `push`."""
+    limit = commands.add_parser(
+        "limit",
+        help="largest load of a masonry structure by limit analysis",
+        description="Print the largest multiplier of a masonry problem's load that contact forces bear: the associative "
+        "upper bound, and the least one at which Coulomb's friction allows a mechanism.",
+    )
+    limit.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    limit.set_defaults(act=_limit)
+    tilt = commands.add_parser(
+        "tilt",
+        help="angle of a table at which a masonry structure collapses",
+        description="Print the angle at which a structure on a table begins to move and to fall, by limit analysis and simulation.",
+    )
+    tilt.add_argument(
+        "--direction", type=_direction, default=AXES["x"], help="horizontal direction to which the table goes down (default x)"
+    )
+    tilt.set_defaults(act=_tilt)
+    push = commands.add_parser(
+        "push",
+        help="multiplier at which a masonry structure begins to move and to fall",
+        description="Print the load multiplier at which a structure begins to move and to fall, by limit analysis and by simulation.",
+    )
+    push.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    push.set_defaults(act=_push)
+    for command in (limit, tilt, push):
+        command.add_argument("model", type=Path, help='a masonry problem in JSON, schema "masonry-problem/1"')
+        command.add_argument("--mu", type=float, help="friction coefficient of all joints, in place of the problem's")
+        command.add_argument("--tolerance", type=float, help="[m] blocks that are nearer touch (default 1e-4 of the smallest block)")
+        command.add_argument("--out", type=Path, help="folder for the analysis (JSON), its joints (CSV) and the picture of the mechanism")
+        command.add_argument("--json", action="store_true", help="print JSON")
+    for command in (tilt, push):
+        command.add_argument("--resolution", type=float, default=0.005, help="of the multiplier, as a share of it (default 0.005)")
+        command.add_argument("--static", action="store_true", help="limit analysis alone, no simulation")
+
+
+def _direction(text: str) -> tuple[float, float, float]:
+    sign, name = (-1.0, text[1:]) if text.startswith("-") else (1.0, text)
+    try:
+        values = [sign * c for c in AXES[name]] if name in AXES else [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not all(map(math.isfinite, values)) or not any(values):
+        raise argparse.ArgumentTypeError(f"expected x, y, z, -x, -y, -z or three numbers 1,0.5,0, got {text!r}")
+    return values[0], values[1], values[2]
+
+
+def _read(options: argparse.Namespace) -> MasonryProblem:
+    from dataclasses import replace
+
+    from fcsim.masonry import read_masonry
+
+    problem = read_masonry(options.model)
+    return problem if options.mu is None else replace(problem, mu=options.mu, between={})
+
+
+def _limit(options: argparse.Namespace) -> int:
+    from fcsim.masonry import analyse, pushed
+
+    problem = _read(options)
+    return _report(options, analyse(problem if options.direction is None else pushed(problem, options.direction), options.tolerance), None)
+
+
+def _push(options: argparse.Namespace) -> int:
+    from fcsim.masonry import analyse, pushed
+
+    problem = _read(options)
+    if options.direction is not None:
+        problem = pushed(problem, options.direction)
+    if not problem.scaled:
+        raise InputError(f"{options.model}: expected a load that the multiplier scales, or --direction, got none")
+    analysis = analyse(problem, options.tolerance)
+    return _report(options, analysis, _simulated(options, analysis))
+
+
+def _tilt(options: argparse.Namespace) -> int:
+    from fcsim.masonry import analyse, tilted
+
+    analysis = analyse(tilted(_read(options), options.direction), options.tolerance)
+    return _report(options, analysis, _simulated(options, analysis), angle=True)
+
+
+def _simulated(options: argparse.Namespace, analysis: LimitAnalysis) -> Bracket | None:
+    from fcsim.masonry import bracket
+
+    if options.static or analysis.associative.outcome != "limit":
+        return None
+    low = analysis.coulomb.multiplier if analysis.coulomb.outcome == "limit" else 0.5 * analysis.associative.multiplier
+    step = options.resolution
+
+    def told(seen: object) -> None:
+        say(f"simulated: {_words(seen)}", to_stderr=True)
+
+    return bracket(analysis.problem, low * (1 - step), analysis.associative.multiplier * (1 + step), resolution=step, watch=told)
+
+
+def _words(seen) -> str:  # type: ignore[no-untyped-def]
+    outcome = "falls" if seen.falls else "slips and locks, or barely moves" if seen.moves else "stands"
+    return f"multiplier {seen.multiplier:.6g} {outcome} (moved {seen.displacement:.2e} m in {seen.t:.2g} s)"
+
+
+def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket | None, *, angle: bool = False) -> int:
+    from fcsim.masonry.report import summary, write_analysis
+
+    if options.out is not None:
+        from fcsim.view.mechanism import draw_mechanism
+
+        write_analysis(options.out, analysis, seen)
+        draw_mechanism(analysis, options.out / "mechanism.png")
+    if options.json:
+        from fcsim.records import json_text
+
+        say(json_text(summary(analysis, seen)).rstrip())
+        return _exit(analysis)
+    problem = analysis.problem
+    free = sum(not block.support for block in problem.blocks)
+    held = len(problem.blocks) - free
+    say(f"{problem.title or problem.name}: {free} blocks, {held} supports, {len(analysis.joints)} joints, mu {problem.mu:g}")
+    rows: list[Sequence[str]] = []
+
+    def row(what: str, multiplier: float, remark: str) -> None:
+        rows.append((what, remark, f"{multiplier:.6g}", *([f"{math.degrees(math.atan(multiplier)):.3f}"] if angle else [])))
+
+    for found, remark in (
+        (analysis.associative, "no state of equilibrium above it"),
+        (analysis.coulomb, "least found: the mechanism goes with Coulomb's law"),
+    ):
+        words = {"falls": "it falls under the loads that stay", "unbounded": "borne at every multiplier", "undecided": "did not converge"}
+        row(f"limit analysis, {found.law}", found.multiplier, words.get(found.outcome, remark))
+    if seen is not None:
+        for what, (low, high) in (("first motion", seen.motion), ("falls", seen.fall)):
+            row(f"simulation, {what}: not at", low, "held for a while, it did not")
+            row(f"simulation, {what}: at", high, "")
+    print_table(("", "", "multiplier", *(["degrees"] if angle else [])), rows, texts=2)
+    for expected in problem.expected:
+        say(f"expected: {expected.quantity}: {expected.value}")
+    if analysis.coulomb.outcome == "limit":
+        states = [joint.state for joint in analysis.joints]
+        say("mechanism: " + ", ".join(f"{states.count(state)} joints {word}" for state, word in WORDS.items() if state in states))
+    if options.out is not None:
+        say(f"analysis, joints and picture: {options.out}")
+    return _exit(analysis)
+
+
+WORDS = {"hinge": "turn", "sliding": "slide", "open": "open", "closed": "stay closed"}
+
+
+def _exit(analysis: LimitAnalysis) -> int:
+    return EXIT_NOT_CONVERGED if "undecided" in (analysis.associative.outcome, analysis.coulomb.outcome) else EXIT_OK

@@ -1,0 +1,31 @@
+"""The limit analysis of a problem: both laws of slip, and the joints of the mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fcsim.masonry.joints import Joint, joints_of
+from fcsim.masonry.limit import LimitLoad, LimitProblem, associative_limit, coulomb_limit, limit_problem
+from fcsim.masonry.mechanics import rigid_model
+from fcsim.masonry.problem import MasonryProblem
+
+
+@dataclass(frozen=True, eq=False)
+class LimitAnalysis:
+    """What limit analysis says of a problem: joints with the forces and the mechanism of `coulomb`."""
+
+    problem: MasonryProblem
+    limit: LimitProblem
+    associative: LimitLoad
+    coulomb: LimitLoad
+    joints: tuple[Joint, ...]
+
+
+def analyse(problem: MasonryProblem, tolerance: float | None = None) -> LimitAnalysis:
+    """Return the limit analysis of a problem with rigid blocks; tolerance [m]: see `limit_problem`."""
+    limit = limit_problem(rigid_model(problem), tolerance=tolerance)
+    upper = associative_limit(limit)
+    least = coulomb_limit(limit, upper)
+    u = limit.H.T @ least.v[limit.free]
+    names = tuple(block.name for block in problem.blocks)
+    return LimitAnalysis(problem, limit, upper, least, joints_of(limit.contacts, names, least.r, u))

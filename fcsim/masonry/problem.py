@@ -1,0 +1,135 @@
+"""A masonry problem: blocks, friction, loads with and without the multiplier."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
+from fcsim.mesh.solids.closed_surface import ClosedSurface
+
+GRAVITY = 9.81
+"""[m/s^2]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A block of masonry: its closed surface [m], its density [kg/m^3] or its mass [kg], and whether it is held in all its motions."""
+
+    surface: ClosedSurface
+    density: float | None = None
+    mass: float | None = None
+    support: bool = False
+
+    @property
+    def name(self) -> str:
+        return self.surface.name
+
+
+@dataclass(frozen=True)
+class Acceleration:
+    """A body force of all blocks that are free: value (3,) [m/s^2] times their mass, times the multiplier where `scaled`."""
+
+    value: tuple[float, float, float]
+    scaled: bool = False
+
+
+@dataclass(frozen=True)
+class PointForce:
+    """A force (3,) [N] on a block at a point (3,) [m] (None: its centroid), times the multiplier where `scaled`."""
+
+    block: str
+    value: tuple[float, float, float]
+    point: tuple[float, float, float] | None = None
+    scaled: bool = False
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A number that the problem is held against: value, as a number or in words, of a quantity; tolerance relative."""
+
+    quantity: str
+    value: float | str
+    kind: str = ""
+    bound: str = ""
+    tolerance: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MasonryProblem:
+    """Blocks that stand on each other by Coulomb friction, without tension.
+
+    dimension 2: a wall in the plane of x and z, its blocks prisms along y; z is up; 3: any shapes
+    mu, between: friction, of all pairs but those of `between` ((name, name): mu)
+    loads: those that stay and, `scaled`, those that grow with the load multiplier
+    motion: [m/s] velocities (3,) of supports that move
+    """
+
+    name: str
+    dimension: Literal[2, 3]
+    blocks: tuple[Block, ...]
+    mu: float
+    loads: tuple[Acceleration | PointForce, ...] = (Acceleration((0.0, 0.0, -GRAVITY)),)
+    between: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    motion: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    title: str = ""
+    question: str = ""
+    expected: tuple[Expected, ...] = ()
+    source: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        what = f"masonry problem {self.name!r}"
+        names = [block.name for block in self.blocks]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(f"{what}: expected different names of blocks, got {', '.join(map(repr, twice))} more than once")
+        if all(block.support for block in self.blocks):
+            raise InputError(f"{what}: expected blocks that are free, got {len(names)} blocks, all of them supports")
+        if self.dimension not in (2, 3):
+            raise InputError(f"{what}, dimension: expected 2 or 3, got {self.dimension!r}")
+        for mu in (self.mu, *self.between.values()):
+            if not (np.isfinite(mu) and mu >= 0):
+                raise InputError(f"{what}, mu: expected a friction coefficient >= 0, got {mu!r}")
+        named = [*(n for pair in self.between for n in pair), *(f.block for f in self.loads if isinstance(f, PointForce)), *self.motion]
+        for name in named:
+            if name not in names:
+                raise InputError(f"{what}: expected the name of a block, got {name!r}")
+        for load in self.loads:
+            for vector in (load.value, getattr(load, "point", None)):
+                if vector is not None and (len(vector) != 3 or not np.isfinite(vector).all()):
+                    raise InputError(f"{what}, load: expected three finite numbers, got {vector!r}")
+            if self.dimension == 2 and load.value[1] != 0:
+                raise InputError(f"{what}, load: expected no component along y in a plane problem, got {load.value}")
+        for name in self.motion:
+            if not self.blocks[names.index(name)].support:
+                raise InputError(f"{what}, support_motion: expected a support, got the free block {name!r}")
+
+    @cached_property
+    def number(self) -> dict[str, int]:
+        return {block.name: k for k, block in enumerate(self.blocks)}
+
+    @property
+    def scaled(self) -> bool:
+        """Whether a load grows with the multiplier."""
+        return any(load.scaled for load in self.loads)
+
+    @cached_property
+    def size(self) -> float:
+        """Largest extent of the free blocks [m]."""
+        points = np.concatenate([block.surface.points for block in self.blocks if not block.support])
+        return float(np.ptp(points, axis=0).max())
+
+    @cached_property
+    def smallest(self) -> float:
+        """Smallest of the free blocks' largest extents [m]."""
+        return float(min(np.ptp(block.surface.points, axis=0).max() for block in self.blocks if not block.support))
+
+    def acceleration(self, *, scaled: bool) -> FloatArray:
+        """Sum (3,) [m/s^2] of the body forces that the multiplier scales, or of the others."""
+        chosen = [load.value for load in self.loads if isinstance(load, Acceleration) and load.scaled == scaled]
+        return np.sum(chosen, axis=0) if chosen else np.zeros(3)

@@ -1,0 +1,58 @@
+"""An analysis as files: analysis.json, joints.csv, blocks.csv."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fcsim.files import replacing_for_good
+from fcsim.masonry.analysis import LimitAnalysis
+from fcsim.masonry.collapse import Bracket
+from fcsim.records import write_record
+from fcsim.version import __version__
+
+
+def summary(analysis: LimitAnalysis, seen: Bracket | None) -> Mapping[str, Any]:
+    """What is known of the collapse load, in JSON's types."""
+    found = {
+        limit.law.lower(): {"outcome": limit.outcome, "multiplier": limit.multiplier, "rounds": limit.rounds, "span": limit.span}
+        for limit in (analysis.associative, analysis.coulomb)
+    }
+    simulated = None if seen is None else {"motion": seen.motion, "fall": seen.fall, "trials": seen.trials}
+    expected = analysis.problem.expected
+    return {"name": analysis.problem.name, "version": __version__, "limit_analysis": found, "simulation": simulated, "expected": expected}
+
+
+def write_analysis(directory: Path, analysis: LimitAnalysis, seen: Bracket | None) -> None:
+    """Write the analysis into a folder: analysis.json, joints.csv (forces, state), blocks.csv (the mechanism's velocities)."""
+    directory.mkdir(parents=True, exist_ok=True)
+    write_record(directory / "analysis.json", summary(analysis, seen))
+    joints = [
+        (
+            *joint.between,
+            joint.state,
+            *(f"{1e-3 * value:.6g}" for value in (joint.normal_force, joint.shear_force)),
+            f"{joint.used:.6g}",
+            f"{joint.eccentricity:.6g}",
+            f"{joint.length:.6g}",
+        )
+        for joint in analysis.joints
+    ]
+    header = ("block", "with", "state", "N [kN]", "T [kN]", "T/N", "eccentricity [m]", "length [m]")
+    _write_csv(directory / "joints.csv", header, joints)
+    model = analysis.limit.blocks.model
+    velocities = model.rigid_part(analysis.coulomb.v)
+    d = model.dimension
+    names = ("vx", "vz", "omega") if d == 2 else ("vx", "vy", "vz", "omega x", "omega y", "omega z")
+    largest = max(float(np.abs(velocities[:, :d]).max()), 1e-300)
+    rows = [(body.name, *(f"{value / largest:.6g}" for value in row)) for body, row in zip(model.rigid, velocities, strict=True)]
+    _write_csv(directory / "blocks.csv", ("block", *names), rows)
+
+
+def _write_csv(path: Path, header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+    with replacing_for_good(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([header, *rows])

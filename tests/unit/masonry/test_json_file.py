@@ -1,0 +1,121 @@
+"""Masonry problems as JSON: what is written is read again; what is wrong is named with file, block and key."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcsim.errors import InputError
+from fcsim.masonry import Acceleration, PointForce, read_masonry, write_masonry
+
+
+def box(x: float, z: float, size: tuple[float, float, float]) -> list[list[float]]:
+    (a, b, c) = size
+    flat = [(0, 0), (a, 0), (a, b), (0, b)]
+    return [[x + p, q, z + r] for r in (0.0, c) for p, q in flat]
+
+
+PROBLEM: dict[str, Any] = {
+    "schema": "masonry-problem/1",
+    "name": "two",
+    "dimension": 2,
+    "contact": {"mu": 0.5, "mu_between": [{"between": ["floor", "1"], "mu": 0.3}]},
+    "loads": [
+        {"kind": "acceleration", "value": [0, 0, -9.81], "scaled_by_multiplier": False},
+        {"kind": "force", "block": 1, "value": [100, 0, 0], "point": [0, 0.5, 1], "scaled_by_multiplier": True},
+    ],
+    "expected": [{"quantity": "load multiplier", "value": 3, "tolerance": 0.01}, {"quantity": "more", "value": "words"}],
+    "blocks": [
+        {"id": "floor", "vertices": box(-1, -1, (3, 1, 1)), "support": True},
+        {"id": 1, "vertices": box(0, 0, (1, 1, 2)), "density": 1000},
+    ],
+}
+
+
+def write(tmp_path: Path, data: Any) -> Path:
+    path = tmp_path / "problem.json"
+    path.write_text(json.dumps(data))
+    return path
+
+
+def test_what_is_read_and_written_is_the_same(tmp_path: Path) -> None:
+    problem = read_masonry(write(tmp_path, PROBLEM))
+    assert problem.loads == (Acceleration((0, 0, -9.81)), PointForce("1", (100, 0, 0), (0, 0.5, 1), scaled=True))
+    assert problem.between == {("floor", "1"): 0.3}
+    assert [e.value for e in problem.expected] == [3.0, "words"]
+    write_masonry(tmp_path / "again.json", problem)
+    again = read_masonry(tmp_path / "again.json")
+    assert (again.loads, again.between, again.expected) == (problem.loads, problem.between, problem.expected)
+    for block, other in zip(problem.blocks, again.blocks, strict=True):
+        assert block.surface.moments()[0] == pytest.approx(other.surface.moments()[0])
+        assert (block.density, block.mass, block.support) == (other.density, other.mass, other.support)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"schema": "masonry-problem/2"}, "masonry-problem/1"),
+        ({"dimension": 4}, "2 or 3"),
+        ({"dimension": None}, "dimension"),
+        ({"contact": {}}, "contact.*'mu'"),
+        ({"contact": {"mu": -1}}, "mu: expected"),
+        ({"contact": {"mu": "0.5"}}, "expected a number"),
+        ({"contact": {"mu": 0.5, "mu_between": [{"between": ["floor", "x"], "mu": 1}]}}, "name of a block, got 'x'"),
+        ({"blocks": []}, "at least one"),
+        ({"blocks": {"a": 1}}, "a list"),
+        ({"loads": [{"kind": "wind", "value": [0, 0, 1]}]}, '"acceleration" or "force", got .wind'),
+        ({"loads": [{"kind": "acceleration", "value": [0, 1]}]}, "three numbers"),
+        ({"loads": [{"kind": "acceleration", "value": [0, 1, 0]}]}, "component along y"),
+        ({"loads": [{"kind": "force", "block": "x", "value": [0, 0, 1]}]}, "name of a block"),
+        ({"base_acceleration": "record.csv"}, "base_acceleration"),
+        ({"support_motion": [{"block": 1, "velocity": [0, 0, 1]}]}, "support, got the free block"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
+        read_masonry(write(tmp_path, {**PROBLEM, **change}))
+    assert "problem" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"vertices": box(0, 0, (1, 1, 2))[:7]}, "'1'.*8 vertices of a hexahedron, got 7"),
+        ({"vertices": [[0, 0]] * 8}, "three coordinates"),
+        ({"density": None}, "'1'.*density > 0"),
+        ({"density": -1}, "'1'.*density > 0"),
+        ({"faces": [[0, 1, 2, 3]]}, "'1'.*closed"),
+        ({"faces": [[0, 1, 2, 99]]}, "'1'.*point numbers"),
+        ({"id": "floor"}, "more than once"),
+        ({"support": True}, "all of them supports"),
+    ],
+)
+def test_wrong_blocks_are_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    data = copy.deepcopy(PROBLEM)
+    data["contact"].pop("mu_between")
+    data["loads"].pop()
+    data["blocks"][1] |= change
+    with pytest.raises(InputError, match=message):
+        read_masonry(write(tmp_path, data))
+
+
+def test_a_mass_counts_before_a_density(tmp_path: Path) -> None:
+    data = copy.deepcopy(PROBLEM)
+    data["blocks"][1] |= {"density": 0, "mass": 7.0}
+    assert read_masonry(write(tmp_path, data)).blocks[1].mass == 7.0
+
+
+def test_hexahedra_in_vtks_order_are_solids(tmp_path: Path) -> None:
+    problem = read_masonry(write(tmp_path, PROBLEM))
+    volumes = [block.surface.moments()[0] for block in problem.blocks]
+    assert np.allclose(volumes, [3.0, 2.0])
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere\.json"):
+        read_masonry(tmp_path / "nowhere.json")
