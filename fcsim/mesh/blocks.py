@@ -11,8 +11,9 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.memory import refuse_beyond_memory
 from fcsim.mesh.cell_type import CELL_TYPES, RAISED
-from fcsim.mesh.material.isotropic import Material
+from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial
+from fcsim.mesh.material.linear import Material
 from fcsim.mesh.named_mesh import NamedMesh, from_gmsh
 from fcsim.mesh.part import Part, RigidBody
 from fcsim.runtime import gmsh_model
@@ -25,7 +26,7 @@ BYTES_PER_CELL = 1200.0
 def part_from_gmsh(
     gmsh: Any,
     name: str,
-    material: AnyMaterial,
+    material: AnyMaterial | ByRegion,
     *,
     volume: str | None = None,
     plane: Literal["strain", "stress"] = "strain",

@@ -26,8 +26,9 @@ from fcsim.timestep.encounter import Encounter, encounter, met_on_the_way
 from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.scheme import Scheme
-from fcsim.timestep.state import State, at_rest
+from fcsim.timestep.state import State, at_rest, refuse_misplaced
 from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
@@ -81,6 +82,8 @@ class Simulation:
             raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
         object.__setattr__(self, "model", self.model.moving(self.scheme.kinematics))
         self.scheme.refuse(self.model)  # before anything runs
+        if self.initial is not None:
+            refuse_misplaced(self.model, self.initial)
 
     def __iter__(self) -> Iterator[Step]:
         return self.run()
@@ -123,7 +126,7 @@ class Simulation:
         first = model.dof_of_node[:, 0]
         along[first[first >= 0]] = 1.0
         model.rigid_part(along)[:, 0] = 1.0
-        along[model.driven_dofs] = 0.0
+        along -= model.driven_share(along)
         return float(along @ model.apply_mass(along))
 
     @cached_property
@@ -138,7 +141,7 @@ class Simulation:
     @cached_property
     def watch(self) -> Watch | None:
         """The witness at work, from the initial state on; InputError where it refuses that."""
-        initial = self.initial or at_rest(self.model)
+        initial = self.initial or at_rest(self.model, h=self.scheme.h)
         return None if self.witness is None else begin(self.witness, self.model, initial.x)
 
     @property
@@ -166,7 +169,7 @@ class Simulation:
         run gives; without it, up to the solver's tolerance.
         """
         watch = self.watch  # refuses before anything is computed
-        after = after or Moment(0, self.initial or at_rest(self.model))
+        after = after or Moment(0, self.initial or at_rest(self.model, h=self.scheme.h))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None
         said: frozenset[str] = frozenset()
@@ -248,12 +251,13 @@ class Simulation:
             return solve_equation(equation, self.solver, self._extent, past, attempts, clock)
         return solve_nonlinear(equation, self.solver, self._extent, past, attempts, clock, self._anew(equation.scheme, start))
 
-    def _residual(self, answer: Answer, impulse: FloatArray) -> FloatArray:
-        """A v - f - H r (n_dofs,), what supports take."""
+    def _support_impulse(self, scheme: Scheme, answer: Answer, impulse: FloatArray, rigid_mass: FloatArray, after: State) -> FloatArray:
+        """The supports' impulses (n_dofs,), from what is left of A v - f - H r."""
         residual = answer.factor.apply(answer.v) - answer.load - impulse
         if self.model.nonlinear:
-            residual[self.model.free_dofs] = 0  # what Newton's method has left
-        return residual
+            residual = self.model.driven_share(residual)  # the rest is what Newton's method has left
+        support = scheme.support_impulse(self.model, residual, impulse)
+        return support + turning_impulse(self.model, answer.v, rigid_mass, after) if scheme.timing.moving else support
 
     def _anew(self, scheme: Scheme, start: Moment) -> Callable[[FloatArray], Encounter] | None:
         """What finds contacts at the iterates of a step of statics; None in dynamics."""
@@ -304,7 +308,7 @@ class Simulation:
             if ahead is None:
                 break
             met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
-        support = scheme.support_impulse(model, self._residual(answer, impulse), impulse)
+        support = self._support_impulse(scheme, answer, impulse, rigid_mass, after)
         variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
         return Step(

@@ -48,12 +48,8 @@ class Equation:
 
     @cached_property
     def _moved(self) -> FloatArray | None:
-        """Velocities (n_dofs,) of the driven dofs alone; None where all are zero."""
-        if not np.any(self.driven):
-            return None
-        moved = np.zeros(self.model.n_dofs)
-        moved[self.model.driven_dofs] = self.driven
-        return moved
+        """Velocities (n_dofs,) of the driven dofs alone, in world axes; None where all are zero."""
+        return self.model.of_driven(self.driven) if np.any(self.driven) else None
 
     @cached_property
     def compliance(self) -> StepCompliance:
@@ -63,6 +59,8 @@ class Equation:
     def _H(self) -> Any:
         """H on the problems' unknowns."""
         model, H = self.model, self.met.scaled_H
+        if model.axes_matrix is not None:
+            H = sp.csc_array(model.axes_matrix @ H)
         if model.driven == "eliminated":
             return self.compliance.with_joints(sp.csr_array(H[model.free_dofs]))
         mask = np.zeros(model.n_dofs)
@@ -82,7 +80,7 @@ class Equation:
 
     def problem(self, load: FloatArray) -> GlobalProblem:
         """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w."""
-        model, f = self.model, load - self._given
+        model, f = self.model, self.model.along(load - self._given)
         if model.driven == "eliminated":
             f = f[model.free_dofs]
         else:
@@ -91,12 +89,12 @@ class Equation:
         return GlobalProblem(matrix, self._H, self.compliance.load(f), self._w, mu, dimension=model.dimension)
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:
-        """The unknowns v (n_dofs,) of all dofs from the problem's."""
+        """The unknowns v (n_dofs,) of all dofs, in world axes, from the problem's."""
         model, v = self.model, np.empty(self.model.n_dofs)
         of_problem = self.compliance.bodies(of_problem)
         v[model.free_dofs] = of_problem if model.driven == "eliminated" else of_problem[model.free_dofs]
         v[model.driven_dofs] = self.driven
-        return v
+        return model.world(v)
 
 
 @dataclass(frozen=True, eq=False)
