@@ -27,7 +27,7 @@ from fcsim import (
     build_model,
     main,
 )
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.mesh import rigid_box
 
 GRAVITY = 9.81  # [m/s^2]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fcsim import Case, Everything, Gap, History, Material, Model, Sensor, Simulation, SolverSettings, Support, Theta, build_model, main
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.mesh import BlockKind, SemicircularArch, blocks_that_are, rigid_box, semicircular_arch
 
 GRAVITY = 9.81  # [m/s^2]

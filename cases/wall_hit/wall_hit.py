@@ -29,7 +29,7 @@ from fcsim import (
     build_model,
     main,
 )
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.mesh import BlockKind, blocks_that_are, rigid_box, running_bond
 
 GRAVITY = 9.81  # [m/s^2]

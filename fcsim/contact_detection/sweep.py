@@ -71,7 +71,7 @@ def _slaves(contacts: Contacts) -> BoolArray:
 
 
 def _passages(contacts: Contacts) -> IntArray:
-    """A number (nc, k) for each node of a contact and the body that it would enter; of a vertex on a facet for the vertex alone, -1 = none."""
+    """A number (nc, k) for each node of a contact and the body that it would enter, -1 = none; of a vertex on a facet for that alone."""
     slaves = _slaves(contacts)
     edges = (np.count_nonzero(slaves, axis=1) > 1)[:, None]
     into = np.where(slaves, contacts.bodies[:, 1:], contacts.bodies[:, :1])
