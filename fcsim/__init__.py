@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
     from fcsim.assembly.model import Model, build_model
     from fcsim.assembly.nodal_area import nodal_area
-    from fcsim.assembly.supports import Support
+    from fcsim.assembly.supports import DrivenRotation, Support
     from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
     from fcsim.command_line.main import main
     from fcsim.contact_detection import Contacts, ContactSurface, Detector, Everything, ExactContacts, SurfacePair, two_pass
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from fcsim.mesh.part import Body, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
     from fcsim.running.case import Case, History, Sensor, load_case
-    from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force
+    from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force, support_moment
     from fcsim.solvers import SOLVERS
     from fcsim.solvers.solve import solve
     from fcsim.timestep.chain import SolverSettings
@@ -68,6 +68,7 @@ _HOME = {
     "ContactSurface": "contact_detection",
     "Contacts": "contact_detection",
     "Detector": "contact_detection",
+    "DrivenRotation": "assembly.supports",
     "Elliptic": "contact_law",
     "Everything": "contact_detection",
     "ExactContacts": "contact_detection",
@@ -123,6 +124,7 @@ _HOME = {
     "read_fclib": "export_fclib",
     "solve": "solvers.solve",
     "support_force": "running.sensors",
+    "support_moment": "running.sensors",
     "two_pass": "contact_detection",
     "without_contact_of": "linkage",
     "write_fclib": "export_fclib",
@@ -141,6 +143,7 @@ __all__ = [
     "ContactSurface",
     "Contacts",
     "Detector",
+    "DrivenRotation",
     "Elliptic",
     "Everything",
     "ExactContacts",
@@ -196,6 +199,7 @@ __all__ = [
     "read_fclib",
     "solve",
     "support_force",
+    "support_moment",
     "two_pass",
     "without_contact_of",
     "write_fclib",

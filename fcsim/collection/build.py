@@ -20,8 +20,8 @@ from fcsim.collection.run_about import RunAbout, notes_on
 from fcsim.errors import InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, Solution, file_name, read_fclib, write_fclib
 from fcsim.files import sha256
+from fcsim.linear.storage import SUM_UP_TO
 from fcsim.problem import GlobalProblem, Judge, LocalProblem
-from fcsim.problem.delassus_sum import DENSE_W_UP_TO
 from fcsim.problem.reduction import reduce
 from fcsim.running.case import Case, load_case
 from fcsim.running.folder import RunFolder, open_run
@@ -49,7 +49,7 @@ def build_collection(
     every: int = 1,
     assignments: Mapping[str, str] | None = None,
     authors: str = "",
-    spectrum_up_to: int = DENSE_W_UP_TO,
+    spectrum_up_to: int = SUM_UP_TO,
     overwrite: bool = False,
     progress: Progress | None = None,
     watch: Callable[[Case, Step], None] | None = None,

@@ -8,8 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigvalsh, svdvals
 
+from fcsim.linear.storage import SUM_UP_TO
 from fcsim.problem import GlobalProblem, LocalProblem
-from fcsim.problem.delassus_sum import DENSE_W_UP_TO
 
 SYMMETRIC_UP_TO = 1e-10
 """max |W - W^T| / max |W| of a matrix that counts as symmetric: W carries the round-off of M^-1."""
@@ -64,7 +64,7 @@ class Properties:
         return ", ".join(words)
 
 
-def properties(problem: GlobalProblem | LocalProblem, local: LocalProblem, spectrum_up_to: int = DENSE_W_UP_TO) -> Properties:
+def properties(problem: GlobalProblem | LocalProblem, local: LocalProblem, spectrum_up_to: int = SUM_UP_TO) -> Properties:
     """Describe `problem`, whose local form is `local`; rank and condition up to `spectrum_up_to` contact unknowns.
 
     All eigenvalues (LAPACK syevd) of a symmetric W, all singular values (gesdd) of another: of order m^3, 0.8 s at m = 2064.

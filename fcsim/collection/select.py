@@ -21,8 +21,8 @@ from fcsim.errors import FcsimError, InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, file_name, read_fclib
 from fcsim.files import sha256
 from fcsim.linear.factors import SingularMatrix
+from fcsim.linear.storage import SUM_UP_TO
 from fcsim.problem import GlobalProblem, Judge, LocalProblem
-from fcsim.problem.delassus_sum import DENSE_W_UP_TO
 from fcsim.problem.reduction import reduced
 from fcsim.solvers import method, solve
 
@@ -63,7 +63,7 @@ def select_problems(
     tol: float = 1e-8,
     time_limit: float = 100.0,
     seed: int = 0,
-    spectrum_up_to: int = DENSE_W_UP_TO,
+    spectrum_up_to: int = SUM_UP_TO,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Selection:

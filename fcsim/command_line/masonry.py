@@ -25,7 +25,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description="Print the largest multiplier of a masonry problem's load that contact forces bear: the associative "
         "upper bound, and the least one at which Coulomb's friction allows a mechanism.",
     )
-    limit.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, -x or 1,0.5,0")
+    limit.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
     limit.set_defaults(act=_limit)
     tilt = commands.add_parser(
         "tilt",
@@ -41,7 +41,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="multiplier at which a masonry structure begins to move and to fall",
         description="Print the load multiplier at which a structure begins to move and to fall, by limit analysis and by simulation.",
     )
-    push.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, -x or 1,0.5,0")
+    push.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
     push.set_defaults(act=_push)
     for command in (limit, tilt, push):
         command.add_argument("model", type=Path, help='a masonry problem in JSON, schema "masonry-problem/1"')
@@ -123,7 +123,10 @@ def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket 
     from fcsim.masonry.report import summary, write_analysis
 
     if options.out is not None:
+        from fcsim.view.mechanism import draw_mechanism
+
         write_analysis(options.out, analysis, seen)
+        draw_mechanism(analysis, options.out / "mechanism.png")
     if options.json:
         from fcsim.records import json_text
 

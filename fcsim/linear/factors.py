@@ -17,9 +17,7 @@ from numba import njit
 from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import FcsimError
-
-DENSE_UP_TO = 1000
-"""Up to this size a dense factorisation is as fast as a sparse one for the blocks met here and solves many right-hand sides faster."""
+from fcsim.linear import storage
 
 SOLVED_AT_ONCE = 8_000_000
 """Numbers of right-hand sides that are solved for together (64 MB, of which a factor's solution takes a few copies)."""
@@ -253,7 +251,7 @@ class Mumps:
 def factorise(A: Any, *, positive_definite: bool = False) -> Factor:
     """Factor a square matrix A (sparse or dense) by the method that fits its size; `SingularMatrix` where that fails."""
     n = A.shape[0]
-    if n <= DENSE_UP_TO or not sp.issparse(A):
+    if n <= storage.BLOCK_UP_TO or not sp.issparse(A):
         dense = A.toarray() if sp.issparse(A) else np.asarray(A)
         return DenseCholesky(dense) if positive_definite else DenseLU(dense)
     return Mumps(A, positive_definite=positive_definite) if runtime.has_petsc() else SuperLU(A)

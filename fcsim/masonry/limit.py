@@ -30,7 +30,7 @@ from fcsim.solvers.variational.conic import clarabel_module
 ROUNDS = 60
 _SETTLED, _NEAR = 1e-5, 1e-3
 _JUMPS = 5  # rounds of the fixed point before it takes half steps
-_STILL = 1e-7  # of the largest contact velocity
+_STILL = {2: 1e-7, 3: 1e-5}  # of the largest contact velocity; interior points are rounder than corners
 
 Outcome = Literal["limit", "unbounded", "falls", "undecided"]
 
@@ -106,27 +106,40 @@ def associative_limit(problem: LimitProblem) -> LimitLoad:
 
 
 def coulomb_limit(problem: LimitProblem, start: LimitLoad) -> LimitLoad:
-    """Return the least load multiplier found at which Coulomb's friction allows a mechanism, from the associative answer on."""
+    """Return the least load multiplier found at which Coulomb's friction allows a mechanism, from the associative answer on.
+
+    That of the fixed point; where the rounds go on without one, the least of the mechanisms that they passed and that were certified.
+    """
     if start.outcome != "limit":
         return LimitLoad("Coulomb", start.outcome, start.multiplier, start.r, start.v)
     d = problem.contacts.dimension
     program = _Program(problem, problem.blocks.dead, problem.blocks.live)
-    mean, last, found = start.r, start.multiplier, None
+    mean, last = start.r, start.multiplier
+    certified: LimitLoad | None = None
     for rounds in range(1, ROUNDS + 1):
         found = program.solve(given=np.maximum(mean[::d], 0.0))
         if found is None:
-            return LimitLoad("Coulomb", "undecided", last, start.r, start.v, rounds)
-        if abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3):
-            slip = _slip(problem, found.v)
-            least, most = program.solve(slip=slip, sign=-1.0), program.solve(slip=slip)
+            break
+        settled = abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3)
+        state = _state_of_collapse(problem, program, found, rounds)
+        if state is not None and state.span is not None:
             near = _NEAR * max(abs(last), 1e-3)
-            if least is not None and most is not None and least.multiplier - near <= found.multiplier <= most.multiplier + near:
-                span = (least.multiplier, most.multiplier)
-                return LimitLoad("Coulomb", "limit", span[0], least.r, found.v, rounds, span)
+            if settled and state.span[0] - near <= found.multiplier <= state.span[1] + near:
+                return state
+            if certified is None or state.multiplier < certified.multiplier:
+                certified = state
         # forces are not unique: the answers jump between corners of one set, their mean settles
         mean, last = found.r if rounds <= _JUMPS else 0.5 * (mean + found.r), found.multiplier
-    assert found is not None
-    return LimitLoad("Coulomb", "undecided", found.multiplier, mean, found.v, ROUNDS)
+    return certified or LimitLoad("Coulomb", "undecided", last, start.r, start.v, ROUNDS)
+
+
+def _state_of_collapse(problem: LimitProblem, program: _Program, found: _Answer, rounds: int) -> LimitLoad | None:
+    """The answer's mechanism with forces that belong to it under Coulomb's law, at the least multiplier where they do; None: nowhere."""
+    slip = _slip(problem, found.v)
+    least, most = program.solve(slip=slip, sign=-1.0), program.solve(slip=slip)
+    if least is None or most is None:
+        return None
+    return LimitLoad("Coulomb", "limit", least.multiplier, least.r, found.v, rounds, (least.multiplier, most.multiplier))
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +154,7 @@ class _Slip:
 def _slip(problem: LimitProblem, v: FloatArray) -> _Slip:
     d = problem.contacts.dimension
     u = (problem.H.T @ v[problem.free]).reshape(-1, d)
-    none = _STILL * max(float(np.abs(u).max()), 1e-300)
+    none = _STILL[d] * max(float(np.abs(u).max()), 1e-300)
     speed = np.linalg.norm(u[:, 1:], axis=1)
     opens = u[:, 0] > none
     slides = ~opens & (speed > none)

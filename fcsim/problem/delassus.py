@@ -1,14 +1,15 @@
 """The Delassus operator W as solvers see it: one object for its products and for what is derived from it once.
 
-How W is stored for elimination and how it is factored is decided here and nowhere else: `elimination` names the way, `stored` is W in the
-storage that goes with it, `factor` is the factor of W + rho I. A problem has its operator as `LocalProblem.delassus`.
+How W is stored for elimination and how it is factored is decided here and nowhere else: `elimination` names the way (by the costs of
+`fcsim.linear.storage`), `stored` is W in the storage that goes with it, `factor` is the factor of W + rho I. Proximal methods work on
+W + D with one number a contact: `shifted`, which leaves W alone. A problem has its operator as `LocalProblem.delassus`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, TypeVar
 
@@ -21,15 +22,10 @@ from fcsim.linear.block_cholesky import Analysis
 from fcsim.linear.block_rows import compressed_blocks
 from fcsim.linear.factors import Factor, is_symmetric
 from fcsim.linear.joints import BlockRows, joint_rows
+from fcsim.linear.storage import eliminated_dense
 from fcsim.problem._judge_kernels import diagonal_blocks_of_rows
+from fcsim.problem.motion import Motion
 from fcsim.problem.shifted_factor import plus_diagonal, rows_with_diagonal, shifted_factor
-
-SMALL = 150
-"""Contact unknowns up to which dense linear algebra is cheapest whatever the density; these three hold for Newton's systems too."""
-FILLED = 0.05
-"""Density of W from which its factor counts as dense."""
-DENSE_UP_TO = 3000
-"""Contact unknowns up to which a dense factor of a sparse W is worth its memory (72 MB)."""
 
 Elimination = Literal["dense", "fronts", "sparse"]
 T = TypeVar("T")
@@ -37,7 +33,8 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Delassus:
-    """W (m, m), dense or sparse, of m = d nc contact unknowns; in dynamics [velocity per impulse], else [displacement per force].
+    """W + diag(shift), W (m, m) dense or sparse of m = d nc contact unknowns; in dynamics [velocity per impulse], else [displacement per
+    force]. shift (nc,): one number a contact, None for W alone; motion: W = H^T M^-1 H where few degrees of freedom are behind it.
 
     What is asked for is computed once and kept as long as this object; factors are not kept, since they are large: who uses one again
     keeps it (see `Memory` for what serves the next problem).
@@ -45,6 +42,8 @@ class Delassus:
 
     W: Matrix
     dimension: int = 3
+    shift: FloatArray | None = None
+    motion: Motion | None = None
     _made: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -61,14 +60,35 @@ class Delassus:
     def is_sparse(self) -> bool:
         return bool(sp.issparse(self.W))
 
+    def shifted(self, shift: FloatArray | float) -> Delassus:
+        """The operator of the same W with diag(shift), one number a contact (nc,) or one for all, in the place of its own."""
+        return Delassus(self.W, self.dimension, np.broadcast_to(shift, self.nc), self.motion)
+
+    @cached_property
+    def by_unknown(self) -> FloatArray:
+        """The shift of each contact unknown (m,)."""
+        return np.zeros(self.size) if self.shift is None else np.repeat(self.shift, self.dimension)
+
+    @cached_property
+    def matrix(self) -> Matrix:
+        """W + diag(shift), formed in W's own storage: dense for a dense W, else by block rows; W itself where nothing is shifted."""
+        return self.W if self.shift is None else plus_diagonal(self.W, self.shift, self.dimension)
+
     def __matmul__(self, x: FloatArray) -> FloatArray:
-        """W x for x (m,) or (m, k)."""
+        """(W + diag(shift)) x for x (m,) or (m, k)."""
         image: FloatArray = self.W @ x
-        return image
+        return image if self.shift is None else image + (self.by_unknown * x.T).T
+
+    def transposed_product(self, x: FloatArray) -> FloatArray:
+        """(W + diag(shift))^T x for x (m,) or (m, k)."""
+        image: FloatArray = self.W.T @ x
+        return image if self.shift is None else image + (self.by_unknown * x.T).T
 
     def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
-        """W x + q (m,)."""
+        """(W + diag(shift)) x + q (m,)."""
         W = self.W
+        if self.shift is not None:
+            return self @ x + q
         if sp.issparse(W) and W.format == "bsr" and W.blocksize == (3, 3):  # twice as quick as SciPy's product for any size of block
             return product(W.indptr, W.indices, W.data, q.reshape(-1, 3), x.reshape(-1, 3)).ravel()
         return W @ x + q
@@ -86,12 +106,13 @@ class Delassus:
     @cached_property
     def diagonal(self) -> FloatArray:
         """The diagonal of W (m,)."""
-        return np.asarray(self.W.diagonal())
+        return np.asarray(self.W.diagonal()) + self.by_unknown
 
     @cached_property
     def diagonal_blocks(self) -> FloatArray:
         """The contacts' own blocks W_aa (nc, d, d)."""
-        return diagonal_blocks(self.W, self.dimension)
+        own = diagonal_blocks(self.W, self.dimension)
+        return own if self.shift is None else own + self.shift[:, None, None] * np.eye(self.dimension)
 
     @cached_property
     def compliance(self) -> FloatArray:
@@ -106,7 +127,7 @@ class Delassus:
     @cached_property
     def symmetric_part(self) -> Delassus:
         """(W + W^T) / 2."""
-        return self if self.symmetric else Delassus(0.5 * (self.W + self.W.T), self.dimension)
+        return self if self.symmetric else replace(self, W=0.5 * (self.W + self.W.T), motion=None)
 
     @cached_property
     def norm(self) -> float:
@@ -114,8 +135,7 @@ class Delassus:
         zero = np.zeros(self.size)
         if self.symmetric:
             return power_norm(lambda x: self.affine(x, zero), self.size) or 1.0
-        WT = self.W.T
-        return float(np.sqrt(power_norm(lambda x: WT @ self.affine(x, zero), self.size))) or 1.0
+        return float(np.sqrt(power_norm(lambda x: self.transposed_product(self.affine(x, zero)), self.size))) or 1.0
 
     @cached_property
     def least_singular_value(self) -> float:
@@ -126,49 +146,48 @@ class Delassus:
 
     @cached_property
     def blocks(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """W by block rows: indptr (nc + 1,), block columns, blocks (nnz, d, d); not copied where W is so stored."""
-        return compressed_blocks(self.W, self.dimension)
+        """The matrix by block rows: indptr (nc + 1,), block columns, blocks (nnz, d, d); not copied where W is so stored."""
+        return compressed_blocks(self.matrix, self.dimension)
 
     @cached_property
     def joints(self) -> BlockRows | None:
         """A sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
-        return joint_rows(self.W, self.dimension) if self.is_sparse else None
+        return joint_rows(self.matrix, self.dimension) if self.is_sparse else None
 
     @cached_property
     def elimination(self) -> Elimination:
         """How a matrix with W's pattern is eliminated: dense, by fronts of whole joints, or by sparse elimination of single contacts."""
         if self.joints is not None:
             return "fronts"
-        if self.size <= SMALL or (self.size <= DENSE_UP_TO and self.density >= FILLED):
-            return "dense"
-        return "dense" if not self.is_sparse and self.density >= FILLED else "sparse"
+        return "dense" if eliminated_dense(self.size, self.entries) else "sparse"
 
     @cached_property
     def stored(self) -> Delassus:
         """W in the storage of its elimination: dense, or by sorted block rows; this object where it is so stored."""
         if self.elimination == "dense":
-            return Delassus(self.W.toarray(), self.dimension) if self.is_sparse else self
+            return self._of(self.W.toarray()) if self.is_sparse else self
         d = self.dimension
         if self.is_sparse and self.W.format == "bsr" and self.W.blocksize == (d, d) and self.W.has_sorted_indices:
             return self
-        indptr, column, blocks = self.blocks
+        indptr, column, blocks = compressed_blocks(self.W, d)
         # a copy even of block rows: sorting the caller's in place would change the last bits of later products
         rows = sp.bsr_array((blocks.copy(), column.astype(np.int32), indptr.astype(np.int32)), shape=self.W.shape)
         rows.sort_indices()
-        return Delassus(rows, d)
+        return self._of(rows)
 
-    def shifted(self, shift: FloatArray | float) -> Delassus:
-        """W + diag(shift) with one number a contact (nc,), or one for all: dense for a dense W, else by block rows."""
-        return Delassus(plus_diagonal(self.W, np.broadcast_to(shift, self.nc), self.dimension), self.dimension)
+    def _of(self, W: Matrix) -> Delassus:
+        """The operator with the same W in another storage."""
+        motion = None if self.motion is None else self.motion.stored_as(self.W, W)
+        return Delassus(W, self.dimension, self.shift, motion)
 
     def factor(self, rho: float, *, symmetric: bool) -> Factor:
         """The factor of W + rho I: Cholesky where symmetric and positive definite, else LU; SingularMatrix where that fails."""
-        return shifted_factor(self.W, self.dimension, rho, symmetric, lambda: self._analysed)
+        return shifted_factor(self.matrix, self.dimension, rho, symmetric, lambda: self._analysed)
 
     @cached_property
     def _analysed(self) -> tuple[Matrix, Analysis]:
         """A sparse W by block rows with every diagonal block, and what their pattern alone decides of a factor."""
-        rows = rows_with_diagonal(self.W, self.dimension)
+        rows = rows_with_diagonal(self.matrix, self.dimension)
         return rows, Analysis(rows)
 
     def derived(self, make: Callable[..., T], *arguments: Hashable) -> T:

@@ -12,19 +12,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.linear import storage
 from fcsim.problem._delassus_kernels import add_bodies, add_diagonal_bodies, entries_by_body, union_of_neighbours
-
-DENSE_W_UP_TO = 3000
-"""Up to this many contact unknowns W is stored dense (72 MB), above as block-sparse rows."""
-SPARSE_FROM, FILLED = 1000, 0.4
-"""Contact unknowns from which, and share of its blocks below which, W is stored by block rows: less to write, and to read in products."""
 
 
 class DelassusSum:
-    """W (m, m) while the bodies' shares are added: dense up to `DENSE_W_UP_TO` unknowns, else by block rows.
-
-    It is by block rows from `SPARSE_FROM` unknowns on already where less than the share `FILLED` of its blocks is there.
-    """
+    """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`)."""
 
     def __init__(self, H: Any, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
@@ -34,9 +27,9 @@ class DelassusSum:
         self._nc = nc = self._m // dimension
         self._bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
         starts, columns = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
-        if self._m > min(SPARSE_FROM, DENSE_W_UP_TO):
+        if self._m > storage.SPARSE_FROM:
             starts, columns = union_of_neighbours(*self._bodies[:2], nc)
-        self._dense = self._m <= DENSE_W_UP_TO and not (self._m > SPARSE_FROM and len(columns) < FILLED * nc**2)
+        self._dense = storage.summed_dense(self._m, len(columns) * dimension**2)
         if self._dense:
             starts, columns = starts[:0], columns[:0]
         self._values = np.zeros(self._m**2 if self._dense else len(columns) * dimension**2)

@@ -7,7 +7,7 @@ In dynamics v, u are velocities [m/s] and r impulses [N s]; in quasi-statics v, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -177,7 +177,15 @@ class LocalProblem:
     @cached_property
     def delassus(self) -> Delassus:
         """W with what is derived from it once: what solvers work on."""
-        return Delassus(self.W, self.dimension)
+        return Delassus(self.W, self.dimension, motion=None if self.motion is None else self.motion.of(self.W))
+
+    def stored(self) -> LocalProblem:
+        """The same problem with W in the storage of its elimination (`Delassus.stored`), or itself."""
+        operator = self.delassus.stored
+        if operator.W is self.W:
+            return self
+        motion = None if self.motion is None else self.motion.stored_as(self.W, operator.W)
+        return replace(self, W=operator.W, motion=motion)
 
     @property
     def diagonal_blocks(self) -> FloatArray:

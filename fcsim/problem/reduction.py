@@ -17,7 +17,8 @@ import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.errors import InputError
-from fcsim.linear.factors import DENSE_UP_TO, DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
+from fcsim.linear import storage
+from fcsim.linear.factors import DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
 from fcsim.linear.singularity import refuse_singular
 from fcsim.problem._delassus_kernels import alike_in_contacts
 from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
@@ -152,7 +153,7 @@ def _factor(block: Any) -> Factor:
 
 
 def _fitting_factor(block: Any) -> Factor:
-    if block.shape[0] > DENSE_UP_TO:
+    if block.shape[0] > storage.BLOCK_UP_TO:
         return factorise(block)
     dense = block.toarray(order="C" if block.format == "csr" else "F")
     by_rows = dense if block.format == "csr" else dense.T

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fcsim.errors import MissingDependency
 from fcsim.files import replacing
 from fcsim.mesh.cell_type import CELL_TYPES
-from fcsim.mesh.material.law import is_linear
+from fcsim.mesh.material.by_region import is_linear
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.running.folder import read_collection, write_collection
 

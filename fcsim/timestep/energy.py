@@ -178,6 +178,12 @@ def inner_work(
     return InnerWork((first, last.energy), last.dissipated, viscous, numerical)
 
 
+def inner_force(model: Model, before: State, middle: tuple[FloatArray, float], damped: FloatArray) -> FloatArray | float:
+    """The inner forces (n_dofs,) [N] of `inner_work`, viscous ones included; 0 without nonlinear bodies."""
+    bodies, (x, dt) = model.nonlinear, middle
+    return bodies.inner(x, before.internal, before.t + dt, dt, v=damped).force if bodies else 0.0
+
+
 @dataclass(frozen=True)
 class ContactWork:
     """Work of the reactions r on the mean velocity: normal and tangential part; and -sum r_T . u_T at the end of the step."""

@@ -1,7 +1,6 @@
-"""What the stages of `auto` cost: operations and bytes counted from each algorithm, times three rates of a machine.
+"""What the stages of `auto` cost: operations and bytes counted from each algorithm, times the rates of `fcsim.linear.storage`.
 
-Only ratios of costs matter, so the rates are those of one reference machine, fixed: no clock takes part, and runs repeat bit by bit
-everywhere. d unknowns a contact, nc contacts, m = d nc; entries: those of W that are not zero.
+d unknowns a contact, nc contacts, m = d nc; entries: those of W that are not zero.
 
     sweep (Gauss-Seidel)   W is read once; `ONE_CONTACT` operations a contact
     Newton, dense          LU of A W + B: 2/3 m^3; W is read `PASSES` times: rows scaled, copied, eliminated, multiplied
@@ -21,10 +20,9 @@ import scipy.sparse as sp
 
 from fcsim.linear.elimination_tree import elimination_tree
 from fcsim.linear.joints import BlockRows
+from fcsim.linear.storage import REAL, REFERENCE, Machine, Work
 from fcsim.problem import LocalProblem
 
-REAL = 8
-"""Bytes of a number."""
 SCALAR = 10.0
 """Times the dense rate's time that an operation takes which waits for the one before it: a contact's own equations."""
 ONE_CONTACT = 100 * SCALAR
@@ -41,37 +39,6 @@ LP, LP_STEPS = 10, 100
 """Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
 PADDING = 0.15
 """Zeros in the fronts that are counted (as block Cholesky has them)."""
-
-
-@dataclass(frozen=True)
-class Work:
-    """Operations [flops], memory read and written [bytes], small steps."""
-
-    flops: float = 0.0
-    bytes: float = 0.0
-    steps: float = 0.0
-
-    def __add__(self, other: Work) -> Work:
-        return Work(self.flops + other.flops, self.bytes + other.bytes, self.steps + other.steps)
-
-    def __rmul__(self, times: float) -> Work:
-        return Work(times * self.flops, times * self.bytes, times * self.steps)
-
-
-@dataclass(frozen=True)
-class Machine:
-    """Its three rates: dense linear algebra [flops/s], memory [bytes/s], the overhead of a small step [s]."""
-
-    flops: float
-    bytes: float
-    step: float
-
-    def seconds(self, work: Work) -> float:
-        return work.flops / self.flops + work.bytes / self.bytes + work.steps * self.step
-
-
-REFERENCE = Machine(flops=2.5e10, bytes=1.5e10, step=3e-5)
-"""One core of a common processor of 2020."""
 
 
 def sweep(entries: int, nc: int) -> Work:

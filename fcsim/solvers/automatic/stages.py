@@ -20,12 +20,10 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.linear.joints import joint_rows
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.race import SLOWING, Race, Runner, Stage, run
-from fcsim.solvers.automatic.storage import entries, fitting_storage
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 
 FAR = 1e-3
@@ -210,11 +208,11 @@ STAGES: tuple[Stage, ...] = (
 
 def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AutomaticOptions) -> Iterate:
     """Solve the problem by the stages above; the status is that of the last one, the iterate the best of all."""
-    joints = None if isinstance(problem.W, np.ndarray) else joint_rows(problem.W, problem.dimension)
-    count = entries(problem.W)
-    fitting = problem if joints is not None else fitting_storage(problem, count)
+    operator = problem.delassus
+    fitting = problem.stored()
     swept = problem if isinstance(fitting.W, np.ndarray) else fitting  # block rows are made of sparse storage if there is any
-    race = Race(fitting, swept, monitor, options, Prices(fitting, count, joints), bool(np.any(r)), joints, r)
+    prices = Prices(fitting, operator.entries, operator.joints)
+    race = Race(fitting, swept, monitor, options, prices, bool(np.any(r)), operator.joints, r)
     if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     return run(race, [stage for stage in STAGES if stage.name not in options.without])

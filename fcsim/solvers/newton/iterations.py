@@ -23,7 +23,6 @@ from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.spaces import LocalSpace, NewtonSpace
 from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
-from fcsim.solvers.newton.systems.interface import Shifted
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range
 from fcsim.solvers.turns import Turns, to_the_end
 
@@ -52,9 +51,8 @@ def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Newt
 
 def local_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions, *, once: bool = False) -> Turns:
     """`newton` by turns of one iteration each."""
-    operator = Shifted(problem.W, problem.dimension)
     linear = "auto" if options.linear == "kkt" else options.linear
-    system = newton_system(operator, linear, condensing=options.formulation in ("AC", "JM"), memory=monitor.memory, once=once)
+    system = newton_system(problem.delassus, linear, condensing=options.formulation in ("AC", "JM"), memory=monitor.memory, once=once)
     iterate = yield from newton_turns(LocalSpace(system, problem.q, r), r, problem.diagonal_blocks, problem.mu, monitor, options)
     if monitor.memory is not None and isinstance(system, CondensedSystem):
         left, memory = system.left(monitor.memory.identity), monitor.memory.without(KeptCondensation)

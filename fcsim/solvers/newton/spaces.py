@@ -50,7 +50,7 @@ class LocalSpace:
         self.recompute()
 
     def recompute(self) -> None:
-        self._Wr = self._system.operator.product(self._r)
+        self._Wr = self._system.operator @ self._r
         self.u = self._Wr + self._q
         self.exact = True
 
@@ -61,7 +61,7 @@ class LocalSpace:
     def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         W = self._system.operator
         g = W.transposed_product(np.einsum("aij,ai->aj", A, F).ravel()) + np.einsum("aij,ai->aj", B, F).ravel()
-        Wg = W.product(g)
+        Wg = W @ g
         Jg = np.einsum("aij,aj->ai", A, Wg.reshape(F.shape)) + np.einsum("aij,aj->ai", B, g.reshape(F.shape))
         length = float(g @ g) / (float(np.sum(Jg * Jg)) or 1.0)
         self._dr, self._Wdr = -length * g, -length * Wg

@@ -19,7 +19,7 @@ from fcsim.solvers.newton.iterations import newton, newton_iterations
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems.choice import newton_system
-from fcsim.solvers.newton.systems.interface import NewtonSystem, Shifted
+from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.proximal.options import ProximalOptions
 
 
@@ -69,7 +69,7 @@ class AnyMethod:
     def __call__(self, shift: FloatArray, q: FloatArray, r: FloatArray, watch: Monitor, most: int) -> Iterate:
         problem, internal = self._problem, self._internal
         if not np.array_equal(shift, self._shift):
-            self._shift, self._W = shift, problem.delassus.shifted(shift).W
+            self._shift, self._W = shift, problem.delassus.shifted(shift).matrix
         options = replace(internal.options, max_iterations=min(internal.options.max_iterations, most))
         return internal.run(LocalProblem(self._W, q, problem.mu, dimension=problem.dimension), r, watch, options)
 
@@ -84,9 +84,8 @@ class RegularisedNewton:
     def __call__(self, shift: FloatArray, q: FloatArray, r: FloatArray, watch: Monitor, most: int) -> Iterate:
         problem, options = self._problem, self._options
         if self._system is None:
-            motion = None if problem.motion is None else problem.motion.of(problem.W)
             linear, condensing = "auto" if options.linear == "kkt" else options.linear, options.formulation in ("AC", "JM")
-            self._system = newton_system(Shifted(problem.W, problem.dimension, shift, motion), linear, condensing=condensing, once=True)
+            self._system = newton_system(problem.delassus.shifted(shift), linear, condensing=condensing, once=True)
         else:
             self._system = self._system.shifted(shift)
         blocks = self._system.operator.diagonal_blocks

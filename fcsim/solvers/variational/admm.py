@@ -153,10 +153,10 @@ def split_turns(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOption
         operator = operator.symmetric_part
     if options.rescaling != "none":
         scale = _scales(operator, options.rescaling)
-        if sp.issparse(operator.W):
-            W: Any = sp.csr_array(sp.diags_array(scale) @ operator.W @ sp.diags_array(scale))
+        if sp.issparse(operator.matrix):
+            W: Any = sp.csr_array(sp.diags_array(scale) @ operator.matrix @ sp.diags_array(scale))
         else:
-            W = scale[:, None] * operator.W * scale
+            W = scale[:, None] * operator.matrix * scale
         scaled = Inequality(Delassus(W, operator.dimension), scale * vi.q, vi.convex_set, vi.mu)
         iterated = yield from split_turns(scaled, r / scale, _Rescaled(watch, scale), replace(options, rescaling="none"))
         return Iterate(scale * iterated.r, iterated.status)
@@ -184,7 +184,7 @@ def _scales(operator: Delassus, rescaling: str) -> FloatArray:
     d = operator.dimension
     if rescaling == "scalar":
         return np.full(operator.size, 1 / np.sqrt(operator.norm))
-    diagonal = operator.W.diagonal().reshape(-1, d).max(axis=1)
+    diagonal = operator.matrix.diagonal().reshape(-1, d).max(axis=1)
     positive = diagonal > 0
     diagonal = np.where(positive, diagonal, diagonal[positive].mean() if positive.any() else 1.0)
     return np.repeat(1 / np.sqrt(diagonal), d)

@@ -86,7 +86,7 @@ def scaled_program(vi: Inequality) -> tuple[ConicRows, Any, FloatArray, float]:
     """Rows, P, c and the scale of r that makes ||P|| = ||c|| = 1: engines have absolute tolerances."""
     rows = conic_rows(vi)
     operator = vi.operator
-    P = sp.csr_array(operator.W) if sp.issparse(operator.W) else operator.W
+    P = sp.csr_array(operator.matrix) if sp.issparse(operator.matrix) else operator.matrix
     if len(rows.free) < operator.size:
         P = P[rows.free][:, rows.free]
     size = float(np.linalg.norm(vi.q)) or 1.0

@@ -106,8 +106,8 @@ def _embedded_rows(operator: Delassus, offset: int) -> tuple[NDArray[np.int64], 
     """W by block rows with blocks (3, 3): N, T1, T2; what a program does not have gets a unit diagonal."""
     k = operator.dimension
     if k > 1 and offset == 0:
-        return block_rows(operator.W, k)
-    bsr = sp.bsr_array(operator.W, blocksize=(k, k))
+        return block_rows(operator.matrix, k)
+    bsr = sp.bsr_array(operator.matrix, blocksize=(k, k))
     bsr.sum_duplicates()
     blocks = np.zeros((len(bsr.data), 3, 3))
     blocks[:, offset : offset + k, offset : offset + k] = bsr.data

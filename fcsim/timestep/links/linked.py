@@ -74,6 +74,14 @@ class Linked:
         return 0.5 * float(self.linkage.stiffness[springs] @ gap**2)
 
 
+def refuse_linkage(linkage: Linkage | None, model: Model) -> None:
+    """InputError for links of another model, or of bodies that they cannot hold."""
+    if linkage is not None and model.nonlinear:
+        raise InputError("linkage: expected bodies of linear materials, got nonlinear ones, which links do not hold yet")
+    if linkage is not None and linkage.model.bodies != model.bodies:
+        raise InputError("linkage: expected the links of the simulation's model, got those of another one")
+
+
 def linked(linkage: Linkage | None, model: Model, scheme: Scheme, state: State) -> Linked | None:
     """The rows of a step from a state; None where there are none."""
     if linkage is None or not linkage.n_rows:

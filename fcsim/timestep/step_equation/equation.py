@@ -51,12 +51,8 @@ class Equation:
 
     @cached_property
     def _moved(self) -> FloatArray | None:
-        """Velocities (n_dofs,) of the driven dofs alone; None where all are zero."""
-        if not np.any(self.driven):
-            return None
-        moved = np.zeros(self.model.n_dofs)
-        moved[self.model.driven_dofs] = self.driven
-        return moved
+        """Velocities (n_dofs,) of the driven dofs alone, in world axes; None where all are zero."""
+        return self.model.of_driven(self.driven) if np.any(self.driven) else None
 
     @cached_property
     def compliance(self) -> StepCompliance | LinkedCompliance:
@@ -66,6 +62,8 @@ class Equation:
     def _on_unknowns(self, H: Any) -> Any:
         """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out."""
         model = self.model
+        if model.axes_matrix is not None:
+            H = sp.csr_array(model.axes_matrix @ H)
         if model.driven == "eliminated":
             return sp.csr_array(H[model.free_dofs])
         mask = np.zeros(model.n_dofs)
@@ -90,7 +88,7 @@ class Equation:
 
     def problem(self, load: FloatArray) -> GlobalProblem:
         """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w."""
-        model, f = self.model, load - self._given
+        model, f = self.model, self.model.along(load - self._given)
         if model.driven == "eliminated":
             f = f[model.free_dofs]
         else:
@@ -103,12 +101,12 @@ class Equation:
         return GlobalProblem(matrix, self._H, compliance.load(f), self._w, mu, G, b, dimension=model.dimension)
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:
-        """The unknowns v (n_dofs,) of all dofs from the problem's."""
+        """The unknowns v (n_dofs,) of all dofs, in world axes, from the problem's."""
         model, v = self.model, np.empty(self.model.n_dofs)
         of_problem = self.compliance.bodies(of_problem)
         v[model.free_dofs] = of_problem if model.driven == "eliminated" else of_problem[model.free_dofs]
         v[model.driven_dofs] = self.driven
-        return v
+        return model.world(v)
 
 
 @dataclass(frozen=True, eq=False)

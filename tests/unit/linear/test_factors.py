@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from fcsim import runtime
 from fcsim.linear import factors as linear
+from fcsim.linear import storage
 from fcsim.linear.factors import DenseCholesky, DenseLU, Mumps, SingularMatrix, SuperLU, factorise
 
 needs_petsc = pytest.mark.skipif(not runtime.has_petsc(), reason="petsc4py is not installed")
@@ -133,7 +134,7 @@ def test_factorise_chooses_by_size(monkeypatch: pytest.MonkeyPatch) -> None:
     expected = np.linalg.solve(A.toarray(), rhs)
     assert isinstance(factorise(A), DenseLU)
     assert isinstance(factorise(A, positive_definite=True), DenseCholesky)
-    monkeypatch.setattr(linear, "DENSE_UP_TO", 10)
+    monkeypatch.setattr(storage, "BLOCK_UP_TO", 10)
     assert isinstance(factorise(A), Mumps if runtime.has_petsc() else SuperLU)
     assert_allclose(factorise(A).solve(rhs), expected, rtol=1e-11, atol=1e-13)
     monkeypatch.setattr(runtime, "has_petsc", lambda: False)

@@ -12,7 +12,7 @@ from fcsim.linear.elimination_tree import joint_count, joints
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.fronts import Multifrontal, MultifrontalCholesky
 from fcsim.linear.joints import BlockRows, joint_rows
-from fcsim.solvers.newton.systems.interface import Shifted
+from fcsim.problem import Delassus
 from fcsim.solvers.newton.systems.multifrontal import ACCURACY, MultifrontalSystem
 
 
@@ -143,7 +143,7 @@ def test_step_has_a_small_defect(d: int, open_share: float) -> None:
     W, joint = wall(3, 3, 8, d, 4)
     A, B = linearisation(len(joint), d, rng, open_share)
     rhs = rng.standard_normal((len(joint), d))
-    dr, Wdr = MultifrontalSystem(Shifted(W, d)).solve(A, B, rhs)
+    dr, Wdr = MultifrontalSystem(Delassus(W, d)).solve(A, B, rhs)
     defect = sla.block_diag(*A) @ (W @ dr) + sla.block_diag(*B) @ dr - rhs.ravel()
     assert np.linalg.norm(defect) <= 2 * ACCURACY * np.linalg.norm(rhs)
     assert_allclose(Wdr, W @ dr, rtol=1e-12, atol=1e-12)
@@ -156,10 +156,10 @@ def test_double_precision_and_pivoting_take_over() -> None:
     stiff = sp.bsr_array(W - (np.linalg.eigvalsh(W.toarray())[0] * (1 - 1e-10)) * sp.eye_array(W.shape[0]), blocksize=(3, 3))
     A, B = np.tile(np.eye(3), (len(joint), 1, 1)), np.zeros((len(joint), 3, 3))
     rhs = rng.standard_normal((len(joint), 3))
-    dr, _ = MultifrontalSystem(Shifted(stiff, 3)).solve(A, B, rhs)
+    dr, _ = MultifrontalSystem(Delassus(stiff, 3)).solve(A, B, rhs)
     assert np.linalg.norm(stiff @ dr - rhs.ravel()) <= 2 * ACCURACY * np.linalg.norm(rhs)
     own = W.toarray().reshape(len(joint), 3, len(joint), 3)[np.arange(len(joint)), :, np.arange(len(joint))]
-    dr, _ = MultifrontalSystem(Shifted(W, 3)).solve(A, -own, rhs)
+    dr, _ = MultifrontalSystem(Delassus(W, 3)).solve(A, -own, rhs)
     defect = W @ dr - np.einsum("aij,aj->ai", own, dr.reshape(rhs.shape)).ravel() - rhs.ravel()
     assert np.linalg.norm(defect) <= 2 * ACCURACY * np.linalg.norm(rhs)
 

@@ -62,8 +62,16 @@ def test_shifted_and_its_factor(storage: str, d: int) -> None:
     moved = op.shifted(shift)
     assert_allclose(moved @ np.eye(len(W)), W + np.diag(np.repeat(shift, d)), atol=1e-12)
     assert moved.is_sparse is op.is_sparse
-    assert not moved.is_sparse or moved.W.blocksize == (d, d)
+    assert not moved.is_sparse or moved.matrix.blocksize == (d, d)
     assert_allclose(op @ np.eye(len(W)), W, atol=0)  # the operator itself is as it was
+    x = np.random.default_rng(0).standard_normal((len(W), 2))
+    written = W + np.diag(np.repeat(shift, d))
+    assert_allclose(moved.transposed_product(x), written.T @ x, atol=1e-12)
+    assert_allclose(moved.affine(x[:, 0], x[:, 1]), written @ x[:, 0] + x[:, 1], atol=1e-12)
+    assert_allclose(moved.shifted(2.0) @ x, W @ x + 2 * x, atol=1e-12)  # in the place of its own shift
+    assert_allclose(moved.diagonal, np.diag(written))
+    assert_allclose(moved.diagonal_blocks, [written[a * d : a * d + d, a * d : a * d + d] for a in range(8)])
+    assert_allclose(moved.stored @ x, written @ x, atol=1e-12)
     b = np.ones(len(W))
     for symmetric in (True, False):
         assert_allclose(op.factor(0.5, symmetric=symmetric).solve(b), np.linalg.solve(W + 0.5 * np.eye(len(W)), b), rtol=1e-9)

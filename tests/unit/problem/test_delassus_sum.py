@@ -10,8 +10,8 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
+from fcsim.linear import storage
 from fcsim.linear.factors import mirror
-from fcsim.problem import delassus_sum
 from fcsim.problem._delassus_kernels import alike_in_contacts, union_of_neighbours
 from fcsim.problem.delassus_sum import DelassusSum
 
@@ -34,8 +34,8 @@ def contact_matrix(n: int, nc: int, d: int, rng: np.random.Generator) -> sp.csr_
 def test_sum_of_the_bodies_shares(monkeypatch: pytest.MonkeyPatch, stored: str, d: int, symmetric: bool, nc: int) -> None:
     """Five bodies of two kinds and three diagonal ones, their unknowns in any order; some unknowns have no body."""
     if stored != "dense":
-        monkeypatch.setattr(delassus_sum, "DENSE_W_UP_TO" if stored == "by rows" else "SPARSE_FROM", 0)
-        monkeypatch.setattr(delassus_sum, "FILLED", 1.1)
+        monkeypatch.setattr(storage, "SPARSE_FROM", 0)
+        monkeypatch.setattr(storage, "SUM_UP_TO" if stored == "by rows" else "SUM_FILLED", 0 if stored == "by rows" else 1.1)
     rng = np.random.default_rng(nc)
     size, kind, group = 7, np.array([1, 0, 1, 1, 0]), np.array([0, 3, 4, 9])
     bodies = [np.arange(k * size, (k + 1) * size) for k in range(5)] + [35 + np.arange(*ends) for ends in pairwise(group)]

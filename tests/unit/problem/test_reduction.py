@@ -11,8 +11,9 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim.linear import factors as linear
+from fcsim.linear import storage as decisions
 from fcsim.linear.factors import DenseCholesky, SingularMatrix
-from fcsim.problem import GlobalProblem, LocalProblem, delassus_sum, reduction
+from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.reduction import BlockFactor, reduce, reduced
 
 
@@ -47,7 +48,8 @@ def dense(matrix: Any) -> np.ndarray:
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_delassus_operator_and_free_velocity(monkeypatch: pytest.MonkeyPatch, storage: str, d: int, symmetric: bool) -> None:
     if storage == "block sparse":
-        monkeypatch.setattr(delassus_sum, "DENSE_W_UP_TO", 0)
+        monkeypatch.setattr(decisions, "SPARSE_FROM", 0)
+        monkeypatch.setattr(decisions, "SUM_UP_TO", 0)
     p = random_problem(0, d, symmetric=symmetric)
     M, H = dense(p.M), dense(p.H)
     local = reduce(p).local
@@ -101,7 +103,8 @@ def test_a_small_asymmetry_is_kept() -> None:
 @pytest.mark.parametrize("d", [2, 3])
 def test_rigid_bodies_of_diagonal_m(monkeypatch: pytest.MonkeyPatch, d: int) -> None:
     """Twenty bodies in a row of contacts, each between neighbours, and a few between distant ones."""
-    monkeypatch.setattr(delassus_sum, "DENSE_W_UP_TO", 0)
+    monkeypatch.setattr(decisions, "SPARSE_FROM", 0)
+    monkeypatch.setattr(decisions, "SUM_UP_TO", 0)
     rng, k, nb = np.random.default_rng(13), 3 * d - 3, 20
     pairs = [(b, b + 1) for b in range(nb - 1)] + [(0, 7), (3, 15), (3, 4)]
     H = np.zeros((nb * k, d * len(pairs)))
@@ -156,8 +159,7 @@ def test_blocks_that_differ_by_round_off_share_a_factor_and_are_solved_as_they_a
 def test_blocks_above_the_dense_size(monkeypatch: pytest.MonkeyPatch) -> None:
     p = random_problem(4)
     expected = reduce(p).local.W
-    monkeypatch.setattr(linear, "DENSE_UP_TO", 3)
-    monkeypatch.setattr(reduction, "DENSE_UP_TO", 3)
+    monkeypatch.setattr(decisions, "BLOCK_UP_TO", 3)
     assert_allclose(reduce(p).local.W, expected, rtol=1e-11, atol=1e-13)
 
 
@@ -249,8 +251,7 @@ def test_singular_mass_is_refused(M: sp.sparray | np.ndarray) -> None:
 
 @pytest.mark.skipif(not linear.runtime.has_petsc(), reason="petsc4py is not installed")
 def test_singular_mass_is_refused_by_the_sparse_factor(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(linear, "DENSE_UP_TO", 3)
-    monkeypatch.setattr(reduction, "DENSE_UP_TO", 3)
+    monkeypatch.setattr(decisions, "BLOCK_UP_TO", 3)
     with pytest.raises(SingularMatrix):
         BlockFactor(floating_bars(200))
 
@@ -281,6 +282,7 @@ def test_contact_that_touches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     p = GlobalProblem(2 * np.eye(3), H, np.ones(3), np.arange(6.0), np.full(2, 0.3))
     expected = np.diag([0, 0, 0, 0.5, 0.5, 0.5])
     assert_allclose(dense(reduce(p).local.W), expected)
-    monkeypatch.setattr(delassus_sum, "DENSE_W_UP_TO", 0)
+    monkeypatch.setattr(decisions, "SPARSE_FROM", 0)
+    monkeypatch.setattr(decisions, "SUM_UP_TO", 0)
     assert_allclose(dense(reduce(p).local.W), expected)
     assert_allclose(reduce(p).local.q, [0, 1, 2, 3.5, 4.5, 5.5])

@@ -56,6 +56,7 @@ class FakeModel:
     bodies: tuple
     node_offset: np.ndarray
     reference: np.ndarray
+    nonlinear: tuple = ()
 
     @classmethod
     def of(cls, bodies: tuple) -> FakeModel:

@@ -18,11 +18,12 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix, is_symmetric
 from fcsim.linear.joints import Pattern, joint_rows
 from fcsim.linear.krylov import gmres
+from fcsim.problem import Delassus
 from fcsim.solvers.memory import Kept
 from fcsim.solvers.newton.systems.border import Border, empty_border, extended
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
 from fcsim.solvers.newton.systems.held import Held, hold
-from fcsim.solvers.newton.systems.interface import NewtonSystem, Shifted
+from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
 from fcsim.solvers.newton.systems.remainder import Factored, Remainder, split_known
 
@@ -79,11 +80,12 @@ class CondensedSystem:
     precision if that was not it.
     """
 
-    def __init__(self, operator: Shifted, kept: KeptCondensation | None = None) -> None:
+    def __init__(self, operator: Delassus, kept: KeptCondensation | None = None) -> None:
         """kept: what the system of an earlier W of the same contacts has left."""
         self.operator, self._d = operator, operator.dimension
         W = operator.matrix
-        self._rows = joint_rows(W, self._d, None if kept is None else kept.pattern)
+        earlier = None if kept is None else kept.pattern
+        self._rows = operator.joints if earlier is None else joint_rows(W, self._d, earlier)
         self._W = W if isinstance(W, np.ndarray) else sp.bsr_array(W, blocksize=(self._d, self._d)) if self._rows is None else self._rows.W
         self._dtype: Any = np.float32 if W.shape[0] >= SINGLE_FROM else np.float64
         self._holds_sliding = True
@@ -94,7 +96,7 @@ class CondensedSystem:
             self._condensation = replace(kept.condensation, earlier=True)
 
     def shifted(self, shift: FloatArray) -> CondensedSystem:
-        return CondensedSystem(Shifted(self.operator.W, self._d, shift))
+        return CondensedSystem(self.operator.shifted(shift))
 
     def left(self, identity: IntArray) -> KeptCondensation | None:
         """What serves the next W of these contacts, None where nothing is held."""
@@ -111,7 +113,7 @@ class CondensedSystem:
     @cached_property
     def _whole(self) -> NewtonSystem:
         """What solves where the condensation cannot."""
-        operator = Shifted(self._W, self._d)
+        operator = Delassus(self._W, self._d)
         if self._rows is not None:
             return MultifrontalSystem(operator, self._rows)
         return DenseSystem(operator) if isinstance(self._W, np.ndarray) else SparseSystem(operator)

@@ -11,20 +11,21 @@ import scipy.sparse as sp
 from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear.factors import MUMPS_FROM, DenseLU, Factor, Mumps, SuperLU
+from fcsim.problem import Delassus
 from fcsim.solvers.newton.systems._direct_kernels import active_matrix, active_rows
-from fcsim.solvers.newton.systems.interface import Shifted, without_open
+from fcsim.solvers.newton.systems.interface import without_open
 
 
 class DenseSystem:
     """Of a dense W: LAPACK's LU."""
 
-    def __init__(self, operator: Shifted) -> None:
+    def __init__(self, operator: Delassus) -> None:
         self.operator = operator
         self._W = np.ascontiguousarray(operator.W)
         self._shift = np.zeros(operator.nc) if operator.shift is None else operator.shift
 
     def shifted(self, shift: FloatArray) -> DenseSystem:
-        return DenseSystem(Shifted(self._W, self.operator.dimension, shift))
+        return DenseSystem(self.operator.shifted(shift))
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         active, rhs, dr = without_open(self.operator, A, rhs)
@@ -32,27 +33,27 @@ class DenseSystem:
             J = np.empty((rhs.size, rhs.size))
             active_matrix(self._W, self._shift, A, B, active, J)
             dr[active] = DenseLU(J.T, overwrite=True).solve_transposed(rhs.ravel()).reshape(rhs.shape)
-        return dr.ravel(), self.operator.product(dr.ravel())
+        return dr.ravel(), self.operator @ dr.ravel()
 
 
 class SparseSystem:
     """Of a sparse W: SuperLU, or MUMPS for many entries where petsc4py is there."""
 
-    def __init__(self, operator: Shifted, rows: tuple[IntArray, IntArray, FloatArray] | None = None) -> None:
+    def __init__(self, operator: Delassus, rows: tuple[IntArray, IntArray, FloatArray] | None = None) -> None:
         """rows: `_complete_rows` of W where another system has them already."""
         self.operator = operator
         self._rows = _complete_rows(operator) if rows is None else rows
         self._shift = np.zeros(operator.nc) if operator.shift is None else operator.shift
 
     def shifted(self, shift: FloatArray) -> SparseSystem:
-        return SparseSystem(Shifted(self.operator.W, self.operator.dimension, shift), self._rows)
+        return SparseSystem(self.operator.shifted(shift), self._rows)
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         d = self.operator.dimension
         active, rhs, dr = without_open(self.operator, A, rhs)
         if len(active):
             dr[active] = self._factor(A, B, active).solve(rhs.ravel()).reshape(-1, d)
-        return dr.ravel(), self.operator.product(dr.ravel())
+        return dr.ravel(), self.operator @ dr.ravel()
 
     def _factor(self, A: FloatArray, B: FloatArray, active: IntArray) -> Factor:
         """A (W + D) + B on the active contacts, factored."""
@@ -78,7 +79,7 @@ class _Transposed:
         return self._factor.solve_transposed(rhs)
 
 
-def _complete_rows(operator: Shifted) -> tuple[IntArray, IntArray, FloatArray]:
+def _complete_rows(operator: Delassus) -> tuple[IntArray, IntArray, FloatArray]:
     """W by sorted block rows with every diagonal block: starts (nc + 1,), columns, blocks (nnz, d, d)."""
     d, nc = operator.dimension, operator.nc
     W = sp.bsr_array(operator.W, blocksize=(d, d))

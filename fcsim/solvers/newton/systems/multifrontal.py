@@ -13,8 +13,8 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
 from fcsim.linear.krylov import gmres
+from fcsim.problem import Delassus
 from fcsim.solvers.newton.systems.direct import SparseSystem
-from fcsim.solvers.newton.systems.interface import Shifted
 
 ACCURACY = 3e-4
 """Defect of a step relative to the right-hand side: from a cold start Newton takes up to a third more iterations at 1e-2, none at 3e-4."""
@@ -29,14 +29,14 @@ class MultifrontalSystem:
     factors are taken in double precision, and where these are singular the LU with pivoting over the whole matrix takes over.
     """
 
-    def __init__(self, operator: Shifted, rows: BlockRows | None = None) -> None:
+    def __init__(self, operator: Delassus, rows: BlockRows | None = None) -> None:
         """rows: the operator's block rows where they were analysed already."""
         self.operator, self._d = operator, operator.dimension
         self._rows = BlockRows(operator.matrix, self._d) if rows is None else rows
         self._precision: Any = np.float32
 
     def shifted(self, shift: FloatArray) -> MultifrontalSystem:
-        operator = Shifted(self.operator.W, self._d, shift)
+        operator = self.operator.shifted(shift)
         return MultifrontalSystem(operator, BlockRows(operator.matrix, self._d, self._rows.pattern))
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -47,7 +47,7 @@ class MultifrontalSystem:
             right = (rhs - np.einsum("aij,aj->ai", A, Wdr.reshape(rhs.shape)))[active]
             step = self._active_step(A, B, active, right, float(np.linalg.norm(rhs)))
             if step is None:
-                return SparseSystem(Shifted(self._rows.W, self._d)).solve(A, B, rhs)
+                return SparseSystem(Delassus(self._rows.W, self._d)).solve(A, B, rhs)
             dr += step[0]
             Wdr += step[1]
         return dr, Wdr

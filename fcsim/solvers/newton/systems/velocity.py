@@ -16,13 +16,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.linear import storage
 from fcsim.linear.factors import DenseLU, SingularMatrix, SuperLU
+from fcsim.problem import Delassus
 from fcsim.problem.motion import Motion
 from fcsim.solvers.newton.systems._velocity_kernels import add_shares
-from fcsim.solvers.newton.systems.interface import Shifted
 
-DENSE_UP_TO = 800
-"""Degrees of freedom up to which the matrix is factored dense."""
+SPARSE_STEPS = 30
+"""Small steps of forming the sparse matrix by products of sparse ones."""
 
 
 class _Bodies:
@@ -42,20 +43,21 @@ class _Bodies:
         self.unknowns[contact, position] = pairs % n
         self.h = np.zeros((shape[0], d, shape[1]))
         np.add.at(self.h, (row // d, row % d, position[place]), HT.data)
-        self.mass = motion.M.toarray() if n <= DENSE_UP_TO else None
+        graph = self.H.astype(bool) @ HT.astype(bool)
+        self.mass = motion.M.toarray() if storage.eliminated_dense(n, graph.nnz, SPARSE_STEPS) else None
 
 
 class VelocitySystem:
     """LU of M + H C^-1 A H^T, dense for few bodies, else sparse; the operator needs a positive shift and a `Motion`."""
 
-    def __init__(self, operator: Shifted, bodies: _Bodies | None = None) -> None:
+    def __init__(self, operator: Delassus, bodies: _Bodies | None = None) -> None:
         """bodies: of another system of this W."""
         assert operator.motion is not None
         self.operator = operator
         self._bodies = _Bodies(operator.motion, operator.dimension) if bodies is None else bodies
 
     def shifted(self, shift: FloatArray) -> VelocitySystem:
-        return VelocitySystem(Shifted(self.operator.W, self.operator.dimension, shift, self.operator.motion), self._bodies)
+        return VelocitySystem(self.operator.shifted(shift), self._bodies)
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         bodies, shift = self._bodies, self.operator.shift

@@ -13,7 +13,6 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers import solve
 from fcsim.solvers.automatic.stages import STAGES
-from fcsim.solvers.automatic.storage import fitting_storage
 
 
 def chain(nc: int, d: int) -> np.ndarray:
@@ -35,7 +34,7 @@ def test_a_large_sparse_matrix_is_stored_by_sorted_block_rows(kind: type, d: int
     nc = 120
     W = chain(nc, d)
     given = kind(W)
-    fitting = fitting_storage(LocalProblem(given, np.ones(nc * d), np.ones(nc), dimension=d), int(np.count_nonzero(W))).W
+    fitting = LocalProblem(given, np.ones(nc * d), np.ones(nc), dimension=d).stored().W
     assert fitting.format == "bsr" and fitting.blocksize == (d, d)
     assert_array_equal(fitting.toarray(), W)
     for a in range(nc):
@@ -48,7 +47,7 @@ def test_a_large_sparse_matrix_is_stored_by_sorted_block_rows(kind: type, d: int
 @pytest.mark.parametrize("kind", [np.asarray, sp.csr_array, sp.bsr_array])
 def test_a_small_matrix_is_dense(kind: type) -> None:
     W = chain(10, 3)
-    fitting = fitting_storage(LocalProblem(kind(W), np.ones(30), np.ones(10)), int(np.count_nonzero(W))).W
+    fitting = LocalProblem(kind(W), np.ones(30), np.ones(10)).stored().W
     assert isinstance(fitting, np.ndarray)
     assert_array_equal(fitting, W)
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
-from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem import Delassus, GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Memory, Status, solve
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.formulations import FORMULATIONS
@@ -20,7 +20,6 @@ from fcsim.solvers.newton.line_search import REFERENCES, armijo, goldstein
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems.direct import DenseSystem
-from fcsim.solvers.newton.systems.interface import Shifted
 
 
 def random_problem(seed: int, nc: int = 10, d: int = 3, mu: float = 0.5) -> LocalProblem:
@@ -137,7 +136,7 @@ def test_gradient_steps_replace_newtons() -> None:
         options = NewtonOptions(line_search="Armijo", safeguard=safeguard, max_iterations=50)
         monitor = Monitor(p.q, p.mu, 3, 1e-12)
         r = np.zeros(30)
-        iterate = newton_iterations(_Singular(DenseSystem(Shifted(p.W, 3)), p.q, r), r, p.diagonal_blocks, p.mu, monitor, options)
+        iterate = newton_iterations(_Singular(DenseSystem(Delassus(p.W, 3)), p.q, r), r, p.diagonal_blocks, p.mu, monitor, options)
         assert iterate.status is status
     assert monitor.best < 0.3 * monitor.history[0][2]  # steepest descent alone comes closer
 
@@ -146,7 +145,7 @@ def test_gradient_is_the_merits() -> None:
     """The direction of steepest descent and its length against finite differences of 0.5 ||F||^2."""
     p, rng = random_problem(4), np.random.default_rng(0)
     r, rho = rng.standard_normal(30), np.full((10, 3), 0.4)
-    space = LocalSpace(DenseSystem(Shifted(p.W, p.dimension)), p.q, r)
+    space = LocalSpace(DenseSystem(Delassus(p.W, p.dimension)), p.q, r)
 
     def merit(r: np.ndarray) -> float:
         F = FORMULATIONS["AC"]((p.W @ r + p.q).reshape(10, 3), r.reshape(10, 3), p.mu, rho)[0]
@@ -251,5 +250,5 @@ def test_nothing_is_accepted_on_a_velocity_that_drifted() -> None:
         p, options = random_problem(seed), NewtonOptions(max_iterations=30)
         monitor = Monitor(p.q, p.mu, 3, 1e-6)
         r = np.zeros(30)
-        iterate = newton_iterations(_Drifting(DenseSystem(Shifted(p.W, 3)), p.q, r), r, p.diagonal_blocks, p.mu, monitor, options)
+        iterate = newton_iterations(_Drifting(DenseSystem(Delassus(p.W, 3)), p.q, r), r, p.diagonal_blocks, p.mu, monitor, options)
         assert iterate.status.solved == (true_error(p, iterate.r) <= 1e-6)

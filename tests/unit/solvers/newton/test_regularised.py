@@ -9,21 +9,21 @@ import pytest
 import scipy.sparse as sp
 
 from fcsim.linear.factors import SingularMatrix
-from fcsim.problem import LocalProblem, natural_map_residual
+from fcsim.problem import Delassus, LocalProblem, natural_map_residual
 from fcsim.solvers.base import Monitor, Status
 from fcsim.solvers.newton.systems import choice
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
-from fcsim.solvers.newton.systems.interface import NewtonSystem, Shifted
+from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.proximal.inner import InnerProblems
 from fcsim.solvers.proximal.options import ProximalOptions
 
 
 def sparse(W: sp.csr_array, d: int) -> NewtonSystem:
-    return SparseSystem(Shifted(W, d))
+    return SparseSystem(Delassus(W, d))
 
 
 def dense(W: sp.csr_array, d: int) -> NewtonSystem:
-    return DenseSystem(Shifted(W.toarray(), d))
+    return DenseSystem(Delassus(W.toarray(), d))
 
 
 STORAGES = pytest.mark.parametrize("shifted_system", [sparse, dense])

@@ -173,7 +173,7 @@ def test_factor_of_a_sparse_operator(definite: bool, kind: str, d: int) -> None:
 
 
 def test_sparse_matrix_stays_sparse(coulomb_problems: Problems, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fcsim.linear.factors.DENSE_UP_TO", 0)
+    monkeypatch.setattr("fcsim.linear.storage.BLOCK_UP_TO", 0)
     for cls in (sp.csr_array, sp.bsr_array):
         monkeypatch.setattr(cls, "toarray", lambda *a, **k: pytest.fail("a sparse W was made dense"))
     assert solve(coulomb_problems["sparse"](), "ADMM").solved

@@ -8,9 +8,9 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fcsim.linear import factors as linear
-from fcsim.linear.factors import SingularMatrix
-from fcsim.problem import GlobalProblem
+from fcsim.linear import storage
+from fcsim.linear.factors import SingularMatrix, SuperLU
+from fcsim.problem import Delassus, GlobalProblem
 from fcsim.solvers.newton.kkt import _SaddleMatrix
 from fcsim.solvers.newton.systems import condensed as condensed_system
 from fcsim.solvers.newton.systems.border import empty_border, extended
@@ -19,13 +19,13 @@ from fcsim.solvers.newton.systems.condensed import ACCURACY, FORCING
 from fcsim.solvers.newton.systems.condensed import CondensedSystem as Condensed
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
 from fcsim.solvers.newton.systems.held import hold
-from fcsim.solvers.newton.systems.interface import NewtonSystem, Shifted
+from fcsim.solvers.newton.systems.interface import NewtonSystem
 
 OPEN, STICK, SLIP = 0, 1, 2
 
 
 def condensed(W: np.ndarray, d: int) -> Condensed:
-    return Condensed(Shifted(W, d))
+    return Condensed(Delassus(W, d))
 
 
 def delassus(nc: int, d: int, seed: int) -> np.ndarray:
@@ -71,7 +71,7 @@ def test_one_step(name: str, d: int, zones: str) -> None:
     A, B = linearisation(rng.choice(3, 12, p=ZONES[zones]), d, rng)
     rhs = rng.standard_normal((12, d))
     before = W.copy(), A.copy(), B.copy(), rhs.copy()
-    system = newton_system(Shifted(sp.bsr_array(W, blocksize=(d, d)) if name == "sparse" else W, d), name, condensing=True)
+    system = newton_system(Delassus(sp.bsr_array(W, blocksize=(d, d)) if name == "sparse" else W, d), name, condensing=True)
     tolerance = 1e-3 if name == "multifrontal" else 1e-9  # an inexact step, see test_multifrontal
     assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=tolerance, atol=1e-2 * tolerance)
     for mine, given in zip((W, A, B, rhs), before, strict=True):
@@ -86,7 +86,7 @@ def test_changing_sets(seed: int, changes: int, d: int) -> None:
     rng = np.random.default_rng(seed)
     nc = 60
     W = delassus(nc, d, seed)
-    systems: list[NewtonSystem] = [condensed(W, d), DenseSystem(Shifted(W, d)), SparseSystem(Shifted(W, d))]
+    systems: list[NewtonSystem] = [condensed(W, d), DenseSystem(Delassus(W, d)), SparseSystem(Delassus(W, d))]
     zone = rng.choice(3, nc, p=[0.2, 0.6, 0.2])
     for _ in range(25):
         moved = rng.choice(nc, changes, replace=False)
@@ -118,7 +118,7 @@ def test_following_a_changing_operator(seed: int, change: float) -> None:
             assert np.linalg.norm(defect) <= 1.01 * FORCING * np.linalg.norm(rhs)
         root = np.eye(len(W)) + change * rng.standard_normal(W.shape) / len(W)
         W = root @ W @ root.T
-        system = Condensed(Shifted(W, d), system.left(np.arange(nc)))
+        system = Condensed(Delassus(W, d), system.left(np.arange(nc)))
 
 
 def test_borders_that_grow_from_one_keep_their_columns_apart() -> None:
@@ -146,12 +146,12 @@ def test_a_shift_is_part_of_the_operator(name: str, d: int) -> None:
     A, B = linearisation(rng.choice(3, nc), d, rng)
     rhs, shift = rng.standard_normal((nc, d)), rng.random(nc)
     stored = sp.bsr_array(W, blocksize=(d, d)) if name == "sparse" else W
-    system = newton_system(Shifted(stored, d), name, condensing=True)
+    system = newton_system(Delassus(stored, d), name, condensing=True)
     tolerance = 1e-3 if name == "multifrontal" else 1e-9
     shifted = W + np.diag(np.repeat(shift, d))
     for own in (
         system.shifted(shift),
-        newton_system(Shifted(stored, d, shift), name, condensing=True),
+        newton_system(Delassus(stored, d, shift), name, condensing=True),
         system.shifted(9 * shift).shifted(shift),
     ):
         dr, du = own.solve(A, B, rhs)
@@ -255,14 +255,14 @@ def test_singular_system_is_refused(name: str) -> None:
     W = np.kron(np.ones((2, 2)), np.diag([1.0, 2.0, 3.0]))
     A, B = np.stack([np.eye(3)] * 2), np.zeros((2, 3, 3))
     with pytest.raises(SingularMatrix):
-        newton_system(Shifted(W, 3), name, condensing=True).solve(A, B, np.ones((2, 3)))
+        newton_system(Delassus(W, 3), name, condensing=True).solve(A, B, np.ones((2, 3)))
 
 
 def test_sparse_system_by_the_sparse_factor(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(linear, "DENSE_UP_TO", 5)
+    monkeypatch.setattr(storage, "BLOCK_UP_TO", 5)
     rng = np.random.default_rng(13)
     W = sla.block_diag(*(delassus(4, 3, seed) for seed in range(5)))
-    system = SparseSystem(Shifted(sp.bsr_array(W, blocksize=(3, 3)), 3))
+    system = SparseSystem(Delassus(sp.bsr_array(W, blocksize=(3, 3)), 3))
     for _ in range(3):
         A, B = linearisation(rng.choice(3, 20), 3, rng)
         rhs = rng.standard_normal((20, 3))
@@ -298,5 +298,5 @@ def test_saddle_point_matrix(d: int, constraints: int) -> None:
         assert_allclose(matrix.toarray(), np.block(rows), atol=1e-14)
         rhs = rng.standard_normal((nc, d))
         full = np.concatenate([np.zeros(n), rhs.ravel(), np.zeros(constraints)])
-        step = linear.SuperLU(matrix).solve(full)[n : n + d * nc]
+        step = SuperLU(matrix).solve(full)[n : n + d * nc]
         assert_allclose(step, reference_step(W, A, B, rhs), rtol=1e-7, atol=1e-9)

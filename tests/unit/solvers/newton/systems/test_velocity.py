@@ -11,28 +11,27 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim.bench.families import problems
+from fcsim.linear import storage
 from fcsim.linear.factors import SingularMatrix
-from fcsim.problem import GlobalProblem
+from fcsim.problem import Delassus, GlobalProblem
 from fcsim.problem.motion import Motion
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
-from fcsim.solvers.newton.systems import velocity
 from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.direct import DenseSystem
-from fcsim.solvers.newton.systems.interface import Shifted
 from fcsim.solvers.newton.systems.velocity import VelocitySystem
 
 OPEN, STICK, SLIP = 0, 1, 2
 
 
-def bodies(d: int, nc: int, n: int, seed: int, unit: float = 1.0) -> Shifted:
+def bodies(d: int, nc: int, n: int, seed: int, unit: float = 1.0) -> Delassus:
     """W = H^T M^-1 H of rank n < m, masses around `unit`, every contact on some of the unknowns; a shift for each contact."""
     rng = np.random.default_rng(seed)
     H = rng.standard_normal((n, d * nc)) * np.repeat(rng.random((n, nc)) < 0.5, d, axis=1)
     M = sla.block_diag(*(x @ x.T + np.eye(2) for x in rng.standard_normal((n // 2, 2, 2)))) * unit
     W = H.T @ np.linalg.solve(M, H)
     motion = Motion(sp.csr_array(H.T), sp.csr_array(M), W)
-    return Shifted(W, d, 1e-2 / unit * (1 + rng.random(nc)), motion)
+    return Delassus(W, d, 1e-2 / unit * (1 + rng.random(nc)), motion)
 
 
 def linearisation(nc: int, d: int, rng: np.random.Generator, unit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -50,7 +49,7 @@ def linearisation(nc: int, d: int, rng: np.random.Generator, unit: float = 1.0) 
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_step_is_that_of_the_contacts(d: int, sparse: bool, unit: float, monkeypatch: pytest.MonkeyPatch) -> None:
     if sparse:
-        monkeypatch.setattr(velocity, "DENSE_UP_TO", 0)
+        monkeypatch.setattr(storage, "DENSE_UP_TO", 0)
     nc, rng = 30, np.random.default_rng(1)
     operator = bodies(d, nc, 12, 2, unit)
     system = VelocitySystem(operator)
