@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     )
     from fcsim.errors import FcsimError, InputError
     from fcsim.export_fclib import read_fclib, write_fclib
+    from fcsim.linkage import Ball, Bonded, Cable, Hinge, Linkage, Rod, Slider, SpringDamper, Tied, WithCables, without_contact_of
     from fcsim.mesh.material import Material
     from fcsim.mesh.part import Body, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
@@ -55,8 +56,12 @@ if TYPE_CHECKING:
     from fcsim.witness import Witness
 
 _HOME = {
+    "SOLVERS": "solvers",
     "AccelerationRecord": "assembly.time_functions",
+    "Ball": "linkage",
     "Body": "mesh.part",
+    "Bonded": "linkage",
+    "Cable": "linkage",
     "Case": "running.case",
     "Cohesive": "contact_law",
     "Compliant": "contact_law",
@@ -73,9 +78,11 @@ _HOME = {
     "GeneralisedAlpha": "timestep.generalised_alpha",
     "GlobalProblem": "problem",
     "GravityRamp": "assembly.time_functions",
+    "Hinge": "linkage",
     "History": "running.case",
     "InputError": "errors",
     "Limits": "timestep.limits",
+    "Linkage": "linkage",
     "LocalProblem": "problem",
     "Material": "mesh.material",
     "Model": "assembly.model",
@@ -83,12 +90,14 @@ _HOME = {
     "QuasiStatic": "timestep.quasi_static",
     "RateDependent": "contact_law",
     "RigidBody": "mesh.part",
-    "SOLVERS": "solvers",
+    "Rod": "linkage",
     "Scheme": "timestep.scheme",
     "Sensor": "running.case",
     "Simulation": "timestep.simulation",
+    "Slider": "linkage",
     "SlipWeakening": "contact_law",
     "SolverSettings": "timestep.chain",
+    "SpringDamper": "linkage",
     "Springs": "contact_law",
     "State": "timestep.state",
     "StaticKinetic": "contact_law",
@@ -96,7 +105,9 @@ _HOME = {
     "Support": "assembly.supports",
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
+    "Tied": "linkage",
     "Velocity": "contact_law",
+    "WithCables": "linkage",
     "Witness": "witness",
     "at_rest": "timestep.state",
     "build_model": "assembly.model",
@@ -115,13 +126,17 @@ _HOME = {
     "support_force": "running.sensors",
     "support_moment": "running.sensors",
     "two_pass": "contact_detection",
+    "without_contact_of": "linkage",
     "write_fclib": "export_fclib",
 }
 
 __all__ = [
     "SOLVERS",
     "AccelerationRecord",
+    "Ball",
     "Body",
+    "Bonded",
+    "Cable",
     "Case",
     "Cohesive",
     "Compliant",
@@ -138,9 +153,11 @@ __all__ = [
     "GeneralisedAlpha",
     "GlobalProblem",
     "GravityRamp",
+    "Hinge",
     "History",
     "InputError",
     "Limits",
+    "Linkage",
     "LocalProblem",
     "Material",
     "Model",
@@ -148,11 +165,14 @@ __all__ = [
     "QuasiStatic",
     "RateDependent",
     "RigidBody",
+    "Rod",
     "Scheme",
     "Sensor",
     "Simulation",
+    "Slider",
     "SlipWeakening",
     "SolverSettings",
+    "SpringDamper",
     "Springs",
     "State",
     "StaticKinetic",
@@ -160,7 +180,9 @@ __all__ = [
     "Support",
     "SurfacePair",
     "Theta",
+    "Tied",
     "Velocity",
+    "WithCables",
     "Witness",
     "at_rest",
     "build_model",
@@ -179,6 +201,7 @@ __all__ = [
     "support_force",
     "support_moment",
     "two_pass",
+    "without_contact_of",
     "write_fclib",
 ]
 
