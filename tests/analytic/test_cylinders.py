@@ -129,3 +129,17 @@ def test_units_do_not_matter(unit: float) -> None:
     found = ExactContacts(model, 0.5)(model.reference)
     assert len(found) == 2
     assert_allclose(found.gap / unit, 0, atol=1e-12)
+
+
+def test_contacts_found_on_the_way_stand_on_their_master() -> None:
+    """Their points, brought back to the beginning, are the master's: the ball's own lies at its gap above."""
+    bodies = [rigid_sphere("ball", 0.05, (0.1, 0.2, 0.33), 1.0), rigid_box("box", (0.1, 0.1, 0.1), (1, 0, 0.4), 1.0), FLOORS["plane"]]
+    model = build_model(bodies)
+    way = np.zeros_like(model.reference)
+    way[:, 2] = np.where(model.reference[:, 2] > 0, -1.0, 0.0)
+    way[model.node_offset[model.number["floor"]] :][:4] = 0
+    found = ExactContacts(model, 0.5)(model.reference, way)
+    floor = found.bodies[:, 1] == model.number["floor"]
+    assert floor.sum() == 5
+    assert_allclose(found.point[floor][:, 2], 0, atol=1e-12)
+    assert_allclose(np.sort(found.gap[floor]), [0.28, 0.35, 0.35, 0.35, 0.35], atol=1e-12)

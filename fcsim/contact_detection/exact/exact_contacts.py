@@ -127,8 +127,13 @@ class ExactContacts:
         count, closing = looks(now, self.skin, x, way, alert)
         if not count:
             return self._at(now, x, alert + closing)
-        further = max(alert, closing)
-        return with_swept(self._at(now, x, alert), lambda there: self._at(placed(self.solids, there), there, further), x, way, count, alert)
+        further, times = max(alert, closing), np.arange(1, count + 1) / count
+        met = with_swept(self._at(now, x, alert), lambda there: self._at(placed(self.solids, there), there, further), x, way, times, alert)
+        # a point of a solid moves with weights of both signs: its place is told by the master's columns, not by the signs
+        alone = (met.identity - _FIRST) >> 56 == (6 if x.shape[1] == 3 else 4)  # vertices on planes are slaves of one node
+        master = np.arange(met.nodes.shape[1]) >= np.where(alone, 1, x.shape[1] + 1)[:, None]
+        weights = np.where(master & (met.nodes >= 0), -met.weights, 0.0)
+        return replace(met, point=np.einsum("ak,akd->ad", weights, x[met.nodes]))
 
     def _at(self, now: Placed, x: FloatArray, alert: float) -> Contacts:
         """Contacts of the exact shapes as they stand, up to a gap of `alert` [m]."""
