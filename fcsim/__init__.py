@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force
     from fcsim.solvers import SOLVERS
     from fcsim.solvers.solve import solve
+    from fcsim.solvers.solve_many import solve_many
     from fcsim.timestep.chain import SolverSettings
     from fcsim.timestep.generalised_alpha import GeneralisedAlpha
     from fcsim.timestep.limits import Limits
@@ -111,6 +112,7 @@ _HOME = {
     "read_acceleration_record": "assembly.time_functions",
     "read_fclib": "export_fclib",
     "solve": "solvers.solve",
+    "solve_many": "solvers.solve_many",
     "support_force": "running.sensors",
     "two_pass": "contact_detection",
     "write_fclib": "export_fclib",
@@ -173,6 +175,7 @@ __all__ = [
     "read_acceleration_record",
     "read_fclib",
     "solve",
+    "solve_many",
     "support_force",
     "two_pass",
     "write_fclib",
