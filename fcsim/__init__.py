@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
     from fcsim.assembly.model import Model, build_model
     from fcsim.assembly.nodal_area import nodal_area
-    from fcsim.assembly.supports import Support
+    from fcsim.assembly.supports import DrivenRotation, Support
     from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
     from fcsim.command_line.main import main
     from fcsim.contact_detection import Contacts, ContactSurface, Detector, Everything, ExactContacts, SurfacePair, two_pass
@@ -36,11 +36,12 @@ if TYPE_CHECKING:
     )
     from fcsim.errors import FcsimError, InputError
     from fcsim.export_fclib import read_fclib, write_fclib
+    from fcsim.linkage import Ball, Bonded, Cable, Hinge, Linkage, Rod, Slider, SpringDamper, Tied, WithCables, without_contact_of
     from fcsim.mesh.material import Material
     from fcsim.mesh.part import Body, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
     from fcsim.running.case import Case, History, Sensor, load_case
-    from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force
+    from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force, support_moment
     from fcsim.solvers import SOLVERS
     from fcsim.solvers.solve import solve
     from fcsim.solvers.solve_many import solve_many
@@ -56,14 +57,19 @@ if TYPE_CHECKING:
     from fcsim.witness import Witness
 
 _HOME = {
+    "SOLVERS": "solvers",
     "AccelerationRecord": "assembly.time_functions",
+    "Ball": "linkage",
     "Body": "mesh.part",
+    "Bonded": "linkage",
+    "Cable": "linkage",
     "Case": "running.case",
     "Cohesive": "contact_law",
     "Compliant": "contact_law",
     "ContactSurface": "contact_detection",
     "Contacts": "contact_detection",
     "Detector": "contact_detection",
+    "DrivenRotation": "assembly.supports",
     "Elliptic": "contact_law",
     "Everything": "contact_detection",
     "ExactContacts": "contact_detection",
@@ -73,9 +79,11 @@ _HOME = {
     "GeneralisedAlpha": "timestep.generalised_alpha",
     "GlobalProblem": "problem",
     "GravityRamp": "assembly.time_functions",
+    "Hinge": "linkage",
     "History": "running.case",
     "InputError": "errors",
     "Limits": "timestep.limits",
+    "Linkage": "linkage",
     "LocalProblem": "problem",
     "Material": "mesh.material",
     "Model": "assembly.model",
@@ -83,12 +91,14 @@ _HOME = {
     "QuasiStatic": "timestep.quasi_static",
     "RateDependent": "contact_law",
     "RigidBody": "mesh.part",
-    "SOLVERS": "solvers",
+    "Rod": "linkage",
     "Scheme": "timestep.scheme",
     "Sensor": "running.case",
     "Simulation": "timestep.simulation",
+    "Slider": "linkage",
     "SlipWeakening": "contact_law",
     "SolverSettings": "timestep.chain",
+    "SpringDamper": "linkage",
     "Springs": "contact_law",
     "State": "timestep.state",
     "StaticKinetic": "contact_law",
@@ -96,7 +106,9 @@ _HOME = {
     "Support": "assembly.supports",
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
+    "Tied": "linkage",
     "Velocity": "contact_law",
+    "WithCables": "linkage",
     "Witness": "witness",
     "at_rest": "timestep.state",
     "build_model": "assembly.model",
@@ -114,20 +126,26 @@ _HOME = {
     "solve": "solvers.solve",
     "solve_many": "solvers.solve_many",
     "support_force": "running.sensors",
+    "support_moment": "running.sensors",
     "two_pass": "contact_detection",
+    "without_contact_of": "linkage",
     "write_fclib": "export_fclib",
 }
 
 __all__ = [
     "SOLVERS",
     "AccelerationRecord",
+    "Ball",
     "Body",
+    "Bonded",
+    "Cable",
     "Case",
     "Cohesive",
     "Compliant",
     "ContactSurface",
     "Contacts",
     "Detector",
+    "DrivenRotation",
     "Elliptic",
     "Everything",
     "ExactContacts",
@@ -137,9 +155,11 @@ __all__ = [
     "GeneralisedAlpha",
     "GlobalProblem",
     "GravityRamp",
+    "Hinge",
     "History",
     "InputError",
     "Limits",
+    "Linkage",
     "LocalProblem",
     "Material",
     "Model",
@@ -147,11 +167,14 @@ __all__ = [
     "QuasiStatic",
     "RateDependent",
     "RigidBody",
+    "Rod",
     "Scheme",
     "Sensor",
     "Simulation",
+    "Slider",
     "SlipWeakening",
     "SolverSettings",
+    "SpringDamper",
     "Springs",
     "State",
     "StaticKinetic",
@@ -159,7 +182,9 @@ __all__ = [
     "Support",
     "SurfacePair",
     "Theta",
+    "Tied",
     "Velocity",
+    "WithCables",
     "Witness",
     "at_rest",
     "build_model",
@@ -177,7 +202,9 @@ __all__ = [
     "solve",
     "solve_many",
     "support_force",
+    "support_moment",
     "two_pass",
+    "without_contact_of",
     "write_fclib",
 ]
 

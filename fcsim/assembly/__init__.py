@@ -4,7 +4,7 @@ from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.loads import BodyForce, FollowerForce, FollowerPressure, Force, Load, Traction
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.nodal_area import nodal_area
-from fcsim.assembly.supports import Support
+from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, Ramp, Table, read_acceleration_record, read_table
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "AccelerationRecord",
     "BodyForce",
     "BodyLayout",
+    "DrivenRotation",
     "FollowerForce",
     "FollowerPressure",
     "Force",

@@ -24,7 +24,7 @@ class Indefinite(FcsimError, ArithmeticError):
 
 
 class BodyFactors:
-    """The factors of a M + blocks on the free dofs of a group's bodies, each made when it is first asked for.
+    """The factors of a M + blocks on the free dofs of a group's bodies along the supports' axes, each made when it is first asked for.
 
     blocks (nb, nblocks, d, d), or (1, ...) where all bodies share them; kind (nb,): which of the factors is whose
     """
@@ -77,7 +77,8 @@ class BodyFactors:
         """The factor of the k-th stiffness; raises Indefinite."""
         if k not in self._factors:
             assert self._group.laws is not None
-            A = self._group.laws.graph.matrix(self.blocks[k] + self._mass_blocks)[self.free][:, self.free]
+            A, T = self._group.laws.graph.matrix(self.blocks[k] + self._mass_blocks), self._group.axes_matrix
+            A = (A if T is None else (T @ A @ T.T).tocsr())[self.free][:, self.free]
             try:
                 self._factors[k] = factorise(A.toarray() if A.shape[0] <= BLOCK_UP_TO else A, positive_definite=True)
             except SingularMatrix as error:

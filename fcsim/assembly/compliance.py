@@ -7,7 +7,7 @@ one. The compliance of a block on its contact dofs is formed once; from them eac
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -21,7 +21,7 @@ from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.elastic_forces import turned_by
 from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
 from fcsim.assembly.model import Model
-from fcsim.assembly.rigid import inverse_on
+from fcsim.assembly.rigid import turned_matrices
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
 from fcsim.linear.factors import Factor, SingularMatrix, factorise
@@ -29,7 +29,7 @@ from fcsim.linear.singularity import refuse_singular
 
 
 class SystemFactor:
-    """Factor of the free part of A = mass M + stiffness K; driven dofs are rows of the identity.
+    """Factor of the free part of A = mass M + stiffness K along the supports' axes; driven dofs are rows of the identity.
 
     contact_nodes: global numbers of the nodes that contacts can touch (candidates' and master facets' nodes).
     Solves on the unknowns of the model's problems (without the driven dofs where eliminated).
@@ -70,7 +70,7 @@ class SystemFactor:
 
     def _set_rigid_mass(self, rigid_mass: FloatArray) -> None:
         self.rigid_mass = rigid_mass
-        self._rigid_inverse = inverse_on(self.model.rigid_free, self.mass * rigid_mass)
+        self._rigid_inverse = self.model.rigid_inverse(self.mass * rigid_mass)
         self._matrix: Any = None
 
     def with_rigid_mass(self, rigid_mass: FloatArray) -> SystemFactor:
@@ -120,9 +120,7 @@ class SystemFactor:
         """A as one csr_array on the problems' unknowns: (n_free, n_free), or (n_dofs, n_dofs) with identity rows. Made once."""
         if self._matrix is None:
             plain = self.rotation is None and not self.nonlinear_groups
-            self._matrix = _joined(
-                self._elastic.block if plain else self._elastic.turned.at(self.rotation, self._blocks()), self._rigid_block()
-            )
+            self._matrix = _joined(self._elastic.block if plain else self._elastic.at(self.rotation, self._blocks()), self._rigid_block())
         return self._matrix
 
     def _blocks(self) -> dict[int, FloatArray]:
@@ -132,7 +130,8 @@ class SystemFactor:
     def _rigid_block(self) -> Any:
         model, k = self.model, self.rigid_mass.shape[-1]
         free = model.rigid_free
-        blocks = np.where(free[:, :, None] & free[:, None, :], self.mass * self.rigid_mass, 0.0)
+        blocks = self.mass * turned_matrices(model.rigid_axes, self.rigid_mass)
+        blocks = np.where(free[:, :, None] & free[:, None, :], blocks, 0.0)
         blocks[:, range(k), range(k)] += ~free
         rigid = sp.csr_array(sp.bsr_array((blocks, np.arange(len(blocks)), np.arange(len(blocks) + 1)), shape=(free.size, free.size)))
         if model.driven == "eliminated":
@@ -141,7 +140,7 @@ class SystemFactor:
         return rigid
 
     def apply(self, v: FloatArray) -> FloatArray:
-        """Return A v (n_dofs,) over all dofs, driven ones as they are."""
+        """Return A v (n_dofs,) over all dofs in world axes, driven ones as they are."""
         y = self.mass * self.model.apply_mass(v, self.rigid_mass)
         if self.stiffness:
             turned = self.model.elastic.turned_stiffness
@@ -179,9 +178,9 @@ class SystemFactor:
                 continue
             own, Q = np.zeros(group.dofs.shape), self.rotation[group.members]
             own[:, group.free] = rhs[dofs]
-            inner = turned_by(Q.transpose(0, 2, 1), own)[:, group.free]
+            inner = group.along(turned_by(Q.transpose(0, 2, 1), group.world(own)))[:, group.free]
             own[:, group.free] = group.factor.solve(np.ascontiguousarray(inner.T)).T
-            x[dofs] = turned_by(Q, own)[:, group.free]
+            x[dofs] = group.along(turned_by(Q, group.world(own)))[:, group.free]
         rigid, free = self.model.rigid_part(x), self.model.rigid_free
         rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
@@ -204,10 +203,23 @@ class _ElasticMatrix:
     def __init__(self, model: Model, mass: float, stiffness: float) -> None:
         self._model, self._mass, self._stiffness = model, mass, stiffness
 
+    def at(self, rotation: FloatArray | None, blocks: Mapping[int, FloatArray]) -> Any:
+        """The block with the bodies turned by rotation (n_deformable, d, d), None: not, and the blocks of nonlinear groups."""
+        A = self._own.at(rotation, blocks)
+        return A if self._axes is None else self._restricted(self._axes @ A @ self._axes.T)
+
     @cached_property
-    def turned(self) -> TurnedMatrix:
+    def _own(self) -> TurnedMatrix:
+        """Where supports have axes of their own, of all dofs in world axes."""
         model = self._model
-        return TurnedMatrix(model.groups, self._mass, self._stiffness, self._free, model.driven == "eliminated")
+        if self._axes is None:
+            return TurnedMatrix(model.groups, self._mass, self._stiffness, self._free, model.driven == "eliminated")
+        return TurnedMatrix(model.groups, self._mass, self._stiffness, np.ones_like(self._free), False)
+
+    @cached_property
+    def _axes(self) -> Any:
+        axes = self._model.held.axes
+        return None if axes is None else axes.matrix(0, self._model.n_elastic)
 
     @property
     def _free(self) -> BoolArray:
@@ -217,9 +229,13 @@ class _ElasticMatrix:
 
     @cached_property
     def block(self) -> Any:
-        model, n, free = self._model, self._model.n_elastic, self._free.astype(float)
-        A = model.matrix(self._mass, self._stiffness)[:n, :n]
-        if model.driven == "eliminated":
+        n = self._model.n_elastic
+        A = self._model.matrix(self._mass, self._stiffness)[:n, :n]
+        return self._restricted(A if self._axes is None else self._axes @ A @ self._axes.T)
+
+    def _restricted(self, A: Any) -> Any:
+        free = self._free.astype(float)
+        if self._model.driven == "eliminated":
             return sp.csr_array(A[free > 0][:, free > 0])
         A = sp.csr_array(sp.diags_array(free) @ A @ sp.diags_array(free) + sp.diags_array(1 - free))
         A.eliminate_zeros()
@@ -253,8 +269,11 @@ class _GroupFactor:
 
     def __init__(self, model: Model, group: Group, mass: float, stiffness: float, touched: NDArray[np.bool_]) -> None:
         self.first, self.size, self.dofs, self.members = group.first, group.size, group.dofs, group.members
-        self.free = np.flatnonzero(~group.driven)
-        block = sp.csr_array(mass * group.M + stiffness * group.K)[self.free][:, self.free]
+        self.free, self._axes = np.flatnonzero(~group.driven), group.axes
+        block = sp.csr_array(mass * group.M + stiffness * group.K)
+        if (T := group.axes_matrix) is not None:
+            block = sp.csr_array(T @ block @ T.T)
+        block = block[self.free][:, self.free]
         try:
             self.factor: Factor = factorise(block, positive_definite=True)
             if len(self.free):
@@ -266,3 +285,15 @@ class _GroupFactor:
         self.surface = own_surface(model, group, touched)
         compliance = linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free))
         self.compliance = 0.5 * (compliance + compliance.T)
+
+    def along(self, x: FloatArray) -> FloatArray:
+        """Components along the supports' axes of x (nb, n_part) in world axes."""
+        return x if self._axes is None else self._turned(self._axes, x)
+
+    def world(self, x: FloatArray) -> FloatArray:
+        """x (nb, n_part) in world axes from its components along the supports' axes."""
+        return x if self._axes is None else self._turned(self._axes.transpose(0, 2, 1), x)
+
+    @staticmethod
+    def _turned(axes: FloatArray, x: FloatArray) -> FloatArray:
+        return np.einsum("aij,baj->bai", axes, x.reshape(len(x), *axes.shape[:2])).reshape(x.shape)

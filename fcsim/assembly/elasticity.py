@@ -24,11 +24,13 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly import elements
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.cell_type import CELL_TYPES
-from fcsim.mesh.material.isotropic import Material
-from fcsim.mesh.material.isotropic import lame as isotropic_lame
+from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import LinearMaterial
+from fcsim.mesh.material.linear import Material
+from fcsim.mesh.material.linear import lame as isotropic_lame
 from fcsim.mesh.order.quadrature import quadrature
 from fcsim.mesh.part import Part
+from fcsim.mesh.region_parts import region_parts
 
 # Polynomial degree integrated exactly, in each direction for hexahedra and quadrilaterals: 3 = two Gauss points a direction.
 # Exact for simplices; for trilinear cells exact for nodal volumes, pressures and mass, and the full 2 x 2 x 2 rule for stiffness.
@@ -78,6 +80,17 @@ def assemble(part: Part) -> PartOperators:
     return PartOperators(stiffness(part), consistent_mass(part), lumped_mass(part), lumped_volume(part))
 
 
+def _of_regions(part: Part, of: Callable[[Part], csr_array]) -> csr_array:
+    """The sum of the regions' matrices (d nn, d nn)."""
+    d, n = part.dimension, part.points.size
+    total = csr_array((n, n))
+    for region in region_parts(part):
+        own = of(region.part).tocoo()
+        dofs = (d * region.nodes[:, None] + np.arange(d)).ravel()
+        total = total + csr_array((own.data, (dofs[own.row], dofs[own.col])), shape=(n, n))
+    return _read_only(csr_array(total))
+
+
 @once_per_part
 def stiffness(part: Part) -> csr_array:
     """Return K (d nn, d nn) [N/m], exactly symmetric: x^T K y = integral of sigma(x) : eps(y), with
@@ -90,6 +103,8 @@ def stiffness(part: Part) -> csr_array:
     import ufl
 
     discrete = _discretise(part)
+    if isinstance(part.material, ByRegion):
+        return _of_regions(part, stiffness)
     if part.elements not in BY_DOLFINX or not isinstance(part.material, Material):
         return _read_only(elements.stiffness(part, elasticity_matrix(part)))
     V = discrete.vector_space
@@ -106,6 +121,8 @@ def consistent_mass(part: Part) -> csr_array:
     """Return M (d nn, d nn) [kg]: x^T M y = integral of density x . y. Raises as `stiffness` does."""
     import ufl
 
+    if isinstance(part.material, ByRegion):
+        return _of_regions(part, consistent_mass)
     discrete = _discretise(part)
     V = discrete.scalar_space
     form = ufl.TrialFunction(V) * ufl.TestFunction(V) * discrete.dx("mass")
@@ -116,6 +133,11 @@ def consistent_mass(part: Part) -> csr_array:
 @once_per_part
 def lumped_mass(part: Part) -> FloatArray:
     """Return the density times `lumped_volume` (d nn,) [kg]. Raises as `stiffness` does."""
+    if isinstance(part.material, ByRegion):
+        mass = np.zeros((len(part.points), part.dimension))
+        for region in region_parts(part):
+            mass[region.nodes] += lumped_mass(region.part).reshape(-1, part.dimension)
+        return _read_only(mass.ravel())
     return _read_only(np.repeat(part.material.density * lumped_volume(part), part.dimension))
 
 

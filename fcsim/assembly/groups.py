@@ -14,9 +14,13 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly import elasticity
 from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.nonlinear.part import NonlinearPart, nonlinear_part
+from fcsim.assembly.supports import HeldDofs
 from fcsim.errors import InputError
-from fcsim.mesh.material.law import is_linear
+from fcsim.mesh.material.by_region import is_linear
 from fcsim.mesh.part import Kinematics, Part
+
+PARALLEL = 1e-12
+"""1 less the cosine of axes that are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +29,8 @@ class Group:
 
     members (nb,) their numbers; first (nb,) first dof, nodes (nb,) first node of each; turning: whether they stand in floating frames
     laws: of a part whose material is not linear; K is then its tangent at the beginning
-    nodal_volume (nn,) [m^3]; rotation (d, d) of all of them; K, M (n_part, n_part) in world axes; driven (n_part,) bool
+    nodal_volume (nn,) [m^3]; rotation (d, d) of all of them; K, M (n_part, n_part) in world axes; driven (n_part,) bool along the
+    supports' axes, the rows of `axes` (nn, d, d), None = the world's
     """
 
     part: Part
@@ -39,6 +44,7 @@ class Group:
     lumped: FloatArray | None
     nodal_volume: FloatArray
     driven: NDArray[np.bool_]
+    axes: FloatArray | None = None
     laws: NonlinearPart | None = None
 
     @property
@@ -56,19 +62,29 @@ class Group:
         return len(self.driven)
 
     @cached_property
-    def turnable(self) -> str:
-        """About which axes the system matrix can turn with the bodies although some degrees of freedom are driven: "all" where each node
-        is driven in all directions or none, "x", "y" or "z" where driven directions are those along or across one axis, "none" else."""
+    def axes_matrix(self) -> Any:
+        """T (n_part, n_part): along the supports' axes from world axes; None where all are the world's."""
+        if self.axes is None:
+            return None
+        count = len(self.axes)
+        return sp.csr_array(sp.bsr_array((self.axes, np.arange(count), np.arange(count + 1)), shape=(self.size, self.size)))
+
+    @cached_property
+    def turnable(self) -> FloatArray | None:
+        """About which axes the system matrix can turn with the bodies although some directions are driven: (3, 3), all, where each node
+        is driven in all directions or none; (1, 3), 3D: the one along or across which all driven directions are; None: about none."""
         d = len(self.rotation)
-        kinds = np.unique(self.driven.reshape(-1, d), axis=0)
-        if np.all(kinds.all(axis=1) | ~kinds.any(axis=1)):
-            return "all"
-        if d == 3:
-            for axis, name in enumerate("xyz"):
-                across = np.delete(kinds, axis, axis=1)
-                if np.all(across[:, 0] == across[:, 1]):
-                    return name
-        return "none"
+        driven = self.driven.reshape(-1, d)
+        some = driven.any(axis=1) & ~driven.all(axis=1)
+        if not some.any():
+            return np.eye(3)
+        if d == 2:
+            return None
+        frames = np.broadcast_to(np.eye(3), (len(driven), 3, 3)) if self.axes is None else self.axes
+        kinds = driven[some]
+        single = np.where((kinds.sum(axis=1) == 1)[:, None], kinds, ~kinds)  # the one driven direction, or the one that is left free
+        axes = frames[some][single]
+        return axes[:1] if np.all(np.abs(np.abs(axes @ axes[0]) - 1) < PARALLEL) else None
 
     @property
     def dofs(self) -> IntArray:
@@ -85,8 +101,9 @@ def rotated(operator: Any, rotation: FloatArray) -> Any:
     return sp.csr_array(T @ operator @ T.T)
 
 
-def can_turn(points: FloatArray, driven: BoolArray) -> bool:
-    """Whether some rotation of the points (nn, d) moves no driven degree of freedom (d nn,), a translation to it given."""
+def can_turn(points: FloatArray, driven: BoolArray, axes: FloatArray | None = None) -> bool:
+    """Whether some rotation of the points (nn, d) moves no driven degree of freedom (d nn,), a translation to it given; driven along the
+    rows of `axes` (nn, d, d), None = the world's."""
     d = points.shape[1]
     arm = points - points.mean(axis=0)
     size = np.abs(arm).max() or 1.0
@@ -94,29 +111,34 @@ def can_turn(points: FloatArray, driven: BoolArray) -> bool:
     for i, j in [(0, 1)] if d == 2 else [(0, 1), (1, 2), (0, 2)]:
         mode = np.zeros_like(arm)
         mode[:, i], mode[:, j] = -arm[:, j] / size, arm[:, i] / size
-        rotations.append(mode.ravel()[driven])
+        rotations.append((mode if axes is None else np.einsum("aij,aj->ai", axes, mode)).ravel()[driven])
     if not driven.any():
         return True
-    translations = np.tile(np.eye(d), (len(points), 1))[driven]
+    translations = (np.tile(np.eye(d), (len(points), 1)) if axes is None else axes.reshape(-1, d))[driven]
     modes = np.column_stack([translations, *rotations])
     return bool(np.linalg.matrix_rank(modes, tol=1e-8) - np.linalg.matrix_rank(translations, tol=1e-8) < len(rotations))
 
 
-def operator_groups(layout: BodyLayout, driven_dofs: IntArray, lumped: bool, kinematics: Kinematics | None) -> tuple[Group, ...]:
-    """Return the groups of the deformable bodies; driven_dofs: numbers of the supported dofs; lumped or consistent mass; kinematics: of
-    the bodies that do not name theirs; None: those are turning that can turn."""
+def operator_groups(layout: BodyLayout, held: HeldDofs, lumped: bool, kinematics: Kinematics | None) -> tuple[Group, ...]:
+    """Return the groups of the deformable bodies; held: what supports drive; lumped or consistent mass; kinematics: of the bodies that do
+    not name theirs; None: those are turning that can turn. What a driven rotation turns is turning unless it names another itself."""
     driven = np.zeros(layout.n_dofs, dtype=bool)
-    driven[driven_dofs] = True
-    members: dict[tuple[int, bool, bytes, bytes], list[int]] = {}
+    driven[held.dofs] = True
+    turned = {layout.body_number(turn.source.body) for turn in held.turns}
+    members: dict[tuple[int, bool, bytes, bytes, bytes], list[int]] = {}
+    axes_of: dict[int, FloatArray | None] = {}
     for b, body in enumerate(layout.deformable):
-        own = driven[layout.dof_offset[b] : layout.dof_offset[b + 1]]
+        bounds = int(layout.dof_offset[b]), int(layout.dof_offset[b + 1])
+        own = driven[slice(*bounds)]
+        axes = axes_of[b] = None if held.axes is None else held.axes.blocks(*bounds, layout.dimension)
         if body.kinematics == "linear" and not is_linear(body.part.material) and nonlinear_part(body.part)[True].finite:
             raise InputError(f"Body {body.name!r}, kinematics: expected 'turning' or None for a material of finite strain, got 'linear'")
-        named = body.kinematics or kinematics
-        turning = named == "turning" if named else can_turn(body.points, own)
-        members.setdefault((id(body.part), turning, body.rotation.tobytes(), own.tobytes()), []).append(b)
+        named = body.kinematics or ("turning" if b in turned else kinematics)
+        turning = named == "turning" if named else can_turn(body.points, own, axes)
+        along = b"" if axes is None else axes.tobytes()
+        members.setdefault((id(body.part), turning, body.rotation.tobytes(), own.tobytes(), along), []).append(b)
     groups = []
-    for (_, turning, _, _), numbers in members.items():
+    for (_, turning, _, _, _), numbers in members.items():
         body = layout.deformable[numbers[0]]
         linear = is_linear(body.part.material)
         laws = None if linear else nonlinear_part(body.part)[turning]
@@ -137,6 +159,7 @@ def operator_groups(layout: BodyLayout, driven_dofs: IntArray, lumped: bool, kin
                 nodal_volume=elasticity.nodal_volume(body.part),
                 driven=driven[first[0] : first[0] + len(lumped_mass)],
                 laws=laws,
+                axes=axes_of[numbers[0]],
             )
         )
     return tuple(groups)

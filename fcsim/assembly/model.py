@@ -19,10 +19,10 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group, operator_groups
 from fcsim.assembly.inner_forces import NonlinearBodies
 from fcsim.assembly.kinematics.elastic_forces import ElasticForces
-from fcsim.assembly.layout import BodyLayout, in_order
+from fcsim.assembly.layout import DIRECTIONS, BodyLayout, in_order
 from fcsim.assembly.loads import Follower, Load, load_vector, turned
-from fcsim.assembly.rigid import RigidBodies, inverse_on
-from fcsim.assembly.supports import Support, refuse_contradictions, support_dofs, support_velocity
+from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
+from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, Kinematics, RigidBody, refuse_kinematics
 
@@ -37,7 +37,7 @@ class Model(BodyLayout):
     "linear" for the others and in quasi-statics
     """
 
-    supports: tuple[Support, ...]
+    supports: tuple[Support | DrivenRotation, ...]
     loads: tuple[Load, ...]
     gravity: Callable[[float], ArrayLike] | None
     lumped: bool
@@ -47,32 +47,50 @@ class Model(BodyLayout):
     kinematics: Kinematics | None = None
 
     @cached_property
-    def supported(self) -> tuple[IntArray, IntArray]:
-        """Driven dofs and the number of the support that drives each."""
-        dofs = [support_dofs(self, support) for support in self.supports]
-        support = np.repeat(np.arange(len(dofs)), [len(k) for k in dofs]).astype(np.int64)
-        return np.concatenate([*dofs, np.empty(0, dtype=np.int64)]), support
+    def held(self) -> HeldDofs:
+        """What the supports hold and drive."""
+        return held_dofs(self, self.supports)
 
-    @cached_property
+    @property
     def driven_dofs(self) -> IntArray:
-        """Sorted numbers of the driven dofs."""
-        return np.unique(self.supported[0])
+        """Ascending numbers of the driven dofs. They count components along the supports' axes, as do `free_dofs` and the problems'
+        unknowns, see `along`; everything else is in the world's axes."""
+        return self.held.dofs
 
     @cached_property
     def free_dofs(self) -> IntArray:
         return np.setdiff1d(np.arange(self.n_dofs), self.driven_dofs)
 
-    def driven_velocity(self, t: float) -> FloatArray:
-        """Velocity (n_driven,) [m/s, rad/s] that the supports prescribe at time t."""
-        dofs, support = self.supported
-        value = np.array([support_velocity(s, t) for s in self.supports])
-        velocity = np.zeros(len(self.driven_dofs))
-        velocity[np.searchsorted(self.driven_dofs, dofs)] = value[support] if len(dofs) else 0.0
-        return velocity
+    def driven_velocity(self, t: float, h: float = 1e-3) -> FloatArray:
+        """Velocity (n_driven,) [m/s, rad/s] that the supports prescribe at time t; h [s]: the step, see `DrivenRotation`."""
+        return self.held.velocity(t, h)
+
+    def along(self, x: FloatArray) -> FloatArray:
+        """Components (n_dofs,) along the supports' axes of x (n_dofs,) in world axes; x itself where all axes are the world's."""
+        return x if self.held.axes is None else self.held.axes.along(x)
+
+    def world(self, x: FloatArray) -> FloatArray:
+        """The vector (n_dofs,) in world axes of components x (n_dofs,) along the supports' axes."""
+        return x if self.held.axes is None else self.held.axes.world(x)
+
+    @cached_property
+    def axes_matrix(self) -> Any:
+        """T (n_dofs, n_dofs), `along` = T x; None where all axes are the world's."""
+        return None if self.held.axes is None else self.held.axes.matrix(0, self.n_dofs)
+
+    def of_driven(self, values: FloatArray) -> FloatArray:
+        """The vector (n_dofs,) in world axes whose driven components are `values` (n_driven,), the others zero."""
+        x = np.zeros(self.n_dofs)
+        x[self.driven_dofs] = values
+        return self.world(x)
+
+    def driven_share(self, x: FloatArray) -> FloatArray:
+        """The driven components of x (n_dofs,), both in world axes; x less this is what is free."""
+        return self.of_driven(self.along(x)[self.driven_dofs])
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        return operator_groups(self, self.driven_dofs, self.lumped, self.kinematics)
+        return operator_groups(self, self.held, self.lumped, self.kinematics)
 
     @cached_property
     def elastic(self) -> ElasticForces:
@@ -95,10 +113,19 @@ class Model(BodyLayout):
 
     @cached_property
     def rigid_free(self) -> BoolArray:
-        """(nr, k): the dofs of rigid bodies that no support drives."""
+        """(nr, k): the dofs of rigid bodies that no support drives, along the supports' axes."""
         free = np.ones(self.n_dofs, dtype=bool)
         free[self.driven_dofs] = False
         return self.rigid_part(free)
+
+    @cached_property
+    def rigid_axes(self) -> FloatArray | None:
+        """(nr, k, k): the supports' axes of rigid bodies as rows; None where all are the world's."""
+        return None if self.held.axes is None else self.held.axes.blocks(self.n_elastic, self.n_dofs, len(DIRECTIONS[self.dimension]))
+
+    def rigid_inverse(self, matrices: FloatArray) -> FloatArray:
+        """Inverses (nr, k, k) on the free dofs of rigid bodies' matrices in world axes, along the supports' axes; zero elsewhere."""
+        return inverse_on(self.rigid_free, turned_matrices(self.rigid_axes, matrices))
 
     def rigid_mass(self, x: FloatArray | None = None) -> FloatArray:
         """Mass matrices (nr, k, k) of the rigid bodies, diag(m I, R J R^T), in the configuration x (default: the reference).
@@ -220,11 +247,13 @@ class Model(BodyLayout):
         now = self.rigid_mass(x)
         if now is rigid_mass:
             return v
-        d, free = self.dimension, self.rigid_free[:, self.dimension :]
+        d, axes = self.dimension, None if self.rigid_axes is None else self.rigid_axes[:, self.dimension :, self.dimension :]
         omega = self.rigid_part(v)[:, d:]
         change = np.einsum("aij,aj->ai", (rigid_mass - now)[:, d:, d:], omega)
+        inverse = inverse_on(self.rigid_free[:, d:], turned_matrices(axes, now[:, d:, d:]))
         kept = v.copy()
-        self.rigid_part(kept)[:, d:] += np.einsum("aij,aj->ai", inverse_on(free, now[:, d:, d:]), change)
+        back = None if axes is None else axes.transpose(0, 2, 1)
+        self.rigid_part(kept)[:, d:] += np.einsum("aij,aj->ai", turned_matrices(back, inverse), change)
         return kept
 
     def node_operator(self, x: FloatArray) -> Any:
@@ -255,7 +284,7 @@ class Model(BodyLayout):
 def build_model(
     bodies: Sequence[Body | RigidBody],
     *,
-    supports: Sequence[Support] = (),
+    supports: Sequence[Support | DrivenRotation] = (),
     loads: Sequence[Load] = (),
     gravity: Callable[[float], ArrayLike] | None = None,
     lumped: bool = True,
@@ -278,7 +307,6 @@ def build_model(
     if not (0 <= alpha < np.inf and 0 <= beta < np.inf):
         raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {alpha} and {beta}")
     model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven, kinematics)
-    refuse_contradictions(model.supports, *model.supported)
     model.load(0.0)  # these two refuse what loads and supports get wrong before the run starts
     model.driven_velocity(0.0)
     return model

@@ -137,3 +137,8 @@ def inverse_on(free: BoolArray, matrices: FloatArray) -> FloatArray:
     k = matrices.shape[-1]
     held[:, range(k), range(k)] = ~free
     return np.where(outer, np.linalg.inv(np.where(outer, matrices, held)), 0.0)
+
+
+def turned_matrices(axes: FloatArray | None, matrices: FloatArray) -> FloatArray:
+    """A B A^T (n, k, k) of each matrix B and the axes A (n, k, k), its rows; the matrices themselves where axes is None."""
+    return matrices if axes is None else axes @ matrices @ axes.transpose(0, 2, 1)

@@ -17,7 +17,9 @@ from fcsim.assembly.elasticity import elasticity_matrix, once_per_part
 from fcsim.assembly.elements import strain_blocks
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.part import Part
+from fcsim.mesh.region_parts import region_parts
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
 
@@ -38,6 +40,8 @@ def stress_at(part: Part, at: ArrayLike) -> csr_array:
     the stress of the outer fibres. Read-only. Raises InputError for points that are not in the reference cell.
     """
     at = _in_reference_cell(part, at)
+    if isinstance(part.material, ByRegion):
+        return _of_regions(part, at)
     C = elasticity_matrix(part)
     values, columns = [], []
     for dofs, strain in strain_blocks(part, C, at):
@@ -48,6 +52,22 @@ def stress_at(part: Part, at: ArrayLike) -> csr_array:
     row = np.repeat(np.arange(rows), columns[0].shape[1])
     operator = csr_array((np.concatenate(values).ravel(), (row, np.concatenate(columns).ravel())), shape=(rows, part.points.size))
     operator.eliminate_zeros()
+    operator.data.setflags(write=False)
+    return operator
+
+
+def _of_regions(part: Part, at: FloatArray) -> csr_array:
+    """The operators of the regions, their rows in the order of the part's cells."""
+    d, each = part.dimension, 6 * len(at)
+    rows, columns, values = [], [], []
+    for region in region_parts(part):
+        own = stress_at(region.part, at).tocoo()
+        dofs = (d * region.nodes[:, None] + np.arange(d)).ravel()
+        rows.append(each * region.cells[own.row // each] + own.row % each)
+        columns.append(dofs[own.col])
+        values.append(own.data)
+    place = np.concatenate(rows), np.concatenate(columns)
+    operator = csr_array((np.concatenate(values), place), shape=(each * len(part.cells), part.points.size))
     operator.data.setflags(write=False)
     return operator
 

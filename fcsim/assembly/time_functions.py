@@ -155,7 +155,7 @@ def _read[T: Table](path: Path, column: str, quantity: str, time: str, kind: typ
         raise InputError(f"{path}: expected a CSV file of times and values: {error}") from None
     note_read(path)
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip() and not line.lstrip().startswith("#")]
-    rows = list(zip([number for number, _ in lines], csv.reader([line for _, line in lines]), strict=True))
+    rows = [(number, _cells(path, number, line)) for number, line in lines]
     if not rows:
         raise InputError(f"{path}: expected a header 't [s], {column} [unit]' and rows of numbers, found none")
     header = dict(_heading(entry) for entry in rows[0][1])
@@ -185,6 +185,14 @@ def _read[T: Table](path: Path, column: str, quantity: str, time: str, kind: typ
         return kind(scale[time] * np.array(values[time]), scale[column] * np.array(values[column]))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _cells(path: Path, number: int, line: str) -> list[str]:
+    """The entries of one line: a quotation mark that is not closed would swallow those that follow."""
+    try:
+        return next(csv.reader([line], strict=True))
+    except csv.Error as error:
+        raise InputError(f"{path}, line {number}: expected entries separated by commas ({error})") from None
 
 
 def _heading(entry: str) -> tuple[str, str]:

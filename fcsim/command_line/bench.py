@@ -97,6 +97,8 @@ def _tolerances(text: str) -> list[float]:
         raise InputError(f"--tols: expected numbers with commas between, got {text!r}") from None
     for tol in tols:
         positive("--tols", tol)
+        if tol >= 1:
+            raise InputError(f"--tols: expected numbers < 1, got {tol:g}, which r = 0 meets")
     if not tols:
         raise InputError("--tols: expected at least one tolerance, got none")
     return tols

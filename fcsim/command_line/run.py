@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from contextlib import nullcontext
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from fcsim.command_line.assignments import add_plugin_option, checked_tolerance,
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK, InputError
 from fcsim.interrupts import ended_politely
+from fcsim.memory import any_size
 
 if TYPE_CHECKING:
     from fcsim.running.case import Case, CaseScript
@@ -22,32 +24,37 @@ if TYPE_CHECKING:
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command `run`."""
     run = commands.add_parser("run", help="run a case", description="Run a case script and write its results into a folder.")
-    run.add_argument("case", help="folder of a case, as cases/masonry_wall, or its script")
+    run.add_argument("case", help="folder of a case, as cases/masonry_wall, its script, or a masonry problem in JSON")
     run.add_argument("--steps", type=int, help="number of steps")
     run.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="change a parameter of the case")
     run.add_argument("--out", type=Path, help="folder of the results (default: results/CASE)")
     run.add_argument("--solver", help="solver of every step (see fcsim solvers)")
     run.add_argument("--tol", type=float, help="tolerance on the error of every step")
     run.add_argument("--export-every", type=int, default=10, metavar="K", help="write an FCLIB file every K steps, 0 = none (default 10)")
+    run.add_argument(
+        "--export-iterations",
+        action="store_true",
+        help="of steps with nonlinear bodies write all problems of Newton's method, not the last alone",
+    )
     run.add_argument("--export-form", choices=("global", "local", "both"), default="global", help="form of the FCLIB files")
     run.add_argument("--vtk-every", type=int, default=10, metavar="K", help="write VTK files every K steps, 0 = none (default 10)")
     run.add_argument("--checkpoint-every", type=int, default=20, metavar="K", help="steps between checkpoints (default 20)")
     run.add_argument("--resume", action="store_true", help="go on with an interrupted run in the folder of the results")
     run.add_argument("--accept-changes", action="store_true", help="resume also where script, meshes, tables or versions have changed")
     run.add_argument("--overwrite", action="store_true", help="replace an earlier run's results")
+    run.add_argument("--any-size", action="store_true", help="begin also what the free memory does not seem to hold")
     run.add_argument("--parameters", action="store_true", help="list the case's parameters and stop")
     add_plugin_option(run)
     run.set_defaults(act=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from fcsim.running.case import load_case
     from fcsim.running.run import RunOptions, run_case
     from fcsim.solvers.plugins import load_plugins
 
     _refuse_ranks()
     load_plugins(options.plugin)
-    script = load_case(options.case)
+    script = _case(options.case)
     if options.parameters:
         _list_parameters(script)
         return EXIT_OK
@@ -62,10 +69,11 @@ def _run(options: argparse.Namespace) -> int:
     settings = RunOptions(
         export_every=options.export_every,
         export_forms=forms,
+        export_iterations=options.export_iterations,
         vtk_every=options.vtk_every,
         checkpoint_every=options.checkpoint_every,
     )
-    with ended_politely(), Bar("step") as bar:
+    with ended_politely(), any_size() if options.any_size else nullcontext(), Bar("step") as bar:
         summary = run_case(
             script,
             assignments,
@@ -74,10 +82,22 @@ def _run(options: argparse.Namespace) -> int:
             resume=options.resume,
             overwrite=options.overwrite,
             accept_changes=options.accept_changes,
+            announce=bar.say,
             watch=lambda case, step: show_step(bar, case, step),
         )
     _print_summary(summary, directory)
     return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED, "failed": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
+
+
+def _case(path: str) -> CaseScript:
+    """A case script, or a masonry problem in JSON."""
+    if path.endswith(".json"):
+        from fcsim.masonry.case import masonry_case
+
+        return masonry_case(path)
+    from fcsim.running.case import load_case
+
+    return load_case(path)
 
 
 RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_SIZE", "MPI_LOCALNRANKS")

@@ -19,8 +19,8 @@ class Joint:
     """A pair of blocks in contact.
 
     force (d,) [N] on the first of `between`, whose normal part is `normal_force` (pressure > 0) and whose other part `shear_force`
-    point (d,) [m] where its resultant goes through the joint; None without pressure
-    eccentricity [m]: its distance from the middle of the joint's contacts; length [m]: their extent
+    middle (d,) [m] of the joint's contacts; point (d,) [m] where its resultant goes through the joint; None without pressure
+    eccentricity [m]: the distance of the two; length [m]: extent of the contacts
     state  of a mechanism: "hinge" (turns about a contact that stays closed), "sliding", "open" (all contacts part), "closed"
     """
 
@@ -28,6 +28,7 @@ class Joint:
     force: tuple[float, ...]
     normal_force: float
     shear_force: float
+    middle: tuple[float, ...]
     point: tuple[float, ...] | None
     eccentricity: float
     length: float
@@ -68,6 +69,7 @@ def joints_of(contacts: Contacts, names: tuple[str, ...], r: FloatArray, u: Floa
                 force=tuple(float(x) for x in total),
                 normal_force=normal,
                 shear_force=float(np.linalg.norm(total - normal * axis)),
+                middle=tuple(float(x) for x in middle),
                 point=point,
                 eccentricity=0.0 if point is None else float(np.linalg.norm(np.array(point) - middle)),
                 length=float(np.linalg.norm(np.ptp(contacts.point[of], axis=0))),

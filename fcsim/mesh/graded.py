@@ -17,8 +17,8 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
 from fcsim.mesh.cell_type import CELL_TYPES
-from fcsim.mesh.material.isotropic import Material
 from fcsim.mesh.material.law import AnyMaterial
+from fcsim.mesh.material.linear import Material
 from fcsim.mesh.part import Part
 from fcsim.mesh.quality import check_quality
 

@@ -21,6 +21,7 @@ from fcsim.errors import InputError
 from fcsim.files import note_read, replacing
 from fcsim.mesh.cell_type import CELL_TYPES, GMSH_NUMBERS, TO_MESHIO
 from fcsim.mesh.foreign import SURFACE, meshio_package, quietly, read_apart
+from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.named_mesh import NamedMesh
 from fcsim.mesh.part import Part
@@ -34,7 +35,7 @@ _MSH_NAME = 127  # gmsh cuts longer names of physical groups
 
 def read_mesh(
     path: str | os.PathLike[str],
-    material: AnyMaterial,
+    material: AnyMaterial | ByRegion,
     *,
     name: str | None = None,
     volume: str | None = None,

@@ -10,9 +10,13 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
+from fcsim.memory import refuse_beyond_memory
 from fcsim.mesh.blocks import AXES, brick, rectangle
 from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.part import Body, Part
+
+BYTES_PER_BLOCK = 2e4
+"""Bodies, their layout and surfaces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +118,8 @@ def running_bond(
     half = [block("half block", (block_size[0] - gap) / 2, divisions[0] // 2)] if halves or courses > 1 else []
     rows = (half + full * n, full * n + half) if halves else (full * n, half + full * (n - 1) + half)
 
+    count = float(courses) * float(blocks)
+    refuse_beyond_memory(f"running_bond: a wall of {count:g} blocks", BYTES_PER_BLOCK * count)
     bodies, course, position = [], [], []
     for c in range(int(courses)):
         start, height = 0.0, c * (block_size[-1] + gap)

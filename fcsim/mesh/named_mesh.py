@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, GMSH_TYPES
 from fcsim.mesh.facets import match_facets, refuse_repeated
+from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.part import Part
 from fcsim.mesh.quality import check_quality
@@ -41,9 +42,14 @@ class NamedMesh:
     plane: Literal["strain", "stress"] = field(default="strain", kw_only=True)
     thickness: float = field(default=1.0, kw_only=True)
 
-    def part(self, material: AnyMaterial, *, name: str | None = None, volume: str | None = None, elements: str | None = None) -> Part:
-        """Return the part of `volume`, which can be left out where the mesh has only one. `name`: default that of the volume;
-        elements: those of `Part`."""
+    def part(
+        self, material: AnyMaterial | ByRegion, *, name: str | None = None, volume: str | None = None, elements: str | None = None
+    ) -> Part:
+        """Return the part of `volume`, which can be left out where the mesh has only one, or where a `ByRegion` names a material for
+        each: then
+        all volumes are one part, bonded where they share nodes. `name`: default that of the volume; elements: those of `Part`."""
+        if isinstance(material, ByRegion) and volume is None:
+            return self._bonded(material, name or self.source, elements)
         if volume is None:
             if len(self.volumes) > 1 or self.ungrouped:
                 others = f" and {self.ungrouped} cells in no volume" if self.ungrouped else ""
@@ -65,6 +71,28 @@ class NamedMesh:
         surfaces = self._surfaces_by_volume()
         return [self._part(volume, materials[volume], volume or self.source, surfaces[volume], elements) for volume in self.volumes]
 
+    def _bonded(self, material: ByRegion, name: str, elements: str | None) -> Part:
+        """All volumes as one part; surfaces are what bounds them together, interfaces are left out."""
+        if self.ungrouped or set(material.materials) != set(self.volumes):
+            others = f" and {self.ungrouped} cells in no volume" if self.ungrouped else ""
+            wanted = f"{_names(self.volumes)}{others}"
+            raise InputError(f"{self.source}: expected materials for the volumes {wanted}, got them for {_names(material.materials)}")
+        sizes = np.cumsum([0, *map(len, self.volumes.values())])
+        regions = {volume: np.arange(a, b) for volume, a, b in zip(self.volumes, sizes[:-1], sizes[1:], strict=True)}
+        joined = np.concatenate(list(self.volumes.values()))
+        refuse_repeated(joined, f"{self.source}, volumes {_names(self.volumes)}")
+        surfaces = {}
+        for surface, facets in self.surfaces.items():
+            count, oriented = match_facets(joined, self.cell_type, facets)
+            if np.any(count == 0):
+                raise InputError(
+                    f"{self.source}, surface {surface!r}: expected facets of the volumes, got {np.count_nonzero(count == 0)} others"
+                )
+            if np.any(count == 1):
+                surfaces[surface] = oriented[count == 1]
+        whole = replace(self, volumes={name: joined})
+        return whole._part(name, material, name, surfaces, elements, regions)
+
     def _surfaces_by_volume(self) -> dict[str, dict[str, IntArray]]:
         """The outward facets of every surface that bound each volume; a facet between two volumes bounds both."""
         sorted_out: dict[str, dict[str, IntArray]] = {volume: {} for volume in self.volumes}
@@ -85,7 +113,15 @@ class NamedMesh:
                 )
         return sorted_out
 
-    def _part(self, volume: str, material: AnyMaterial, name: str, surfaces: Mapping[str, IntArray], elements: str | None) -> Part:
+    def _part(
+        self,
+        volume: str,
+        material: AnyMaterial | ByRegion,
+        name: str,
+        surfaces: Mapping[str, IntArray],
+        elements: str | None,
+        regions: Mapping[str, IntArray] | None = None,
+    ) -> Part:
         used, cells = np.unique(self.volumes[volume], return_inverse=True)
         number = np.full(len(self.points), -1)
         number[used] = np.arange(len(used))
@@ -99,6 +135,7 @@ class NamedMesh:
             plane=self.plane,
             thickness=self.thickness,
             elements=ELEMENTS[self.cell_type][0] if elements is None else elements,
+            regions=regions or {},
         )
         check_quality(part)
         return part

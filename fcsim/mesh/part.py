@@ -21,9 +21,11 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, RAISED
 from fcsim.mesh.exact_shape import ExactShape
+from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial, LinearMaterial, PointLaw
 from fcsim.mesh.order.linear_facets import linear_facets
 from fcsim.mesh.order.second_order import raised
+from fcsim.mesh.quality import ROUND_OFF, check_quality
 
 Kinematics = Literal["turning", "linear"]
 
@@ -61,6 +63,29 @@ def _frozen_surfaces(surfaces: Mapping[str, ArrayLike], n_points: int, facet_nod
     return MappingProxyType(frozen)
 
 
+def _frozen_regions(regions: Mapping[str, ArrayLike], n_cells: int, what: str) -> Mapping[str, IntArray]:
+    frozen = {}
+    for name, cells in regions.items():
+        array = _frozen(cells, np.int64, f"{what}, region {name!r}", (None,))
+        if not array.size or array.min() < 0 or array.max() >= n_cells or len(np.unique(array)) < len(array):
+            raise InputError(f"{what}, region {name!r}: expected different numbers of cells, 0 ... {n_cells - 1}, at least one")
+        frozen[name] = array
+    return MappingProxyType(frozen)
+
+
+def _refuse_unshared(material: ByRegion, regions: Mapping[str, IntArray], n_cells: int, what: str) -> None:
+    """InputError where the materials' regions do not hold each cell once."""
+    names = list(material.materials)
+    if missing := [name for name in names if name not in regions]:
+        raise InputError(
+            f"{what}: expected regions of the materials' names, {names}, got {list(regions)}; {missing[0]!r} is not among them"
+        )
+    count = np.bincount(np.concatenate([regions[name] for name in names]), minlength=n_cells)
+    if np.any(count != 1):
+        cell = int(np.argmax(count != 1))
+        raise InputError(f"{what}: expected every cell in one of the regions {names}, got cell {cell} in {count[cell]}")
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """A meshed piece of one material, in its own axes.
@@ -72,11 +97,13 @@ class Part:
     surfaces  name -> (nf, kf) node numbers of the facets; a 3D facet is ordered counter-clockwise seen from outside, so that its
               right-hand normal points out of the body; a 2D facet (a, b) has the body on its left, outward normal (t_y, -t_x). Facets
               of second order: the corners, then the middles of the edges around, then the middle of a quadrilateral
+              Refused like a mesh file's, see `check_quality`: inverted, collapsed, twisted and repeated cells, unused nodes
     plane     2D only: "strain" or "stress"; thickness [m] multiplies every 2D integral
     elements  how the cells deform (`fcsim.assembly.elements`): hexahedra and quadrilaterals "Q1" (None: this), "Q1-enhanced" (bends and
               keeps its volume without locking) or "Q1-bbar" (without volumetric locking); tetrahedra and triangles "P1"; of second
               order "Q2" and "P2". Cells of first order given with these are raised: the new nodes, in the middle of straight edges, come
               after the given ones, and points, cells, cell_type and surfaces are then those of second order
+    regions   name -> numbers of cells; where the material is a `ByRegion`, those of its names, which share all cells out among them
     """
 
     name: str
@@ -84,10 +111,11 @@ class Part:
     cells: IntArray
     cell_type: str
     surfaces: Mapping[str, IntArray]
-    material: AnyMaterial
+    material: AnyMaterial | ByRegion
     plane: Literal["strain", "stress"] = "strain"
     thickness: float = 1.0
     elements: str = field(default=None, kw_only=True)  # type: ignore[assignment]
+    regions: Mapping[str, IntArray] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         what = f"Part {self.name!r}"
@@ -97,7 +125,7 @@ class Part:
             raise InputError(f"{what}: expected plane 'strain' or 'stress', got {self.plane!r}")
         if not self.thickness > 0:
             raise InputError(f"{what}: expected a thickness > 0 in m, got {self.thickness}")
-        if not isinstance(self.material, LinearMaterial | PointLaw):
+        if not isinstance(self.material, LinearMaterial | PointLaw | ByRegion):
             raise InputError(
                 f"{what}, material: expected a Material, another linear one or a law of points (see fcsim.mesh.material), got "
                 f"{type(self.material).__name__}"
@@ -110,8 +138,12 @@ class Part:
         if self.cells.size == 0 or self.cells.min() < 0 or self.cells.max() >= len(self.points):
             raise InputError(f"{what}: expected cells with node numbers 0 ... {len(self.points) - 1}, got {self.cells.shape[0]} cells")
         object.__setattr__(self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), cell.facet_size, what))
+        object.__setattr__(self, "regions", _frozen_regions(self.regions, len(self.cells), what))
+        if isinstance(self.material, ByRegion):
+            _refuse_unshared(self.material, self.regions, len(self.cells), what)
         if cell.order == 1 and self.elements in ELEMENTS[RAISED[self.cell_type]]:
             self._raise_order()
+        check_quality(self, smallest=ROUND_OFF)
 
     def _raise_order(self) -> None:
         points, cells, cell_type, surfaces = raised(self.points, self.cells, self.cell_type, self.surfaces, f"Part {self.name!r}")

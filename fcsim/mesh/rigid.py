@@ -12,6 +12,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.order.linear_facets import linear_facets
 from fcsim.mesh.order.quadrature import quadrature
 from fcsim.mesh.part import Body, Part, RigidBody
@@ -75,6 +76,8 @@ def blocks_that_are(kind: BlockKind, bodies: Sequence[Body]) -> list[Body | Rigi
 
 
 def _integrated(part: Part) -> MassProperties:
+    if isinstance(part.material, ByRegion):
+        raise InputError(f"mass of part {part.name!r}: expected one material for a rigid body, got several by region")
     d, density = part.dimension, part.material.density
     if not density > 0:
         raise InputError(f"mass of part {part.name!r}: expected a material with a density > 0 kg/m^3, got {density}")

@@ -33,7 +33,10 @@ def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension
 
 
 def relative(residual: float, scale: float) -> float:
-    """residual / scale, 0 for 0 / 0 and infinity for anything else over 0; NaN stays NaN."""
+    """residual / scale, 0 for 0 / 0 and infinity for anything else over 0; NaN stays NaN, and is what anything over infinity is: a problem
+    whose size is beyond the largest number is solved by nothing."""
+    if not scale < math.inf:
+        return math.nan
     if residual == 0:
         return 0.0
     return residual / scale if scale > 0 else residual * math.inf

@@ -112,7 +112,8 @@ def _read_moment(group: h5py.Group) -> Moment:
     memory = tuple(_reactions(entry) for entry in stored)
     supplied, gained, lowest, created, begun = map(float, group.attrs["ledger"])
     ledger = Ledger(supplied, gained, lowest, created, bool(begun))
-    lead = Lead(str(group.attrs["lead"]), *map(int, group.attrs["lead_counts"]))
+    streak, steps = map(int, group.attrs["lead_counts"])
+    lead = Lead(str(group.attrs["lead"]), streak, steps)
     variables = _variables(group["law"]) if "law" in group else None
     return Moment(int(group.attrs["step"]), state, memory, int(group.attrs["cuts"]), variables, ledger, lead, float(group.attrs["seen"]))
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import Solution
 from fcsim.export_fclib.write import file_name, write_fclib
+from fcsim.problem.reduction import BlockFactor, Reduction
+from fcsim.solvers import Result
 from fcsim.timestep.step import Step
 
 
@@ -18,6 +21,7 @@ def write_step(
     fclib_set: str,
     forms: Iterable[str] = ("global",),
     *,
+    iterations: bool = False,
     title: str = "",
     description: str = "",
     compression: bool | Compressor = True,
@@ -26,30 +30,51 @@ def write_step(
 
     The solution is the step's result; the guess is where its solver began (from the last steps' reactions, matched contact by contact).
     math_info states sizes, contact density, solver and error. compression: see `write_fclib`.
+    iterations: of a step with nonlinear bodies also the problems that led to the last one, as the sets <SET>-newton00, -newton01, ...
     Returns the files' paths; a step without contacts is written too.
     """
-    problem, result = step.problem, step.result
-    v, multiplier = step.reduction.velocity(step.start)
-    u = problem.H.T @ v + problem.w
-    written = []
-    for form in forms:
-        if form not in ("global", "local"):
-            raise InputError(f"FCLIB form {form!r}: expected 'global' or 'local'")
-        is_global = form == "global"
-        path = Path(directory) / form / file_name(fclib_set, result.iterations, problem.nc, step.number)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for earlier in path.parent.glob(f"{fclib_set}-i*-{step.number:05d}.hdf5"):  # of a run that was interrupted after this step
-            earlier.unlink()
-        write_fclib(
-            path,
-            problem if is_global else step.reduction.local,
-            solution=Solution(result.u, result.r, result.v if is_global else None, result.multiplier if is_global else None),
-            guesses=(Solution(u, step.start, v if is_global else None, multiplier if is_global else None),),
-            title=title,
-            description=description,
-            math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / problem.n:.4g}; solved by {result.method} in "
-            f"{result.iterations} iterations, error {result.error:.3e}",
-            compression=compression,
-        )
-        written.append(path)
+    forms = tuple(forms)
+    if unknown := [form for form in forms if form not in ("global", "local")]:
+        raise InputError(f"FCLIB form {unknown[0]!r}: expected 'global' or 'local'")
+    to = _Files(Path(directory), forms, step.number, title, description, compression)
+    written = to.write(fclib_set, step.reduction, step.result, step.start)
+    for k, earlier in enumerate(step.linearised[:-1] if iterations else ()):
+        reduction = Reduction(earlier.problem, BlockFactor(earlier.problem.M))
+        written += to.write(f"{fclib_set}-newton{k:02d}", reduction, earlier.result, earlier.start)
     return written
+
+
+class _Files:
+    """Where and how the files of one step are written."""
+
+    def __init__(
+        self, directory: Path, forms: tuple[str, ...], step: int, title: str, description: str, compression: bool | Compressor
+    ) -> None:
+        self._directory, self._forms, self._step = directory, forms, step
+        self._title, self._description, self._compression = title, description, compression
+
+    def write(self, fclib_set: str, reduction: Reduction, result: Result, start: FloatArray) -> list[Path]:
+        """Write one problem in all forms, with its solution and the guess r = start (m,)."""
+        problem = reduction.problem
+        v, multiplier = reduction.velocity(start)
+        u = problem.H.T @ v + problem.w
+        written = []
+        for form in self._forms:
+            is_global = form == "global"
+            path = self._directory / form / file_name(fclib_set, result.iterations, problem.nc, self._step)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            for earlier in path.parent.glob(f"{fclib_set}-i*-{self._step:05d}.hdf5"):  # of a run that was interrupted after this step
+                earlier.unlink()
+            write_fclib(
+                path,
+                problem if is_global else reduction.local,
+                solution=Solution(result.u, result.r, result.v if is_global else None, result.multiplier if is_global else None),
+                guesses=(Solution(u, start, v if is_global else None, multiplier if is_global else None),),
+                title=self._title,
+                description=self._description,
+                math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / problem.n:.4g}; solved by {result.method} in "
+                f"{result.iterations} iterations, error {result.error:.3e}",
+                compression=self._compression,
+            )
+            written.append(path)
+        return written

@@ -20,12 +20,14 @@ from fcsim.version import __version__
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Every how many steps to write FCLIB files, VTK files and checkpoints (0 = none), and the forms of the FCLIB files."""
+    """Every how many steps to write FCLIB files, VTK files and checkpoints (0 = none), and the forms of the FCLIB files;
+    export_iterations: also the problems that led to the last one of a step with nonlinear bodies."""
 
     export_every: int = 10
     export_forms: tuple[str, ...] = ("global",)
     vtk_every: int = 10
     checkpoint_every: int = 20
+    export_iterations: bool = False
 
     def __post_init__(self) -> None:
         for name in ("export_every", "vtk_every", "checkpoint_every"):
@@ -65,6 +67,7 @@ class Outputs:
             step,
             self._case.fclib_set,
             self._options.export_forms,
+            iterations=self._options.export_iterations,
             title=f"{self._case.title}, step {step.number}",
             description=self._about,
             compression=self._compressor,

@@ -23,8 +23,9 @@ from fcsim.running.case_description import describe
 from fcsim.running.checkpoint import read_checkpoint
 from fcsim.running.description import Description, SeenOverlap, write_description, write_end
 from fcsim.running.outputs import Outputs, RunOptions
-from fcsim.running.own_files import check_folder, empty
 from fcsim.running.parameters import parse_parameters
+from fcsim.running.refusals.own_files import check_folder, empty
+from fcsim.running.refusals.size import size_of
 from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
 from fcsim.timestep.step import Moment, Step
 
@@ -98,14 +99,16 @@ def run_case(
     resume: bool = False,
     overwrite: bool = False,
     accept_changes: bool = False,
+    announce: Callable[[str], None] | None = None,
     watch: Callable[[Case, Step], None] | None = None,
 ) -> Summary:
-    """Run a case script with the given parameter texts into a folder; `watch` is called after each step.
+    """Run a case script with the given parameter texts into a folder; `announce` is told its size before the first step, `watch` is
+    called after each step.
 
     resume goes on from the folder's checkpoint with the parameters stored there (steps may be raised); where script, meshes, tables or
     versions are not as they were, only with accept_changes, and run.json says so. overwrite removes an earlier run's files first.
-    Nothing is touched before the case is built, and no two runs write into one folder. Returns the summary also when a step does not
-    converge or the run is interrupted by Ctrl-C.
+    A run that does not fit into the free memory is refused (see `fcsim.memory`). Nothing is touched before the case is built, and no
+    two runs write into one folder. Returns the summary also when a step does not converge or the run is interrupted by Ctrl-C.
     """
     options = options or RunOptions()
     directory = Path(directory)
@@ -117,6 +120,10 @@ def run_case(
     parameters = parse_parameters(script, assignments)
     with files_read() as read:
         case = script.build(parameters)
+    size = size_of(case.simulation)
+    if announce is not None:
+        announce(str(size))
+    size.refuse()
     description = describe(case, script, parameters, assignments, asdict(options), read)
     directory.mkdir(parents=True, exist_ok=True)
     with alone_in(directory, "fcsim run"):

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model
+from fcsim.assembly.supports import Support
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 from fcsim.running.case import Sensor
@@ -39,34 +41,76 @@ def contact_force(column: str, model: Model, body: str, direction: str, surface:
     return Sensor(column, label or f"contact force on {surface or ''} {body}, {direction}".replace("  ", " "), "N", measure)
 
 
-def support_force(column: str, model: Model, body: str, direction: str, surface: str | None = None, label: str = "") -> Sensor:
-    """Resultant [N] of the supports' forces on a body, or on the nodes of one of its surfaces.
+def support_force(
+    column: str, model: Model, body: str, direction: str, surface: str | None = None, label: str = "", axes: ArrayLike | None = None
+) -> Sensor:
+    """Resultant [N] of the supports' forces on a body, or on the nodes of one of its surfaces, along an axis of `axes` (see `Support`).
 
     Of a rigid body also the moment [N m] about its centre, directions rx, ry, rz.
     """
-    number = model.body_number(body)
+    number, d = model.body_number(body), model.dimension
     first = model.dof_offset[number]
+    R = np.eye(d) if axes is None else np.array(Support(body, (direction,), axes=axes).axes)
+    if R.shape != (d, d):
+        raise InputError(f"support_force on body {body!r}, axes: expected a rotation matrix ({d}, {d}), got {R.shape}")
     if isinstance(model.bodies[number], RigidBody):
-        names = DIRECTIONS[model.dimension]
+        names = DIRECTIONS[d]
         if surface is not None or direction not in names:
             raise InputError(f"support_force on rigid body {body!r}: expected no surface and a direction among {', '.join(names)}")
-        dofs = np.array([first + names.index(direction)])
+        turning = names.index(direction) >= d
+        size = len(names) - d if turning else d
+        dofs = (first + (d if turning else 0) + np.arange(size))[None]
+        along = R[:, names.index(direction) % d] if size == d else np.ones(1)
     else:
-        nodes = np.arange(model.node_offset[number], model.node_offset[number + 1])
-        if surface is not None:
-            nodes = np.unique(model.facets(body, surface))
-        dofs = model.dof_of_node[nodes, _axis(model, direction)]
+        dofs, along = model.dof_of_node[_nodes(model, body, surface)], R[:, _axis(model, direction)]
     unit = "N m" if direction.startswith("r") else "N"
     text = label or f"force of the supports on {body}, {direction}"
-    return Sensor(column, text, unit, lambda step: step.force_per_reaction * float(step.support_impulse[dofs].sum()))
+    return Sensor(column, text, unit, lambda step: step.force_per_reaction * float(step.support_impulse[dofs].sum(axis=0) @ along))
+
+
+def support_moment(
+    column: str, model: Model, body: str, direction: str, point: Sequence[float], surface: str | None = None, label: str = ""
+) -> Sensor:
+    """Moment [N m] about an axis (rx, ry or rz; 2D: rz) through a point (d,) [m] that stays where it is, of the supports' forces on a body,
+    or on the nodes of one of its surfaces: what drives a shaft or a drum. Forces act where the body stands in the middle of the step."""
+    number, d = model.body_number(body), model.dimension
+    names = DIRECTIONS[d][d:]
+    if direction not in names:
+        raise InputError(f"support_moment on body {body!r}: expected a direction among {', '.join(names)}, got {direction!r}")
+    place, k = _point(model, point, f"support_moment on body {body!r}"), names.index(direction)
+    given, first = model.bodies[number], model.dof_offset[number]
+    text = label or f"moment of the supports on {body}, {direction}"
+
+    def about(arm: FloatArray, force: FloatArray) -> float:
+        moments = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0] if d == 2 else np.cross(arm, force)[:, k]
+        return float(moments.sum())
+
+    if isinstance(given, RigidBody):
+        if surface is not None:
+            raise InputError(f"support_moment on rigid body {body!r}: expected no surface, got {surface!r}")
+        own = slice(first, first + d)
+        begin = given.centre - place
+
+        def of_rigid(step: Step) -> float:
+            impulse = step.support_impulse
+            arm = begin + 0.5 * (step.previous.x[own] + step.state.x[own])
+            return step.force_per_reaction * (about(arm[None], impulse[own][None]) + float(impulse[first + d + k]))
+
+        return Sensor(column, text, "N m", of_rigid)
+    dofs = model.dof_of_node[nodes := _nodes(model, body, surface)]
+    start = model.reference[nodes] - place
+
+    def of_nodes(step: Step) -> float:
+        arm = start + 0.5 * (step.previous.x[dofs] + step.state.x[dofs])
+        return step.force_per_reaction * about(arm, step.support_impulse[dofs])
+
+    return Sensor(column, text, "N m", of_nodes)
 
 
 def displacement(column: str, model: Model, body: str, direction: str, point: Sequence[float], label: str = "") -> Sensor:
     """Displacement [m] of a body's node at a point (d,) [m] of the reference configuration, or of the material point of a rigid body."""
     number, axis = model.body_number(body), _axis(model, direction)
-    place = np.asarray(point, dtype=np.float64)
-    if place.shape != (model.dimension,) or not np.all(np.isfinite(place)):
-        raise InputError(f"displacement of body {body!r}: expected a point of {model.dimension} finite coordinates, got {point!r}")
+    place = _point(model, point, f"displacement of body {body!r}")
     given = model.bodies[number]
     text = label or f"displacement of {body} at {tuple(float(c) for c in place)}, {direction}"
     if isinstance(given, RigidBody):
@@ -108,6 +152,21 @@ def joint_opening(column: str, model: Model, first: tuple[str, str], second: tup
         return float(((u[there] - u[here]) @ normal).max())
 
     return Sensor(column, text, "m", measure)
+
+
+def _nodes(model: Model, body: str, surface: str | None) -> IntArray:
+    """Numbers of the nodes of a body or of one of its surfaces."""
+    number = model.body_number(body)
+    if surface is None:
+        return np.arange(model.node_offset[number], model.node_offset[number + 1])
+    return np.unique(model.facets(body, surface))
+
+
+def _point(model: Model, point: Sequence[float], what: str) -> FloatArray:
+    place: FloatArray = np.asarray(point, dtype=np.float64)
+    if place.shape != (model.dimension,) or not np.all(np.isfinite(place)):
+        raise InputError(f"{what}: expected a point of {model.dimension} finite coordinates, got {point!r}")
+    return place
 
 
 def _axis(model: Model, direction: str) -> int:

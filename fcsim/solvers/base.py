@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -50,10 +51,52 @@ def override(options: Any, overrides: dict[str, Any]) -> Any:
     if not overrides:
         return options
     known = getattr(options, "__dataclass_fields__", {})  # dataclasses.fields takes longer than a sweep of a small problem
-    for name in overrides:
+    for name, value in overrides.items():
         if name not in known:
             raise InputError(f"option {name!r}: expected one of {', '.join(known)}")
+        _refuse_other_types(name, value, str(getattr(known[name].type, "__name__", known[name].type)))
     return replace(options, **overrides)
+
+
+LARGEST = 2**53
+"""Of whole numbers among the options: compiled code counts in 64 bits."""
+EXPECTED = {
+    "bool": "True or False",
+    "int": f"a whole number from {-LARGEST} to {LARGEST}",
+    "float": "a number",
+    "str": "a text",
+}
+
+
+def _refuse_other_types(name: str, value: Any, kind: str) -> None:
+    """Refuse what is not of the option's declared type: a method would stumble over it somewhere, or take a text for True."""
+    kind, optional = kind.removesuffix(" | None"), kind.endswith(" | None")
+    if kind not in EXPECTED or (optional and value is None):
+        return
+    switch = isinstance(value, bool | np.bool_)
+    fits = {
+        "bool": switch,
+        "int": isinstance(value, int | np.integer) and not switch and -LARGEST <= value <= LARGEST,
+        "float": isinstance(value, int | float | np.integer | np.floating) and not switch and value == value,  # NaN is none
+        "str": isinstance(value, str),
+    }
+    if not fits[kind]:
+        raise InputError(f"option {name}: expected {EXPECTED[kind]}, got {str(value)[:40]!r}")
+
+
+def checked_limits(tol: float, floor: float, time_limit: float) -> None:
+    """Refuse tolerances that r = 0 would meet (from 1 on) or nothing can, and floors and time limits that are no numbers."""
+    for name, value in (("tol", tol), ("floor", floor), ("time_limit", time_limit)):
+        if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+            raise InputError(f"{name}: expected a number, got {str(value)[:40]!r}")
+    if not tol > 0:
+        raise InputError(f"tol: expected a number > 0, got {tol}")
+    if tol >= 1:
+        raise InputError(f"tol: expected a number < 1, since r = 0 meets that, got {tol}")
+    if not 0 <= floor < math.inf:
+        raise InputError(f"floor: expected a number >= 0 in the unit of q, got {floor}")
+    if math.isnan(time_limit):
+        raise InputError(f"time_limit: expected a number of seconds, got {time_limit}")
 
 
 def choice(name: str, value: str, known: dict[str, Any] | tuple[str, ...]) -> None:

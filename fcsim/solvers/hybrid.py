@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain, repeat
 from typing import Any
 
 from fcsim.arrays import FloatArray
@@ -46,7 +47,7 @@ def hybrid(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Hybr
     A cycle that leaves the best iterate where it was would only be repeated by the next: it is the last.
     """
     last = Iterate(r, Status.MAX_ITERATIONS)
-    for cycle, stages in enumerate((options.first, *(options.stages,) * options.cycles)):
+    for cycle, stages in enumerate(chain((options.first,), repeat(options.stages, options.cycles))):
         before = monitor.best
         for stage in stages:
             if monitor.iterations >= options.max_iterations and monitor.history:

@@ -17,7 +17,7 @@ from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
-from fcsim.solvers.base import Iterate, Method, Monitor, Result, Status, choice, override
+from fcsim.solvers.base import Iterate, Method, Monitor, Result, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.small.door import small
 from fcsim.solvers.solve_rolling import solve_rolling
@@ -79,8 +79,7 @@ def _solve(
         return solve_rolling(problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, **overrides)
     options = override(chosen.options, overrides)
     choice("error", error, ERRORS)
-    if not tol > 0:
-        raise InputError(f"tol: expected a number > 0, got {tol}")
+    checked_limits(tol, floor, time_limit)
     start = time.perf_counter()
     given = reduced(problem)  # M^-1 or R^-1
     run, form = _way(chosen, solver, options, given)  # the local form, or the problem as it is
@@ -109,7 +108,10 @@ def _judged(
     clock: when the solve began and when its method did.
     """
     r, status = iterate.r, iterate.status
+    with np.errstate(over="ignore"):
+        within = np.isfinite(answer.u @ answer.u)  # or the residual's own squares are beyond the largest number
     errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, s), monitor.scale) for s in (given.compliance, None)]
+    errors = errors if within else [float("nan")] * 2
     deciding = errors[ERRORS.index(error)]
     if (deciding <= monitor.tol) != status.solved:  # NaN is no solution
         status = Status.SOLVED if deciding <= monitor.tol else Status.STAGNATED
@@ -191,6 +193,8 @@ def _run(run: Any, problem: Any, q: FloatArray, r: FloatArray, monitor: Monitor,
         iterate: Iterate = run(problem, r, monitor, options)
     except SingularMatrix as singular:  # in a factorisation that the method takes for granted
         iterate = Iterate(r, Status.SINGULAR, str(singular))
+    except (OverflowError, ZeroDivisionError, FloatingPointError, np.linalg.LinAlgError) as beyond:  # numbers that no float holds
+        iterate = Iterate(r, Status.DIVERGED, f"{type(beyond).__name__}: {beyond}")
     if not isinstance(iterate, Iterate) or np.shape(iterate.r) != np.shape(q):
         got = f"r of shape {np.shape(iterate.r)}" if isinstance(iterate, Iterate) else f"a {type(iterate).__name__}"
         raise InputError(f"{run.__name__}: expected a method to return Iterate(r, status) with r of shape {np.shape(q)}, got {got}")

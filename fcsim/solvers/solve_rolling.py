@@ -14,7 +14,7 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Checks
 from fcsim.problem.judge import relative
 from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction, modified_velocity, natural_residual, reduce_rolling
-from fcsim.solvers.base import Iterate, Monitor, Result, Status, choice, override
+from fcsim.solvers.base import Iterate, Monitor, Result, Status, checked_limits, choice, override
 from fcsim.solvers.table import method
 
 ERRORS = ("scaled", "published")
@@ -63,8 +63,7 @@ def solve_rolling(
         raise InputError(f"solver {solver!r}: has no cone of rolling friction, expected auto, ROLLING-NSGS, ROLLING-FP or ROLLING-EG")
     options = override(chosen.options, overrides)
     choice("error", error, ERRORS)
-    if not tol > 0:
-        raise InputError(f"tol: expected a number > 0, got {tol}")
+    checked_limits(tol, floor, time_limit)
     begin = np.zeros(problem.m) if r is None else np.array(r, dtype=np.float64)
     if begin.shape != (problem.m,) or not np.all(np.isfinite(begin)):
         raise InputError(f"r: expected a starting point of {problem.m} finite numbers, got shape {begin.shape}")

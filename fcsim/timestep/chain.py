@@ -37,8 +37,8 @@ class SolverSettings:
         override(method(self.name).options, dict(self.options))
         for name in self.fallback:
             method(name)
-        if not self.tol > 0:
-            raise InputError(f"tol: expected a number > 0, got {self.tol}")
+        if not 0 < self.tol < 1:  # from 1 on r = 0 would do
+            raise InputError(f"tol: expected a number > 0 and < 1, got {self.tol}")
         if not self.floor >= 0:
             raise InputError(f"floor: expected a number >= 0, got {self.floor}")
 

@@ -35,7 +35,7 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work, inner_work, momentum, turning
+from fcsim.timestep.energy import Energy, balance, contact_work, inner_force, inner_work, momentum, turning
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -126,10 +126,17 @@ class GeneralisedAlpha:
 
     def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Forces act as they are at x_f: both ends are there."""
-        middle = state.x + self.alpha_f * (self._explicit(model, state) + self.kappa * self.alpha_f * v)  # x+ = X + c v+
+        change = self._explicit(model, state) + self.kappa * self.alpha_f * v  # x+ = X + c v+
+        middle = state.x + self.alpha_f * (change if not model.held.turns else change + self._drift(model, state))
         return middle, middle
 
-    def damping_velocity(self, state: State, v: FloatArray) -> FloatArray:
+    def _drift(self, model: Model, state: State) -> FloatArray:
+        """What nodes on circles leave x+ = X + c v+ by (n_dofs,), see `Theta`."""
+        driven = self.kappa * self.alpha_f * model.of_driven(self.driven(model, state))
+        end = state.x + self._explicit(model, state) + driven
+        return model.held.placed(end, state.t + self.h) - end
+
+    def damping_velocity(self, model: Model, state: State, v: FloatArray) -> FloatArray:
         return self.alpha_f * v + (1 - self.alpha_f) * state.v
 
     def velocity_before(self, model: Model, state: State) -> FloatArray:
@@ -158,7 +165,7 @@ class GeneralisedAlpha:
         return alpha_f * model.load(state.t + h, x) + (1 - alpha_f) * model.load(state.t, x)
 
     def driven(self, model: Model, state: State) -> FloatArray:
-        return model.driven_velocity(state.t + self.h)
+        return model.driven_velocity(state.t + self.h, self.h)
 
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         h, gamma, alpha_f, alpha_m = self.h, self.gamma, self.alpha_f, self.alpha_m
@@ -166,17 +173,15 @@ class GeneralisedAlpha:
         explicit = model.advance(state.x, self._explicit(model, state))
         end = end_velocity(model, explicit, v, rigid_mass, self.kappa * alpha_f)
         next_rate = (alpha_f * end + (1 - alpha_f) * state.v - (1 - alpha_m) * rate) / alpha_m
-        jump = impulse.copy()  # M jump; a driven dof does not jump, its support takes the impulse
-        jump[model.driven_dofs] = 0
+        jump = impulse - model.driven_share(impulse)  # M jump; a driven dof does not jump, its support takes the impulse
         change = model.apply_mass(v, rigid_mass) - momentum(model, state)
         next_inertia = (change - jump) / (h * gamma) - (1 - gamma) / gamma * inertia
-        x = model.advance(explicit, self.kappa * alpha_f * end)
+        x = model.held.placed(model.advance(explicit, self.kappa * alpha_f * end), state.t + h)
         return State(state.t + h, x, model.keep_momentum(v, rigid_mass, x), next_rate, next_inertia)
 
     def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
         """h R + what contacts give to driven dofs, from the residual kappa R + the same: in the step's equation R counts kappa."""
-        struck = np.zeros(model.n_dofs)
-        struck[model.driven_dofs] = -impulse[model.driven_dofs]
+        struck = -model.driven_share(impulse)
         return struck + self.h / self.kappa * (residual - struck)
 
     def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
@@ -200,23 +205,26 @@ class GeneralisedAlpha:
         first, last = elastic.at(before.x), elastic.at(after.x)
         middle = elastic.at(before.x + alpha_f * (after.x - before.x))
         energies = elastic.energy(first), elastic.energy(last)
+        velocity, drift, strain_work = alpha_f * after.v + (1 - alpha_f) * before.v, np.zeros_like(dx), 0.0
+        if model.held.turns:  # what driven rotations leave dx by, see `Theta.energy`
+            drift = model.driven_share(after.x - before.x - dx)
+            strain = elastic.force(middle, middle, 1.0) + inner_force(model, before, (middle.x, self.elastic_time), velocity)
+            strain_work = float(drift @ strain)
         if elastic.turning:
-            elastic_loss = float(dx @ elastic.force(middle, middle, 1.0)) - (energies[1] - energies[0])
+            elastic_loss = float((dx + drift) @ elastic.force(middle, middle, 1.0)) - (energies[1] - energies[0])
         else:
             elastic_loss = (alpha_f - 0.5) * elastic.loss(first, last)
         M0, M1 = momentum(model, before), momentum(model, after)
         damping = model.alpha * (alpha_f * M1 + (1 - alpha_f) * M0)
         viscous = 0.0
         if model.beta:
-            velocity = alpha_f * after.v + (1 - alpha_f) * before.v
             viscous = float(dx @ (elastic.force(middle, middle, 1.0, velocity) - elastic.force(middle, middle, 1.0)))
-        struck = np.zeros(model.n_dofs)
-        struck[model.driven_dofs] = -(H @ result.r)[model.driven_dofs]
+        struck = -model.driven_share(H @ result.r)
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
             elastic=energies,
             loads=float(dx @ self._force(model, before)),
-            supports=float(dx @ (support - struck)) / h + float(mean @ struck),
+            supports=float(dx @ (support - struck)) / h + float(mean @ struck) + strain_work,
             damping=float(dx @ damping) + viscous,
             numerical=elastic_loss
             + float(dx @ (alpha_m * p1 + (1 - alpha_m) * p0))
@@ -224,14 +232,7 @@ class GeneralisedAlpha:
             + turning(model, v0, M0, v1, M1)
             + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(H, result.r, result.u, mean, model.dimension),
-            inner=inner_work(
-                model,
-                before,
-                after,
-                dx,
-                (before.x + alpha_f * (after.x - before.x), self.elastic_time),
-                alpha_f * after.v + (1 - alpha_f) * before.v,
-            ),
+            inner=inner_work(model, before, after, dx + drift, (middle.x, self.elastic_time), velocity),
         )
 
     @staticmethod
@@ -243,5 +244,4 @@ class GeneralisedAlpha:
         inertia = model.load(state.t, state.x) - model.alpha * momentum(model, state) - model.elastic.force(now, now, 1.0, state.v)
         if model.nonlinear:
             inertia -= model.nonlinear.inner(state.x, state.internal, state.t, 0.0, v=state.v).force
-        inertia[model.driven_dofs] = 0
-        return state.v, inertia
+        return state.v, inertia - model.driven_share(inertia)

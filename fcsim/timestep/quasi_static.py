@@ -77,7 +77,10 @@ class QuasiStatic:
                     mode = np.zeros_like(x)
                     mode[:, i], mode[:, j] = -centred[:, j], centred[:, i]
                     modes.append(mode / (np.abs(centred).max() or 1.0))
-                held = np.array([mode.ravel()[own] for mode in modes])
+                begin, end = (int(k) for k in model.dof_offset[number : number + 2])
+                axes = None if model.held.axes is None else model.held.axes.blocks(begin, end, d)
+                along = modes if axes is None else [np.einsum("aij,aj->ai", axes, mode) for mode in modes]
+                held = np.array([mode.ravel()[own] for mode in along])
                 floating = np.linalg.matrix_rank(held, tol=1e-8) < len(modes) if own.any() else True
             if floating:
                 raise InputError(
@@ -120,7 +123,7 @@ class QuasiStatic:
         end = state.x + v
         return end, end
 
-    def damping_velocity(self, state: State, v: FloatArray) -> None:
+    def damping_velocity(self, model: Model, state: State, v: FloatArray) -> None:
         return None
 
     def velocity_before(self, model: Model, state: State) -> FloatArray:
@@ -133,11 +136,12 @@ class QuasiStatic:
         return model.rigid_mass(state.x)
 
     def driven(self, model: Model, state: State) -> FloatArray:
-        """Displacement increments of the driven dofs: the velocity at the middle of the step times h (exact for linear ramps)."""
-        return self.h * model.driven_velocity(state.t + 0.5 * self.h)
+        """Displacement increments of the driven dofs: the velocity at the middle of the step times h (exact for linear ramps); of driven
+        rotations the difference of places, exact."""
+        return model.held.increment(state.t, self.h)
 
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
-        return State(state.t + self.h, model.advance(state.x, v), v / self.h)
+        return State(state.t + self.h, model.held.placed(model.advance(state.x, v), state.t + self.h), v / self.h)
 
     def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
         return residual

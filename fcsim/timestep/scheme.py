@@ -100,7 +100,7 @@ class Scheme(Protocol):
         """Time [s] from the beginning of the step to that configuration."""
         ...
 
-    def damping_velocity(self, state: State, v: FloatArray) -> FloatArray | None:
+    def damping_velocity(self, model: Model, state: State, v: FloatArray) -> FloatArray | None:
         """Return the velocity (n_dofs,) [m/s] that is damped if the unknowns are v; None where nothing is."""
         ...
 

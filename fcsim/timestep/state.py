@@ -8,6 +8,10 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
+from fcsim.errors import InputError
+
+START = 1e-6
+"""[rad] Of an angle, and of the model's size: what a start may differ from that of driven rotations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +30,28 @@ class State:
     internal: FloatArray | None = None
 
 
-def at_rest(model: Model, t: float = 0.0) -> State:
-    """The reference configuration; driven dofs have the velocity prescribed at t, all others none."""
-    v = np.zeros(model.n_dofs)
-    v[model.driven_dofs] = model.driven_velocity(t)
-    return State(t, np.zeros(model.n_dofs), v)
+def at_rest(model: Model, t: float = 0.0, h: float = 1e-3) -> State:
+    """The reference configuration; driven dofs have the velocity prescribed at t, all others none. h [s]: the step, see `DrivenRotation`.
+
+    InputError where a driven rotation has another angle at t than that of the reference configuration, 0.
+    """
+    for turn in model.held.turns:
+        angle = turn.source.at(t)
+        if abs(angle) > START:
+            raise InputError(
+                f"driven rotation of body {turn.source.body!r}: expected the angle 0 in the reference configuration, got {angle:.6g} rad "
+                f"at t = {t:g} s"
+            )
+    return State(t, np.zeros(model.n_dofs), model.of_driven(model.driven_velocity(t, h)))
+
+
+def refuse_misplaced(model: Model, state: State) -> None:
+    """InputError where an initial state has not turned what driven rotations turn."""
+    exact = model.held.placed(state.x, state.t)
+    size = float(np.ptp(model.reference, axis=0).max(initial=0.0))
+    apart = np.abs(model.positions(exact) - model.positions(state.x)).max(initial=0.0)
+    if exact is not state.x and apart > START * size:
+        raise InputError(
+            f"initial state: expected what driven rotations turn where their angles at t = {state.t:g} s say, got it up to "
+            f"{apart:.3g} m away"
+        )

@@ -25,7 +25,7 @@ from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.mesh.part import Kinematics
 from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work, inner_work, momentum
+from fcsim.timestep.energy import Energy, balance, contact_work, inner_force, inner_work, momentum
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -97,10 +97,17 @@ class Theta:
         return self.h * self.theta
 
     def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return state.x, state.x + self.h * self.damping_velocity(state, v)
+        return state.x, state.x + self.h * self.damping_velocity(model, state, v)
 
-    def damping_velocity(self, state: State, v: FloatArray) -> FloatArray:
-        return self.theta * v + (1 - self.theta) * state.v
+    def damping_velocity(self, model: Model, state: State, v: FloatArray) -> FloatArray:
+        mean = self.theta * v + (1 - self.theta) * state.v
+        return mean if not model.held.turns else mean + self._drift(model, state) / self.h
+
+    def _drift(self, model: Model, state: State) -> FloatArray:
+        """c (n_dofs,) in x+ = x + h (theta v+ + (1-theta) v) + c: by so much nodes on circles leave what their velocities give."""
+        driven = self.theta * model.of_driven(self.driven(model, state)) + (1 - self.theta) * state.v
+        end = state.x + self.h * driven
+        return model.held.placed(end, state.t + self.h) - end
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, theta, v = self.h, self.theta, state.v
@@ -122,12 +129,12 @@ class Theta:
         return model.keep_momentum(state.v, model.rigid_mass(state.x), self.detection_configuration(model, state))
 
     def driven(self, model: Model, state: State) -> FloatArray:
-        return model.driven_velocity(state.t + self.h)
+        return model.driven_velocity(state.t + self.h, self.h)
 
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         middle = self.detection_configuration(model, state)
         end = end_velocity(model, middle, v, rigid_mass, self.h * self.theta)
-        x = model.advance(middle, self.h * self.theta * end)
+        x = model.held.placed(model.advance(middle, self.h * self.theta * end), state.t + self.h)
         return State(state.t + self.h, x, model.keep_momentum(v, rigid_mass, x))
 
     def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
@@ -143,6 +150,7 @@ class Theta:
         dissipation: none at theta = 1/2, never negative above (V. Acary, "Energy conservation and dissipation properties of
         time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016), but for G, what turning between the middle and
         the ends changes in the energy of a given angular momentum: of second order, and swinging. For the work of impacts see `Velocity`.
+        Driven rotations place nodes on circles, dx = h v_theta + c (see `_drift`): c times the forces of strain there is work of supports.
         """
         h, theta = self.h, self.theta
         middle = self.detection_configuration(model, before)
@@ -151,21 +159,20 @@ class Theta:
         v, dv = theta * v1 + (1 - theta) * v0, v1 - v0
         M0, M1 = momentum(model, before), momentum(model, after)
         first, last = model.elastic.at(before.x), model.elastic.at(after.x)
-        loss = model.elastic.loss(first, last)
+        loss, supports = model.elastic.loss(first, last), float(v @ support)
+        dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
+        inner = before.x + theta * dx, self.elastic_time
+        if model.held.turns:
+            drift = model.driven_share(dx - h * mean)
+            mean = mean + drift / h
+            supports += float(drift @ (model.elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
             elastic=(model.elastic.energy(first), model.elastic.energy(last)),
             loads=h * float(v @ self._force(model, before)),
-            supports=float(v @ support),
+            supports=supports,
             damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta / h * loss,
             numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + loss) + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(H, result.r, result.u, v, model.dimension),
-            inner=inner_work(
-                model,
-                before,
-                after,
-                after.x - before.x,
-                (before.x + theta * (after.x - before.x), self.elastic_time),
-                theta * after.v + (1 - theta) * before.v,
-            ),
+            inner=inner_work(model, before, after, dx, inner, mean),
         )

@@ -24,7 +24,7 @@ from fcsim import (
     at_rest,
     build_model,
 )
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.contact_detection.exact import ExactContacts
 from fcsim.mesh import Body, Material, brick, rigid_box, rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 

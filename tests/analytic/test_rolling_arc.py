@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rectangle
 from fcsim.mesh.material import Material
@@ -122,3 +122,40 @@ def test_friction_moment(rule: str, normals: str) -> None:
     sliding = slice(10, None)  # the first facet's turn brings all to slide
     slack = 1e-3 + (1 - np.cos(ARC / n / 2)) + (0 if normals == "smooth" else ARC / n / 2)
     assert_allclose(np.abs(history.moment[sliding] / history.normal[sliding]), MU, rtol=slack)
+
+
+@cache
+def turn_among_everything(n: int, curved: bool, steps: int = 30) -> History:
+    """The same with a whole disk of 3 n chords and contact of everything, both ways."""
+    angle = np.pi / 6 + 2 * np.pi / (3 * n) * np.arange(3 * n)
+    rim = np.column_stack([np.arange(3 * n), np.roll(np.arange(3 * n), -1)])
+    disk = RigidBody("disk", 1.0, [[1.0]], [0.0, 0.0], np.column_stack([np.cos(angle), np.sin(angle)]), {"rim": rim})  # type: ignore[arg-type]
+    block = rectangle("block", (0.6, 0.3), (24, 8), Material(1e6, 0.3, 1000.0), origin=(-0.3, 1.0))
+    model = build_model(
+        [Body("block", block), disk],
+        supports=[
+            Support("block", ("x",), "y+"),
+            Support("block", ("y",), "y+", velocity=lambda t: -PRESSED if t < 1 else 0.0),
+            Support("disk", ("x", "y")),
+            Support("disk", ("rz",), velocity=lambda t: 2 * ARC / n / steps if t > 1 else 0.0),
+        ],
+    )
+    everything = Everything(model, 0.0, 0.02, curved=["disk"] if curved else [])
+    settings = SolverSettings(name="auto", tol=1e-10, floor=1e-8)
+    history = list(Simulation(model, everything, QuasiStatic(1.0), steps + 1, settings))[1:]
+    return History(
+        np.array([step.contact_force_on(0) for step in history]),
+        np.array([(step.H @ step.result.r)[model.dof_offset[1] + 2] for step in history]),
+        np.array([step.contact_force[:, 0].sum() for step in history]),
+    )
+
+
+def test_among_everything_a_named_disk_turns_with_less_chatter() -> None:
+    """Both bodies' vertices are held, so where one enters or leaves a change is left; the rest goes with the steps. Facet normals keep
+    most of it however small these are."""
+    coarse, fine = turn_among_everything(20, True), turn_among_everything(20, True, 120)
+    assert changes(fine.force, fine) < 0.45 * changes(coarse.force, coarse)
+    assert changes(fine.moment, fine) < 0.6 * changes(coarse.moment, coarse)
+    sharp = turn_among_everything(20, False, 120)
+    assert changes(sharp.moment, sharp) > 2.5 * changes(fine.moment, fine)
+    assert np.abs(fine.moment / fine.normal).max() < 0.5 * np.abs(sharp.moment / sharp.normal).max()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fcsim import Everything, Gap, Simulation, SolverSettings, State, Step, Support, Theta, Witness, at_rest, build_model
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.mesh import rigid_box
 from fcsim.running.case import load_case
 

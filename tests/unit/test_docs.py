@@ -13,6 +13,9 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").r
 GUIDES = sorted((ROOT / "docs" / "guides").glob("*.md"))
 
 
+EXAMPLES = [*GUIDES, ROOT / "docs" / "masonry.md"]
+
+
 def blocks(page: Path) -> list[str]:
     """The Python examples of a page."""
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
@@ -22,7 +25,7 @@ def test_there_are_guides() -> None:
     assert [page.stem for page in GUIDES] == ["add_a_case", "add_a_contact_rule", "add_a_material", "add_a_solver"]
 
 
-@pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.stem)
 def test_the_examples_of_a_guide_run(page: Path, tmp_path: Path) -> None:
     """In a process of their own, as a reader would run them; their assertions hold."""
     examples = blocks(page)

@@ -126,13 +126,15 @@ class ElasticForces:
         as it turns about the axis that driven degrees of freedom allow, see `Group.turnable`."""
         Q = R.copy()
         for group in self.groups:
-            if group.turnable == "all":
+            turnable = group.turnable
+            if turnable is not None and len(turnable) == 3:
                 continue
             Q[group.members] = np.eye(R.shape[-1])
-            if group.turnable != "none":
-                plane = np.delete(np.arange(3), "xyz".index(group.turnable))
-                block = np.ix_(group.members, plane, plane)
-                Q[block] = polar_rotation(R[block])
+            if turnable is not None:
+                axis = turnable[0]
+                across = np.linalg.svd(turnable)[2][1:]  # (2, 3): the plane that turns
+                plane = polar_rotation(across @ R[group.members] @ across.T)
+                Q[group.members] = np.outer(axis, axis) + across.T @ plane @ across
         return Q
 
 

@@ -15,15 +15,16 @@ from fcsim.assembly.elements import VOIGT
 from fcsim.assembly.nonlinear._tangent_kernels import scatter_blocks, scatter_nodes
 from fcsim.assembly.nonlinear.cells import PartCells, cell_strain, part_cells
 from fcsim.assembly.nonlinear.strain_measures import InStrain, PlaneStress
+from fcsim.mesh.material.by_region import ByRegion, as_law
 from fcsim.mesh.material.law import Circumstances, PointLaw, initial_variables
 from fcsim.mesh.part import Part
 
 
 def laws_of(part: Part) -> tuple[tuple[PointLaw, IntArray], ...]:
     """The laws of a part's cells and the cells of each."""
-    law = part.material
-    assert isinstance(law, PointLaw)
-    return ((law, np.arange(len(part.cells))),)
+    if isinstance(part.material, ByRegion):
+        return tuple((as_law(material), part.regions[name]) for name, material in part.material.materials.items())
+    return ((as_law(part.material), np.arange(len(part.cells))),)
 
 
 CELLS_AT_ONCE = 1024

@@ -10,6 +10,7 @@ from fcsim.contact_detection.general._foot_kernels import EDGE, INSIDE, VERTEX, 
 
 FACING = 0.1  # a facet around a vertex faces the direction N where n . N < -FACING
 _STEEP = 0.8  # sine of the slope
+_FLUSH, _DESCENDS = 0.9, 0.01  # cosine between a facet around a vertex and one that it lies flush with; sine of a slope
 _RISES = 1.2  # tangent of the slope up to which a facet lies over another one, rather than beside it
 _SAME_PLANE = 1.0 - 1e-10  # cosine
 _RIMS = 16
@@ -30,17 +31,20 @@ def _facing(
 ) -> float:
     """How squarely the surface around the vertex v faces the direction n: the largest -n_facet . n, or that of its mean (of a needle).
 
-    -1 where the surface goes on steeply against n from v, as in an inner corner: it is not v that touches there.
+    -1 where it is not v that touches there: where the surface goes on steeply against n from v, as in an inner corner, or descends although
+    another facet of v looks the same way as n: a sharp corner within a body, its side flush with that body's, does not leave by that side.
     """
-    best = -dot(mean[v], n)
+    best, lowest, flush = -dot(mean[v], n), 0.0, False
     for k in range(first_star[v], first_star[v + 1]):
         g = star[k]
-        best = max(best, -dot(normals[g], n))
+        cosine = dot(normals[g], n)
+        best, flush = max(best, -cosine), flush or cosine > _FLUSH
         for c in range(sides[g]):
             arm = point[facets[g, c]] - point[v]
-            if dot(arm, n) < -_STEEP * np.sqrt(dot(arm, arm)):
-                return -1.0
-    return best
+            length = np.sqrt(dot(arm, arm))
+            if length > 0.0:
+                lowest = min(lowest, dot(arm, n) / length)
+    return -1.0 if lowest < -_STEEP or (flush and lowest < -_DESCENDS) else best
 
 
 @njit(cache=True)
@@ -54,11 +58,11 @@ def _rims(
     facets: IntArray,
     sides: IntArray,
     facet_edges: IntArray,
-    sharp: BoolArray,
+    rim: BoolArray,
     star: IntArray,
     first_star: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Directions inwards (k, 3) and points (k, 3) of the sharp rims of the facet f that the foot lies on.
+    """Directions inwards (k, 3) and points (k, 3) of the rims of the facet f that the foot lies on.
 
     At a corner, the rims there of all facets in that plane: a face may be cut into triangles.
     """
@@ -76,7 +80,7 @@ def _rims(
             continue
         for l in range(sides[g]):
             edge = facet_edges[g, l]
-            if edge < 0 or not sharp[edge] or count == _RIMS:
+            if edge < 0 or not rim[edge] or count == _RIMS:
                 continue
             a = point[facets[g, l]]
             if sides[g] == 2:
@@ -106,14 +110,14 @@ def _covers(
     facets: IntArray,
     sides: IntArray,
     facet_edges: IntArray,
-    sharp: BoolArray,
+    rim: BoolArray,
     star: IntArray,
     first_star: IntArray,
 ) -> bool:
-    """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its sharp rim only if a facet
+    """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its rim only if a facet
     around v that faces it reaches over the rim inwards, without rising steeply from it. (Blocks whose corners merely meet, in a wall
     or, at any angles, in a dome, do not hold each other; one that rocks on the rim is held.)"""
-    rims, start = _rims(f, foot, n, near, point, normals, facets, sides, facet_edges, sharp, star, first_star)
+    rims, start = _rims(f, foot, n, near, point, normals, facets, sides, facet_edges, rim, star, first_star)
     if len(rims) == 0:
         return True
     for k in range(first_star[v], first_star[v + 1]):
@@ -156,18 +160,18 @@ def _pseudonormal(
 
 
 @njit(cache=True)
-def _in_a_corner(f: int, feature: int, sides: IntArray, facet_edges: IntArray, sharp: BoolArray, smooth: BoolArray) -> bool:
+def _in_a_corner(f: int, feature: int, sides: IntArray, facet_edges: IntArray, rim: BoolArray, smooth: BoolArray) -> bool:
     """Whether a foot on the boundary of a facet lies where the surface rises steeply: in a concave edge, or at its end."""
     if feature == INSIDE:
         return False
     l = feature - EDGE if feature < VERTEX else feature - VERTEX
     edge = facet_edges[f, l]
-    if not sharp[edge] and not smooth[edge]:
+    if not rim[edge] and not smooth[edge]:
         return True
     if feature < VERTEX or sides[f] == 2:
         return False
     edge = facet_edges[f, l - 1 if l > 0 else sides[f] - 1]
-    return not sharp[edge] and not smooth[edge]
+    return not rim[edge] and not smooth[edge]
 
 
 @njit(cache=True)
@@ -191,7 +195,7 @@ def touched_facets(
     sides: IntArray,
     facet_edges: IntArray,
     edge_facets: IntArray,
-    sharp: BoolArray,
+    rim: BoolArray,
     smooth: BoolArray,
     smooth_vertex: BoolArray,
     star: IntArray,
@@ -229,7 +233,7 @@ def touched_facets(
             aside = np.sqrt(max(distance[row] ** 2 - height[row] ** 2, 0.0))
             usable[row] = feature[row] == INSIDE or aside <= tol
             if not usable[row] and not outside and aside <= depth[group]:
-                usable[row] = _in_a_corner(facet[row], feature[row], sides, facet_edges, sharp, smooth)
+                usable[row] = _in_a_corner(facet[row], feature[row], sides, facet_edges, rim, smooth)
             under[row] = usable[row]
             if outside:
                 usable[row] = usable[row] and 0.0 < height[row] <= alert[group]
@@ -251,7 +255,7 @@ def touched_facets(
             if best < 0:
                 break
             foot = point[v] - height[best] * normal[best]
-            if _covers(v, facet[best], foot, normal[best], tol, point, normals, facets, sides, facet_edges, sharp, star, first_star):
+            if _covers(v, facet[best], foot, normal[best], tol, point, normals, facets, sides, facet_edges, rim, star, first_star):
                 break
             usable[best] = False
             deepest = min(deepest, abs(height[best]) + _ROLL * tol)  # where corners meet, the way out is none through a farther side

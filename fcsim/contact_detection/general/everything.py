@@ -16,6 +16,7 @@ from fcsim.contact_detection.general.edges import EdgeContacts, edge_contacts
 from fcsim.contact_detection.general.folding import deformation, folding_bodies, with_folding
 from fcsim.contact_detection.general.near import Lengths, NearBodies, near_bodies
 from fcsim.contact_detection.general.overlaps import overlap_contacts
+from fcsim.contact_detection.general.smoothing import smoothed
 from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
 from fcsim.contact_detection.skin.boundary import boundary_of
 from fcsim.contact_detection.skin.closed_skin import closed_skin
@@ -40,6 +41,9 @@ class Everything:
     alert     [m] contacts are kept while their gap is not larger; by default 1 % of the smaller body's extent, its diagonal / sqrt(d)
     exclude   pairs of names that do not touch each other; ("a", "a"): "a" does not touch itself
 
+    curved    names of bodies whose facets stand for a curved surface: normals are interpolated between those that meet at less than 45
+              degrees, see `smoothing`; on deformable bodies that are not named, at less than 20 degrees
+
     Every body's whole closed surface takes part: the boundary of a deformable body's cells, all surfaces of a rigid one. Contacts are
     vertices on facets (both ways) and crossing edges, which together are the corners of flat patches, with the faces' normals; see
     `vertices` and `edges` for the rules. Two bodies that supports hold completely do not touch each other.
@@ -52,6 +56,7 @@ class Everything:
     mu: Friction
     alert: float | None = None
     exclude: Iterable[tuple[str, str]] = ()
+    curved: Iterable[str] = ()
     skin: Skin = field(init=False, repr=False)
     lengths: Lengths = field(init=False, repr=False)
     friction: FrictionTable = field(init=False, repr=False)
@@ -59,6 +64,8 @@ class Everything:
     excluded: IntArray = field(init=False, repr=False)
     folding: IntArray = field(init=False, repr=False)
     _reference: Shape = field(init=False, repr=False)
+    _curved: BoolArray = field(init=False, repr=False)
+    _patch: IntArray = field(init=False, repr=False)
     _latest: list[tuple[FloatArray, Contacts]] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -68,6 +75,9 @@ class Everything:
             raise InputError(f"Everything, alert: expected a distance > 0 in m, got {self.alert}")
         skin = closed_skin(boundary_of(model), model.reference, names)
         exclude = [tuple(model.body_number(name) for name in pair) for pair in self.exclude]
+        if isinstance(self.curved, str):
+            raise InputError(f"Everything, curved: expected several names of bodies, got {self.curved!r}: write [{self.curved!r}]")
+        named = np.isin(np.arange(len(names)), [model.body_number(name) for name in self.curved])
         if any(len(pair) != 2 for pair in exclude):
             raise InputError(f"Everything, exclude: expected pairs of body names, got {self.exclude!r}")
         excluded = np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64)
@@ -82,6 +92,8 @@ class Everything:
             "excluded": excluded,
             "folding": folding[movable[folding] & ~np.isin(folding * (len(names) + 1), excluded)],
             "_reference": reference,
+            "_curved": named | np.array([isinstance(body, Body) for body in model.bodies]),
+            "_patch": np.where(named[skin.facet_body], skin.side, skin.patch),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -126,7 +138,7 @@ class Everything:
         unseen = overlap_contacts(self.skin, shape, among, vertices, edges)
         if unseen is not None:
             vertices = VertexContacts._make(np.concatenate(both) for both in zip(vertices, unseen, strict=True))
-        return self._contacts(x, vertices, edges)
+        return self._contacts(x, smoothed(self.skin, shape, vertices, self._curved, self._patch), edges)
 
     def _may_touch(self, near: NearBodies) -> NearBodies:
         a, b = near.bodies.T

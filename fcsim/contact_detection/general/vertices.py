@@ -63,7 +63,7 @@ def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape
         first, vertex, facet, weights, normal, height, distance, feature,
         both.alert[group], both.depth[group], both.near[group],
         shape.point, shape.normal, shape.centre, shape.mean, skin.facets, skin.sides, skin.facet_edges, skin.edge_facets,
-        skin.sharp, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star,
+        skin.rim, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star,
     )  # fmt: skip
     found = VertexContacts(vertex[rows], facet[rows], weights[rows], N, gap)
     found = found.take(np.lexsort((found.gap, skin.facet_body[found.facet], found.vertex)))

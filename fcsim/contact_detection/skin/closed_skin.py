@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.skin.boundary import Boundary
 from fcsim.contact_detection.skin.shape import facet_geometry
-from fcsim.contact_detection.skin.skin import FLAT, SMOOTH, Skin
+from fcsim.contact_detection.skin.skin import FLAT, ROUND, SMOOTH, Skin
 from fcsim.errors import InputError
 
 
@@ -42,7 +42,6 @@ def closed_skin(boundary: Boundary, positions: FloatArray, names: Sequence[str])
     rises = np.einsum("ed,ed->e", centre[second] - centre[first], normal[first] - normal[second])
     convex = rises < 0
     smooth = cosine > SMOOTH
-    patches = csr_array((np.ones(smooth.sum()), (first[smooth], second[smooth])), shape=(len(facets), len(facets)))
     rough = np.zeros(len(node), dtype=bool)
     rough[edges[~smooth]] = True
     order = np.argsort(facets[real], kind="stable")
@@ -64,9 +63,16 @@ def closed_skin(boundary: Boundary, positions: FloatArray, names: Sequence[str])
         smooth=smooth,
         star=owner[order],
         first_star=np.searchsorted(facets[real][order], np.arange(len(node) + 1)),
-        side=connected_components(patches, directed=False)[1].astype(np.int64),
+        side=_patches(edge_facets[smooth], len(facets)),
+        patch=_patches(edge_facets[cosine > ROUND], len(facets)),
         smooth_vertex=~rough,
     )
+
+
+def _patches(pairs: IntArray, count: int) -> IntArray:
+    """Number of the patch of each of `count` facets, those that pairs (n, 2) connect."""
+    graph = csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _edges(facets: IntArray, boundary: Boundary, names: Sequence[str], node: IntArray) -> tuple[IntArray, IntArray, IntArray]:

@@ -15,6 +15,9 @@ FLAT = np.cos(np.deg2rad(0.05))
 SMOOTH = np.cos(np.deg2rad(45.0))
 """Faces that meet at less than 45 degrees stand for a curved surface: a vertex rolls over the edge between them."""
 
+ROUND = np.cos(np.deg2rad(20.0))
+"""Faces that meet at less than 20 degrees may have normals interpolated between them, see `smoothing`: few real edges are so blunt."""
+
 
 @dataclass(frozen=True, eq=False)
 class Skin:
@@ -26,10 +29,11 @@ class Skin:
     sides, facet_body (nf,)    2, 3 or 4; body
     edges, edge_facets (ne, 2) vertices a -> b as the first facet has them; the two facets
     facet_edges (nf, 4)        edge of each side l, from corner l to the next; -1 = none
-    sharp, round_off (ne,)     convex edge between faces that meet at more than FLAT; faces meeting at less than SMOOTH (in the reference)
+    sharp, smooth (ne,)        convex edge between faces that meet at more than FLAT; faces meeting at less than SMOOTH (in the reference)
     star, first_star           facets around a vertex: star[first_star[v]] ... star[first_star[v + 1] - 1]
     side (nf,)                 number of the smooth patch of a facet: what one face of a box is, however finely it is meshed
-    convex_vertex, smooth_vertex (nv,): no edge that ends there is a concave one; all edges that end there are smooth
+    patch (nf,)                the same of faces that meet at less than ROUND
+    smooth_vertex (nv,)        all edges that end there are smooth
     """
 
     dimension: int
@@ -49,6 +53,7 @@ class Skin:
     star: IntArray
     first_star: IntArray
     side: IntArray
+    patch: IntArray
     smooth_vertex: BoolArray
 
     @property
@@ -58,6 +63,11 @@ class Skin:
     @property
     def n_sides(self) -> int:
         return int(self.side.max(initial=0)) + 1
+
+    @cached_property
+    def rim(self) -> BoolArray:
+        """(ne,): convex edges at which a face ends; over the others a vertex rolls, or they are concave."""
+        return self.sharp & ~self.smooth
 
     @cached_property
     def real(self) -> BoolArray:

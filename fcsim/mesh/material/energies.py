@@ -14,7 +14,7 @@ import numpy as np
 
 from fcsim.errors import InputError
 from fcsim.mesh.material.hyperelastic import Hyperelastic, OfStretches
-from fcsim.mesh.material.isotropic import Material, lame
+from fcsim.mesh.material.linear import Material, lame
 
 
 def saint_venant_kirchhoff(E: float, nu: float, density: float) -> Hyperelastic:

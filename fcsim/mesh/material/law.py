@@ -95,12 +95,7 @@ class LinearMaterial(Protocol):
 
 
 AnyMaterial = LinearMaterial | PointLaw
-"""What a `Part` takes as its material."""
-
-
-def is_linear(material: AnyMaterial) -> bool:
-    """Whether a body of the material has one stiffness for all its life."""
-    return hasattr(material, "elasticity")
+"""A material of cells; a `Part` takes one, or a `ByRegion` of several."""
 
 
 def initial_variables(law: PointLaw) -> FloatArray:

@@ -26,6 +26,8 @@ from fcsim.solvers.lcp.path import solve_by_path
 from fcsim.solvers.scaling import split_spectral_norm
 
 ENGINES = ("Lemke", "PATH")
+MOST_FACETS = 10_000
+"""The LCP has as many unknowns a contact; its friction force is then right to 5e-8."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +52,8 @@ class FacetedOptions(Options):
         choice("engine", self.engine, ENGINES)
         if self.facets < 4:
             raise InputError(f"option facets: expected an integer >= 4, got {self.facets}")
+        if self.facets > MOST_FACETS:
+            raise InputError(f"option facets: expected an integer <= {MOST_FACETS}, got {self.facets}")
         for name, least in (("window", 1), ("max_pivots", 1), ("crash_sweeps", 0)):
             if getattr(self, name) < least:
                 raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")

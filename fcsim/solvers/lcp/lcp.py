@@ -104,7 +104,7 @@ def _principal_pivot(M: FloatArray, q: FloatArray, support: BoolArray) -> tuple[
     if info != 0 or np.abs(np.diag(lu)).min() < 1e-13 * np.abs(np.diag(lu)).max():
         raise SingularMatrix(f"the basis of {len(a)} positive variables is singular")
     right = np.column_stack([np.eye(len(a)), -M[np.ix_(a, b)], -q[a]])
-    solved = sla.lu_solve((lu, swaps), right)
+    solved = sla.lu_solve((lu, swaps), right, check_finite=False)
     pivoted, q_pivoted = np.empty_like(M), np.empty_like(q)
     pivoted[np.ix_(a, a)], pivoted[np.ix_(a, b)], q_pivoted[a] = solved[:, : len(a)], solved[:, len(a) : -1], solved[:, -1]
     M_ba = M[np.ix_(b, a)]
@@ -121,7 +121,7 @@ def _principal_solution(M: FloatArray, q: FloatArray, a: BoolArray) -> tuple[Flo
     block = M[np.ix_(a, a)]
     lu, swaps, info = sla.lapack.dgetrf(block)
     if info == 0 and np.abs(np.diag(lu)).min() > 1e-13 * np.abs(np.diag(lu)).max():
-        return sla.lu_solve((lu, swaps), -q[a]), True
+        return sla.lu_solve((lu, swaps), -q[a], check_finite=False), True
     return sla.lstsq(block, -q[a], lapack_driver="gelsy", check_finite=False)[0], False
 
 
@@ -169,6 +169,8 @@ def _basic_values(M: FloatArray, q: FloatArray, support: BoolArray, tolerance: f
     regular = (sign != 0) & (logarithm > np.log(1e-13) * n)
     x[regular] = np.linalg.solve(C[regular], np.tile(q, (int(np.count_nonzero(regular)), 1))[:, :, None])[:, :, 0]
     for k in np.flatnonzero(~regular):
+        if not (np.all(np.isfinite(C[k])) and np.all(np.isfinite(q))):
+            continue
         nearest, distance = scipy.optimize.nnls(C[k], q)
         if distance <= tolerance:
             x[k] = nearest

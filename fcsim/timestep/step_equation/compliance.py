@@ -34,6 +34,12 @@ class StepCompliance:
         """Which contact unknowns have a compliance."""
         return np.flatnonzero(self.joint) if self.joint is not None else np.empty(0, dtype=np.int64)
 
+    @property
+    def unknowns(self) -> int:
+        """Number of the problem's unknowns."""
+        model = self.factor.model
+        return (len(model.free_dofs) if model.driven == "eliminated" else model.n_dofs) + len(self._soft)
+
     def matrix(self) -> Any:
         """M of the problem."""
         matrix = self.factor.matrix()
@@ -80,14 +86,17 @@ class StepCompliance:
         return matrix if self.joint is None else _with_diagonal(matrix, self.joint, dimension)
 
     def _in_frames(self, H: Any) -> Any:
-        """T^T H in the axes of the bodies' compliances."""
+        """H along the supports' axes as they are in the axes of the bodies' compliances."""
         model = self.factor.model
+        axes = model.axes_matrix
+        H = H if axes is None else sp.csc_array(axes.T @ H)
         sizes = np.diff(model.node_offset[: len(model.deformable) + 1])
         if not H.has_sorted_indices:
             H = H.sorted_indices()
         body = np.repeat(np.arange(len(sizes)), sizes)
         indptr, indices, data = turned_rows(H.indptr, H.indices, H.data, body, self.factor.rotation)
-        return sp.csc_array((data, indices, indptr), shape=H.shape)
+        turned = sp.csc_array((data, indices, indptr), shape=H.shape)
+        return turned if axes is None else sp.csc_array(axes @ turned)
 
 
 def _with_diagonal(W: Any, diagonal: FloatArray, d: int) -> Any:

@@ -35,7 +35,7 @@ class InnerTerm:
         first, last = scheme.elastic_path(self.model, state, v)
         x = first + scheme.elastic_share * (last - first)
         dt, weight = scheme.elastic_time, scheme.elastic_weight
-        damped = scheme.damping_velocity(state, v) if self.model.beta else None
+        damped = scheme.damping_velocity(self.model, state, v) if self.model.beta else None
         rate = scheme.damping_reach / scheme.elastic_reach
         inner = self.model.nonlinear.inner(x, state.internal, state.t + dt, dt, v=damped, rate=rate, tangent=tangent)
         bad = "" if inner.admissible else self.model.deformable[inner.inadmissible].name

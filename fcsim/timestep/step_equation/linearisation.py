@@ -65,7 +65,7 @@ class Linearisation:
         first, last = scheme.elastic_path(self.model, self.state, v)
         end = elastic.at(last)
         begin = self._begin if first is self.state.x else end
-        force = elastic.force(begin, end, scheme.elastic_share, scheme.damping_velocity(self.state, v))
+        force = elastic.force(begin, end, scheme.elastic_share, scheme.damping_velocity(self.model, self.state, v))
         e = scheme.elastic_weight * force
         return e if self.rotation is None else e - scheme.factors(self.model)[1] * elastic.turned_stiffness(self.rotation, v)
 

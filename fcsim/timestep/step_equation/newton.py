@@ -182,8 +182,7 @@ class _Newton:
         """R(v, r) (n_dofs,), zero at driven dofs."""
         factor, met = equation.factor, equation.met
         R = factor.apply(v) - factor.apply_tangents(v) + term.force + self._linear(v) - equation.rest - met.H @ met.reaction(r)
-        R[equation.model.driven_dofs] = 0
-        return R
+        return R - equation.model.driven_share(R)
 
     def _relative(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term) -> float:
         """Largest residual of a body over what is allowed."""

@@ -1,5 +1,6 @@
 """Inner forces of nonlinear bodies: derivatives of their energy, their tangents, invariance, and the linear limit."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,10 @@ from fcsim.assembly import elasticity
 from fcsim.assembly.nonlinear import _tangent_kernels as kernels
 from fcsim.assembly.nonlinear.cells import _operator, _product
 from fcsim.assembly.nonlinear.part import Instant, NonlinearPart
+from fcsim.assembly.stress import stress_operator
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle
-from fcsim.mesh.material import Material, Orthotropic, mooney_rivlin, neo_hooke, ogden, saint_venant_kirchhoff
+from fcsim.mesh.material import ByRegion, Material, Orthotropic, mooney_rivlin, neo_hooke, ogden, saint_venant_kirchhoff
 from fcsim.mesh.material.law import LinearLaw
 from fcsim.mesh.part import Part
 
@@ -165,7 +167,45 @@ def test_orthotropic_bar_in_its_part() -> None:
 
 
 def test_elements_and_materials_that_do_not_go_together() -> None:
-    with pytest.raises(InputError, match="expected 'P1' or 'Q1' or 'Q1-bbar' for a material that is not linear, got 'Q1-enhanced'"):
+    with pytest.raises(InputError, match=r"expected 'P1' or .* or 'Q1-bbar' for a material that is not linear, got 'Q1-enhanced'"):
         NonlinearPart(brick("b", (1, 1, 1), (1, 1, 1), LAWS["svk"], elements="Q1-enhanced"), True)
     with pytest.raises(InputError, match="material: expected a Material"):
         brick("b", (1, 1, 1), (1, 1, 1), "steel")  # type: ignore[arg-type]
+
+
+def two_regions(grid_part: Any, materials: dict[str, Any], cell: str = "hexahedron") -> Part:
+    n, lengths = ((4, 2, 2), (0.4, 0.2, 0.2)) if cell == "hexahedron" else ((4, 2), (0.4, 0.2))
+    part = grid_part(cell, n, lengths, Material(E, NU, 1000.0))
+    left = part.points[part.cells].mean(axis=1)[:, 0] < 0.2
+    return replace(part, material=ByRegion(materials), regions={"left": np.flatnonzero(left), "right": np.flatnonzero(~left)})
+
+
+def test_two_linear_materials_in_one_part(grid_part: Any) -> None:
+    """A bar of two materials in series, pulled: 1/E of the halves add up; mass of both; stress is the same."""
+    part = two_regions(grid_part, {"left": Material(1e9, 0.0, 1000.0), "right": Material(3e9, 0.0, 3000.0)})
+    K, M = elasticity.stiffness(part), elasticity.consistent_mass(part)
+    assert_allclose(elasticity.lumped_mass(part).sum() / 3, 0.4 * 0.04 * 2000.0)
+    assert_allclose(M.sum() / 3, 0.4 * 0.04 * 2000.0)
+    X = part.points[:, 0]
+    stress = 1e6
+    u = np.zeros_like(part.points)
+    u[:, 0] = stress * (np.minimum(X, 0.2) / 1e9 + np.maximum(X - 0.2, 0) / 3e9)
+    force = (K @ u.ravel()).reshape(-1, 3)
+    assert abs(force[(X > 1e-9) & (X < 0.4 - 1e-9)]).max() < 1e-6 * stress
+    assert_allclose(force[X > 0.4 - 1e-9].sum(axis=0), [stress * 0.04, 0, 0], atol=1e-6 * stress)
+    assert_allclose((stress_operator(part) @ u.ravel()).reshape(-1, 6), np.tile([stress, 0, 0, 0, 0, 0], (16, 1)), atol=1e-4)
+    laws = NonlinearPart(part, False)
+    assert abs(laws.graph.matrix(laws.first_tangent) - K).max() < 1e-9 * abs(K).max()
+
+
+def test_law_and_linear_material_in_one_part(grid_part: Any) -> None:
+    part = two_regions(grid_part, {"left": Material(E, NU, 1000.0), "right": neo_hooke(E, NU, 1000.0)}, "quadrilateral")
+    laws = NonlinearPart(part, False)
+    assert laws.finite and laws.turning
+    u, direction, h = displaced(part, 0.2), displaced(part, 1.0, seed=1), 1e-6
+    found, ends = inner(laws, u, tangent=True), [inner(laws, u + s * h * direction) for s in (1, -1)]
+    assert_allclose((ends[0].energy - ends[1].energy)[0] / (2 * h), np.vdot(found.force, direction), rtol=1e-6)
+    with pytest.raises(InputError, match="expected regions of the materials' names"):
+        replace(part, regions={"left": [0]})
+    with pytest.raises(InputError, match=r"expected every cell in one of the regions .*, got cell"):
+        replace(part, regions={"left": part.regions["left"], "right": part.regions["right"][1:]})

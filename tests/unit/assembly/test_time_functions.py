@@ -101,3 +101,11 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 def test_bad_tables(times: Any, values: Any) -> None:
     with pytest.raises(InputError, match="Table"):
         Table(times, values)
+
+
+@pytest.mark.parametrize("text", ['t [s],a\n0,"1\n1,2"\n2,3\n', 't [s],"a\nb"\n0,1\n1,2\n', "t [s],a\n0," + "1" * 200_000 + "\n1,2\n"])
+def test_lines_that_are_no_csv(tmp_path: Path, text: str) -> None:
+    """A quoted line end would swallow the next line."""
+    (tmp_path / "table.csv").write_text(text)
+    with pytest.raises(InputError, match=r"table\.csv, line [12]: expected entries separated by commas"):
+        read_table(tmp_path / "table.csv", "a")

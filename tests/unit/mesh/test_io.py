@@ -7,7 +7,7 @@ import pytest
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
-from fcsim.mesh.material import Material
+from fcsim.mesh.material import ByRegion, Material
 from fcsim.mesh.part import Part
 from fcsim.mesh.quality import cell_volumes
 from fcsim.runtime import gmsh_model
@@ -211,3 +211,17 @@ def test_a_broken_file_is_refused_and_the_next_read_works(name, tmp_path, capfd)
     assert capfd.readouterr().out == ""
     write_mesh(sample("triangle"), tmp_path / "good.msh")
     assert len(read_mesh(tmp_path / "good.msh", MATERIAL).cells) == 12
+
+
+def test_a_file_of_two_volumes_makes_one_bonded_part(tmp_path):
+    path = tmp_path / "pair.msh"
+    write_pair(path, brick=[0], mortar=[1])
+    part = read_mesh(path, ByRegion({"mortar": MORTAR, "brick": MATERIAL}), name="both")
+    assert (part.name, set(part.surfaces), set(part.regions)) == ("both", {"top", "right"}, {"brick", "mortar"})
+    for name, x in (("brick", 0.5), ("mortar", 1.5)):
+        assert cell_volumes(part.points, part.cells[part.regions[name]], "tetrahedron").sum() == pytest.approx(1)
+        assert abs(part.points[part.cells[part.regions[name]]].mean(axis=1)[:, 0] - x).max() < 0.5
+    top = part.points[part.surfaces["top"]]
+    assert (np.cross(top[:, 1] - top[:, 0], top[:, 2] - top[:, 0]) / 2).sum(axis=0) == pytest.approx([0, 0, 2], abs=1e-12)
+    with pytest.raises(InputError, match="expected materials for the volumes 'brick', 'mortar', got them for 'brick'"):
+        read_mesh(path, ByRegion({"brick": MATERIAL}))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fcsim import Everything, Gap, RigidBody, Simulation, SolverSettings, State, Support, Theta, Velocity, Witness, at_rest, build_model
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.mesh import rigid_box
 
 SETTINGS = SolverSettings(name="auto", tol=1e-6)

@@ -21,7 +21,7 @@ from fcsim import (
     build_model,
     contact_surface,
 )
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.errors import Penetration
 from fcsim.mesh import Part, brick, rigid_box
 

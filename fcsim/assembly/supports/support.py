@@ -1,0 +1,98 @@
+"""What a user says of supports: held or driven directions along any axes, and rotations about an axis by any angle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
+
+TimeFunction = Callable[[float], float]
+
+RATE_SPAN = 1e-3
+"""Of a step: half the span of the central difference by which an angle's rate is known where it is not given."""
+
+
+@dataclass(frozen=True)
+class Support:
+    """Holds or drives degrees of freedom of one body.
+
+    directions of x, y, z; of a rigid body also rx, ry, rz (2D: x, y, rz)
+    surface    name of the surface whose nodes are meant; None = all nodes of the body, or the rigid body itself
+    velocity   [m/s] or [rad/s], a number or a function of the time t [s]; 0 holds
+    axes       (d, d) rotation matrix whose columns are the axes that x, y, z (and rx, ry, rz) mean: a roller on a slope, or
+               `body.rotation` for the own axes of a body that is placed by a rotation; None = the world's. They stay as they are in space
+
+    Several supports may name one node along different axes: what they hold together is held, and where they say more than a node has
+    directions they must agree.
+    """
+
+    body: str
+    directions: tuple[str, ...]
+    surface: str | None = None
+    velocity: float | TimeFunction = 0.0
+    axes: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        if self.axes is not None:
+            object.__setattr__(self, "axes", _rotation(self.axes, f"support of body {self.body!r}, axes"))
+
+
+@dataclass(frozen=True)
+class DrivenRotation:
+    """Turns a rigid body, a deformable body's surface or a whole deformable body about an axis by the angle `angle`(t) [rad], of any size.
+
+    point     (d,) [m] on the axis; axis (3,) its direction, about which turning is positive as the right hand says; 2D: None, out of the
+              plane. What is turned is held in all its degrees of freedom: at the end of each step it stands where the angle says, from the
+              reference configuration on, and at the start the angle must be 0
+    surface   name of the surface whose nodes are turned; None = the whole body
+    rate      its derivative(t) [rad/s]; None = by central differences over 1/500 of a step
+    """
+
+    body: str
+    angle: TimeFunction
+    point: tuple[float, ...]
+    axis: tuple[float, ...] | None = None
+    surface: str | None = None
+    rate: TimeFunction | None = None
+
+    def at(self, t: float) -> float:
+        """The angle [rad] at t [s]; InputError where it is none."""
+        return finite(self.angle, t, f"driven rotation of body {self.body!r}", "an angle")
+
+    def speed(self, t: float, h: float) -> float:
+        """The rate [rad/s] at t [s] in steps of h [s]."""
+        if self.rate is not None:
+            return finite(self.rate, t, f"driven rotation of body {self.body!r}", "an angular velocity")
+        before, after = t - RATE_SPAN * h, t + RATE_SPAN * h
+        return (self.at(after) - self.at(before)) / (after - before)
+
+
+def finite(value: float | TimeFunction, t: float, what: str, expected: str) -> float:
+    """The value at time t, a number or a function of it; InputError where it is not a finite number."""
+    given = value(t) if callable(value) else value
+    try:
+        number = float(given)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise InputError(f"{what} at t = {t} s: expected {expected} that is a finite number, got {given!r}")
+    return number
+
+
+def _rotation(axes: Any, what: str) -> tuple[tuple[float, ...], ...]:
+    try:
+        R: FloatArray = np.array(axes, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: expected a rotation matrix (d, d), got {axes!r}") from None
+    d = len(R) if R.ndim else 0
+    if R.shape not in ((2, 2), (3, 3)) or not np.all(np.isfinite(R)):
+        raise InputError(f"{what}: expected a rotation matrix (d, d) of finite numbers, got shape {R.shape}")
+    if not np.allclose(R.T @ R, np.eye(d), rtol=0, atol=1e-10) or np.linalg.det(R) < 0:
+        raise InputError(f"{what}: expected a rotation matrix (orthogonal, determinant +1), got {R.tolist()}")
+    return tuple(map(tuple, R.tolist()))

@@ -1,0 +1,211 @@
+"""The judge: errors, checks and status of hand-made answers, whose numbers follow from the definitions."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from numpy.testing import assert_allclose
+
+from fcsim.arrays import FloatArray
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem._judge_kernels import diagonal_blocks_of_rows, squared_natural_residual, violations
+from fcsim.problem.judge import (
+    OPEN,
+    SLIP,
+    STICK,
+    Judge,
+    check,
+    contact_status,
+    error,
+    natural_map_residual,
+    relative,
+    scaled_error,
+)
+
+
+def projected(z: FloatArray, mu: float) -> FloatArray:
+    """The nearest point of ||z_T|| <= mu z_N, zone by zone."""
+    N, t = z[0], float(np.linalg.norm(z[1:]))
+    if t <= mu * N:
+        return z
+    if mu * t <= -N:
+        return np.zeros_like(z)
+    s = (N + mu * t) / (1 + mu**2)
+    return np.concatenate([[s], mu * s * z[1:] / t])
+
+
+def residual(r: FloatArray, u: FloatArray, mu: FloatArray, d: int, s: FloatArray) -> float:
+    """||s r - P_K(s r - (u + g(u)))||, contact by contact from its definition."""
+    total = 0.0
+    for a, m in enumerate(mu):
+        z, v = s[a] * r[a * d : a * d + d], u[a * d : a * d + d].copy()
+        v[0] += m * np.linalg.norm(v[1:])
+        total += float(np.sum((z - projected(z - v, m)) ** 2))
+    return math.sqrt(total)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_residual_is_its_definition(d: int) -> None:
+    rng = np.random.default_rng(d)
+    for nc in (1, 2, 7):
+        for _ in range(30):
+            r, u, mu, s = rng.standard_normal(nc * d), rng.standard_normal(nc * d), rng.uniform(0, 2, nc), rng.uniform(0.1, 9, nc)
+            expected = residual(r, u, mu, d, s)
+            assert_allclose(natural_map_residual(r, u, mu, d, s), expected, rtol=1e-12)
+            assert_allclose(squared_natural_residual(r, u, mu, s, d), expected**2, rtol=1e-12)
+            assert_allclose(natural_map_residual(r, u, mu, d), residual(r, u, mu, d, np.ones(nc)), rtol=1e-12)
+
+
+def test_dimension_three_is_the_default() -> None:
+    r, u, mu = np.array([1.0, 0.2, 0.1]), np.array([0.3, -0.4, 0.2]), np.array([0.5])
+    assert_allclose(natural_map_residual(r, u, mu), residual(r, u, mu, 3, np.ones(1)), rtol=1e-12)
+    assert contact_status(r, mu).tolist() == [STICK] and check(r, u, mu).cone == 0
+
+
+@pytest.mark.parametrize(
+    ("number", "scale", "expected"), [(0.0, 0.0, 0.0), (1.0, 0.0, math.inf), (3.0, 2.0, 1.5), (0.0, 5.0, 0.0), (1e-9, 0.5, 2e-9)]
+)
+def test_relative(number: float, scale: float, expected: float) -> None:
+    assert relative(number, scale) == expected
+
+
+@pytest.mark.parametrize("scale", [math.nan, math.inf])
+def test_relative_to_no_number(scale: float) -> None:
+    assert math.isnan(relative(0.0, scale)) and math.isnan(relative(1.0, scale)) and math.isnan(relative(math.nan, 1.0))
+
+
+def sliding(d: int = 3) -> tuple[LocalProblem, FloatArray]:
+    """W = 2 I, q = (-4, 3, 0), mu = 0.5: r_N = 2, r_T = -1, u = (0, 1, 0)."""
+    return LocalProblem(2 * np.eye(d), np.array([-4.0, 3.0, 0.0][:d]), np.array([0.5]), dimension=d), np.array([2.0, -1.0, 0.0][:d])
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_errors_of_a_sliding_block(d: int) -> None:
+    p, r = sliding(d)
+    assert error(p, r) < 1e-15 and scaled_error(p, r) < 1e-15 and Judge(p).error(r) < 1e-15 and Judge(p).scaled_error(r) < 1e-15
+    wrong = r + 0.1
+    u = 2 * wrong + p.q
+    for found, s in ((error, 1.0), (scaled_error, 2.0)):  # the compliance is tr(W_aa) / d = 2
+        expected = residual(wrong, u, p.mu, d, np.array([s])) / 5.0  # ||q|| = 5
+        assert_allclose(found(p, wrong), expected, rtol=1e-12)
+        assert_allclose(found(p, wrong, u), expected, rtol=1e-12)
+        assert_allclose(found(p, wrong, floor=50.0), 0.1 * expected, rtol=1e-12)
+        assert_allclose(found(p, wrong, floor=0.5), expected, rtol=1e-12)
+        assert_allclose(found(p, wrong, u + 1.0), residual(wrong, u + 1.0, p.mu, d, np.array([s])) / 5.0, rtol=1e-12)
+    assert_allclose(Judge(p).error(wrong, floor=50.0), 0.1 * error(p, wrong), rtol=1e-12)
+    assert_allclose(Judge(p).scaled_error(wrong, floor=50.0), 0.1 * scaled_error(p, wrong), rtol=1e-12)
+    assert_allclose(Judge(p).scaled_error(wrong), scaled_error(p, wrong), rtol=1e-12)
+
+
+@pytest.mark.parametrize("constrained", [False, True])
+def test_the_judge_of_a_global_problem_solves_its_equations(constrained: bool) -> None:
+    """u, v of the whole system by dense algebra: M v = H r + f + G l, G^T v + b = 0, u = H^T v + w."""
+    rng = np.random.default_rng(4)
+    n, m = 7, 6
+    A = rng.standard_normal((n, n))
+    M, H, f, w, r = A @ A.T + np.eye(n), rng.standard_normal((n, m)), rng.standard_normal(n), rng.standard_normal(m), rng.standard_normal(m)
+    G, b = rng.standard_normal((n, 2)), rng.standard_normal(2)
+    mu = np.array([0.3, 0.6])
+    if constrained:
+        whole = np.block([[M, -G], [-G.T, np.zeros((2, 2))]])
+        v = np.linalg.solve(whole, np.concatenate([H @ r + f, b]))[:n]
+        at_zero = np.linalg.solve(whole, np.concatenate([f, b]))[:n]
+        p = GlobalProblem(M, H, f, w, mu, G, b)
+    else:
+        v, at_zero = np.linalg.solve(M, H @ r + f), np.linalg.solve(M, f)
+        p = GlobalProblem(M, H, f, w, mu)
+    judge = Judge(p)
+    assert_allclose(judge.velocity(r), H.T @ v + w, rtol=1e-9)
+    scale = float(np.linalg.norm(H.T @ at_zero + w))
+    assert_allclose(judge.scale, scale, rtol=1e-9)
+    assert_allclose(judge.error(r), residual(r, H.T @ v + w, mu, 3, np.ones(2)) / scale, rtol=1e-8)
+    assert_allclose(judge.scaled_error(r), residual(r, H.T @ v + w, mu, 3, judge.compliance) / scale, rtol=1e-8)
+    if not constrained:
+        W = H.T @ np.linalg.solve(M, H)
+        assert_allclose(judge.compliance, [np.trace(W[:3, :3]) / 3, np.trace(W[3:, 3:]) / 3], rtol=1e-9)
+
+
+def test_the_judge_of_a_mixed_problem_eliminates_its_multiplier() -> None:
+    """u = W r + V l + q with V^T r + R l + s = 0."""
+    rng = np.random.default_rng(5)
+    A = rng.standard_normal((3, 3))
+    W, V, R, q, s, r = A @ A.T, rng.standard_normal((3, 2)), -2 * np.eye(2), rng.standard_normal(3), rng.standard_normal(2), np.ones(3)
+    p = LocalProblem(W, q, np.array([0.4]), V, R, s)
+    l = np.linalg.solve(R, -(V.T @ r + s))
+    assert_allclose(Judge(p).velocity(r), W @ r + V @ l + q, rtol=1e-10)
+
+
+def test_a_singular_system_has_no_judge() -> None:
+    M = sp.csc_array(np.diag([1.0, 1.0, 0.0]))
+    with pytest.raises(SingularMatrix):
+        Judge(GlobalProblem(M, np.eye(3), np.ones(3), np.zeros(3), np.array([0.3])))
+
+
+def test_reactions_that_are_no_numbers() -> None:
+    p, r = sliding()
+    for number in (math.nan, math.inf):
+        assert Judge(p).error(np.array([number, 0, 0])) == math.inf == Judge(p).scaled_error(np.array([r[0], number, 0]))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_checks_are_their_definitions(d: int) -> None:
+    rng = np.random.default_rng(10 + d)
+    for nc in (1, 2, 5):
+        for _ in range(20):
+            r, u, q, mu = rng.standard_normal(nc * d), rng.standard_normal(nc * d), 2 * rng.standard_normal(nc * d), rng.uniform(0, 1, nc)
+            R, U = r.reshape(nc, d), u.reshape(nc, d)
+            slip = np.linalg.norm(U[:, 1:], axis=1)
+            modified = U.copy()
+            modified[:, 0] += mu * slip
+            cone = max(0.0, float((np.linalg.norm(R[:, 1:], axis=1) - mu * R[:, 0]).max()))
+            dual = max(0.0, float((mu * slip - modified[:, 0]).max()))
+            largest = max(np.abs(u).max(), np.abs(q).max())
+            size = np.linalg.norm(r) * max(np.linalg.norm(u), np.linalg.norm(q))
+            found = check(r, u, mu, d, 0.25, q)
+            assert_allclose(found.cone, cone / np.abs(r).max(), rtol=1e-12)
+            assert_allclose(found.dual_cone, dual / largest, rtol=1e-12)
+            assert_allclose(found.complementarity, abs(float(np.sum(R * modified))) / size, rtol=1e-10)
+            assert_allclose(found.penetration, max(0.0, -float(U[:, 0].min())), rtol=1e-12)
+            assert found.momentum == 0.25
+            alone = check(r, u, mu, d)
+            assert alone.momentum is None
+            assert_allclose(alone.dual_cone, dual / np.abs(u).max(), rtol=1e-12)
+            numbers = violations(r, u, q, mu, d)
+            assert_allclose(numbers[4:], (np.abs(r).max(), largest, np.linalg.norm(r), size / np.linalg.norm(r)), rtol=1e-12)
+
+
+def test_checks_without_contacts_and_of_zeros() -> None:
+    empty = check(np.zeros(0), np.zeros(0), np.zeros(0), 3, 0.5)
+    assert (empty.cone, empty.dual_cone, empty.complementarity, empty.penetration, empty.momentum) == (0, 0, 0, 0, 0.5)
+    still = check(np.zeros(3), np.zeros(3), np.array([0.5]))
+    assert (still.cone, still.dual_cone, still.complementarity, still.penetration, still.momentum) == (0, 0, 0, 0, None)
+
+
+def test_checks_hand_on_what_is_no_number() -> None:
+    for r, u in (([math.nan, 0, 0], [1.0, 0, 0]), ([1.0, 0, 0], [math.nan, 0, 0])):
+        assert math.isnan(check(np.array(r), np.array(u), np.array([0.5])).complementarity)
+
+
+def test_status_of_contacts() -> None:
+    """Open below tolerance times the largest reaction, slipping from 1 - tolerance of the cone's edge on."""
+    mu = np.array([0.5, 0.5, 0.5, 0.5, 0.5])
+    r = np.array([[1e-7, 0, 0], [1.0, 0.3, 0.4], [1.0, 0.3, 0.39], [1.0, 0.3, -0.4], [0.0, 0.0, 0.0]]).ravel()
+    assert contact_status(r, mu).tolist() == [OPEN, SLIP, STICK, SLIP, OPEN]
+    assert contact_status(r, mu, tolerance=0.1).tolist() == [OPEN, SLIP, SLIP, SLIP, OPEN]
+    assert contact_status(r, mu, tolerance=1e-8).tolist() == [STICK, SLIP, STICK, SLIP, OPEN]
+    assert contact_status(1e9 * r, mu).tolist() == [OPEN, SLIP, STICK, SLIP, OPEN]
+    assert contact_status(np.array([1.0, -0.5, 1.0, 0.2]), np.array([0.5, 0.5]), 2).tolist() == [SLIP, STICK]
+    assert contact_status(np.zeros(0), np.zeros(0)).tolist() == [] and len({OPEN, STICK, SLIP}) == 3
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_blocks_on_the_diagonal(d: int) -> None:
+    rng = np.random.default_rng(3)
+    A = rng.standard_normal((4 * d, 4 * d)) * (rng.random((4 * d, 4 * d)) < 0.6)
+    rows = sp.csr_array(A)
+    found = diagonal_blocks_of_rows(rows.indptr, rows.indices, rows.data, d)
+    assert_allclose(found, [A[a * d : a * d + d, a * d : a * d + d] for a in range(4)])
+    doubled = diagonal_blocks_of_rows(2 * rows.indptr, np.repeat(rows.indices, 2), np.repeat(rows.data, 2), d)
+    assert_allclose(doubled, 2 * found)

@@ -1,0 +1,63 @@
+"""Numbers at the end of what floats hold: a status or an error of ours, and no answer that is none."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fcsim.errors import FcsimError
+from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem.judge import relative
+from fcsim.solvers import SOLVERS, Status, solve
+
+COULOMB = [name for name, method in SOLVERS.items() if 5 not in method.dimensions]
+EXTREMES = (1e300, 1e160, 1e100, 1e-160, 1e-300, 5e-324)
+
+
+def extreme(rng: np.random.Generator, d: int) -> LocalProblem | GlobalProblem:
+    """A problem of one to three contacts some of whose numbers are near the largest or the smallest."""
+    nc = int(rng.integers(1, 4))
+    A = rng.standard_normal((nc * d, nc * d))
+    W, q, mu = A @ A.T + 0.1 * np.eye(nc * d), rng.standard_normal(nc * d), rng.uniform(0, 1, nc)
+    for _ in range(rng.integers(1, 3)):
+        number = EXTREMES[rng.integers(len(EXTREMES))]
+        place = int(rng.integers(nc))
+        with np.errstate(all="ignore"):
+            match rng.integers(5):
+                case 0:
+                    W[rng.integers(nc * d), rng.integers(nc * d)] = number
+                case 1:
+                    q[rng.integers(nc * d)] = number * rng.choice([-1, 1])
+                case 2:
+                    W = W * number
+                case 3:
+                    q = q * number
+                case _:
+                    rows = slice(place * d, place * d + d)
+                    W[rows] *= number
+                    W[:, rows] *= number
+    if rng.integers(3) == 0:
+        return GlobalProblem(sp.csc_array(W), sp.csc_array(np.eye(nc * d)), q, np.zeros(nc * d), mu, dimension=d)
+    return LocalProblem(W if rng.integers(2) else sp.csc_array(W), q, mu, dimension=d)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", COULOMB)
+def test_no_foreign_exception(name: str) -> None:
+    rng = np.random.default_rng([5, *name.encode()])
+    for _ in range(12):
+        try:
+            p = extreme(rng, SOLVERS[name].dimensions[-1])
+            result = solve(p, name, tol=1e-6, time_limit=0.3)
+        except FcsimError:
+            continue
+        assert result.solved <= (np.all(np.isfinite(result.r)) and np.isfinite(result.u @ result.u) and result.error <= 1e-6)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ["NSN-AC", "NSN-JM", "NSGS-EXACT", "NSGS-FP-VI-UPK", "auto"])
+def test_velocities_whose_squares_overflow_are_solved_by_nothing(name: str) -> None:
+    """r = 0 with u_N < 0 was called SOLVED, since an error over infinity is zero."""
+    f = np.array([-1e308, 2e307, 0.0])
+    result = solve(GlobalProblem(sp.csc_array(np.eye(3)), sp.csc_array(np.eye(3)), f, np.zeros(3), np.array([0.3])), name)
+    assert result.u[0] < 0 and result.status is not Status.SOLVED
+    assert np.isnan(relative(1.0, np.inf)) and np.isnan(relative(0.0, np.inf)) and np.isnan(relative(0.0, np.nan))

@@ -1,0 +1,78 @@
+"""What is begun fits into the memory that is free, or says so before it begins."""
+
+import resource
+from pathlib import Path
+
+import pytest
+
+from fcsim import memory
+from fcsim.command_line.main import main
+from fcsim.errors import InputError
+from fcsim.memory import any_size, free_memory, readable, refuse_beyond_memory
+from fcsim.mesh import brick, rigid_box, running_bond
+from fcsim.mesh.material import Material
+
+STONE = Material(1e9, 0.2, 2000.0)
+WALL = Path(__file__).parents[2] / "cases" / "masonry_wall"
+
+
+@pytest.mark.parametrize(("size", "text"), [(3 * 2**20, "3 MiB"), (1.5 * 2**30, "1.5 GiB"), (2.0**43, "8 TiB"), (1e30, "8.67e+11 EiB")])
+def test_sizes_for_people(size: float, text: str) -> None:
+    assert readable(size) == text
+
+
+def test_free_memory_is_part_of_the_machines() -> None:
+    installed = 1024 * int(next(line for line in Path("/proc/meminfo").read_text().splitlines() if line.startswith("MemTotal")).split()[1])
+    assert 0 < free_memory() <= installed
+
+
+def test_a_containers_limit_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "max").write_text("1000000\n")
+    (tmp_path / "current").write_text("400000\n")
+    monkeypatch.setattr(memory, "CGROUPS", ((str(tmp_path / "max"), str(tmp_path / "current")),))
+    assert free_memory() == 600_000
+    (tmp_path / "max").write_text("max\n")
+    assert free_memory() > 1e6
+
+
+def test_the_processs_own_limit_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resource, "getrlimit", lambda kind: (1, 1))
+    assert free_memory() == 0
+
+
+def test_refused_unless_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    refuse_beyond_memory("a point", 8.0)
+    with pytest.raises(InputError, match=r"^a cloud: takes about 909 TiB of memory, "):
+        refuse_beyond_memory("a cloud", 1e15)
+    with any_size():
+        refuse_beyond_memory("a cloud", 1e15)
+    monkeypatch.setenv("FCSIM_ANY_SIZE", "1")
+    refuse_beyond_memory("a cloud", 1e15)
+    monkeypatch.setenv("FCSIM_ANY_SIZE", "0")
+    with pytest.raises(InputError, match="--any-size"):
+        refuse_beyond_memory("a cloud", 1e15)
+
+
+def test_meshes_and_walls_that_no_machine_holds() -> None:
+    """They are refused at once, before gmsh or a loop over the blocks begins."""
+    with pytest.raises(InputError, match=r"'b': a mesh of 100000 x 100000 x 100000 cells: takes about 1\.04 EiB of memory"):
+        brick("b", (1, 1, 1), (10**5, 10**5, 10**5), STONE)
+    with pytest.raises(InputError, match="a mesh of"):
+        rigid_box("b", (1, 1, 1), (0, 0, 0), 1.0, (10**5, 10**5, 10**5))
+    with pytest.raises(InputError, match=r"running_bond: a wall of 3\.5e"):
+        running_bond(10**9, 3.5, material=STONE)
+
+
+def test_a_run_says_its_size_and_refuses_one_too_large(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The default wall: nine full blocks of 9 x 5 x 5 nodes, three halves of 5 x 5 x 5, two platens, 688 contacts."""
+    dofs = 3 * (9 * 9 * 25 + 3 * 5 * 25) + 2 * 6
+    arguments = ["run", str(WALL), "--out", str(tmp_path / "out"), "--steps", "1", "--export-every", "0", "--vtk-every", "0"]
+    assert main(arguments) == 0
+    assert f"14 bodies, {dofs} degrees of freedom, 688 contacts to begin with: about " in capsys.readouterr().err
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e8)
+    assert main([*arguments[:3], str(tmp_path / "two"), *arguments[4:]]) == 2
+    said = capsys.readouterr().err
+    assert f"14 bodies with {dofs} degrees of freedom" in said and "95 MiB are free" in said and not (tmp_path / "two").exists()
+    assert main([*arguments[:3], str(tmp_path / "two"), *arguments[4:], "--any-size"]) == 0
