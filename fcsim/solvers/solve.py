@@ -54,6 +54,8 @@ def solve(
     Raises InputError for an unknown method or option and for arguments of a wrong shape.
     """
     chosen = method(solver)
+    choice("error", error, ERRORS)
+    checked_limits(tol, floor, time_limit)
     if memory is None and time_limit == float("inf"):
         answered = small(problem, chosen, bool(overrides), solver, r, tol, error, floor)
         if answered is not None:
@@ -78,8 +80,6 @@ def _solve(
     if isinstance(problem, GlobalRollingProblem):
         return solve_rolling(problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, **overrides)
     options = override(chosen.options, overrides)
-    choice("error", error, ERRORS)
-    checked_limits(tol, floor, time_limit)
     start = time.perf_counter()
     given = reduced(problem)  # M^-1 or R^-1
     run, form = _way(chosen, solver, options, given)  # the local form, or the problem as it is

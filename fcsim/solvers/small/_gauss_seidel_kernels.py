@@ -57,7 +57,7 @@ def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_toler
     watched: sweeps after which it ends where, at the rate of the last errors, it will not have arrived by then (0: never).
     published: whether the published error decides; history (rows, 2): sweeps and error are noted there as long as there is room.
     Return how it ended, sweeps, rows of the history, r and u (m,), what errors divide by, the scaled and the published residual, and
-    `violations`.
+    `violations`. Long because a call of a compiled function from Python costs as much as some sweeps: it is one.
     """
     nc = len(mu)
     zero, none = np.zeros_like(q), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

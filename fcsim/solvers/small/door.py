@@ -35,11 +35,11 @@ def small(
 ) -> Result | None:
     """The answer by one compiled call, None where the general way is to be gone.
 
-    overridden: whether options differ from the table's.
+    overridden: whether options differ from the table's; the other arguments are those of `solve`, checked.
     """
     if overridden or not isinstance(problem, LocalProblem) or not 0 < len(problem.mu) <= CONTACTS:
         return None
-    if problem.V is not None or not isinstance(problem.W, np.ndarray) or not tol > 0 or error not in ("scaled", "published"):
+    if problem.V is not None or not isinstance(problem.W, np.ndarray) or not (r is None or isinstance(r, np.ndarray)):
         return None
     automatically = chosen.run is automatic
     if problem.dimension not in chosen.dimensions:
@@ -48,12 +48,13 @@ def small(
         return None
     q, most = problem.q, AUTO_SWEEPS // problem.nc if automatically else OPTIONS.max_iterations
     begun = time.perf_counter()
-    start = np.zeros(len(q)) if r is None else np.array(r, dtype=np.float64)
-    if start.shape != q.shape or not np.isfinite(start).all():
+    start = np.zeros(len(q)) if r is None else r
+    if start.shape != q.shape or start.dtype != np.float64 or not np.isfinite(start).all():
         return None  # which says what is wrong
     rows = np.empty((min(ROWS, most + 1), 2))
     ended, sweeps, noted, answer, u, scale, scaled, plain, found = kernels.solve_by_sweeps(
-        *(np.ascontiguousarray(problem.W), q, problem.mu, start, problem.dimension, error == "published", float(floor), float(tol), most),
+        *(np.ascontiguousarray(x) for x in (problem.W, q, problem.mu, start)),  # others would be compiled for anew
+        *(problem.dimension, error == "published", float(floor), float(tol), most),
         *(OPTIONS.local_tolerance, OPTIONS.local_iterations),
         *((AUTO_LOOK, AUTO_WATCHED) if automatically else (FULL_AT_LEAST_EVERY, 0)),
         rows,
