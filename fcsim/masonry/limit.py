@@ -87,7 +87,8 @@ def coulomb_limit(problem: LimitProblem, start: LimitLoad) -> LimitLoad:
         if found is None:
             break
         settled = abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3)
-        state = _state_of_collapse(problem, program, found, rounds)
+        # a program that is linear settles, and only then is worth its certificate; cones wander among mechanisms
+        state = _state_of_collapse(problem, program, found, rounds) if settled or d == 3 or rounds == ROUNDS else None
         if state is not None and state.span is not None:
             near = _NEAR * max(abs(last), 1e-3)
             if settled and state.span[0] - near <= found.multiplier <= state.span[1] + near:

@@ -63,7 +63,6 @@ class Program:
             right.append(np.zeros(rows[-1].shape[0]))
         equal = sp.vstack(rows, format="csc"), np.concatenate(right)
         low = 0.0 if slip is None else -np.inf
-        # in 2D a linear program, of which the simplex method finds a corner: where the fixed point of disks ends lowest
         found = (self._linear if self.problem.contacts.dimension == 2 else self._conic)(
             *equal, None if given is None else given / self.problem.scale, (low, at_most), sign
         )
@@ -103,7 +102,9 @@ class Program:
         limits = np.stack([np.append(np.tile([0.0, -np.inf], nc), bounds[0]), np.append(np.full(2 * nc, np.inf), bounds[1])], axis=1)
         cost = np.zeros(2 * nc + 1)
         cost[-1] = -sign
-        answer = linprog(cost, A_ub=friction, b_ub=most, A_eq=equal, b_eq=right, bounds=limits, method="highs-ds")
+        # Tresca's fixed point ends lowest from the corners that the dual simplex method finds; elsewhere interior points are quicker
+        way = "highs-ipm" if given is None else "highs-ds"
+        answer = linprog(cost, A_ub=friction, b_ub=most, A_eq=equal, b_eq=right, bounds=limits, method=way)
         if answer.status != 0:
             return None
         return float(answer.x[-1]), answer.x[:-1], np.asarray(answer.eqlin.marginals)
