@@ -301,7 +301,7 @@ class Simulation:
             if answer is None:
                 return None
             result, v, met = answer.result, answer.v, answer.met
-            impulse = met.H @ met.reaction(result.r)
+            impulse = met.impulse(result.r)
             after = self._updated(state, scheme.advance(model, state, v, impulse, rigid_mass))
             ahead = looked_ahead(model, self.detector, scheme, state, met, v, after) if looks < ROUNDS else None
             clock.lap("detection")
