@@ -119,6 +119,8 @@ COLUMNS: dict[str, tuple[str, Callable[[Step], Any]]] = {
     "normal_dissipation": ("J", lambda step: step.energy.normal_dissipation),
     "tangential_dissipation": ("J", lambda step: step.energy.tangential_dissipation),
     "friction_dissipation": ("J", lambda step: step.energy.friction_dissipation),
+    "link_work": ("J", lambda step: step.energy.link_work),
+    "link_energy": ("J", lambda step: step.energy.links),
     "contact_energy": ("J", lambda step: step.energy.contact),
     "contact_gain": ("J", lambda step: step.energy.contact_gain),
     "energy_created": ("J", lambda step: step.ledger.created),

@@ -18,6 +18,9 @@ class Energy:
 
     kinetic, elastic         v.M v / 2 and x.K x / 2 at the end of the step; of nonlinear materials what they store
     contact                  what joints hold at the end of the step: springs, and what cohesion would give back; see `fcsim.contact_law`
+    links                    what springs between bodies hold at the end of the step
+    link_work                work of the links on the bodies: of joints none but for the scheme's error, which swings about zero; of springs
+                             what they give back, less what dashpots take
     load_work                work of gravity and loads
     support_work             work of the supports that drive degrees of freedom
     damping_dissipation      of the Rayleigh damping
@@ -30,7 +33,7 @@ class Energy:
                              It differs from tangential_dissipation while u_T changes within the step, and is no term of the balance
     contact_gain             what contacts gave that no joint held: the work of all reactions less what `contact` lost. Friction and impacts
                              make it negative; what is positive was created. No term of the balance
-    residual                 change of kinetic + elastic - load_work - support_work + the dissipations but the last: round-off
+    residual                 change of kinetic + elastic - load_work - support_work - link_work + the dissipations but the last: round-off
 
     The docstring of each scheme's `energy` has its identity.
     """
@@ -48,6 +51,8 @@ class Energy:
     contact: float = 0.0
     contact_gain: float = 0.0
     material_dissipation: float = 0.0
+    link_work: float = 0.0
+    links: float = 0.0
 
     def with_joints(self, before: float, after: float) -> Energy:
         """The balance where joints held `before` [J] at the beginning and `after` at the end."""
@@ -59,11 +64,11 @@ class Energy:
         """Kinetic and elastic energy at the beginning of the step."""
         dissipated = self.damping_dissipation + self.numerical_dissipation + self.material_dissipation
         dissipated += self.normal_dissipation + self.tangential_dissipation
-        return self.kinetic + self.elastic - (self.load_work + self.support_work - dissipated + self.residual)
+        return self.kinetic + self.elastic - (self.load_work + self.support_work + self.link_work - dissipated + self.residual)
 
     def then(self, later: Energy) -> Energy:
         """Return the balance over this time and the one that follows: energies of the later, sums of all else."""
-        states = ("kinetic", "elastic", "contact")
+        states = ("kinetic", "elastic", "contact", "links")
         sums = {f.name: getattr(self, f.name) + getattr(later, f.name) for f in fields(self) if f.name not in states}
         return replace(later, **sums)
 
@@ -86,7 +91,7 @@ class Ledger:
 
     def after(self, step: Energy) -> Ledger:
         """The ledger after another step."""
-        supplied = (self.supplied if self.begun else step.at_beginning) + abs(step.load_work) + abs(step.support_work)
+        supplied = (self.supplied if self.begun else step.at_beginning) + abs(step.load_work) + abs(step.support_work) + abs(step.link_work)
         gained = self.gained + step.contact_gain
         lowest = min(self.lowest, gained)
         return Ledger(supplied, gained, lowest, max(self.created, gained - lowest), True)

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray
+from fcsim.assembly.functions.of_bodies import Field, body_function
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import Variables
+from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, contact_status
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import Result, Status
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.energy import UNWRITTEN, Acting, Energy, Ledger
+from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.warm_start import Reactions
@@ -134,6 +138,7 @@ class Step:
     encounter         the contacts under their law: what it was told and what it gave
     variables         what the law remembers at the end of the step
     ledger, lead      see `Moment`
+    linked            the rows of its links, None where there are none
     linearised        with nonlinear bodies: the problems that led to the last one, see `Linearised`; of the last sub-step
     remarks           what is to be known of the run from this step on, see `Limits`
     overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
@@ -166,6 +171,7 @@ class Step:
     overlap: Overlap | None = None
     remarks: tuple[str, ...] = ()
     linearised: tuple[Linearised, ...] = ()
+    linked: Linked | None = None
 
     @property
     def memory(self) -> tuple[Reactions, ...]:
@@ -204,7 +210,30 @@ class Step:
         own = self.scheme.energy(self.model, self.previous, self.state, acting, self.support_impulse)
         held = self.encounter.meeting.variables
         own = own.with_joints(held.stored if held else 0.0, self.variables.stored if self.variables else 0.0)
+        own = own if self.linked is None else self._with_links(own, self.linked)
         return own if self.before is None else self.before.then(own)
+
+    def _with_links(self, own: Energy, linked: Linked) -> Energy:
+        """The balance with the work of the links: the same scheme's with their rows as columns of H too."""
+        met, l = self.encounter, self._multiplier
+        more = -len(l) % met.rows
+        H = sp.hstack([met.acting_H, linked.G, sp.csr_array((self.H.shape[0], more))], format="csr")
+        r = np.concatenate([met.reaction(self.result.r), l, np.zeros(more)])
+        u = np.concatenate([met.velocity(self.result.u), linked.G.T @ self.state.v, np.zeros(more)])
+        both = self.scheme.energy(self.model, self.previous, self.state, Acting(H, r, u, met.rows), self.support_impulse)
+        gain = both.normal_dissipation + both.tangential_dissipation - own.normal_dissipation - own.tangential_dissipation
+        return replace(own, link_work=-gain, links=linked.stored(self.state.x), residual=both.residual)
+
+    @property
+    def _multiplier(self) -> FloatArray:
+        return np.zeros(0) if self.result.multiplier is None else self.result.multiplier
+
+    def link_force(self, name: str) -> FloatArray:
+        """Resultant (d,) [N] of the forces of a link on the first body that it names, in world axes."""
+        if self.linked is None:
+            raise InputError(f"link {name!r}: expected a simulation with a linkage, got one without")
+        forces = self.force_per_reaction * self._multiplier
+        return self.linked.linkage.force(name, self.linked.rows, forces)
 
     @cached_property
     def reaction(self) -> FloatArray:
@@ -234,6 +263,10 @@ class Step:
             return {}
         nothing = {name: np.full((len(self.contacts), *values.shape[1:]), np.nan) for name, values in self.variables.values.items()}
         return {name: self.variables.of(name, self.contacts.identity, fresh) for name, fresh in nothing.items()}
+
+    def function(self, body: str, field: Field = "displacement") -> Any:
+        """A field of a deformable body at the end of the step as a dolfinx function, see `body_function`."""
+        return body_function(self.model, body, self.state.x, self.state.v, field)
 
     @cached_property
     def contact_force(self) -> FloatArray:

@@ -20,11 +20,13 @@ from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
 from fcsim.solvers import Memory, Result
 from fcsim.timestep.chain import Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
+from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Attempt, Lead, Linearised
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE, Linearisation
+from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
 from fcsim.timestep.step_equation.mixing import Mixing
 from fcsim.timestep.warm_start import Reactions, warm_start
 
@@ -34,7 +36,7 @@ class Equation:
     """What a step's problems share: all but the elastic term of the right side.
 
     met: its contacts; factor: of the step's M; rest (n_dofs,): right side without the elastic term; driven: values of the driven
-    unknowns; share: of the whole step that it is
+    unknowns; share: of the whole step that it is; linked: the rows of its links
     """
 
     scheme: Scheme
@@ -46,6 +48,7 @@ class Equation:
     driven: FloatArray
     elastic: Linearisation
     share: float
+    linked: Linked | None = None
 
     @cached_property
     def _moved(self) -> FloatArray | None:
@@ -53,20 +56,25 @@ class Equation:
         return self.model.of_driven(self.driven) if np.any(self.driven) else None
 
     @cached_property
-    def compliance(self) -> StepCompliance:
-        return StepCompliance(self.factor, self.met.compliance)
+    def compliance(self) -> StepCompliance | LinkedCompliance:
+        own = StepCompliance(self.factor, self.met.compliance)
+        return own if self.linked is None else LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance)
+
+    def _on_unknowns(self, H: Any) -> Any:
+        """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out."""
+        model = self.model
+        if model.axes_matrix is not None:
+            H = sp.csr_array(model.axes_matrix @ H)
+        if model.driven == "eliminated":
+            return sp.csr_array(H[model.free_dofs])
+        mask = np.zeros(model.n_dofs)
+        mask[model.free_dofs] = 1
+        return sp.csr_array(sp.diags_array(mask) @ H)
 
     @cached_property
     def _H(self) -> Any:
         """H on the problems' unknowns."""
-        model, H = self.model, self.met.scaled_H
-        if model.axes_matrix is not None:
-            H = sp.csc_array(model.axes_matrix @ H)
-        if model.driven == "eliminated":
-            return self.compliance.with_joints(sp.csr_array(H[model.free_dofs]))
-        mask = np.zeros(model.n_dofs)
-        mask[model.free_dofs] = 1
-        return self.compliance.with_joints(sp.csr_array(sp.diags_array(mask) @ H))
+        return self.compliance.with_joints(self._on_unknowns(self.met.scaled_H))
 
     @cached_property
     def _w(self) -> FloatArray:
@@ -86,11 +94,15 @@ class Equation:
             f = f[model.free_dofs]
         else:
             f[model.driven_dofs] = self.driven
-        matrix, mu = self.compliance.matrix(), self.met.contacts.mu
-        f, rolling = self.compliance.load(f), self.met.terms.rolling
+        matrix, mu, compliance = self.compliance.matrix(), self.met.contacts.mu, self.compliance
+        G = b = None
+        if self.linked is not None and isinstance(compliance, LinkedCompliance):
+            G, b = compliance.matrix_of_links, self.linked.b
+            b = b if self._moved is None else b + self.linked.G.T @ self._moved
+        f, rolling = compliance.load(f), self.met.terms.rolling
         if rolling is not None:
-            return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling)
-        return GlobalProblem(matrix, self._H, f, self._w, mu, dimension=model.dimension)
+            return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling, G, b)
+        return GlobalProblem(matrix, self._H, f, self._w, mu, G, b, dimension=model.dimension)
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:
         """The unknowns v (n_dofs,) of all dofs, in world axes, from the problem's."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
@@ -126,3 +127,45 @@ def test_sharp_corners_with_flush_sides_stand_on_their_face(degrees: float, turn
         np.testing.assert_allclose(level.gap, gap, atol=1e-9)
         for corner in triangle:
             assert np.linalg.norm(level.point[:, :2] - corner, axis=1).min(initial=np.inf) < max(NEAR, 3 * turn)
+
+
+@settings(seeded, max_examples=10)
+@given(polygons(), polygons(), st.integers(0, 2**31 - 1), st.sampled_from([2e-2, 2e-3, 1e-5, -1e-5, -1e-3, -2e-2]))
+def test_prisms_in_any_position(one: np.ndarray, other: np.ndarray, seed: int, distance: float) -> None:
+    """At a signed distance, exact by the Minkowski difference: none beyond the alert distance, the gap where near, always one where
+    they overlap; where they do by little, the same contacts when both are moved and swapped."""
+    rng = np.random.default_rng(seed)
+    bodies = [prism("one", one, 0.0, 0.3), prism("other", other, 0.0, 0.5)]
+    p, q = (body.points @ Rotation.random(random_state=int(rng.integers(2**31))).as_matrix().T for body in bodies)
+    p, q = p - p.mean(axis=0), q - q.mean(axis=0)
+    way = rng.normal(size=3)
+    way /= np.linalg.norm(way)
+    planes = ConvexHull((p[:, None] - q[None]).reshape(-1, 3)).equations
+    near, far = 0.0, 9.0
+    for _ in range(80):
+        middle = 0.5 * (near + far)
+        near, far = (middle, far) if (planes[:, :3] @ (middle * way) + planes[:, 3]).max() < distance else (near, middle)
+    places = [p, q + near * way]
+    if distance > 0:  # the planes' height is the distance where the nearest feature is a face of the difference
+        n, start = len(p), np.concatenate([np.full(len(x), 1 / len(x)) for x in places])
+        sums = [{"type": "eq", "fun": lambda w: w[:n].sum() - 1}, {"type": "eq", "fun": lambda w: w[n:].sum() - 1}]
+        separated = minimize(
+            lambda w: np.sum((w[:n] @ places[0] - w[n:] @ places[1]) ** 2), start, method="SLSQP", bounds=[(0, 1)] * len(start),
+            constraints=sums, options={"maxiter": 300, "ftol": 1e-14},
+        )  # fmt: skip
+        assume(abs(np.sqrt(separated.fun) - distance) < 1e-6)
+    placed = [RigidBody(b.name, 1.0, np.eye(3), x.mean(axis=0), x, b.surfaces) for b, x in zip(bodies, places, strict=True)]
+    model = build_model(placed)
+    found = Everything(model, 0.5, alert=5e-3)(model.reference)
+    if distance > 5e-3:
+        assert len(found) == 0
+        return
+    assert found.gap.min(initial=np.inf) < max(distance, 0) + 1e-9
+    if distance < -1e-3:
+        return
+    assert np.abs(found.gap - distance).min() < 1e-9
+    R = Rotation.random(random_state=seed % 2**31).as_matrix()
+    moved = Everything(model, 0.5, alert=5e-3)(model.reference @ R.T + [3.0, -2.0, 1.0])
+    np.testing.assert_allclose(np.sort(moved.gap), np.sort(found.gap), atol=1e-9)
+    swapped = build_model(placed[::-1])
+    np.testing.assert_allclose(np.sort(Everything(swapped, 0.5, alert=5e-3)(swapped.reference).gap), np.sort(found.gap), atol=1e-9)
