@@ -14,6 +14,8 @@ _runtime.writable_caches()
 
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
+    from fcsim.assembly.forms import forms_of, part_from_dolfinx
+    from fcsim.assembly.loads import FormLoad, NodalForces
     from fcsim.assembly.model import Model, build_model
     from fcsim.assembly.nodal_area import nodal_area
     from fcsim.assembly.supports import DrivenRotation, Support
@@ -74,6 +76,7 @@ _HOME = {
     "ExactContacts": "contact_detection",
     "FcsimError": "errors",
     "FloatArray": "arrays",
+    "FormLoad": "assembly.loads",
     "Gap": "contact_law",
     "GeneralisedAlpha": "timestep.generalised_alpha",
     "GlobalProblem": "problem",
@@ -86,6 +89,7 @@ _HOME = {
     "LocalProblem": "problem",
     "Material": "mesh.material",
     "Model": "assembly.model",
+    "NodalForces": "assembly.loads",
     "Part": "mesh.part",
     "QuasiStatic": "timestep.quasi_static",
     "RateDependent": "contact_law",
@@ -114,12 +118,14 @@ _HOME = {
     "contact_force": "running.sensors",
     "contact_surface": "contact_detection.surfaces.model_surfaces",
     "displacement": "running.sensors",
+    "forms_of": "assembly.forms",
     "joint_opening": "running.sensors",
     "laws_of_bodies": "contact_law",
     "laws_of_pairs": "contact_law",
     "load_case": "running.case",
     "main": "command_line.main",
     "nodal_area": "assembly.nodal_area",
+    "part_from_dolfinx": "assembly.forms",
     "read_acceleration_record": "assembly.time_functions",
     "read_fclib": "export_fclib",
     "solve": "solvers.solve",
@@ -149,6 +155,7 @@ __all__ = [
     "ExactContacts",
     "FcsimError",
     "FloatArray",
+    "FormLoad",
     "Gap",
     "GeneralisedAlpha",
     "GlobalProblem",
@@ -161,6 +168,7 @@ __all__ = [
     "LocalProblem",
     "Material",
     "Model",
+    "NodalForces",
     "Part",
     "QuasiStatic",
     "RateDependent",
@@ -189,12 +197,14 @@ __all__ = [
     "contact_force",
     "contact_surface",
     "displacement",
+    "forms_of",
     "joint_opening",
     "laws_of_bodies",
     "laws_of_pairs",
     "load_case",
     "main",
     "nodal_area",
+    "part_from_dolfinx",
     "read_acceleration_record",
     "read_fclib",
     "solve",

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.functions.of_bodies import Field, body_function
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import Variables
@@ -243,6 +244,10 @@ class Step:
             return {}
         nothing = {name: np.full((len(self.contacts), *values.shape[1:]), np.nan) for name, values in self.variables.values.items()}
         return {name: self.variables.of(name, self.contacts.identity, fresh) for name, fresh in nothing.items()}
+
+    def function(self, body: str, field: Field = "displacement") -> Any:
+        """A field of a deformable body at the end of the step as a dolfinx function, see `body_function`."""
+        return body_function(self.model, body, self.state.x, self.state.v, field)
 
     @cached_property
     def contact_force(self) -> FloatArray:
