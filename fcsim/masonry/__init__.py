@@ -9,6 +9,7 @@ from fcsim.masonry.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.problem import Acceleration, Block, Expected, MasonryProblem, PointForce
 from fcsim.masonry.pushes import pushed, tilted
 from fcsim.masonry.structure import Stone, structure
+from fcsim.masonry.surfaces import masonry_of_surfaces
 
 __all__ = [
     "Acceleration",
@@ -29,6 +30,7 @@ __all__ = [
     "coulomb_limit",
     "joints_of",
     "limit_problem",
+    "masonry_of_surfaces",
     "pushed",
     "read_masonry",
     "structure",
