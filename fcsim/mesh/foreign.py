@@ -13,8 +13,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from fcsim.apart import limited, read_apart
 from fcsim.errors import InputError, MissingDependency
-from fcsim.mesh.apart import limited, read_apart
 from fcsim.mesh.cell_type import FROM_MESHIO
 from fcsim.mesh.named_mesh import Block, NamedMesh, from_gmsh, named_mesh
 from fcsim.runtime import gmsh_model

@@ -10,9 +10,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from fcsim.apart import limited, read_apart
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError, MissingDependency
-from fcsim.mesh.apart import limited, read_apart
 from fcsim.mesh.solids.closed_surface import ClosedSurface, closed_surface
 from fcsim.mesh.solids.self_intersection import crossing_triangles
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fcsim import apart
 from fcsim.errors import InputError
-from fcsim.mesh import apart
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.foreign import read_foreign
 from fcsim.mesh.io import read_mesh, write_mesh

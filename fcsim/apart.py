@@ -31,7 +31,7 @@ def read_apart[T](path: Path, module: str, arguments: Sequence[str], loaded: Cal
     InputError for what that says of the file, and where it crashes, hangs or fills memory.
     """
     megabytes = path.stat().st_size / 1e6
-    known = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
+    known = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, known))}
     with TemporaryDirectory(prefix="fcsim-mesh-") as folder:
         out = Path(folder) / "mesh.npz"
