@@ -14,6 +14,8 @@ _runtime.writable_caches()
 
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
+    from fcsim.assembly.forms import forms_of, part_from_dolfinx
+    from fcsim.assembly.loads import FormLoad, NodalForces
     from fcsim.assembly.model import Model, build_model
     from fcsim.assembly.nodal_area import nodal_area
     from fcsim.assembly.supports import DrivenRotation, Support
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
         Elliptic,
         Gap,
         RateDependent,
+        Rolling,
         SlipWeakening,
         Springs,
         StaticKinetic,
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
     from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force, support_moment
     from fcsim.solvers import SOLVERS
     from fcsim.solvers.solve import solve
+    from fcsim.solvers.solve_many import solve_many
     from fcsim.timestep.chain import SolverSettings
     from fcsim.timestep.generalised_alpha import GeneralisedAlpha
     from fcsim.timestep.limits import Limits
@@ -74,6 +78,7 @@ _HOME = {
     "ExactContacts": "contact_detection",
     "FcsimError": "errors",
     "FloatArray": "arrays",
+    "FormLoad": "assembly.loads",
     "Gap": "contact_law",
     "GeneralisedAlpha": "timestep.generalised_alpha",
     "GlobalProblem": "problem",
@@ -86,11 +91,13 @@ _HOME = {
     "LocalProblem": "problem",
     "Material": "mesh.material",
     "Model": "assembly.model",
+    "NodalForces": "assembly.loads",
     "Part": "mesh.part",
     "QuasiStatic": "timestep.quasi_static",
     "RateDependent": "contact_law",
     "RigidBody": "mesh.part",
     "Rod": "linkage",
+    "Rolling": "contact_law",
     "Scheme": "timestep.scheme",
     "Sensor": "running.case",
     "Simulation": "timestep.simulation",
@@ -114,15 +121,18 @@ _HOME = {
     "contact_force": "running.sensors",
     "contact_surface": "contact_detection.surfaces.model_surfaces",
     "displacement": "running.sensors",
+    "forms_of": "assembly.forms",
     "joint_opening": "running.sensors",
     "laws_of_bodies": "contact_law",
     "laws_of_pairs": "contact_law",
     "load_case": "running.case",
     "main": "command_line.main",
     "nodal_area": "assembly.nodal_area",
+    "part_from_dolfinx": "assembly.forms",
     "read_acceleration_record": "assembly.time_functions",
     "read_fclib": "export_fclib",
     "solve": "solvers.solve",
+    "solve_many": "solvers.solve_many",
     "support_force": "running.sensors",
     "support_moment": "running.sensors",
     "two_pass": "contact_detection",
@@ -149,6 +159,7 @@ __all__ = [
     "ExactContacts",
     "FcsimError",
     "FloatArray",
+    "FormLoad",
     "Gap",
     "GeneralisedAlpha",
     "GlobalProblem",
@@ -161,11 +172,13 @@ __all__ = [
     "LocalProblem",
     "Material",
     "Model",
+    "NodalForces",
     "Part",
     "QuasiStatic",
     "RateDependent",
     "RigidBody",
     "Rod",
+    "Rolling",
     "Scheme",
     "Sensor",
     "Simulation",
@@ -189,15 +202,18 @@ __all__ = [
     "contact_force",
     "contact_surface",
     "displacement",
+    "forms_of",
     "joint_opening",
     "laws_of_bodies",
     "laws_of_pairs",
     "load_case",
     "main",
     "nodal_area",
+    "part_from_dolfinx",
     "read_acceleration_record",
     "read_fclib",
     "solve",
+    "solve_many",
     "support_force",
     "support_moment",
     "two_pass",
