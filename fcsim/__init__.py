@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force, support_moment
     from fcsim.solvers import SOLVERS
     from fcsim.solvers.solve import solve
+    from fcsim.solvers.solve_many import solve_many
     from fcsim.timestep.chain import SolverSettings
     from fcsim.timestep.generalised_alpha import GeneralisedAlpha
     from fcsim.timestep.limits import Limits
@@ -131,6 +132,7 @@ _HOME = {
     "read_acceleration_record": "assembly.time_functions",
     "read_fclib": "export_fclib",
     "solve": "solvers.solve",
+    "solve_many": "solvers.solve_many",
     "support_force": "running.sensors",
     "support_moment": "running.sensors",
     "two_pass": "contact_detection",
@@ -211,6 +213,7 @@ __all__ = [
     "read_acceleration_record",
     "read_fclib",
     "solve",
+    "solve_many",
     "support_force",
     "support_moment",
     "two_pass",
