@@ -170,5 +170,5 @@ class QuasiStatic:
             damping=0.0,
             numerical=euler + regularisation,
             contact=contact_work(H, result.r, result.u, dx, model.dimension),
-            inner=inner_work(model, before, after, dx, (after.x, self.h), None),
+            inner=inner_work(model, before, after, dx, (after.x, self.h, 1.0), None),
         )
