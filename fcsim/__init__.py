@@ -14,6 +14,8 @@ _runtime.writable_caches()
 
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
+    from fcsim.assembly.forms import forms_of, part_from_dolfinx
+    from fcsim.assembly.loads import FormLoad, NodalForces
     from fcsim.assembly.model import Model, build_model
     from fcsim.assembly.nodal_area import nodal_area
     from fcsim.assembly.supports import DrivenRotation, Support
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
         Elliptic,
         Gap,
         RateDependent,
+        Rolling,
         SlipWeakening,
         Springs,
         StaticKinetic,
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     )
     from fcsim.errors import FcsimError, InputError
     from fcsim.export_fclib import read_fclib, write_fclib
+    from fcsim.linkage import Ball, Bonded, Cable, Hinge, Linkage, Rod, Slider, SpringDamper, Tied, WithCables, without_contact_of
     from fcsim.mesh.material import Material
     from fcsim.mesh.part import Body, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
@@ -43,6 +47,7 @@ if TYPE_CHECKING:
     from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force, support_moment
     from fcsim.solvers import SOLVERS
     from fcsim.solvers.solve import solve
+    from fcsim.solvers.solve_many import solve_many
     from fcsim.timestep.chain import SolverSettings
     from fcsim.timestep.generalised_alpha import GeneralisedAlpha
     from fcsim.timestep.limits import Limits
@@ -55,8 +60,12 @@ if TYPE_CHECKING:
     from fcsim.witness import Witness
 
 _HOME = {
+    "SOLVERS": "solvers",
     "AccelerationRecord": "assembly.time_functions",
+    "Ball": "linkage",
     "Body": "mesh.part",
+    "Bonded": "linkage",
+    "Cable": "linkage",
     "Case": "running.case",
     "Cohesive": "contact_law",
     "Compliant": "contact_law",
@@ -69,26 +78,33 @@ _HOME = {
     "ExactContacts": "contact_detection",
     "FcsimError": "errors",
     "FloatArray": "arrays",
+    "FormLoad": "assembly.loads",
     "Gap": "contact_law",
     "GeneralisedAlpha": "timestep.generalised_alpha",
     "GlobalProblem": "problem",
     "GravityRamp": "assembly.time_functions",
+    "Hinge": "linkage",
     "History": "running.case",
     "InputError": "errors",
     "Limits": "timestep.limits",
+    "Linkage": "linkage",
     "LocalProblem": "problem",
     "Material": "mesh.material",
     "Model": "assembly.model",
+    "NodalForces": "assembly.loads",
     "Part": "mesh.part",
     "QuasiStatic": "timestep.quasi_static",
     "RateDependent": "contact_law",
     "RigidBody": "mesh.part",
-    "SOLVERS": "solvers",
+    "Rod": "linkage",
+    "Rolling": "contact_law",
     "Scheme": "timestep.scheme",
     "Sensor": "running.case",
     "Simulation": "timestep.simulation",
+    "Slider": "linkage",
     "SlipWeakening": "contact_law",
     "SolverSettings": "timestep.chain",
+    "SpringDamper": "linkage",
     "Springs": "contact_law",
     "State": "timestep.state",
     "StaticKinetic": "contact_law",
@@ -96,32 +112,41 @@ _HOME = {
     "Support": "assembly.supports",
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
+    "Tied": "linkage",
     "Velocity": "contact_law",
+    "WithCables": "linkage",
     "Witness": "witness",
     "at_rest": "timestep.state",
     "build_model": "assembly.model",
     "contact_force": "running.sensors",
     "contact_surface": "contact_detection.surfaces.model_surfaces",
     "displacement": "running.sensors",
+    "forms_of": "assembly.forms",
     "joint_opening": "running.sensors",
     "laws_of_bodies": "contact_law",
     "laws_of_pairs": "contact_law",
     "load_case": "running.case",
     "main": "command_line.main",
     "nodal_area": "assembly.nodal_area",
+    "part_from_dolfinx": "assembly.forms",
     "read_acceleration_record": "assembly.time_functions",
     "read_fclib": "export_fclib",
     "solve": "solvers.solve",
+    "solve_many": "solvers.solve_many",
     "support_force": "running.sensors",
     "support_moment": "running.sensors",
     "two_pass": "contact_detection",
+    "without_contact_of": "linkage",
     "write_fclib": "export_fclib",
 }
 
 __all__ = [
     "SOLVERS",
     "AccelerationRecord",
+    "Ball",
     "Body",
+    "Bonded",
+    "Cable",
     "Case",
     "Cohesive",
     "Compliant",
@@ -134,25 +159,33 @@ __all__ = [
     "ExactContacts",
     "FcsimError",
     "FloatArray",
+    "FormLoad",
     "Gap",
     "GeneralisedAlpha",
     "GlobalProblem",
     "GravityRamp",
+    "Hinge",
     "History",
     "InputError",
     "Limits",
+    "Linkage",
     "LocalProblem",
     "Material",
     "Model",
+    "NodalForces",
     "Part",
     "QuasiStatic",
     "RateDependent",
     "RigidBody",
+    "Rod",
+    "Rolling",
     "Scheme",
     "Sensor",
     "Simulation",
+    "Slider",
     "SlipWeakening",
     "SolverSettings",
+    "SpringDamper",
     "Springs",
     "State",
     "StaticKinetic",
@@ -160,25 +193,31 @@ __all__ = [
     "Support",
     "SurfacePair",
     "Theta",
+    "Tied",
     "Velocity",
+    "WithCables",
     "Witness",
     "at_rest",
     "build_model",
     "contact_force",
     "contact_surface",
     "displacement",
+    "forms_of",
     "joint_opening",
     "laws_of_bodies",
     "laws_of_pairs",
     "load_case",
     "main",
     "nodal_area",
+    "part_from_dolfinx",
     "read_acceleration_record",
     "read_fclib",
     "solve",
+    "solve_many",
     "support_force",
     "support_moment",
     "two_pass",
+    "without_contact_of",
     "write_fclib",
 ]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from fcsim import Case, Gap, History, InputError, Model, Sensor, Simulation, SolverSettings, Support, Theta, build_model, main
 from fcsim.arrays import FloatArray
-from fcsim.assembly.supports import DIRECTIONS
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.contact_detection.exact import ExactContacts
 from fcsim.mesh import RigidBody, rigid_plane, rigid_sphere
 

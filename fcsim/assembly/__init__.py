@@ -1,7 +1,7 @@
 """From parts with materials to one model: mass, damping, stiffness, supports and loads."""
 
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
-from fcsim.assembly.loads import BodyForce, FollowerForce, FollowerPressure, Force, Load, Traction
+from fcsim.assembly.loads import BodyForce, FollowerForce, FollowerPressure, Force, FormLoad, Load, NodalForces, Traction
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.nodal_area import nodal_area
 from fcsim.assembly.supports import DrivenRotation, Support
@@ -16,9 +16,11 @@ __all__ = [
     "FollowerForce",
     "FollowerPressure",
     "Force",
+    "FormLoad",
     "GravityRamp",
     "Load",
     "Model",
+    "NodalForces",
     "Ramp",
     "Support",
     "Table",

@@ -102,7 +102,7 @@ def stiffness(part: Part) -> csr_array:
     """
     import ufl
 
-    discrete = _discretise(part)
+    discrete = discretise(part)
     if isinstance(part.material, ByRegion):
         return _of_regions(part, stiffness)
     if part.elements not in BY_DOLFINX or not isinstance(part.material, Material):
@@ -123,7 +123,7 @@ def consistent_mass(part: Part) -> csr_array:
 
     if isinstance(part.material, ByRegion):
         return _of_regions(part, consistent_mass)
-    discrete = _discretise(part)
+    discrete = discretise(part)
     V = discrete.scalar_space
     form = ufl.TrialFunction(V) * ufl.TestFunction(V) * discrete.dx("mass")
     half = 0.5 * part.material.density * part.thickness * discrete.matrix(form, V)
@@ -150,7 +150,7 @@ def lumped_volume(part: Part) -> FloatArray:
     cell = CELL_TYPES[part.cell_type]
     if cell.order == 1:
         return nodal_volume(part)
-    _discretise(part)  # refuses what it must
+    discretise(part)  # refuses what it must
     at, weights = quadrature(cell, 4)
     gradients, squares = cell.gradient(at), cell.shape(at) ** 2
     own = np.zeros((len(part.cells), cell.size))
@@ -170,7 +170,7 @@ def nodal_volume(part: Part) -> FloatArray:
     tetrahedra of second order, zero in those of triangles. Raises as `stiffness` does."""
     import ufl
 
-    discrete = _discretise(part)
+    discrete = discretise(part)
     form = ufl.TestFunction(discrete.scalar_space) * discrete.dx("load")
     return _read_only(part.thickness * discrete.vector(form, discrete.scalar_space))
 
@@ -227,7 +227,7 @@ def _surface_load(part: Part, surface_name: str, force: FloatArray, pressure: fl
     """Return the integral of (force - pressure n) . v over the surface; one form, so that both loads share its compiled code."""
     import ufl
 
-    discrete = _discretise(part)
+    discrete = discretise(part)
     mesh, V = discrete.mesh, discrete.vector_space
     tags = runtime.dolfinx().mesh.meshtags(mesh, part.dimension - 1, discrete.boundary_facets(part, surface_name), 1)
     degree = QUADRATURE_DEGREE[part.cell_type]["load"]
@@ -237,7 +237,7 @@ def _surface_load(part: Part, surface_name: str, force: FloatArray, pressure: fl
 
 
 @dataclass(frozen=True, eq=False)
-class _Discretisation:
+class Discretisation:
     """A part's dolfinx mesh and the spaces of its order; `node` (nn,) is the part's node of each point of dolfinx's geometry."""
 
     mesh: Any
@@ -296,7 +296,7 @@ class _Discretisation:
 
 
 @once_per_part
-def _discretise(part: Part) -> _Discretisation:
+def discretise(part: Part) -> Discretisation:
     orphans = np.setdiff1d(np.arange(len(part.points)), part.cells)
     if orphans.size:  # they would have neither stiffness nor mass
         raise InputError(
@@ -311,7 +311,7 @@ def _discretise(part: Part) -> _Discretisation:
     vtk_order = dolfinx.cpp.io.perm_vtk(dolfinx.mesh.to_type(cell.basix), cell.size)
     element = basix.ufl.element("Lagrange", cell.basix, cell.order, shape=(d,), dtype=np.float64)
     mesh = dolfinx.mesh.create_mesh(MPI.COMM_SELF, part.cells[:, vtk_order], element, part.points)
-    return _Discretisation(
+    return Discretisation(
         mesh=mesh,
         node=mesh.geometry.input_global_indices,
         scalar_space=dolfinx.fem.functionspace(mesh, ("Lagrange", cell.order)),

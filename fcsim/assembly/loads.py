@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly import elasticity
+from fcsim.assembly.forms.part_forms import PartForms, form_forces
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.supports import TimeFunction
 from fcsim.errors import InputError
@@ -63,8 +66,30 @@ class FollowerPressure:
     factor: TimeFunction = field(default=lambda t: 1.0)
 
 
+@dataclass(frozen=True, eq=False)
+class NodalForces:
+    """Forces (nn, d) [N] on the nodes of a deformable body, in the order of its part's points, in world axes, times factor(t)."""
+
+    body: str
+    forces: FloatArray
+    factor: TimeFunction = field(default=lambda t: 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class FormLoad:
+    """Nodal forces of a linear form in UFL on a deformable body, times factor(t).
+
+    form takes the part's `PartForms` and returns a form of its test function v, in the part's axes: lambda part: inner(f(part.x), part.v) *
+    part.dx, or a traction with part.ds("surface"). It turns with the placement of the body, not with its motion.
+    """
+
+    body: str
+    form: Callable[[PartForms], Any]
+    factor: TimeFunction = field(default=lambda t: 1.0)
+
+
 Follower = FollowerForce | FollowerPressure
-Load = Traction | Force | BodyForce | Follower
+Load = Traction | Force | BodyForce | NodalForces | FormLoad | Follower
 
 
 def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
@@ -92,6 +117,9 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
         return vector
     if not isinstance(body, Body):
         raise InputError(f"{type(load).__name__} on body {load.body!r}: expected a deformable body; use Force on a rigid one")
+    if isinstance(load, NodalForces | FormLoad):
+        vector[own] = _nodal_forces(body, load).ravel()
+        return vector
     values = np.asarray(load.traction if isinstance(load, Traction) else load.density, dtype=np.float64)
     if values.shape != (d,):
         raise InputError(f"{type(load).__name__} on body {load.body!r}: expected {d} components, got {values.shape}")
@@ -102,6 +130,17 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
         nodal = elasticity.body_force(body.part, in_part_axes)
     vector[own] = (nodal.reshape(-1, d) @ body.rotation.T).ravel()
     return vector
+
+
+def _nodal_forces(body: Body, load: NodalForces | FormLoad) -> FloatArray:
+    """Forces (nn, d) [N] in world axes."""
+    what = f"{type(load).__name__} on body {load.body!r}"
+    if isinstance(load, FormLoad):
+        return form_forces(body.part, load.form, what) @ body.rotation.T
+    forces = np.asarray(load.forces, dtype=np.float64)
+    if forces.shape != body.part.points.shape or not np.all(np.isfinite(forces)):
+        raise InputError(f"{what}: expected finite forces of shape {body.part.points.shape}, a row a node of its part, got {forces.shape}")
+    return forces
 
 
 def _pressure_resultant(layout: BodyLayout, body: RigidBody, load: FollowerPressure) -> FloatArray:

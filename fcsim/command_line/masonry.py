@@ -50,6 +50,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         command.add_argument("--out", type=Path, help="folder for the analysis (JSON), its joints (CSV) and the picture of the mechanism")
         command.add_argument("--json", action="store_true", help="print JSON")
     for command in (tilt, push):
+        command.add_argument("--film", action="store_true", help="run the collapse as well: film, steps and VTK files in OUT/run")
         command.add_argument("--resolution", type=float, default=0.005, help="of the multiplier, as a share of it (default 0.005)")
         command.add_argument("--static", action="store_true", help="limit analysis alone, no simulation")
 
@@ -87,17 +88,52 @@ def _push(options: argparse.Namespace) -> int:
     problem = _read(options)
     if options.direction is not None:
         problem = pushed(problem, options.direction)
+    _refuse_film_without_folder(options)
     if not problem.scaled:
         raise InputError(f"{options.model}: expected a load that the multiplier scales, or --direction, got none")
     analysis = analyse(problem, options.tolerance)
-    return _report(options, analysis, _simulated(options, analysis))
+    seen = _simulated(options, analysis)
+    code = _report(options, analysis, seen)
+    if options.film and seen is not None:
+        _run_collapse(options, {"multiplier": f"{seen.fall[1] * 1.02:.8g}"}, _FALL)
+    return code
+
+
+_RISE, _FALL, _H = 2.0, 1.5, 5e-3
+"""[s] in which a filmed table rises to the angle of the fall, how long it is filmed from there on, the step."""
+
+
+def _run_collapse(options: argparse.Namespace, loading: dict[str, str], duration: float) -> None:
+    """The collapse as a run with its film, in OUT/run."""
+    from fcsim.masonry.case import masonry_case
+    from fcsim.running.run import RunOptions, run_case
+    from fcsim.view import render
+
+    direction = options.direction or (0.0, 0.0, 0.0)
+    assignments = {**loading, "push": ",".join(f"{c:g}" for c in direction), "h": str(_H), "steps": str(round(duration / _H))}
+    summary = run_case(
+        masonry_case(options.model, options.mu), assignments, options.out / "run", RunOptions(export_every=0, vtk_every=5), overwrite=True
+    )
+    say(f"collapse: {summary.status} after {summary.steps} steps{', ' + summary.message if summary.message else ''}")
+    for path in render(options.out / "run"):
+        say(path)
 
 
 def _tilt(options: argparse.Namespace) -> int:
     from fcsim.masonry import analyse, tilted
 
+    _refuse_film_without_folder(options)
     analysis = analyse(tilted(_read(options), options.direction), options.tolerance)
-    return _report(options, analysis, _simulated(options, analysis), angle=True)
+    seen = _simulated(options, analysis)
+    code = _report(options, analysis, seen, angle=True)
+    if options.film and seen is not None:
+        _run_collapse(options, {"tilt": f"{math.degrees(math.atan(seen.fall[1])) / _RISE:.6g}"}, _RISE + _FALL)
+    return code
+
+
+def _refuse_film_without_folder(options: argparse.Namespace) -> None:
+    if options.film and options.out is None:
+        raise InputError("--film: expected a folder for it, --out DIR")
 
 
 def _simulated(options: argparse.Namespace, analysis: LimitAnalysis) -> Bracket | None:
@@ -127,6 +163,8 @@ def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket 
 
         write_analysis(options.out, analysis, seen)
         draw_mechanism(analysis, options.out / "mechanism.png")
+        if seen is not None:
+            _write_cracks(options.out, analysis, seen)
     if options.json:
         from fcsim.records import json_text
 
@@ -160,6 +198,21 @@ def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket 
     if options.out is not None:
         say(f"analysis, joints and picture: {options.out}")
     return _exit(analysis)
+
+
+def _write_cracks(directory: Path, analysis: LimitAnalysis, seen: Bracket) -> None:
+    """The openings of joints in the beginning fall, as a table and, in 2D, as a picture."""
+    from fcsim.masonry.collapse import fallen
+    from fcsim.masonry.openings import openings
+    from fcsim.masonry.report import write_openings
+    from fcsim.view.cracks import draw_cracks
+
+    step = fallen(analysis.problem, seen.fall[1])
+    joints = openings(analysis.limit.contacts, step.model, step.state.x)
+    write_openings(directory / "openings.csv", joints)
+    if analysis.problem.dimension == 2:
+        title = f"{analysis.problem.title or analysis.problem.name}: {step.state.t:.2f} s after the multiplier {seen.fall[1]:.4g}"
+        draw_cracks(analysis.problem, step.model, step.state.x, joints, directory / "cracks.png", title)
 
 
 WORDS = {"hinge": "turn", "sliding": "slide", "open": "open", "closed": "stay closed"}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command `run`."""
     run = commands.add_parser("run", help="run a case", description="Run a case script and write its results into a folder.")
-    run.add_argument("case", help="folder of a case, as cases/masonry_wall, or its script")
+    run.add_argument("case", help="folder of a case, as cases/masonry_wall, its script, or a masonry problem in JSON")
     run.add_argument("--steps", type=int, help="number of steps")
     run.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="change a parameter of the case")
     run.add_argument("--out", type=Path, help="folder of the results (default: results/CASE)")
@@ -49,13 +49,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _run(options: argparse.Namespace) -> int:
-    from fcsim.running.case import load_case
     from fcsim.running.run import RunOptions, run_case
     from fcsim.solvers.plugins import load_plugins
 
     _refuse_ranks()
     load_plugins(options.plugin)
-    script = load_case(options.case)
+    script = _case(options.case)
     if options.parameters:
         _list_parameters(script)
         return EXIT_OK
@@ -88,6 +87,17 @@ def _run(options: argparse.Namespace) -> int:
         )
     _print_summary(summary, directory)
     return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED, "failed": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
+
+
+def _case(path: str) -> CaseScript:
+    """A case script, or a masonry problem in JSON."""
+    if path.endswith(".json"):
+        from fcsim.masonry.case import masonry_case
+
+        return masonry_case(path)
+    from fcsim.running.case import load_case
+
+    return load_case(path)
 
 
 RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_SIZE", "MPI_LOCALNRANKS")

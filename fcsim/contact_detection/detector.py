@@ -112,7 +112,8 @@ class Detector:
             return now
         way = self._checked(displacement)
         count = self._looks(x, way)
-        return with_swept(now, self._at, x, way, count, max(pair.alert for pair in self.pairs)) if count else now
+        times = np.arange(1, count + 1) / max(count, 1)
+        return with_swept(now, self._at, x, way, times, max(pair.alert for pair in self.pairs)) if count else now
 
     @cached_property
     def _nodes_of_pairs(self) -> list[tuple[IntArray, ...]]:

@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.errors import InputError
 
+_BODIES = 1 << 31  # more than there are
 _MOST = 1000  # samples of one step: more means a step that is far too long for its bodies
 
 
@@ -35,24 +36,47 @@ def samples(distance: float, spacing: float) -> int:
 
 
 def with_swept(
-    now: Contacts, detect: Callable[[FloatArray], Contacts], positions: FloatArray, displacement: FloatArray, count: int, alert: float
+    now: Contacts,
+    detect: Callable[[FloatArray], Contacts],
+    positions: FloatArray,
+    displacement: FloatArray,
+    times: FloatArray,
+    alert: float,
 ) -> Contacts:
-    """Return the contacts `now` and those that `detect` finds at `count` positions along the way, sorted by identity.
+    """Return the contacts `now` and those that `detect` finds at `times` (n,), 0 ... 1, along the way, sorted by identity.
 
     Of one identity that counts which was found nearest to where it closes; what is in contact now stays as it is. One that would still be
-    open by more than `alert` [m] at the end of the motion is left out.
+    open by more than `alert` [m] at the end of the motion is left out, and so is what a vertex that has gone through a face seen before
+    touches from within: deep inside, the nearest face is not the one by which it came.
     """
     found, off = [now], [np.full(len(now), -1.0)]
-    for t in np.arange(1, count + 1) / count:
+    through = np.empty(0, dtype=np.int64)
+    for t in times:
         there = detect(positions + t * displacement)
         there = there.take(~np.isin(there.identity, now.identity))
+        there = there.take((there.gap >= 0) | ~np.isin(_passages(there), through).any(axis=1))
         closes = brought_back(there, positions + displacement).gap
+        entered = there.take((there.gap >= 0) & (closes < 0) & (np.count_nonzero(_slaves(there), axis=1) == 1))
+        through = np.union1d(through, _passages(entered)[_slaves(entered)])
         found.append(brought_back(there, positions).take(closes <= alert))
         off.append(np.abs(there.gap)[closes <= alert])
-    every = join(found)
+    every = join([now, *(bounded(swept, now) for swept in found[1:])])
     order = np.lexsort((np.concatenate(off), every.identity))
     identity = every.identity[order]
     return every.take(order[np.append(True, identity[1:] != identity[:-1])[: len(order)]])
+
+
+def _slaves(contacts: Contacts) -> BoolArray:
+    return np.asarray((contacts.nodes >= 0) & (contacts.weights > 0))
+
+
+def _passages(contacts: Contacts) -> IntArray:
+    """A number (nc, k) for each node of a contact and the body that it would enter, -1 = none; of a vertex on a facet for that alone."""
+    slaves = _slaves(contacts)
+    edges = (np.count_nonzero(slaves, axis=1) > 1)[:, None]
+    into = np.where(slaves, contacts.bodies[:, 1:], contacts.bodies[:, :1])
+    keys = contacts.nodes * _BODIES + into
+    return np.where((contacts.nodes >= 0) & (slaves | edges), keys, -1)
 
 
 def brought_back(contacts: Contacts, positions: FloatArray) -> Contacts:
@@ -61,3 +85,22 @@ def brought_back(contacts: Contacts, positions: FloatArray) -> Contacts:
     x = positions[contacts.nodes]
     gap = np.einsum("ad,ad->a", np.einsum("ak,akd->ad", weights, x), contacts.frame[:, 0])
     return replace(contacts, gap=gap, point=np.einsum("ak,akd->ad", contacts.on_master, x))
+
+
+def bounded(contacts: Contacts, here: Contacts) -> Contacts:
+    """Return contacts found elsewhere with gaps no deeper than the deepest of the same two bodies among those that are `here`.
+
+    The normal of a face that turns is not yet that of where it was found: a gap brought back along it may be negative where nothing
+    overlaps, and what nothing overlaps by is not to be borne.
+    """
+    deepest = np.minimum(here.gap, 0.0)
+    pair, first = np.unique(_pair(here), return_inverse=True)
+    least = np.zeros(len(pair) + 1)
+    np.minimum.at(least, first, deepest)
+    place = np.searchsorted(pair, _pair(contacts))
+    known = np.append(pair, -1)[place] == _pair(contacts)
+    return replace(contacts, gap=np.maximum(contacts.gap, np.where(known, least[place], 0.0)))
+
+
+def _pair(contacts: Contacts) -> IntArray:
+    return np.asarray(contacts.bodies.min(axis=1) * _BODIES + contacts.bodies.max(axis=1), dtype=np.int64)

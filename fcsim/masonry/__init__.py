@@ -4,21 +4,24 @@ from fcsim.masonry.analysis import LimitAnalysis, analyse
 from fcsim.masonry.collapse import Bracket, Trial, bracket, trial
 from fcsim.masonry.joints import Joint, joints_of
 from fcsim.masonry.json_file import read_masonry, write_masonry
-from fcsim.masonry.limit import LimitLoad, associative_limit, coulomb_limit, limit_problem
-from fcsim.masonry.mechanics import BlockModel, pushed, rigid_model, tilted
+from fcsim.masonry.limit import LimitLoad, associative_limit, coulomb_limit
+from fcsim.masonry.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.problem import Acceleration, Block, Expected, MasonryProblem, PointForce
+from fcsim.masonry.pushes import pushed, tilted
+from fcsim.masonry.structure import Stone, structure
 
 __all__ = [
     "Acceleration",
     "Block",
-    "BlockModel",
     "Bracket",
     "Expected",
     "Joint",
     "LimitAnalysis",
     "LimitLoad",
+    "LimitProblem",
     "MasonryProblem",
     "PointForce",
+    "Stone",
     "Trial",
     "analyse",
     "associative_limit",
@@ -28,7 +31,7 @@ __all__ = [
     "limit_problem",
     "pushed",
     "read_masonry",
-    "rigid_model",
+    "structure",
     "tilted",
     "trial",
     "write_masonry",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fcsim.masonry.joints import Joint, joints_of
-from fcsim.masonry.limit import LimitLoad, LimitProblem, associative_limit, coulomb_limit, limit_problem
-from fcsim.masonry.mechanics import rigid_model
+from fcsim.masonry.limit import LimitLoad, associative_limit, coulomb_limit
+from fcsim.masonry.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.problem import MasonryProblem
 
 
@@ -23,7 +23,7 @@ class LimitAnalysis:
 
 def analyse(problem: MasonryProblem, tolerance: float | None = None) -> LimitAnalysis:
     """Return the limit analysis of a problem with rigid blocks; tolerance [m]: see `limit_problem`."""
-    limit = limit_problem(rigid_model(problem), tolerance=tolerance)
+    limit = limit_problem(problem, tolerance=tolerance)
     upper = associative_limit(limit)
     least = coulomb_limit(limit, upper)
     u = limit.H.T @ least.v[limit.free]

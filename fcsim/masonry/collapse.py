@@ -7,16 +7,19 @@ still moving. An excess eps of the multiplier accelerates a mechanism by about g
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
-from fcsim.masonry.mechanics import rigid_model
+from fcsim.masonry.limit_problem import limit_problem
 from fcsim.masonry.problem import MasonryProblem
+from fcsim.masonry.structure import structure
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
 FIRST, RUNAWAY = 1e-6, 1e-3
@@ -51,25 +54,39 @@ class Bracket:
 Watch = Callable[[Trial], None]
 
 
-def trial(
-    problem: MasonryProblem, multiplier: float, *, duration: float, steps: int = _STEPS, settings: SolverSettings | None = None
-) -> Trial:
+def trial(problem: MasonryProblem, multiplier: float, *, duration: float, steps: int = _STEPS) -> Trial:
     """Hold the load at `multiplier` for `duration` [s], or until the structure has run away."""
-    blocks = rigid_model(problem, lambda t: multiplier)
-    model = blocks.model
-    simulation = Simulation(
-        model, blocks.contact(), Theta(duration / steps), steps, settings or SolverSettings(name="PPA-NSN-AC"), created=np.inf
-    )
-    free = np.repeat([not block.support for block in problem.blocks], np.diff(model.node_offset))
     displacement = speed = t = 0.0
+    fast = RUNAWAY * problem.size / duration
+    for step, displacement, speed in _held(problem, multiplier, duration, steps):
+        t = step.state.t
+        if displacement > 3 * RUNAWAY * problem.size and speed > fast:
+            break
+    falls = displacement > RUNAWAY * problem.size and speed > fast
+    return Trial(multiplier, displacement, speed, t, displacement > FIRST * problem.size, falls)
+
+
+def fallen(problem: MasonryProblem, multiplier: float, *, share: float = 0.01, duration: float = 5.0) -> Step:
+    """Return the step at which a structure under a held load has moved by a share of its extent, or the last within `duration` [s]."""
+    last = None
+    for step, displacement, _ in _held(problem, multiplier, duration, int(np.ceil(duration / 0.01))):
+        last = step
+        if displacement > share * problem.size:
+            break
+    assert last is not None
+    return last
+
+
+def _held(problem: MasonryProblem, multiplier: float, duration: float, steps: int) -> Iterator[tuple[Step, float, float]]:
+    """Steps under a held load, the largest displacement [m] and speed [m/s] of a free block's corner."""
+    model, _ = structure(problem, multiplier=lambda t: multiplier)
+    solver = SolverSettings(name="PPA-NSN-AC")
+    simulation = Simulation(model, Everything(model, problem.friction), Theta(duration / steps), steps, solver, created=np.inf)
+    free = np.repeat([not block.support for block in problem.blocks], np.diff(model.node_offset))
     for step in simulation:
         moved = np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1)
-        displacement, t = float(moved.max()), step.state.t
-        speed = float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[free], axis=1).max())
-        if displacement > 3 * RUNAWAY * problem.size and speed > RUNAWAY * problem.size / duration:
-            break
-    falls = displacement > RUNAWAY * problem.size and speed > RUNAWAY * problem.size / duration
-    return Trial(multiplier, displacement, speed, t, displacement > FIRST * problem.size, falls)
+        speeds = np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[free], axis=1)
+        yield step, float(moved.max()), float(speeds.max())
 
 
 def bracket(problem: MasonryProblem, low: float, high: float, *, resolution: float = 0.005, watch: Watch = lambda trial: None) -> Bracket:
@@ -108,9 +125,10 @@ def bracket(problem: MasonryProblem, low: float, high: float, *, resolution: flo
 
 def _acceleration(problem: MasonryProblem) -> float:
     """What the loads that grow give all free blocks together at the multiplier 1 [m/s^2], without regard to signs."""
-    blocks = rigid_model(problem)
-    mass = sum(body.mass for body, block in zip(blocks.model.rigid, problem.blocks, strict=True) if not block.support)
-    return float(np.abs(blocks.model.rigid_part(blocks.live)[:, : blocks.model.dimension]).sum() / mass)
+    limit = limit_problem(problem)
+    model = limit.model
+    mass = sum(body.mass for body, block in zip(model.rigid, problem.blocks, strict=True) if not block.support)
+    return float(np.abs(model.rigid_part(limit.live)[:, : model.dimension]).sum() / mass)
 
 
 def _bisected(low: float, high: float, resolution: float, happens: Callable[[float], bool]) -> tuple[float, float]:

@@ -114,6 +114,11 @@ class MasonryProblem:
         return {block.name: k for k, block in enumerate(self.blocks)}
 
     @property
+    def friction(self) -> float | dict[tuple[str, str], float]:
+        """mu as detection takes it: a number, or a table by pairs."""
+        return {("*", "*"): self.mu, **self.between} if self.between else self.mu
+
+    @property
     def scaled(self) -> bool:
         """Whether a load grows with the multiplier."""
         return any(load.scaled for load in self.loads)

@@ -12,6 +12,7 @@ import numpy as np
 from fcsim.files import replacing_for_good
 from fcsim.masonry.analysis import LimitAnalysis
 from fcsim.masonry.collapse import Bracket
+from fcsim.masonry.openings import Opening
 from fcsim.records import write_record
 from fcsim.version import __version__
 
@@ -44,13 +45,22 @@ def write_analysis(directory: Path, analysis: LimitAnalysis, seen: Bracket | Non
     ]
     header = ("block", "with", "state", "N [kN]", "T [kN]", "T/N", "eccentricity [m]", "length [m]")
     _write_csv(directory / "joints.csv", header, joints)
-    model = analysis.limit.blocks.model
+    model = analysis.limit.model
     velocities = model.rigid_part(analysis.coulomb.v)
     d = model.dimension
     names = ("vx", "vz", "omega") if d == 2 else ("vx", "vy", "vz", "omega x", "omega y", "omega z")
     largest = max(float(np.abs(velocities[:, :d]).max()), 1e-300)
     rows = [(body.name, *(f"{value / largest:.6g}" for value in row)) for body, row in zip(model.rigid, velocities, strict=True)]
     _write_csv(directory / "blocks.csv", ("block", *names), rows)
+
+
+def write_openings(path: Path, joints: tuple[Opening, ...]) -> None:
+    """Write the openings of joints, the widest first."""
+    rows: list[tuple[str, ...]] = [
+        (*joint.between, f"{1e3 * joint.opening:.6g}", f"{1e3 * joint.slip:.6g}")
+        for joint in sorted(joints, key=lambda joint: -joint.opening)
+    ]
+    _write_csv(path, ("block", "with", "opening [mm]", "slip [mm]"), rows)
 
 
 def _write_csv(path: Path, header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:

@@ -25,6 +25,7 @@ from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial, LinearMaterial, PointLaw
 from fcsim.mesh.order.linear_facets import linear_facets
 from fcsim.mesh.order.second_order import raised
+from fcsim.mesh.quality import ROUND_OFF, check_quality
 
 Kinematics = Literal["turning", "linear"]
 
@@ -96,6 +97,7 @@ class Part:
     surfaces  name -> (nf, kf) node numbers of the facets; a 3D facet is ordered counter-clockwise seen from outside, so that its
               right-hand normal points out of the body; a 2D facet (a, b) has the body on its left, outward normal (t_y, -t_x). Facets
               of second order: the corners, then the middles of the edges around, then the middle of a quadrilateral
+              Refused like a mesh file's, see `check_quality`: inverted, collapsed, twisted and repeated cells, unused nodes
     plane     2D only: "strain" or "stress"; thickness [m] multiplies every 2D integral
     elements  how the cells deform (`fcsim.assembly.elements`): hexahedra and quadrilaterals "Q1" (None: this), "Q1-enhanced" (bends and
               keeps its volume without locking) or "Q1-bbar" (without volumetric locking); tetrahedra and triangles "P1"; of second
@@ -141,6 +143,7 @@ class Part:
             _refuse_unshared(self.material, self.regions, len(self.cells), what)
         if cell.order == 1 and self.elements in ELEMENTS[RAISED[self.cell_type]]:
             self._raise_order()
+        check_quality(self, smallest=ROUND_OFF)
 
     def _raise_order(self) -> None:
         points, cells, cell_type, surfaces = raised(self.points, self.cells, self.cell_type, self.surfaces, f"Part {self.name!r}")

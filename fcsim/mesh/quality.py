@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.facets import refuse_repeated
 from fcsim.mesh.order.quadrature import quadrature
-from fcsim.mesh.part import Part
 
 SMALLEST_SCALED_JACOBIAN = 1e-3
+"""Of meshes that others made: a worse cell is a slip of the mesher."""
+ROUND_OFF = 1e-9
+"""A cell with a smaller scaled Jacobian has none that can be told from zero; longer ones than wide by 10^4 are still computed with."""
+
+
+class Meshed(Protocol):
+    """What has a mesh: a `Part`."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def points(self) -> FloatArray: ...
+    @property
+    def cells(self) -> IntArray: ...
+    @property
+    def cell_type(self) -> str: ...
 
 
 def _gauss_points(d: int) -> FloatArray:
@@ -94,14 +111,15 @@ def _ratio(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
     return np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator > 0)
 
 
-def check_quality(part: Part, smallest: float = SMALLEST_SCALED_JACOBIAN) -> FloatArray:
+def check_quality(part: Meshed, smallest: float = SMALLEST_SCALED_JACOBIAN) -> FloatArray:
     """Return the scaled Jacobians (ncells,) of a part; InputError where it cannot be computed with.
 
-    Refused: cells with a scaled Jacobian below `smallest` (inverted, collapsed or nearly so), and nodes that no cell uses, which
-    would make the stiffness and mass singular.
+    Refused: cells with a scaled Jacobian below `smallest` (inverted, bow ties, collapsed or nearly so), cells that are given twice, and
+    nodes that no cell uses, which would make the stiffness and mass singular.
     """
-    quality = scaled_jacobian(part.points, part.cells, part.cell_type)
-    bad = np.flatnonzero(quality < smallest)
+    with np.errstate(over="ignore", invalid="ignore"):
+        quality = scaled_jacobian(part.points, part.cells, part.cell_type)
+    bad = np.flatnonzero(~(quality >= smallest))  # NaN, of coordinates whose products overflow, is bad too
     if bad.size:
         worst = int(np.argmin(quality))
         inverted = np.count_nonzero(quality[bad] < -1e-12)
@@ -110,6 +128,7 @@ def check_quality(part: Part, smallest: float = SMALLEST_SCALED_JACOBIAN) -> Flo
             f"{bad.size} of {len(quality)} below, {inverted} of them inverted: elements {_first(bad)}; the worst is {quality[worst]:.3g} "
             f"at element {worst}"
         )
+    refuse_repeated(part.cells, f"Part {part.name!r}, cells")
     unused = np.flatnonzero(np.bincount(part.cells.ravel(), minlength=len(part.points)) == 0)
     if unused.size:
         raise InputError(

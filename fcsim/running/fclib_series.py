@@ -11,6 +11,7 @@ from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import Solution
 from fcsim.export_fclib.write import file_name, write_fclib
 from fcsim.problem.reduction import BlockFactor, Reduction
+from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import Result
 from fcsim.timestep.step import Step
 
@@ -36,6 +37,8 @@ def write_step(
     forms = tuple(forms)
     if unknown := [form for form in forms if form not in ("global", "local")]:
         raise InputError(f"FCLIB form {unknown[0]!r}: expected 'global' or 'local'")
+    if isinstance(step.problem, GlobalRollingProblem) and "local" in forms:
+        raise InputError("FCLIB form 'local': expected 'global' with rolling resistance, for which FCLIB has no local form")
     to = _Files(Path(directory), forms, step.number, title, description, compression)
     written = to.write(fclib_set, step.reduction, step.result, step.start)
     for k, earlier in enumerate(step.linearised[:-1] if iterations else ()):

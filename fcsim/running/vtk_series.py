@@ -95,8 +95,11 @@ class SeriesWriter:
     blocks     points in the reference configuration; point data displacement [m], velocity [m/s]; cell data von_mises [Pa]
                (at the cell's centre), body
     contacts   points at the foot points; reaction (global axes), reaction_normal, reaction_tangential [N], gap [m], status (0 open,
-               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there; and what the contact
-               law remembers, by its names (fracture, slip, ...); field data overlap [m] and overlap_place, where the witness saw any
+               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there, rolling_moment
+               [N m] and rolling (0, 1) with rolling resistance; and what the law remembers, by its names
+               (fracture, slip, ...); field data overlap [m] and overlap_place, where the witness saw any
+    links      where there are any: points where their rows act, as the bodies stand; force [N] on the first body (global axes), link
+               (its number in the linkage), gap [m]
     rigid      the surfaces of the rigid bodies; point data displacement [m], velocity [m/s]; cell data body
 
     Every file is written under a temporary name and renamed, the collection last, so that an interrupted run leaves whole files.
@@ -117,12 +120,15 @@ class SeriesWriter:
             for name, present in (("blocks", deformable), ("contacts", True), ("rigid", rigid))
             if present
         }
+        if (path := self.directory / "links.pvd").is_file():
+            self._entries["links"] = read_collection(path)
 
     def write(self, step: Any) -> None:
         """Write the three data sets of a step and take them up in the collections.
 
         Reads step.number; step.state.t, .x, .v; step.contacts; step.contact_force (nc, d) [N] in the frame (N, T1[, T2]);
-        step.contact_status (nc,); step.result.u (d nc,) [m/s]; step.law_variables. Entries of the same or a later time are replaced.
+        step.contact_status (nc,); step.result.u [m/s]; step.rolling_moment;
+        step.law_variables. Entries of the same or a later time are replaced.
         """
         t = float(step.state.t)
         displacement = self._model.node_displacement(step.state.x)
@@ -133,6 +139,9 @@ class SeriesWriter:
             datasets["blocks"] = (self._blocks.dataset(displacement, velocity, strained, step.state), "vtu")
         if self._rigid:
             datasets["rigid"] = (self._rigid.dataset(displacement, velocity), "vtp")
+        if step.linked is not None:
+            self._entries.setdefault("links", [])
+            datasets["links"] = (_link_points(self._vtk, step), "vtp")
         files = {name: f"{name}_{step.number:05d}.{suffix}" for name, (_, suffix) in datasets.items()}
         for name, (dataset, _) in datasets.items():
             self._vtk.write(dataset, self.directory / files[name], t)
@@ -273,10 +282,25 @@ def _closed_line(segments: Iterable[Sequence[int]]) -> list[int] | None:
     return line if node == line[0] and len(line) == len(pairs) > 0 else None
 
 
+def _link_points(vtk: _VTK, step: Any) -> Any:
+    """A point for each row, where the weights of its first body are: the mean of the nodes of positive weight."""
+    linked, model = step.linked, step.model
+    rows = linked.rows
+    positive = rows.weights.multiply(rows.weights > 0).tocsr()
+    total = np.asarray(positive.sum(axis=1)).ravel()
+    points = vtk.data.vtkPolyData()
+    points.SetPoints(vtk.points((positive @ model.positions(step.state.x)) / np.where(total > 0, total, 1.0)[:, None]))
+    points.SetVerts(vtk.cells(np.arange(len(total) + 1), np.arange(len(total))))
+    forces = step.force_per_reaction * step.result.multiplier[:, None] * rows.direction
+    for name, values in {"force": _in_space(forces), "link": linked.linkage.of_row.astype(np.int32), "gap": rows.gap}.items():
+        points.GetPointData().AddArray(vtk.array(name, values))
+    return points
+
+
 def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
     contacts, nc = step.contacts, len(step.contacts)
     force = np.asarray(step.contact_force).reshape(nc, contacts.dimension)
-    sliding = np.asarray(step.result.u).reshape(nc, contacts.dimension)[:, 1:]
+    sliding = np.asarray(step.result.u).reshape(nc, -1 if nc else contacts.dimension)[:, 1 : contacts.dimension]
     points = vtk.data.vtkPolyData()
     points.SetPoints(vtk.points(contacts.point))
     points.SetVerts(vtk.cells(np.arange(nc + 1), np.arange(nc)))
@@ -292,6 +316,9 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
         "displacement": _in_space(np.einsum("ak,akj->aj", contacts.on_master, displacement[contacts.nodes])),
     }.items():
         points.GetPointData().AddArray(vtk.array(name, values))
+    if (moment := step.rolling_moment) is not None:
+        points.GetPointData().AddArray(vtk.array("rolling_moment", np.hypot(*moment.T)))
+        points.GetPointData().AddArray(vtk.array("rolling", step.rolling.astype(np.int8)))
     for name, values in step.law_variables.items():
         points.GetPointData().AddArray(vtk.array(name, values if values.ndim == 1 else _in_space(values)))
     seen = step.overlap

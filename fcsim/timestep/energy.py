@@ -18,6 +18,9 @@ class Energy:
 
     kinetic, elastic         v.M v / 2 and x.K x / 2 at the end of the step; of nonlinear materials what they store
     contact                  what joints hold at the end of the step: springs, and what cohesion would give back; see `fcsim.contact_law`
+    links                    what springs between bodies hold at the end of the step
+    link_work                work of the links on the bodies: of joints none but for the scheme's error, which swings about zero; of springs
+                             what they give back, less what dashpots take
     load_work                work of gravity and loads
     support_work             work of the supports that drive degrees of freedom
     damping_dissipation      of the Rayleigh damping
@@ -25,11 +28,12 @@ class Energy:
     material_dissipation     of the materials: plastic flow, viscosity
     normal_dissipation       minus the work of the normal reactions: what impacts lose
     tangential_dissipation   minus the work of the tangential reactions
-    friction_dissipation     -sum r_T . u_T with the velocity u_T at the end of the step, of which Coulomb's law speaks: never negative.
+    friction_dissipation     -sum r_T . u_T (and -sum r_R . u_R of rolling moments) with the velocity u_T at the end of the step, of which
+                             Coulomb's law speaks: never negative.
                              It differs from tangential_dissipation while u_T changes within the step, and is no term of the balance
     contact_gain             what contacts gave that no joint held: the work of all reactions less what `contact` lost. Friction and impacts
                              make it negative; what is positive was created. No term of the balance
-    residual                 change of kinetic + elastic - load_work - support_work + the dissipations but the last: round-off
+    residual                 change of kinetic + elastic - load_work - support_work - link_work + the dissipations but the last: round-off
 
     The docstring of each scheme's `energy` has its identity.
     """
@@ -47,6 +51,8 @@ class Energy:
     contact: float = 0.0
     contact_gain: float = 0.0
     material_dissipation: float = 0.0
+    link_work: float = 0.0
+    links: float = 0.0
 
     def with_joints(self, before: float, after: float) -> Energy:
         """The balance where joints held `before` [J] at the beginning and `after` at the end."""
@@ -58,11 +64,11 @@ class Energy:
         """Kinetic and elastic energy at the beginning of the step."""
         dissipated = self.damping_dissipation + self.numerical_dissipation + self.material_dissipation
         dissipated += self.normal_dissipation + self.tangential_dissipation
-        return self.kinetic + self.elastic - (self.load_work + self.support_work - dissipated + self.residual)
+        return self.kinetic + self.elastic - (self.load_work + self.support_work + self.link_work - dissipated + self.residual)
 
     def then(self, later: Energy) -> Energy:
         """Return the balance over this time and the one that follows: energies of the later, sums of all else."""
-        states = ("kinetic", "elastic", "contact")
+        states = ("kinetic", "elastic", "contact", "links")
         sums = {f.name: getattr(self, f.name) + getattr(later, f.name) for f in fields(self) if f.name not in states}
         return replace(later, **sums)
 
@@ -85,7 +91,7 @@ class Ledger:
 
     def after(self, step: Energy) -> Ledger:
         """The ledger after another step."""
-        supplied = (self.supplied if self.begun else step.at_beginning) + abs(step.load_work) + abs(step.support_work)
+        supplied = (self.supplied if self.begun else step.at_beginning) + abs(step.load_work) + abs(step.support_work) + abs(step.link_work)
         gained = self.gained + step.contact_gain
         lowest = min(self.lowest, gained)
         return Ledger(supplied, gained, lowest, max(self.created, gained - lowest), True)
@@ -189,9 +195,20 @@ class ContactWork:
     friction_dissipation: float
 
 
-def contact_work(H: Any, r: FloatArray, u: FloatArray, v: FloatArray, dimension: int) -> ContactWork:
-    """Work of r (m,) on H^T v (m,), v (n_dofs,) the velocity with which the scheme's energy works; u (m,) that of the contact law."""
-    reaction, mean, end = (a.reshape(-1, dimension) for a in (r, H.T @ v, u))
+@dataclass(frozen=True, eq=False)
+class Acting:
+    """What acted at the contacts of a step: H (n_dofs, m) of all unknowns, r (m,) and the contact law's u (m,); rows a contact: normal
+    force, tangential forces, rolling moments."""
+
+    H: Any
+    r: FloatArray
+    u: FloatArray
+    rows: int
+
+
+def contact_work(acting: Acting, v: FloatArray) -> ContactWork:
+    """Work of r on H^T v (m,), v (n_dofs,) the velocity with which the scheme's energy works; rolling counts as tangential."""
+    reaction, mean, end = (a.reshape(-1, acting.rows) for a in (acting.r, acting.H.T @ v, acting.u))
     return ContactWork(
         float(reaction[:, 0] @ mean[:, 0]),
         float(np.einsum("ai,ai->", reaction[:, 1:], mean[:, 1:])),

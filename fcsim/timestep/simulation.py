@@ -18,6 +18,7 @@ from fcsim.contact_detection import Detection, Detector
 from fcsim.contact_detection.never_touching import never_touching
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
+from fcsim.linkage import Linkage
 from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
@@ -25,9 +26,11 @@ from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import Encounter, encounter, met_on_the_way
 from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
+from fcsim.timestep.links.linked import linked, refuse_linkage
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest, refuse_misplaced
 from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
@@ -55,6 +58,8 @@ class Simulation:
     limits: bodies beyond them raise KinematicsLeft after the step that is yielded last, see `Limits`; what comes near them is said once,
     in the remarks of a step.
 
+    linkage: the links that hold bodies together, equality constraints of every step, see `Closing`.
+
     The witness measures the bodies' overlap before the first step, every few steps and after the last, and refuses or stops what is
     beyond its tolerance: InputError before the first step, Penetration after the step that is yielded last. None: nobody looks.
     """
@@ -69,6 +74,7 @@ class Simulation:
     cuttings: int = 5
     created: float = 0.05
     limits: Limits = field(default_factory=Limits)
+    linkage: Linkage | None = None
     witness: Witness | None = field(default_factory=Witness)
 
     def __post_init__(self) -> None:
@@ -82,6 +88,7 @@ class Simulation:
             raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
         object.__setattr__(self, "model", self.model.moving(self.scheme.kinematics))
         self.scheme.refuse(self.model)  # before anything runs
+        refuse_linkage(self.linkage, self.model)
         if self.initial is not None:
             refuse_misplaced(self.model, self.initial)
 
@@ -90,8 +97,8 @@ class Simulation:
 
     @cached_property
     def contact_nodes(self) -> NDArray[np.int64]:
-        """Nodes that contacts can touch."""
-        return self.detector.nodes
+        """Nodes that contacts and links can touch."""
+        return self.detector.nodes if self.linkage is None else np.union1d(self.detector.nodes, self.linkage.nodes)
 
     @cached_property
     def factor(self) -> SystemFactor:
@@ -277,7 +284,8 @@ class Simulation:
     def _part(
         self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
     ) -> Step | None:
-        """The step, or its next part of the length h / 2^cuts; None where it has no answer. What was tried goes into `attempts`."""
+        """The step, or its next part of the length h / 2^cuts; None where it has no answer. What was tried goes into `attempts`;
+        long because it is one step from its contacts to its end."""
         model, state = self.model, start.state
         scheme = self.scheme.cut(2**cuts) if cuts else self.scheme
         met = self._met(scheme, start, cuts, clock)
@@ -292,17 +300,22 @@ class Simulation:
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
         identity = met.contacts.identity
         past = Past(memory, start.lead, None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity))
-        looks = 0
+        looks, links = 0, Closing(linked(self.linkage, model, scheme, state), self._extent)
         while True:
-            equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts)
+            equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts, links.rows)
             answer, past = self._solved(equation, past, attempts, clock, start)
             if kept is not None and past.serving is not None:
                 kept[cuts] = past.serving
             if answer is None:
                 return None
             result, v, met = answer.result, answer.v, answer.met
-            impulse = met.H @ met.reaction(result.r)
+            impulse = met.impulse(result.r) + links.impulse(result.multiplier)
             after = self._updated(state, scheme.advance(model, state, v, impulse, rigid_mass))
+            if not links.keep(model, scheme, v, after, attempts, 0.5**cuts):
+                if links.given_up:
+                    return None
+                past = past.of_the_same_step(met.contacts, met.contacts, result.r)
+                continue
             ahead = looked_ahead(model, self.detector, scheme, state, met, v, after) if looks < ROUNDS else None
             clock.lap("detection")
             if ahead is None:
@@ -333,4 +346,5 @@ class Simulation:
             variables=variables,
             lead=past.lead,
             linearised=answer.linearised,
+            linked=links.rows,
         )

@@ -44,12 +44,12 @@ def draw_mechanism(analysis: LimitAnalysis, path: Path) -> Path:
 
 def _corners(analysis: LimitAnalysis) -> list[FloatArray]:
     """The corners of each block, in order around it in 2D."""
-    return [body.points for body in analysis.limit.blocks.model.rigid]
+    return [body.points for body in analysis.limit.model.rigid]
 
 
 def _moved(analysis: LimitAnalysis) -> list[FloatArray]:
     """The corners of each block as the mechanism moves them, by rotations: the fastest by `SHOWN` of the extent."""
-    model = analysis.limit.blocks.model
+    model = analysis.limit.model
     v = analysis.coulomb.v
     reach = float(np.linalg.norm(model.node_velocity(v), axis=1).max(initial=0.0))
     amount = SHOWN * analysis.problem.size / reach if reach > 0 else 0.0
@@ -103,7 +103,7 @@ def _said(analysis: LimitAnalysis) -> str:
 
 def _draw_solids(analysis: LimitAnalysis, path: Path) -> Path:
     pv = offscreen()
-    model = analysis.limit.blocks.model
+    model = analysis.limit.model
     speed = np.linalg.norm(model.node_velocity(analysis.coulomb.v), axis=1)
     most = max(float(speed.max(initial=0.0)), 1e-300)
     plotter: Any = pv.Plotter(off_screen=True, window_size=(1400, 1050))

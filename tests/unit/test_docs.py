@@ -22,7 +22,7 @@ def blocks(page: Path) -> list[str]:
 
 
 def test_there_are_guides() -> None:
-    assert [page.stem for page in GUIDES] == ["add_a_case", "add_a_contact_rule", "add_a_material", "add_a_solver"]
+    assert [page.stem for page in GUIDES] == ["add_a_case", "add_a_contact_rule", "add_a_material", "add_a_solver", "from_dolfinx"]
 
 
 @pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.stem)

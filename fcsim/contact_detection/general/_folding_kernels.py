@@ -15,12 +15,13 @@ _LEVEL = 1e-6  # of a facet: a corner less high above another's plane lies in it
 
 @njit(cache=True)
 def _above(f: int, g: int, point: FloatArray, normal: FloatArray, centre: FloatArray, size: FloatArray, facets: IntArray, k: int) -> bool:
-    """Whether one of the k corners of g lies above the plane of f, or in it where the two oppose each other squarely."""
-    highest = -np.inf
+    """Whether one of the k corners of g lies above the plane of f, or all of them in it while the two oppose each other."""
+    highest, lowest = -np.inf, np.inf
     for c in range(k):
-        highest = max(highest, dot(point[facets[g, c]] - centre[f], normal[f]))
+        height = dot(point[facets[g, c]] - centre[f], normal[f])
+        highest, lowest = max(highest, height), min(lowest, height)
     level = _LEVEL * (size[f] + size[g])
-    return highest > level or (highest > -level and -dot(normal[f], normal[g]) > -_SEES)
+    return highest > level or (lowest > -level and -dot(normal[f], normal[g]) > -_SEES)
 
 
 @njit(cache=True)

@@ -10,6 +10,7 @@ from fcsim.contact_detection.general._foot_kernels import EDGE, INSIDE, VERTEX, 
 
 FACING = 0.1  # a facet around a vertex faces the direction N where n . N < -FACING
 _STEEP = 0.8  # sine of the slope
+_FLUSH, _DESCENDS = 0.9, 0.01  # cosine between a facet around a vertex and one that it lies flush with; sine of a slope
 _RISES = 1.2  # tangent of the slope up to which a facet lies over another one, rather than beside it
 _SAME_PLANE = 1.0 - 1e-10  # cosine
 _RIMS = 16
@@ -30,17 +31,20 @@ def _facing(
 ) -> float:
     """How squarely the surface around the vertex v faces the direction n: the largest -n_facet . n, or that of its mean (of a needle).
 
-    -1 where the surface goes on steeply against n from v, as in an inner corner: it is not v that touches there.
+    -1 where it is not v that touches there: where the surface goes on steeply against n from v, as in an inner corner, or descends although
+    another facet of v looks the same way as n: a sharp corner within a body, its side flush with that body's, does not leave by that side.
     """
-    best = -dot(mean[v], n)
+    best, lowest, flush = -dot(mean[v], n), 0.0, False
     for k in range(first_star[v], first_star[v + 1]):
         g = star[k]
-        best = max(best, -dot(normals[g], n))
+        cosine = dot(normals[g], n)
+        best, flush = max(best, -cosine), flush or cosine > _FLUSH
         for c in range(sides[g]):
             arm = point[facets[g, c]] - point[v]
-            if dot(arm, n) < -_STEEP * np.sqrt(dot(arm, arm)):
-                return -1.0
-    return best
+            length = np.sqrt(dot(arm, arm))
+            if length > 0.0:
+                lowest = min(lowest, dot(arm, n) / length)
+    return -1.0 if lowest < -_STEEP or (flush and lowest < -_DESCENDS) else best
 
 
 @njit(cache=True)

@@ -119,7 +119,8 @@ class Everything:
             return now
         way = self._checked("displacement", displacement)
         fast, count, alert = self._fast(x, way)
-        return with_swept(now, lambda there: self._at(there, fast), x, way, count, alert) if count else now
+        times = np.arange(count + 1) / max(count, 1)
+        return with_swept(now, lambda there: self._at(there, fast), x, way, times, alert) if count else now
 
     def _here(self, x: FloatArray) -> Contacts:
         """Contacts at x of all bodies. The last answer is kept: where a step looks ahead, the next one begins."""

@@ -34,6 +34,12 @@ class StepCompliance:
         """Which contact unknowns have a compliance."""
         return np.flatnonzero(self.joint) if self.joint is not None else np.empty(0, dtype=np.int64)
 
+    @property
+    def unknowns(self) -> int:
+        """Number of the problem's unknowns."""
+        model = self.factor.model
+        return (len(model.free_dofs) if model.driven == "eliminated" else model.n_dofs) + len(self._soft)
+
     def matrix(self) -> Any:
         """M of the problem."""
         matrix = self.factor.matrix()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,14 +16,17 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
+from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
 from fcsim.solvers import Memory, Result
-from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
+from fcsim.timestep.chain import Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
+from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Attempt, Lead, Linearised
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE, Linearisation
+from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
 from fcsim.timestep.step_equation.mixing import Mixing
 from fcsim.timestep.warm_start import Reactions, warm_start
 
@@ -33,7 +36,7 @@ class Equation:
     """What a step's problems share: all but the elastic term of the right side.
 
     met: its contacts; factor: of the step's M; rest (n_dofs,): right side without the elastic term; driven: values of the driven
-    unknowns; share: of the whole step that it is
+    unknowns; share: of the whole step that it is; linked: the rows of its links
     """
 
     scheme: Scheme
@@ -45,6 +48,7 @@ class Equation:
     driven: FloatArray
     elastic: Linearisation
     share: float
+    linked: Linked | None = None
 
     @cached_property
     def _moved(self) -> FloatArray | None:
@@ -52,20 +56,25 @@ class Equation:
         return self.model.of_driven(self.driven) if np.any(self.driven) else None
 
     @cached_property
-    def compliance(self) -> StepCompliance:
-        return StepCompliance(self.factor, self.met.compliance)
+    def compliance(self) -> StepCompliance | LinkedCompliance:
+        own = StepCompliance(self.factor, self.met.compliance)
+        return own if self.linked is None else LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance)
+
+    def _on_unknowns(self, H: Any) -> Any:
+        """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out."""
+        model = self.model
+        if model.axes_matrix is not None:
+            H = sp.csr_array(model.axes_matrix @ H)
+        if model.driven == "eliminated":
+            return sp.csr_array(H[model.free_dofs])
+        mask = np.zeros(model.n_dofs)
+        mask[model.free_dofs] = 1
+        return sp.csr_array(sp.diags_array(mask) @ H)
 
     @cached_property
     def _H(self) -> Any:
         """H on the problems' unknowns."""
-        model, H = self.model, self.met.scaled_H
-        if model.axes_matrix is not None:
-            H = sp.csc_array(model.axes_matrix @ H)
-        if model.driven == "eliminated":
-            return self.compliance.with_joints(sp.csr_array(H[model.free_dofs]))
-        mask = np.zeros(model.n_dofs)
-        mask[model.free_dofs] = 1
-        return self.compliance.with_joints(sp.csr_array(sp.diags_array(mask) @ H))
+        return self.compliance.with_joints(self._on_unknowns(self.met.scaled_H))
 
     @cached_property
     def _w(self) -> FloatArray:
@@ -78,15 +87,22 @@ class Equation:
         given = np.zeros(self.model.n_dofs) if adhesive is None else adhesive
         return given if self._moved is None else given + self.factor.apply(self._moved)
 
-    def problem(self, load: FloatArray) -> GlobalProblem:
+    def problem(self, load: FloatArray) -> GlobalProblem | GlobalRollingProblem:
         """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w."""
         model, f = self.model, self.model.along(load - self._given)
         if model.driven == "eliminated":
             f = f[model.free_dofs]
         else:
             f[model.driven_dofs] = self.driven
-        matrix, mu = self.compliance.matrix(), self.met.contacts.mu
-        return GlobalProblem(matrix, self._H, self.compliance.load(f), self._w, mu, dimension=model.dimension)
+        matrix, mu, compliance = self.compliance.matrix(), self.met.contacts.mu, self.compliance
+        G = b = None
+        if self.linked is not None and isinstance(compliance, LinkedCompliance):
+            G, b = compliance.matrix_of_links, self.linked.b
+            b = b if self._moved is None else b + self.linked.G.T @ self._moved
+        f, rolling = compliance.load(f), self.met.terms.rolling
+        if rolling is not None:
+            return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling, G, b)
+        return GlobalProblem(matrix, self._H, f, self._w, mu, G, b, dimension=model.dimension)
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:
         """The unknowns v (n_dofs,) of all dofs, in world axes, from the problem's."""
@@ -103,7 +119,7 @@ class Answer:
     its
     matrix and its contacts; linearised: all problems of a step with nonlinear bodies."""
 
-    problem: GlobalProblem
+    problem: GlobalProblem | GlobalRollingProblem
     reduction: Reduction
     result: Result
     v: FloatArray
@@ -124,7 +140,7 @@ class Past:
 
     def of_the_same_step(self, met: Contacts, ahead: Contacts, r: FloatArray) -> Past:
         """The past of the step's next solve with other contacts `ahead`, after r (m,) was found with the contacts `met`."""
-        last = Reactions(met.identity, met.frame, r.reshape(-1, met.dimension))
+        last = Reactions(met.identity, met.frame, r.reshape(len(met), -1 if len(met) else met.dimension))
         return replace(self, reactions=(last,), serving=None if self.serving is None else self.serving.follow(ahead.identity))
 
 
@@ -147,20 +163,24 @@ def solve_equation(
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term
         problem = equation.problem(load)
-        reduction = Reduction(problem, compliance)
+        reduction = Reduction(cast(Any, problem), compliance)
+        rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
         if problem.nc:
-            compliance = replace(compliance, summed=reduction.local.W)
+            compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
         clock.lap("assembly")
         if start is None:
-            start = r = warm_start(reduction.local, equation.met.contacts, past.reactions) if problem.nc else r
+            start = r = _start(reduction, rolling, equation.met, past.reactions)
         tol = settings.tol * min(1.0, longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction))
         first = len(attempts)
-        result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
+        if rolling is None:
+            result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
+        else:
+            result, serving = solve_rolling_chain(settings, rolling, r, tol, equation.share, attempts), past.serving
         clock.lap("solve")
         past = replace(past, serving=serving)
         if result is None:
             return None, past
-        if not mixing.points:  # a step teaches once, whatever its linearisations
+        if not mixing.points and rolling is None:  # a step teaches once, whatever its linearisations
             past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
         v, r = equation.velocity(result.v), result.r  # type: ignore[arg-type]
         answer = Answer(problem, reduction, result, v, load, start, equation.factor, equation.met)
@@ -179,6 +199,15 @@ def solve_equation(
     apart = TOLERANCE * float(change.max())
     attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
     return None, past
+
+
+def _start(reduction: Reduction, rolling: RollingReduction | None, met: Encounter, reactions: Sequence[Reactions]) -> FloatArray:
+    """Where a step's first solve begins (m,)."""
+    if not len(met.contacts):
+        return np.empty(0)
+    if rolling is None:
+        return warm_start(reduction.local, met.contacts, reactions)
+    return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 
 def longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:

@@ -21,7 +21,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection
 from fcsim.contact_detection.contacts import Contacts, join
-from fcsim.contact_detection.sweep import brought_back
+from fcsim.contact_detection.sweep import bounded, brought_back
 from fcsim.timestep.encounter import Encounter, under_law
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -55,7 +55,7 @@ def looked_ahead(
         return None
     at = place[known & deeper]
     bend[at] = there.gap[known & deeper] - straight[at]  # (1)
-    new = brought_back(there.take(deeper & ~known), met.meeting.positions)
+    new = bounded(brought_back(there.take(deeper & ~known), met.meeting.positions), held)
     every = join([held, new])
     order = np.argsort(every.identity, kind="stable")
     meeting = met.meeting

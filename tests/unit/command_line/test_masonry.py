@@ -69,6 +69,30 @@ def test_push_brackets_the_load(model: Path, capsys: pytest.CaptureFixture[str])
     assert low <= 0.4 * (1 + 1e-6) and high >= 0.4 * (1 - 1e-6) and high - low <= 0.05 * high
 
 
+def test_the_collapse_is_filmed_and_its_cracks_are_measured(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The block turns about its toe: the joint opens by the base times the angle, and does not slip."""
+    out = tmp_path / "out"
+    assert main(["push", str(model), "--direction", "x", "--resolution", "0.05", "--out", str(out), "--film"]) == EXIT_OK
+    (joint,) = csv.DictReader((out / "openings.csv").open())
+    opening, slip = float(joint["opening [mm]"]), float(joint["slip [mm]"])
+    assert 0.4 / math.hypot(0.4, 1.0) * 10.0 == pytest.approx(opening, rel=0.3)  # the far corner moves by 1 % of 1 m
+    assert slip < 0.05 * opening
+    for name in ("cracks.png", "mechanism.png", "run/film.gif", "run/run.json", "run/steps.csv"):
+        assert (out / name).stat().st_size > 500
+    assert "collapse: finished" in capsys.readouterr().out
+
+
+def test_a_model_runs_as_a_case(model: Path, tmp_path: Path) -> None:
+    """Deformable: the floor carries the weight once the waves of its beginning have gone."""
+    out = tmp_path / "run"
+    settings = ["--set", "blocks_are=deformable", "--set", "E=1e7", "--set", "beta=5e-3", "--steps", "60"]
+    assert main(["run", str(model), *settings, "--out", str(out), "--export-every", "0", "--vtk-every", "0"]) == EXIT_OK
+    rows = list(csv.DictReader((out / "steps.csv").open()))
+    assert len(rows) == 60
+    assert float(rows[-1]["multiplier"]) == 0.0
+    assert float(rows[-1]["displacement"]) == pytest.approx(2000 * 9.81 * 1.0**2 / (2 * 1e7), rel=0.15)  # rho g h^2 / 2 E
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -78,6 +102,7 @@ def test_push_brackets_the_load(model: Path, capsys: pytest.CaptureFixture[str])
         (["tilt", "--direction", "z"], "horizontal"),
         (["push", "--direction", "x", "--resolution", "2"], "resolution: expected a share"),
         (["limit", "--mu", "-1"], "mu: expected"),
+        (["push", "--direction", "x", "--film"], "--out DIR"),
     ],
 )
 def test_what_cannot_be_asked(model: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -101,9 +101,32 @@ def test_the_limit_is_an_argument():
 
 
 def test_unused_nodes_are_refused():
-    part = Part("loose", np.vstack((CUBE, [(9, 9, 9)])), one(CUBE), "hexahedron", {}, MATERIAL)
     with pytest.raises(InputError, match=r"Part 'loose'.*1 of 9 unused: nodes 8"):
-        check_quality(part)
+        Part("loose", np.vstack((CUBE, [(9, 9, 9)])), one(CUBE), "hexahedron", {}, MATERIAL)
+
+
+SQUARE = np.array([(0.0, 0), (1, 0), (1, 1), (0, 1)])
+
+
+@pytest.mark.parametrize(
+    ("points", "cells", "said"),
+    [
+        (SQUARE, [[0, 1, 3, 2]], "got 1 of 1 below"),  # a bow tie
+        (SQUARE, [[3, 2, 1, 0]], "1 of them inverted"),
+        (SQUARE, [[0, 1, 2, 2]], "got 1 of 1 below"),  # a node repeated
+        (SQUARE, [[0, 1, 2, 3], [1, 2, 3, 0]], "expected each element once, got 1 repeated"),
+        (1e200 * SQUARE, [[0, 1, 2, 3]], "got 1 of 1 below"),  # products beyond the largest number
+        (SQUARE[[0, 1, 2, 3, 0]], [[0, 1, 2, 3]], "1 of 5 unused: nodes 4"),
+    ],
+)
+def test_parts_made_in_python_are_checked_as_those_of_files(points, cells, said):
+    with pytest.raises(InputError, match=f"Part 'made'.*{said}"):
+        Part("made", points, np.array(cells), "quadrilateral", {}, MATERIAL)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e3, 1e9])
+def test_any_unit_of_length_will_do(size):
+    Part("made", size * SQUARE, np.array([[0, 1, 2, 3]]), "quadrilateral", {}, MATERIAL)
 
 
 @pytest.mark.parametrize("cell", IDEAL)

@@ -56,6 +56,7 @@ class FakeModel:
     bodies: tuple
     node_offset: np.ndarray
     reference: np.ndarray
+    nonlinear: tuple = ()
 
     @classmethod
     def of(cls, bodies: tuple) -> FakeModel:
@@ -146,6 +147,7 @@ def step(model: FakeModel, number: int, last: int, divisions: int = 8) -> Simple
     x = displacement(model, amplitude)
     state = SimpleNamespace(t=0.5 * amplitude, x=x.ravel(), v=2 * x.ravel())
     return SimpleNamespace(
+        linked=None,
         number=number,
         state=state,
         contacts=made,
@@ -153,6 +155,7 @@ def step(model: FakeModel, number: int, last: int, divisions: int = 8) -> Simple
         contact_status=status,
         result=SimpleNamespace(u=u.ravel()),
         overlap=Overlap(2e-4, 1e-3, ("a", "b"), (0.1,) * model.dimension),
+        rolling_moment=None,
         law_variables={},
     )
 
@@ -162,12 +165,14 @@ def without_contacts(made: SimpleNamespace) -> SimpleNamespace:
     none = {field.name: getattr(made.contacts, field.name)[:0] for field in fields(Contacts)}
     force = made.contact_force[:0]
     return SimpleNamespace(
+        linked=None,
         number=made.number,
         state=made.state,
         contacts=Contacts(**none),
         contact_force=force,
         contact_status=made.contact_status[:0],
         overlap=None,
+        rolling_moment=None,
         law_variables={},
         result=SimpleNamespace(u=force.ravel()),
     )
@@ -220,6 +225,7 @@ def write_run(directory: Path, *, d: int = 3, steps: int = 20, every: int = 5, d
 def fake():
     """The makers of this file, for tests that need a model or a step of their own."""
     return SimpleNamespace(
+        linked=None,
         wall=wall,
         step=step,
         without_contacts=without_contacts,

@@ -1,0 +1,135 @@
+"""The UFL forms of a part, to be printed or changed, and forms of one's own as nodal forces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fcsim import runtime
+from fcsim.arrays import FloatArray
+from fcsim.assembly import elasticity
+from fcsim.assembly.elasticity import QUADRATURE_DEGREE, Discretisation, discretise, lame
+from fcsim.errors import InputError
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Part
+
+
+@dataclass(frozen=True, eq=False)
+class PartForms:
+    """A part on its dolfinx mesh, in the part's axes: mesh; space of its displacements; u, v trial and test functions, x the place.
+
+    Lengths are those of the part; 2D forms are without its thickness.
+    """
+
+    part: Part
+    discrete: Discretisation
+
+    @property
+    def mesh(self) -> Any:
+        return self.discrete.mesh
+
+    @property
+    def space(self) -> Any:
+        return self.discrete.vector_space
+
+    @cached_property
+    def x(self) -> Any:
+        import ufl
+
+        return ufl.SpatialCoordinate(self.mesh)
+
+    @cached_property
+    def u(self) -> Any:
+        import ufl
+
+        return ufl.TrialFunction(self.space)
+
+    @cached_property
+    def v(self) -> Any:
+        import ufl
+
+        return ufl.TestFunction(self.space)
+
+    @property
+    def dx(self) -> Any:
+        """The measure of the cells."""
+        import ufl
+
+        return ufl.Measure("dx", domain=self.mesh)
+
+    @cached_property
+    def normal(self) -> Any:
+        """The outward normal, for forms on surfaces."""
+        import ufl
+
+        return ufl.FacetNormal(self.mesh)
+
+    def ds(self, surface: str) -> Any:
+        """The measure of one of the part's surfaces."""
+        import ufl
+
+        tags = runtime.dolfinx().mesh.meshtags(self.mesh, self.part.dimension - 1, self.discrete.boundary_facets(self.part, surface), 1)
+        return ufl.Measure("ds", domain=self.mesh, subdomain_data=tags, subdomain_id=1)
+
+    @property
+    def stiffness(self) -> Any:
+        """The bilinear form int sigma(u) : eps(v), as assembled for elements whose strain is that of their displacements."""
+        import ufl
+
+        if not isinstance(self.part.material, Material):
+            raise InputError(f"Part {self.part.name!r}: expected one isotropic linear material, whose form this is")
+        first, second = (self.discrete.constant(value) for value in lame(self.part))
+        eps_u, eps_v = ufl.sym(ufl.grad(self.u)), ufl.sym(ufl.grad(self.v))
+        degree = QUADRATURE_DEGREE[self.part.cell_type]["stiffness"]
+        return (first * ufl.div(self.u) * ufl.div(self.v) + 2 * second * ufl.inner(eps_u, eps_v)) * self.dx(
+            metadata={"quadrature_degree": degree}
+        )
+
+    @property
+    def mass(self) -> Any:
+        """The bilinear form int density u . v."""
+        import ufl
+
+        if not isinstance(self.part.material, Material):
+            raise InputError(f"Part {self.part.name!r}: expected one material, whose density this form has")
+        degree = QUADRATURE_DEGREE[self.part.cell_type]["mass"]
+        density = self.discrete.constant(self.part.material.density)
+        return density * ufl.inner(self.u, self.v) * self.dx(metadata={"quadrature_degree": degree})
+
+    def matrix(self, form: Any) -> Any:
+        """The matrix (d nn, d nn) of a bilinear form of u and v in the part's numbering, times the thickness in 2D."""
+        return self.part.thickness * self.discrete.matrix(form, self.space)
+
+    def vector(self, form: Any) -> FloatArray:
+        """The nodal values (d nn,) of a linear form of v in the part's numbering, times the thickness in 2D."""
+        found: FloatArray = self.part.thickness * self.discrete.vector(form, self.space)
+        return found
+
+
+@elasticity.once_per_part
+def _kept(part: Part) -> Discretisation:
+    return discretise(part)
+
+
+def forms_of(part: Part) -> PartForms:
+    """The forms of a part."""
+    return PartForms(part, _kept(part))
+
+
+def form_forces(part: Part, form: Callable[[PartForms], Any], what: str) -> FloatArray:
+    """Nodal forces (nn, d) [N] in the part's axes of a linear form of v; InputError for what is no such form."""
+    forms = forms_of(part)
+    try:
+        written = form(forms)
+        forces = forms.vector(written)
+    except InputError:
+        raise
+    except Exception as error:  # whatever UFL, FFCx and the user's function raise
+        raise InputError(f"{what}: expected a linear form of v in UFL, got: {type(error).__name__}: {error}") from None
+    if not np.all(np.isfinite(forces)):
+        raise InputError(f"{what}: expected finite nodal forces, got NaN or infinity")
+    return forces.reshape(-1, part.dimension)

@@ -1,0 +1,1 @@
+"""Back to dolfinx: functions of the state of a body."""

@@ -1,0 +1,203 @@
+"""All links of a model as rows g(x) = 0 of points of its bodies: equality constraints G^T v + b = 0 of the mechanics.
+
+A row says dir . (sum_n W_n x_n - o) = length with weights W of nodes that sum to zero (or are held against the ground), so that the
+forces dir W l on the bodies have no resultant; G = B^T (W x dir), B the model's `node_operator`. Springs are rows with a compliance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array, vstack
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.assembly.model import Model
+from fcsim.errors import InputError
+from fcsim.linkage.links import Ball, Bonded, Cable, Hinge, Link, Rod, Slider, SpringDamper, Tied
+from fcsim.linkage.points import weights_at
+from fcsim.linkage.rows import Asked, Jointed, asked
+from fcsim.linkage.surfaces import bonded_weights, offsets, tied_weights
+
+
+class Rows(NamedTuple):
+    """p rows in a configuration: weights (p, n_nodes), direction (p, d), gap (p,) [m]: how far each is from being kept."""
+
+    weights: csr_array
+    direction: FloatArray
+    gap: FloatArray
+
+
+class _Points(NamedTuple):
+    """The points of a link: weights (k, n_nodes) of nodes, ground (k, d) where they stand still; rest [m]: a length it has."""
+
+    link: Jointed
+    weights: csr_array
+    ground: FloatArray
+    rest: float
+
+
+class _Surfaces(NamedTuple):
+    """A tied or bonded pair: weights (k, n_nodes), offset (k, d) [m] in the reference, number of the body that it turns with."""
+
+    link: Tied | Bonded
+    weights: csr_array
+    offset: FloatArray
+    body: int
+
+
+class Linkage:
+    """The links of a model, checked: names, places in the bodies, surfaces that meet.
+
+    names: of all links; of_row (p,): which of them each row is of; stiffness (p,) [N/m], inf where the row is kept exactly, and damping
+    (p,) [N s/m]. Cables are no rows: `cables`, see `WithCables`.
+    """
+
+    def __init__(self, model: Model, links: Sequence[Link]) -> None:
+        self.model, self.links = model, tuple(links)
+        self.names = tuple(link.name for link in self.links)
+        if len(set(self.names)) < len(self.names) or "" in self.names:
+            raise InputError(f"linkage: expected different names of links, none empty, got {', '.join(map(repr, self.names))}")
+        self._pieces = [_found(model, link) for link in self.links if not isinstance(link, Cable)]
+        self.cables = [_points(model, link) for link in self.links if isinstance(link, Cable)]
+        self._counts = [len(self._rows_of(piece, model.reference).gap) for piece in self._pieces]
+        of_row = [self.names.index(piece.link.name) for piece in self._pieces]
+        self.of_row: IntArray = np.repeat(np.array(of_row, dtype=np.int64), self._counts)
+        springs = {self.names.index(p.link.name): p.link for p in self._pieces if isinstance(p.link, SpringDamper)}
+        self.stiffness: FloatArray = np.array([springs[k].stiffness if k in springs else np.inf for k in self.of_row.tolist()])
+        self.damping: FloatArray = np.array([springs[k].damping if k in springs else 0.0 for k in self.of_row.tolist()])
+
+    @property
+    def n_rows(self) -> int:
+        return len(self.of_row)
+
+    @property
+    def nodes(self) -> IntArray:
+        """Sorted numbers of the nodes that links touch."""
+        every = [piece.weights.indices for piece in (*self._pieces, *self.cables)]
+        return np.unique(np.concatenate([*every, np.empty(0, dtype=np.int64)])).astype(np.int64)
+
+    def rows(self, x: FloatArray, like: Rows | None = None) -> Rows:
+        """The rows in the configuration x (n_dofs,). like: those of another one, along whose directions hinges and sliders are measured,
+        which have no directions of their own across their axis."""
+        model = self.model
+        positions = model.positions(x)
+        found = []
+        ends = np.cumsum([0, *self._counts]).tolist()
+        for piece, begin, end in zip(self._pieces, ends, ends[1:], strict=False):
+            found.append(self._rows_of(piece, positions, x, None if like is None else like.direction[begin:end]))
+        if not found:
+            return Rows(csr_array((0, model.n_nodes)), np.empty((0, model.dimension)), np.empty(0))
+        return Rows(
+            vstack([rows.weights for rows in found], format="csr"),
+            np.concatenate([rows.direction for rows in found]),
+            np.concatenate([rows.gap for rows in found]),
+        )
+
+    def _rows_of(
+        self, piece: _Points | _Surfaces, positions: FloatArray, x: FloatArray | None = None, along: FloatArray | None = None
+    ) -> Rows:
+        d = self.model.dimension
+        if isinstance(piece, _Surfaces):
+            offset = piece.offset if x is None else piece.offset @ _rotation(self.model, piece.body, x).T
+            gap = (piece.weights @ positions - offset).ravel()
+            repeated = csr_array(piece.weights[np.repeat(np.arange(piece.weights.shape[0]), d)])
+            return Rows(repeated, np.tile(np.eye(d), (len(offset), 1)), gap)
+        points = piece.weights @ positions + piece.ground
+        wanted: Asked = asked(piece.link, points, piece.rest)
+        direction = along if along is not None and isinstance(piece.link, Hinge | Slider) else wanted.direction
+        gap = np.einsum("kd,kd->k", direction, wanted.coefficients @ points) - wanted.length
+        return Rows(csr_array(csr_array(wanted.coefficients) @ piece.weights), direction, gap)
+
+    def matrix(self, rows: Rows, x: FloatArray) -> csr_array:
+        """G (n_dofs, p) of the rows in the configuration x (n_dofs,)."""
+        d, W = self.model.dimension, rows.weights.tocoo()
+        row, node = W.coords
+        values = (W.data[:, None] * rows.direction[row]).ravel()
+        places = (d * node[:, None] + np.arange(d)).ravel(), np.repeat(row, d)
+        nodal = csr_array((values, places), shape=(d * self.model.n_nodes, len(rows.gap)))
+        return csr_array(self.model.contact_matrix(nodal, x))
+
+    def force(self, name: str, rows: Rows, force: FloatArray) -> FloatArray:
+        """Resultant (d,) [N] of the forces (p,) of one link's rows on its first body."""
+        if name not in self.names:
+            raise InputError(f"link {name!r}: expected one of {', '.join(map(repr, self.names))}")
+        link = self.links[self.names.index(name)]
+        own = self.of_row == self.names.index(name)
+        sign = -1.0 if isinstance(link, Slider) else 1.0  # a slider's rows push the second body
+        total: FloatArray = sign * force[own] @ rows.direction[own]
+        return total
+
+
+def _rotation(model: Model, body: int, x: FloatArray) -> FloatArray:
+    """The rotation (d, d) of a body; the identity for a linear one."""
+    if body >= len(model.deformable):
+        return np.asarray(model.rigid_rotation(x)[body - len(model.deformable)])
+    elastic = model.elastic
+    return np.asarray(elastic.rotation(elastic.at(x))[body]) if elastic.turning else np.eye(model.dimension)
+
+
+def _found(model: Model, link: Link) -> _Points | _Surfaces:
+    what = f"{type(link).__name__} {link.name!r}"
+    if isinstance(link, Tied):
+        weights = tied_weights(model, link, what)
+        return _Surfaces(link, weights, offsets(weights, model.reference), model.number[link.second[0]])
+    if isinstance(link, Bonded):
+        weights = bonded_weights(model, link, what)
+        return _Surfaces(link, weights, offsets(weights, model.reference), model.number[link.second])
+    return _points(model, link)
+
+
+def _points(model: Model, link: Jointed) -> _Points:
+    """The link's points: at each of its places the first body's and the second's, of rods, cables and springs one at each end."""
+    what = f"{type(link).__name__} {link.name!r}"
+    if isinstance(link, Hinge) and model.dimension == 2:
+        raise InputError(f"{what}: expected a model in 3D, in 2D a Ball is a pin")
+    if link.first == link.second:
+        raise InputError(f"{what}: expected two different bodies, got {link.first!r} twice")
+    places = [_place(model, place, what) for place in ([link.at] if isinstance(link, Ball) else link.ends)]
+    if len(places) == 2 and np.linalg.norm(places[1] - places[0]) <= 1e-9 * np.ptp(model.reference, axis=0).max():
+        raise InputError(f"{what}: expected two ends apart from each other, got both at {places[0].tolist()}")
+    if isinstance(link, Slider) and link.beside is not None:
+        places.append(_place(model, link.beside, what))
+        off = np.linalg.norm(np.cross(places[1] - places[0], places[2] - places[0])) if model.dimension == 3 else 0.0
+        if not off > 1e-9 * np.linalg.norm(places[1] - places[0]) ** 2:
+            raise InputError(f"{what}: expected a place beside the line, in 3D, got {places[2].tolist()}")
+    if isinstance(link, Rod | Cable | SpringDamper):
+        held = [(link.first, places[0]), (link.second, places[1])]
+    else:
+        held = [(body, place) for place in places for body in (link.first, link.second)]
+    ground, entries = np.zeros((len(held), model.dimension)), []
+    for k, (body, place) in enumerate(held):
+        if body is None:
+            ground[k] = place
+            continue
+        nodes, weights = weights_at(model, body, place, what)
+        entries.append((weights, np.full(len(nodes), k), nodes))
+    values, rows, columns = (np.concatenate(column) for column in zip(*entries, strict=True))
+    return _Points(link, csr_array((values, (rows, columns)), shape=(len(held), model.n_nodes)), ground, _rest(link, places, what))
+
+
+def _place(model: Model, place: tuple[float, ...], what: str) -> FloatArray:
+    try:
+        found = np.asarray(place, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != (model.dimension,) or not np.all(np.isfinite(found)):
+        raise InputError(f"{what}: expected places of {model.dimension} finite numbers in m, got {place!r}")
+    return found
+
+
+def _rest(link: Jointed, places: list[FloatArray], what: str) -> float:
+    """The length of a rod, cable or spring."""
+    if not isinstance(link, Rod | Cable | SpringDamper):
+        return 0.0
+    if isinstance(link, SpringDamper):
+        numbers = link.stiffness, link.damping
+        if not all(np.isfinite(n) and n >= 0 for n in numbers) or not any(numbers):
+            raise InputError(f"{what}: expected a stiffness [N/m] and a damping [N s/m] >= 0, not both 0, got {numbers[0]}, {numbers[1]}")
+    length = None if isinstance(link, Rod) else link.length
+    if length is not None and not (np.isfinite(length) and length >= 0):
+        raise InputError(f"{what}: expected a length >= 0 in m, got {length}")
+    return float(np.linalg.norm(places[1] - places[0])) if length is None else float(length)

@@ -1,0 +1,110 @@
+"""A file of blocks as a case: what `fcsim run MODEL.json` runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fcsim.contact_detection import Everything
+from fcsim.errors import InputError
+from fcsim.files import sha256
+from fcsim.masonry.json_file import read_masonry
+from fcsim.masonry.problem import MasonryProblem
+from fcsim.masonry.pushes import pushed, tilted
+from fcsim.masonry.structure import BlocksAre, Stone, structure
+from fcsim.running.case import Case, CaseScript, History, Sensor
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
+from fcsim.timestep.theta import Theta
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """How a masonry problem is run; SI units. `--set name=value` changes one.
+
+    multiplier: of the loads that grow, reached after `ramp` s and held; push: the weight in this direction takes their place (0,0,0: not)
+    tilt: degrees a second by which the table goes down in the direction `push` (0: it does not)
+    friction: factor on every mu
+    blocks_are: rigid, deformable or mixed; E, nu, beta (Rayleigh, on the stiffness), cells (their size, as a share of a block's smallest
+    edge) of deformable blocks
+    """
+
+    multiplier: float = 0.0
+    ramp: float = 0.0
+    push: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tilt: float = 0.0
+    friction: float = 1.0
+    blocks_are: BlocksAre = "rigid"
+    E: float = 1e10
+    nu: float = 0.2
+    beta: float = 1e-4
+    cells: float = 0.5
+    h: float = 5e-3
+    theta: float = 0.5
+    steps: int = 200
+    solver: str = "auto"
+    tol: float = 1e-8
+
+
+def masonry_case(path: str | Path, mu: float | None = None) -> CaseScript:
+    """Return the case of a masonry problem's file, which `fcsim.running.run.run_case` runs as that of a script; mu in place of its own."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"case {str(path)!r}: expected a masonry problem in JSON, found no such file")
+
+    def built(parameters: Parameters) -> Case:
+        problem = read_masonry(path)
+        return build(problem if mu is None else replace(problem, mu=mu, between={}), parameters)
+
+    return CaseScript(path.stem, path, Parameters, built, sha256(path))
+
+
+def build(problem: MasonryProblem, p: Parameters) -> Case:
+    """Return the case of a problem with the given parameters."""
+    if not (p.friction >= 0 and math.isfinite(p.friction)):
+        raise InputError(f"friction: expected a factor >= 0, got {p.friction}")
+    if not (p.ramp >= 0 and p.multiplier >= 0):
+        raise InputError(f"multiplier, ramp: expected numbers >= 0, got {p.multiplier} and {p.ramp}")
+    if p.tilt and p.multiplier:
+        raise InputError(f"tilt, multiplier: expected one of them, got {p.tilt} degrees/s and {p.multiplier}")
+    rate = math.radians(p.tilt)
+    question = problem
+    if p.tilt:
+        question = tilted(problem, p.push if any(p.push) else (1.0, 0.0, 0.0))
+    elif any(p.push):
+        question = pushed(problem, p.push)
+
+    def grown(t: float) -> float:
+        return math.sin(rate * t) if p.tilt else p.multiplier * (min(t / p.ramp, 1.0) if p.ramp else 1.0)
+
+    stone = Stone(p.E, p.nu, p.cells, p.beta)
+    staying: Callable[[float], float] = (lambda t: math.cos(rate * t)) if p.tilt else (lambda t: 1.0)
+    model, remarks = structure(question, p.blocks_are, stone, multiplier=grown, staying=staying)
+    mu = problem.friction
+    friction = {pair: p.friction * value for pair, value in mu.items()} if isinstance(mu, dict) else p.friction * mu
+    solver = SolverSettings(name=p.solver, tol=p.tol)
+    simulation = Simulation(model, Everything(model, friction), Theta(p.h, p.theta), p.steps, solver, created=math.inf)
+    free = np.repeat([not problem.blocks[problem.number[body.name]].support for body in model.bodies], np.diff(model.node_offset))
+
+    def displacement(step: Step) -> float:
+        return float(np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1).max())
+
+    def load(step: Step) -> float:
+        return math.degrees(rate * step.state.t) if p.tilt else grown(step.state.t)
+
+    loading = Sensor("tilt", "angle of the table", "degrees", load) if p.tilt else Sensor("multiplier", "load multiplier", "", load)
+    sensors = (loading, Sensor("displacement", "largest displacement of a block", "m", displacement))
+    return Case(
+        name=problem.name,
+        title=problem.title or problem.name,
+        simulation=simulation,
+        sensors=sensors,
+        plots={"histories": (History("displacement", ("displacement",), against=loading.column),)} if p.tilt or p.ramp else {},
+        fclib_set="FCSIM_Masonry",
+        description="; ".join((f"{len(problem.blocks)} blocks ({p.blocks_are}), {model.n_dofs} degrees of freedom", *remarks)),
+    )

@@ -1,0 +1,65 @@
+"""What limit analysis asks: rigid blocks, their contacts, loads that stay and loads that grow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.assembly.model import Model, build_model
+from fcsim.contact_detection import Contacts, Everything
+from fcsim.contact_detection.contact_matrix import contact_matrix
+from fcsim.errors import InputError
+from fcsim.masonry.bodies import force_and_moment, rigid_blocks, supports, vector_of
+from fcsim.masonry.problem import MasonryProblem, PointForce
+
+
+@dataclass(frozen=True, eq=False)
+class LimitProblem:
+    """Equilibrium of rigid blocks, H r + dead + lambda live = 0.
+
+    H (n_free, m): rows of the free dofs `free`; dead, live (n_dofs,) [N, N m]: loads that stay, and that grow, at the multiplier 1;
+    scale [N]: the largest of them
+    """
+
+    problem: MasonryProblem
+    model: Model
+    contacts: Contacts
+    H: Any
+    free: IntArray
+    dead: FloatArray
+    live: FloatArray
+    scale: float
+
+
+def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) -> LimitProblem:
+    """Return the limit problem of the blocks as they were given.
+
+    tolerance [m]: blocks that are nearer are in contact; by default 1e-4 of the smallest block's extent.
+    """
+    bodies = rigid_blocks(problem)
+    model = build_model(bodies, supports=supports(problem))
+    contacts = Everything(model, problem.friction, 1e-4 * problem.smallest if tolerance is None else tolerance)(model.reference)
+    H = sp.csr_array(model.contact_matrix(contact_matrix(contacts, model.n_nodes), np.zeros(model.n_dofs)))[model.free_dofs]
+    dead, live = (_loads(problem, model, scaled=scaled) for scaled in (False, True))
+    scale = max(float(np.abs(dead).max()), float(np.abs(live).max()))
+    if not scale > 0:
+        raise InputError(f"limit analysis of {problem.name!r}: expected loads, got none")
+    return LimitProblem(problem, model, contacts, H, model.free_dofs, dead, live, scale)
+
+
+def _loads(problem: MasonryProblem, model: Model, *, scaled: bool) -> FloatArray:
+    """Forces and moments (n_dofs,) on the free bodies at the multiplier 1."""
+    total = np.zeros(model.n_dofs)
+    rows = model.rigid_part(total)
+    mass = np.array([body.mass for body in model.rigid])
+    rows[:, : model.dimension] = mass[:, None] * vector_of(problem, problem.acceleration(scaled=scaled))
+    for load in problem.loads:
+        if isinstance(load, PointForce) and load.scaled == scaled:
+            number = problem.number[load.block]
+            rows[number] += np.concatenate(force_and_moment(problem, load, model.rigid[number]))
+    total[model.driven_dofs] = 0.0
+    return total

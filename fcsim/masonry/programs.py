@@ -1,0 +1,142 @@
+"""The programs of limit analysis: linear in 2D (HiGHS), with second-order cones in 3D (Clarabel)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import linprog
+
+from fcsim.arrays import BoolArray, FloatArray
+from fcsim.masonry.limit_problem import LimitProblem
+from fcsim.solvers.variational.conic import clarabel_module
+
+_STILL = {2: 1e-7, 3: 1e-5}  # of the largest contact velocity; interior points are rounder than corners
+
+
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """What a mechanism asks of contact forces: none where it opens, friction -mu r_N t along the slip t (nc, d - 1) where it slides."""
+
+    opens: BoolArray
+    slides: BoolArray
+    along: FloatArray
+
+
+def slip_of(problem: LimitProblem, v: FloatArray) -> Slip:
+    d = problem.contacts.dimension
+    u = (problem.H.T @ v[problem.free]).reshape(-1, d)
+    none = _STILL[d] * max(float(np.abs(u).max()), 1e-300)
+    speed = np.linalg.norm(u[:, 1:], axis=1)
+    opens = u[:, 0] > none
+    slides = ~opens & (speed > none)
+    return Slip(opens, slides, u[:, 1:] / np.where(slides, speed, 1.0)[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    multiplier: float
+    r: FloatArray
+    v: FloatArray
+
+
+class Program:
+    """max lambda subject to H r + dead + lambda live = 0 and friction; forces in units of the largest load."""
+
+    def __init__(self, problem: LimitProblem, dead: FloatArray, live: FloatArray) -> None:
+        self.problem = problem
+        self.dead, self.live = dead[problem.free] / problem.scale, live[problem.free] / problem.scale
+        self.balance = sp.hstack([problem.H, sp.csc_array(self.live[:, None])], format="csc")
+
+    def solve(
+        self, *, given: FloatArray | None = None, slip: Slip | None = None, at_most: float = np.inf, sign: float = 1.0
+    ) -> Answer | None:
+        """The largest lambda <= at_most, or with sign = -1 the least; None where the program has no answer.
+
+        given (nc,) [N]: the normal forces of Tresca's disks in place of Coulomb's cones; slip: the mechanism to which forces are to belong.
+        """
+        rows, right = [self.balance], [-self.dead]
+        if slip is not None:
+            rows.append(self._belonging(slip))
+            right.append(np.zeros(rows[-1].shape[0]))
+        equal = sp.vstack(rows, format="csc"), np.concatenate(right)
+        low = 0.0 if slip is None else -np.inf
+        found = (self._linear if self.problem.contacts.dimension == 2 else self._conic)(
+            *equal, None if given is None else given / self.problem.scale, (low, at_most), sign
+        )
+        if found is None:
+            return None
+        multiplier, r, dual = found
+        v = np.zeros(self.problem.model.n_dofs)
+        power = float(self.live @ dual[: len(self.live)]) * self.problem.scale
+        if power != 0:
+            v[self.problem.free] = dual[: len(self.live)] / power
+        return Answer(multiplier, r * self.problem.scale, v)
+
+    def _belonging(self, slip: Slip) -> Any:
+        """Rows whose product with (r, lambda) is zero where forces belong to the mechanism."""
+        d, mu, nc = self.problem.contacts.dimension, self.problem.contacts.mu, len(self.problem.contacts)
+        none = (d * np.flatnonzero(slip.opens)[:, None] + np.arange(d)).ravel()
+        sliding = np.flatnonzero(slip.slides)
+        count = (d - 1) * len(sliding)
+        tangents = (d * sliding[:, None] + np.arange(1, d)).ravel()
+        against = (mu[sliding, None] * slip.along[sliding]).ravel()
+        rows = np.concatenate([np.arange(len(none)), np.tile(len(none) + np.arange(count), 2)])
+        columns = np.concatenate([none, tangents, np.repeat(d * sliding, d - 1)])
+        values = np.concatenate([np.ones(len(none) + count), against])
+        return sp.csc_array((values, (rows, columns)), shape=(len(none) + count, d * nc + 1))
+
+    def _linear(
+        self, equal: Any, right: FloatArray, given: FloatArray | None, bounds: tuple[float, float], sign: float
+    ) -> tuple[float, FloatArray, FloatArray] | None:
+        mu, nc = self.problem.contacts.mu, len(self.problem.contacts)
+        a = np.arange(nc)
+        cone = mu if given is None else np.zeros(nc)
+        values = np.concatenate([np.ones(nc), -cone, -np.ones(nc), -cone])
+        rows = np.concatenate([a, a, nc + a, nc + a])
+        columns = np.concatenate([2 * a + 1, 2 * a, 2 * a + 1, 2 * a])
+        friction = sp.csc_array((values, (rows, columns)), shape=(2 * nc, 2 * nc + 1))
+        most = np.zeros(2 * nc) if given is None else np.tile(mu * given, 2)
+        limits = np.stack([np.append(np.tile([0.0, -np.inf], nc), bounds[0]), np.append(np.full(2 * nc, np.inf), bounds[1])], axis=1)
+        cost = np.zeros(2 * nc + 1)
+        cost[-1] = -sign
+        # Tresca's fixed point ends lowest from the corners that the dual simplex method finds; elsewhere interior points are quicker
+        way = "highs-ipm" if given is None else "highs-ds"
+        answer = linprog(cost, A_ub=friction, b_ub=most, A_eq=equal, b_eq=right, bounds=limits, method=way)
+        if answer.status != 0:
+            return None
+        return float(answer.x[-1]), answer.x[:-1], np.asarray(answer.eqlin.marginals)
+
+    def _conic(
+        self, equal: Any, right: FloatArray, given: FloatArray | None, bounds: tuple[float, float], sign: float
+    ) -> tuple[float, FloatArray, FloatArray] | None:
+        clarabel = clarabel_module()
+        mu, nc, d = self.problem.contacts.mu, len(self.problem.contacts), self.problem.contacts.dimension
+        size = d * nc + 1
+        normal = d * np.arange(nc)
+        tangents = (normal[:, None] + np.arange(1, d)).ravel()
+        push = sp.csc_array((-np.ones(nc), (np.arange(nc), normal)), shape=(nc, size))
+        rows, sides = [equal, push], [right, np.zeros(nc)]
+        for bound, direction in zip(bounds, (-1.0, 1.0), strict=True):
+            if np.isfinite(bound):
+                rows.append(sp.csc_array((np.array([direction]), ([0], [size - 1])), shape=(1, size)))
+                sides.append(np.array([direction * bound]))
+        lines = sum(len(side) for side in sides[1:])
+        weight, heads = (mu, np.zeros(d * nc)) if given is None else (np.zeros(nc), np.zeros(d * nc))
+        if given is not None:
+            heads[normal] = mu * given
+        entries = np.concatenate([normal, tangents])
+        rows.append(sp.csc_array((np.concatenate([-weight, -np.ones(len(tangents))]), (entries, entries)), shape=(d * nc, size)))
+        cones = [clarabel.ZeroConeT(len(right)), clarabel.NonnegativeConeT(lines), *[clarabel.SecondOrderConeT(d)] * nc]
+        cost = np.zeros(size)
+        cost[-1] = -sign
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        A = sp.csc_matrix(sp.vstack(rows))
+        answer = clarabel.DefaultSolver(sp.csc_matrix((size, size)), cost, A, np.concatenate([*sides, heads]), cones, settings).solve()
+        if answer.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+            return None
+        x = np.array(answer.x)
+        return float(x[-1]), x[:-1], np.array(answer.z)[: len(right)]

@@ -1,0 +1,94 @@
+"""A masonry problem as a model to simulate: blocks rigid, deformable or both, loads over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.loads import Force, Load
+from fcsim.assembly.model import Model, build_model
+from fcsim.errors import InputError
+from fcsim.masonry.bodies import force_and_moment, outline, rigid_blocks, supports, vector_of
+from fcsim.masonry.problem import Block, MasonryProblem, PointForce
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body, Part, RigidBody
+from fcsim.mesh.solids.closed_surface import ClosedSurface
+from fcsim.mesh.solids.meshed import meshed_polygon, meshed_solid
+
+TimeFunction = Callable[[float], float]
+BlocksAre = Literal["rigid", "deformable", "mixed"]
+
+
+@dataclass(frozen=True)
+class Stone:
+    """What deformable blocks are made of, E [Pa] and nu, and the size of their cells as a share of the block's smallest edge."""
+
+    E: float = 1e10
+    nu: float = 0.2
+    cells: float = 0.5
+    beta: float = 1e-4
+
+
+def structure(
+    problem: MasonryProblem,
+    blocks_are: BlocksAre = "rigid",
+    stone: Stone | None = None,
+    *,
+    multiplier: TimeFunction = lambda t: 0.0,
+    staying: TimeFunction = lambda t: 1.0,
+) -> tuple[Model, tuple[str, ...]]:
+    """Return the model of a problem and remarks on it; its loads are staying(t) times those that stay, multiplier(t) times the others.
+
+    "mixed": every second block is deformable. Supports, blocks of a given mass and blocks with a force upon them are rigid always. Blocks
+    that are equal but for their place are one part, meshed once.
+    """
+    if blocks_are not in ("rigid", "deformable", "mixed"):
+        raise InputError(f"blocks_are: expected 'rigid', 'deformable' or 'mixed', got {blocks_are!r}")
+    stone = stone or Stone()
+    rigid = rigid_blocks(problem)
+    pushed = {load.block for load in problem.loads if isinstance(load, PointForce)}
+    meshed: dict[bytes, Part] = {}
+    bodies: list[Body | RigidBody] = []
+    stiff = 0
+    for number, (block, body) in enumerate(zip(problem.blocks, rigid, strict=True)):
+        soft = blocks_are == "deformable" or (blocks_are == "mixed" and number % 2 == 0)
+        must = block.support or block.density is None or block.name in pushed
+        stiff += soft and must and not block.support
+        bodies.append(_deformable(problem, block, stone, meshed) if soft and not must else body)
+    remarks = (f"{stiff} blocks of a given mass or with a force upon them are rigid",) if stiff else ()
+    still, growing = (np.array(vector_of(problem, problem.acceleration(scaled=scaled))) for scaled in (False, True))
+
+    def gravity(t: float) -> FloatArray:
+        return staying(t) * still + multiplier(t) * growing
+
+    loads: list[Load] = []
+    for load in problem.loads:
+        if isinstance(load, PointForce):
+            force, moment = force_and_moment(problem, load, rigid[problem.number[load.block]])
+            loads.append(Force(load.block, force, moment, multiplier if load.scaled else staying))
+    model = build_model(bodies, supports=supports(problem), loads=loads, gravity=gravity, beta=0.0 if blocks_are == "rigid" else stone.beta)
+    return model, remarks
+
+
+def _deformable(problem: MasonryProblem, block: Block, stone: Stone, meshed: dict[bytes, Part]) -> Body:
+    """A block as a body of the part of its shape."""
+    assert block.density is not None
+    surface = block.surface
+    origin = surface.points.min(axis=0)
+    shape = surface.points - origin
+    edges = np.linalg.norm(np.diff(shape[surface.triangles][:, [0, 1, 2, 0]], axis=1), axis=2)
+    key = np.round(shape / edges.min(), 6).tobytes() + repr((surface.polygons, round(float(edges.min()), 12), block.density)).encode()
+    if key not in meshed:
+        material = Material(stone.E, stone.nu, block.density)
+        if problem.dimension == 2:
+            corners, thickness = outline(block)
+            size = stone.cells * float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).min())
+            meshed[key] = meshed_polygon(block.name, corners - origin[[0, 2]], material, size, thickness=thickness, elements=None)
+        else:
+            whole = ClosedSurface(block.name, shape, surface.triangles, surface.polygons)
+            meshed[key] = meshed_solid(whole, material, stone.cells * float(edges.min()))
+    return Body(block.name, meshed[key], translation=origin if problem.dimension == 3 else origin[[0, 2]])

@@ -1,0 +1,1 @@
+"""Links in a step of time: their rows, and what they did."""

@@ -1,0 +1,49 @@
+"""Links in a step that is solved again until they are closed where the next step begins."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.model import Model
+from fcsim.timestep.links.linked import Linked
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
+from fcsim.timestep.step import Attempt
+
+CLOSED = 1e-10
+"""Of the model's size: how far a link may be from closed at the end of a step."""
+
+ROUNDS = 12
+
+
+class Closing:
+    """The rows of a step while it is solved again until they are closed; given_up: they are not, and the step is to be cut."""
+
+    def __init__(self, rows: Linked | None, extent: float) -> None:
+        """extent [m]: size of the model."""
+        self.rows, self._extent, self._rounds, self.given_up = rows, extent, 0, False
+
+    def impulse(self, multiplier: FloatArray | None) -> FloatArray | float:
+        """G l (n_dofs,) [N s; quasi-statics: N]."""
+        return 0.0 if self.rows is None or multiplier is None else np.asarray(self.rows.G @ multiplier)
+
+    def keep(self, model: Model, scheme: Scheme, v: FloatArray, after: State, attempts: list[Attempt], share: float) -> bool:
+        """Whether the links are closed after the step's answer v (n_dofs,); where not, `rows` are those of its next solve.
+
+        InputError where the answer does not keep the rows as they are: links that contradict each other or the supports.
+        """
+        if self.rows is None:
+            return True
+        self.rows.refuse_contradictions(v, scheme.timing.length_per_u, self._extent)
+        missing = self.rows.missing(model, scheme, after)
+        worst = float(np.abs(missing).max(initial=0.0)) / self._extent
+        if worst <= CLOSED:
+            return True
+        self._rounds += 1
+        if self._rounds > ROUNDS:
+            self.given_up = True
+            attempts.append(Attempt("links", "the free motion", "did not close", worst, ROUNDS, share, CLOSED))
+            return False
+        self.rows = self.rows.bent(scheme, missing)
+        return False

@@ -1,0 +1,152 @@
+"""What stands for M^-1 where links hold bodies: the saddle point [[M, -G], [-G^T, -C]] by its Schur complement.
+
+With S = G^T M^-1 G + C, l = - S^-1 (G^T M^-1 f + b) and v = M^-1 (f + G l). For the contacts W becomes W - V S^-1 V^T, V = H^T M^-1 G. The
+problem that solvers and files see has for each compliant row an unknown of its own, C l, with 1 / C on the diagonal of M and 1 in G.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.timestep.step_equation.compliance import StepCompliance
+
+REDUNDANT = 1e-11
+"""Eigenvalues of the scaled S below this share of the largest are rows that others say already."""
+
+
+class _Inverse:
+    """S^-1 of a symmetric S >= 0, on its range where rows are redundant."""
+
+    def __init__(self, S: FloatArray) -> None:
+        scale = np.sqrt(np.diag(S))
+        self._scale = 1 / np.where(scale > 0, scale, 1.0)  # rows that nothing can move stay out
+        scaled = S * self._scale[:, None] * self._scale
+        self._factor = None
+        try:
+            factor = sla.cho_factor(scaled)
+            if np.diag(factor[0]).min() > 1e-5:  # its square: the share of a row that the ones before do not say
+                self._factor = factor
+        except np.linalg.LinAlgError:
+            pass
+        if self._factor is None:
+            values, self._vectors = np.linalg.eigh(scaled)
+            kept = values > REDUNDANT * max(values.max(initial=0.0), 1.0)
+            self._values = np.where(kept, 1 / np.where(kept, values, 1.0), 0.0)
+
+    def __call__(self, rhs: FloatArray) -> FloatArray:
+        """S^-1 rhs for rhs (p,) or (p, k)."""
+        scale = self._scale if rhs.ndim == 1 else self._scale[:, None]
+        if self._factor is not None:
+            solved: FloatArray = scale * sla.cho_solve(self._factor, scale * rhs)
+            return solved
+        values = self._values if rhs.ndim == 1 else self._values[:, None]
+        found: FloatArray = scale * (self._vectors @ (values * (self._vectors.T @ (scale * rhs))))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class LinkedCompliance:
+    """The `MassFactor` of a step with links. base: without them; G (n, p) on the bodies' unknowns of its problem; compliance (p,) C;
+    summed: W of this H and G where it is known already."""
+
+    base: StepCompliance
+    G: Any
+    compliance: FloatArray
+    summed: Any = None
+
+    @cached_property
+    def _soft(self) -> IntArray:
+        return np.flatnonzero(self.compliance)
+
+    @cached_property
+    def _on_base(self) -> Any:
+        """G on the base's unknowns."""
+        more = self.base.unknowns - self.G.shape[0]
+        return sp.csr_array(sp.vstack([self.G, sp.csr_array((more, self.G.shape[1]))])) if more else self.G
+
+    @cached_property
+    def matrix_of_links(self) -> Any:
+        """The problem's G (n, p)."""
+        k = len(self._soft)
+        if not k:
+            return self._on_base
+        own = sp.csr_array((np.ones(k), (np.arange(k), self._soft)), shape=(k, self.G.shape[1]))
+        return sp.csr_array(sp.vstack([self._on_base, own]))
+
+    def matrix(self) -> Any:
+        """M of the problem."""
+        M = self.base.matrix()
+        return sp.csr_array(sp.block_diag([M, sp.diags_array(1 / self.compliance[self._soft])], format="csr")) if len(self._soft) else M
+
+    def with_joints(self, H: Any) -> Any:
+        """The problem's H (n, m) from that of the bodies' unknowns."""
+        H = self.base.with_joints(H)
+        return sp.csr_array(sp.vstack([H, sp.csr_array((len(self._soft), H.shape[1]))])) if len(self._soft) else H
+
+    def load(self, f: FloatArray) -> FloatArray:
+        """The problem's f (n,) from that of the bodies' unknowns."""
+        return np.concatenate([self.base.load(f), np.zeros(len(self._soft))])
+
+    def bodies(self, v: FloatArray) -> FloatArray:
+        """The bodies' unknowns of the problem's v (n,)."""
+        return self.base.bodies(v[: len(v) - len(self._soft)])
+
+    @cached_property
+    def _inverse(self) -> _Inverse:
+        d, p = self.base.factor.model.dimension, self.G.shape[1]
+        wide = sp.csc_array(sp.hstack([self.G, sp.csr_array((self.G.shape[0], -p % d))], format="csc"))
+        S = _dense(replace(self.base, summed=None, joint=None).delassus(wide, d))[:p, :p]
+        S = 0.5 * (S + S.T)
+        S[np.diag_indices_from(S)] += self.compliance
+        return _Inverse(S)
+
+    def _with_contacts(self, H: Any, d: int) -> Any:
+        """[H, G]^T M^-1 [H, G] of the base in blocks of d, G filled up to whole blocks."""
+        n, p = self._on_base.shape
+        wide = sp.csc_array(sp.hstack([H, self._on_base, sp.csr_array((n, -p % d))], format="csc"))
+        base = replace(self.base, summed=None)
+        if base.joint is not None:
+            base = replace(base, joint=np.concatenate([base.joint, np.zeros(wide.shape[1] - H.shape[1])]))
+        return base.delassus(wide, d)
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Return (v, l) of [[M, -G], [-G^T, -C]] (v, l) = rhs, rhs (n + p,)."""
+        k, p = len(self._soft), self.G.shape[1]
+        f, soft, b = np.split(rhs, [len(rhs) - p - k, len(rhs) - p])
+        v, s = self.base.solve(f), self.compliance[self._soft] * soft
+        known = self._on_base.T @ v + b
+        known[self._soft] += s
+        multiplier = -self._inverse(known)
+        v = v + self.base.solve(self._on_base @ multiplier)
+        return np.concatenate([v, s + self.compliance[self._soft] * multiplier[self._soft], multiplier])
+
+    def delassus(self, H: Any, dimension: int) -> Any:
+        """Return W - V S^-1 V^T (m, m) for H (n + p, m), zero on the links' own unknowns."""
+        if self.summed is not None:
+            return self.summed
+        m, p = H.shape[1], self.G.shape[1]
+        own = sp.csr_array(H)[: self._on_base.shape[0]]
+        whole = self._with_contacts(own, dimension)
+        whole = whole if isinstance(whole, np.ndarray) else sp.csr_array(whole)
+        W, V = whole[:m, :m], _dense(whole[:m, m : m + p])
+        touched = np.flatnonzero(np.abs(V).max(axis=1, initial=0.0) > 0)
+        tile = V[touched] @ self._inverse(V[touched].T)
+        tile = 0.5 * (tile + tile.T)
+        if isinstance(W, np.ndarray):
+            W = W.copy()
+            W[np.ix_(touched, touched)] -= tile
+            return W
+        rows, columns = np.repeat(touched, len(touched)), np.tile(touched, len(touched))
+        return sp.bsr_array(sp.csr_array(W) - sp.csr_array((tile.ravel(), (rows, columns)), shape=(m, m)), blocksize=(dimension, dimension))
+
+
+def _dense(A: Any) -> FloatArray:
+    found: FloatArray = A.toarray() if sp.issparse(A) else np.asarray(A)
+    return found

@@ -1,0 +1,53 @@
+"""The crack map: a plane structure with its joints coloured by their openings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.model import Model
+from fcsim.errors import InputError
+from fcsim.masonry.openings import Opening
+from fcsim.masonry.problem import MasonryProblem
+from fcsim.view.scene import COLOUR_MAP
+from fcsim.view.style import STYLE, figure, matplotlib, prefixed, save
+
+_HAIR = 1e-3
+"""Of the largest opening: less is drawn as closed."""
+
+
+def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tuple[Opening, ...], path: Path, title: str) -> Path:
+    """Draw blocks of a plane problem in the configuration x, each joint as a line whose colour and width are its opening."""
+    if problem.dimension != 2:
+        raise InputError(f"crack map of {problem.name!r}: expected a plane problem, got one in 3D")
+    most = max((joint.opening for joint in joints), default=0.0)
+    scale, unit = prefixed("m", [most])
+    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+        places = np.split(model.positions(x), model.node_offset[1:-1])
+        held = [problem.blocks[problem.number[body.name]].support for body in model.bodies]
+        free = np.concatenate([place for place, fixed in zip(places, held, strict=True) if not fixed])
+        width, height = np.ptp(free, axis=0)
+        drawing = figure(9.0, float(np.clip(8.0 * height / max(width, 1e-9), 3.0, 12.0)) + 0.8, layout="constrained")
+        axes = drawing.add_subplot()
+        for corners, body, fixed in zip(places, model.bodies, held, strict=True):
+            for side in body.surfaces["skin"]:
+                axes.plot(*corners[side].T, color="#8c8c8c" if fixed else "#b0a890", linewidth=0.7, zorder=1)
+        colours = matplotlib().colormaps[COLOUR_MAP]
+        for joint in sorted(joints, key=lambda joint: joint.opening):
+            if joint.opening > _HAIR * most:
+                share = joint.opening / most
+                axes.plot(*zip(*joint.ends, strict=True), color=colours(0.25 + 0.6 * share), linewidth=1.0 + 5.0 * share, zorder=2)
+        margin = 0.05 * max(width, height)
+        axes.set_xlim(free[:, 0].min() - margin, free[:, 0].max() + margin)
+        axes.set_ylim(free[:, 1].min() - margin, free[:, 1].max() + margin)
+        axes.set_aspect("equal")
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel("z [m]")
+        axes.grid(False)
+        axes.set_title(title, wrap=True, fontsize=10)
+        shades = matplotlib().colors.ListedColormap(colours(np.linspace(0.25, 0.85, 256)))
+        bar = matplotlib().cm.ScalarMappable(matplotlib().colors.Normalize(0.0, most / scale), shades)
+        drawing.colorbar(bar, ax=axes, label=f"opening of the joint [{unit}]", shrink=0.8)
+        return save(drawing, path)

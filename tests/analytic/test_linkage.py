@@ -1,0 +1,300 @@
+"""Links against closed forms and invariants: pendulums, springs, sliders, tied and bonded bodies, cables; what files hold of them."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import fcsim
+from fcsim.assembly.stress import stress_operator
+from fcsim.errors import InputError
+from fcsim.export_fclib import read_fclib, write_fclib
+from fcsim.linkage import (
+    Ball,
+    Bonded,
+    Cable,
+    Hinge,
+    Linkage,
+    Rod,
+    Slider,
+    SpringDamper,
+    Tied,
+    WithCables,
+    without_contact_of,
+)
+from fcsim.mesh import Body, Material, brick, rectangle, rigid_box, rigid_rectangle
+from fcsim.solvers import solve
+
+G = 9.81
+
+
+class Nothing:
+    """A detection that finds no contacts."""
+
+    def __init__(self, model: fcsim.Model) -> None:
+        self.n_nodes, self._d = model.n_nodes, model.dimension
+        self.nodes = np.empty(0, dtype=np.int64)
+
+    def __call__(self, positions: Any, displacement: Any = None) -> fcsim.Contacts:
+        d, none = self._d, np.empty(0)
+        i = np.empty((0, 2), dtype=np.int64)
+        return fcsim.Contacts(np.empty((0, d)), np.empty((0, d, d)), none, none, i, np.empty((0, 2)), i, np.empty(0, dtype=np.int64))
+
+
+def moved(bodies: Any, links: Any, scheme: Any, steps: int, gravity: float = -G, **options: Any) -> list[fcsim.Step]:
+    d = bodies[0].dimension
+    initial = options.pop("initial", None)
+    model = fcsim.build_model(bodies, gravity=lambda t: (*(0.0,) * (d - 1), gravity), **options)
+    state = None if initial is None else fcsim.State(0.0, np.zeros(model.n_dofs), initial(model))
+    simulation = fcsim.Simulation(model, Nothing(model), scheme, steps, linkage=Linkage(model, links), initial=state, witness=None)
+    return list(simulation)
+
+
+def drift(steps: list[fcsim.Step]) -> float:
+    """Swing of the whole energy [J]: kinetic, elastic, of springs, less the work of loads."""
+    work = np.cumsum([step.energy.load_work for step in steps])
+    return float(np.ptp([s.energy.kinetic + s.energy.elastic + s.energy.links - w for s, w in zip(steps, work, strict=True)]))
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_a_rigid_pendulum_with_order_two(unit: float) -> None:
+    """I phi'' = - m g a cos phi from the horizontal, to the other side (1 s; in mm: lengths and g times 1e-3): order 2 in the angle, the
+    joint closed, and the balance of energy without residual."""
+    rod = rigid_rectangle("rod", (1.0 * unit, 0.05 * unit), (0.5 * unit, 0.0), 2.0)
+    inertia = float(rod.inertia[0, 0]) + 2 * (0.5 * unit) ** 2
+    exact = solve_ivp(lambda t, y: [y[1], -2 * G * unit * 0.5 * unit * np.cos(y[0]) / inertia], (0, 1), [0, 0], rtol=1e-11, atol=1e-13)
+    off = []
+    for n in (50, 100):
+        steps = moved([rod], [Ball("pin", "rod", None, (0.0, 0.0))], fcsim.Theta(1 / n), n, -G * unit)
+        off.append(abs(steps[-1].state.x[2] - exact.y[0, -1]))
+        largest = max(step.energy.kinetic for step in steps)
+        assert max(abs(step.energy.residual) for step in steps) < 1e-12 * largest
+        assert drift(steps) < 30 * largest / n**2
+        middle = steps[-1].scheme.detection_configuration(steps[-1].model, steps[-1].state)
+        assert np.abs(steps[-1].linked.linkage.rows(middle).gap).max() < 1e-9 * unit
+    assert off[0] / off[1] == pytest.approx(4, abs=0.3)
+    assert off[1] < 1e-4
+
+
+@pytest.mark.parametrize("scheme", [fcsim.Theta(5e-3), fcsim.GeneralisedAlpha(5e-3)])
+def test_energy_of_mechanisms(scheme: Any) -> None:
+    """A double pendulum in 2D; in 3D a hinge with an oblique axis, a ball joint, a rod: energies swing by the order h^2 of the scheme."""
+    upper, lower = rigid_rectangle("a", (1.0, 0.05), (0.5, 0.0), 2.0), rigid_rectangle("b", (1.0, 0.05), (1.5, 0.0), 1.0)
+    block = rigid_box("a", (1.0, 0.2, 0.1), (0.5, 0, 0), 3.0)
+    for bodies, links in (
+        ([upper, lower], [Ball("1", "a", None, (0.0, 0.0)), Ball("2", "a", "b", (1.0, 0.0))]),
+        ([block], [Hinge("1", "a", None, ((0.0, -0.1, 0.0), (0.0, 0.1, 0.05)))]),
+        ([block], [Ball("1", "a", None, (0.0, -0.1, 0.0))]),
+        ([block], [Rod("1", "a", None, ((0.0, 0.1, 0.0), (0.0, 0.8, 0.3)))]),
+    ):
+        steps = moved(bodies, links, scheme, 80)
+        largest = max(step.energy.kinetic for step in steps)
+        assert drift(steps) < 5e-3 * largest
+        assert abs(sum(step.energy.link_work for step in steps)) < 5e-3 * largest
+        assert max(abs(step.energy.residual) for step in steps) < 1e-11 * largest
+        assert np.mean([len(step.attempts) for step in steps]) < 7
+
+
+def test_the_force_in_a_pin_of_a_body_at_rest_is_its_weight() -> None:
+    """Two bodies that hang on each other: the pins bear 3 g and 1 g; on the first body the ground pulls up, the second one down."""
+    upper, lower = rigid_rectangle("a", (0.1, 1.0), (0.0, -0.5), 2.0), rigid_rectangle("b", (0.1, 1.0), (0.0, -1.5), 1.0)
+    steps = moved([upper, lower], [Ball("1", "a", None, (0.0, 0.0)), Ball("2", "a", "b", (0.0, -1.0))], fcsim.Theta(1e-2), 3)
+    assert steps[-1].link_force("1") == pytest.approx([0, 3 * G], abs=1e-8)
+    assert steps[-1].link_force("2") == pytest.approx([0, -G], abs=1e-8)
+    with pytest.raises(InputError, match="link '3': expected one of '1', '2'"):
+        steps[-1].link_force("3")
+
+
+@pytest.mark.parametrize("damping", [0.0, 6.0, 200.0])
+def test_spring_and_dashpot(damping: float) -> None:
+    """m z'' + c z' + k z = - m g, from rest: order 2, the energy balanced, dashpots take what they must and nothing else."""
+    m, k = 3.0, 300.0
+    body, link = rigid_box("s", (0.2,) * 3, (0, 0, 0), m), SpringDamper("spring", "s", None, ((0, 0, 0), (0, 0, 1.0)), k, damping)
+    exact = solve_ivp(lambda t, y: [y[1], -G - (k * y[0] + damping * y[1]) / m], (0, 1), [0, 0], rtol=1e-11, atol=1e-13)
+    off = []
+    for n in (100, 200):
+        steps = moved([body], [link], fcsim.Theta(1 / n), n)
+        off.append(abs(steps[-1].state.x[2] - exact.y[0, -1]))
+        stored = [0.0, *(step.energy.links for step in steps)]
+        dissipated = [-s.energy.link_work - (s.energy.links - before) for s, before in zip(steps, stored, strict=False)]
+        assert min(dissipated) > -1e-12
+        assert (sum(dissipated) > 0.1) == (damping > 0)
+        assert max(abs(step.energy.residual) for step in steps) < 1e-12
+    assert off[1] < 3e-4 and off[0] / off[1] == pytest.approx(4, abs=0.5)
+    half = solve_ivp(lambda t, y: [y[1], -G - (k * y[0] + damping * y[1]) / m], (0, 1 - 0.5 / n), [0, 0], rtol=1e-11, atol=1e-13).y[:, -1]
+    assert steps[-1].link_force("spring")[2] == pytest.approx(-k * half[0] - damping * half[1], abs=0.05)  # the mean over the step
+
+
+def test_a_slider_falls_freely_and_does_not_turn() -> None:
+    """On a line that is 30 degrees off the vertical: a = g cos^2 along z, and no rotation although the body is not held in its centre."""
+    s, c = np.sin(np.pi / 6), np.cos(np.pi / 6)
+    body = rigid_box("s", (0.2, 0.3, 0.4), (0.05, 0.02, 0), 3.0)
+    link = Slider("slider", None, "s", ((0, 0, 0), (0.5 * s, 0, 0.5 * c)), beside=(0.0, 0.3, 0.0))
+    steps = moved([body], [link], fcsim.Theta(1e-2), 50)
+    assert steps[-1].state.x == pytest.approx([-0.5 * G * c * s * 0.25, 0, -0.5 * G * c * c * 0.25, 0, 0, 0], abs=1e-10)
+    turning = moved([body], [Slider("slider", None, "s", link.ends)], fcsim.Theta(1e-2), 50)[-1]
+    assert np.abs(turning.state.x[3:]).max() > 0.01  # without `beside` it turns about the line
+    assert np.cross(turning.state.x[3:6], [s, 0, c]) == pytest.approx([0, 0, 0], abs=1e-3)
+
+
+def test_a_flexible_body_on_a_hinge_swings_without_losing_energy() -> None:
+    part = brick("flex", (1.0, 0.1, 0.1), (6, 1, 1), Material(1e7, 0.3, 1000.0), elements="Q1-enhanced")
+    steps = moved([Body("flex", part)], [Hinge("h", "flex", None, ((0, 0, 0.05), (0, 0.1, 0.05)))], fcsim.Theta(5e-3), 60)
+    assert drift(steps) < 1e-6 * max(step.energy.kinetic for step in steps)
+
+
+E = 200e9
+SAME = [("quadrilateral", "Q1"), ("quadrilateral", "Q2"), ("triangle", "P1"), ("triangle", "P2")]
+SAME += [("hexahedron", "Q1"), ("hexahedron", "Q2"), ("tetrahedron", "P1"), ("tetrahedron", "P2")]
+
+
+@pytest.mark.parametrize(("first", "second"), [*((a, a) for a in SAME), (("hexahedron", "Q2"), ("tetrahedron", "P1"))])
+def test_tied_meshes_that_do_not_match_pass_the_patch_test(first: Any, second: Any) -> None:
+    """Two blocks pulled apart: uniform stress E eps through the tie, lateral contraction free."""
+    d = 2 if first[0] in ("quadrilateral", "triangle") else 3
+    blocks, up = [], (*(0.0,) * (d - 1), 2.0)
+    for name, (cell, elements), n, origin in (("a", second, (4, 2), (0.0,) * d), ("b", first, (7, 3), up)):
+        divisions = n if d == 2 else ((2, 2, 1) if name == "a" else (3, 3, 1))
+        options = {"plane": "stress"} if d == 2 else {}
+        make: Any = rectangle if d == 2 else brick
+        part = make(name, (2.0,) * d, divisions, Material(E, 0.3, 7800.0), cell, origin=origin, elements=elements, **options)
+        blocks.append(Body(name, part))
+    axis = "xyz"[d - 1]
+    supports = [fcsim.Support("a", (axis,), f"{axis}-"), fcsim.Support("b", (axis,), f"{axis}+", velocity=1e-3)]
+    supports += [fcsim.Support(name, (c,), f"{c}-") for name in "ab" for c in "xyz"[: d - 1]]
+    model = fcsim.build_model(blocks, supports=supports)
+    linkage = Linkage(model, [Tied("tie", ("b", f"{axis}-"), ("a", f"{axis}+"))])
+    step = list(fcsim.Simulation(model, Nothing(model), fcsim.QuasiStatic(0.5), 2, linkage=linkage, witness=None))[-1]
+    eps = 1e-3 / 4
+    exact = model.reference * (-0.3 * eps)
+    exact[:, -1] = eps * model.reference[:, -1]
+    assert np.abs(step.state.x.reshape(-1, d) - exact).max() < 1e-9  # of 1e-3
+    uniform = np.zeros(6)
+    uniform[d - 1] = E * eps
+    for k, body in enumerate(model.deformable):
+        own = step.state.x[model.dof_offset[k] : model.dof_offset[k + 1]]
+        assert np.abs((stress_operator(body.part) @ own).reshape(-1, 6) - uniform).max() < 1e-6 * E * eps
+    assert step.link_force("tie")[-1] == pytest.approx(-E * eps * 2 ** (d - 1), rel=1e-6)
+    assert abs(step.energy.link_work) < 1e-9 * step.energy.elastic
+
+
+def test_bonded_parts_are_one_body() -> None:
+    """A bar of two parts with the nodes of one mesh moves as the bar of one part, in statics and turning in free flight."""
+    whole = brick("w", (2.0, 0.2, 0.2), (8, 1, 1), Material(1e8, 0.3, 1000.0))
+    halves = [brick("h", (1.0, 0.2, 0.2), (4, 1, 1), Material(1e8, 0.3, 1000.0), origin=(x, 0, 0)) for x in (0.0, 1.0)]
+
+    def spun(model: fcsim.Model) -> Any:
+        x = model.reference - [1.0, 0.1, 0.1]
+        return np.asarray(np.cross([0.0, 2.0, 3.0], x) + np.array([0.1, 0, 0])).ravel()
+
+    one = moved([Body("w", whole)], [], fcsim.Theta(1e-2), 20, initial=spun)[-1]
+    two = moved([Body("a", halves[0]), Body("b", halves[1])], [Bonded("bond", "a", "b")], fcsim.Theta(1e-2), 20, initial=spun)[-1]
+    for place in ([0, 0, 0], [2, 0.2, 0.2], [1, 0.2, 0]):
+        ends = [step.state.x.reshape(-1, 3)[np.argmin(np.linalg.norm(step.model.reference - place, axis=1))] for step in (one, two)]
+        assert ends[1] == pytest.approx(ends[0], abs=5e-4)  # two frames for one: the strain is small, not zero
+    assert two.energy.kinetic + two.energy.elastic == pytest.approx(one.energy.kinetic + one.energy.elastic, rel=1e-4)
+
+
+def test_a_cable_is_slack_then_taut() -> None:
+    """A body thrown up sideways on a cable of 1 m flies freely until it is taut (t = 1/3 s), then never farther than its length."""
+    ball = rigid_box("s", (0.02,) * 3, (0, 0, 0), 1.0)
+    model = fcsim.build_model([ball])
+    linkage = Linkage(model, [Cable("cable", "s", None, ((0, 0, 0), (0, 0, 0.5)), length=1.0)])
+    v = np.zeros(6)
+    v[0] = 2.0
+    state = fcsim.State(0.0, np.zeros(6), v)
+    simulation = fcsim.Simulation(
+        model, WithCables(Nothing(model), linkage), fcsim.Theta(1e-2), 100, linkage=linkage, initial=state, witness=None
+    )
+    taut = np.sqrt(1 - 0.25)
+    for step in simulation:
+        x = step.state.x
+        distance = np.linalg.norm(x[:3] - [0, 0, 0.5])
+        assert distance < 1 + 1e-3
+        if 2.0 * step.state.t < taut - 0.05:
+            assert x[0] == pytest.approx(2.0 * step.state.t)
+    assert step.state.x[0] < 1.0 and step.contact_force[0, 0] >= 0
+
+
+def test_links_and_contact_in_one_problem_as_files_hold_it(tmp_path: Any) -> None:
+    """Two hinged flexible bars, a spring between them, fallen on a floor: the step's answer solves the exported global problem with G
+    and b, by another method too; redundant links (the hinge twice) change nothing but the shares of their forces."""
+    material = Material(1e7, 0.3, 1000.0)
+    bars = [
+        Body(name, rectangle(name, (1.0, 0.1), (4, 1), material, origin=(x, 0.001), elements="Q1-enhanced"))
+        for name, x in (("a", 0.0), ("b", 1.0))
+    ]
+    floor = rigid_rectangle("floor", (4.0, 1.0), (1.0, -0.5), 1.0)
+    answers = []
+    for twice in (False, True):
+        model = fcsim.build_model([*bars, floor], supports=[fcsim.Support("floor", ("x", "y", "rz"))], gravity=lambda t: (0.0, -G))
+        links = [Ball("pin", "a", "b", (1.0, 0.051)), SpringDamper("s", "a", "b", ((0.5, 0.1), (1.5, 0.1)), 1e4, 10.0)]
+        links += [Ball("again", "a", "b", (1.0, 0.051))] if twice else []
+        surfaces = [fcsim.contact_surface(model, [(name, "y-")]) for name in "ab"]
+        top = fcsim.contact_surface(model, [("floor", "y+")])
+        pairs = [fcsim.SurfacePair(surface, top, 0.4, 0.05) for surface in surfaces]
+        simulation = fcsim.Simulation(
+            model, fcsim.Detector(pairs, model.n_nodes), fcsim.Theta(5e-3), 12, linkage=Linkage(model, links), witness=None
+        )
+        answers.append(list(simulation)[-1])
+    step = answers[0]
+    assert step.problem.G is not None and len(step.contacts) == 10
+    assert step.contact_force_on(2)[1] < 0
+    path = tmp_path / "step.hdf5"
+    write_fclib(path, step.problem)
+    read = read_fclib(path).problem
+    found = solve(read, "NSN-AC", tol=1e-10, linear="kkt")
+    assert found.solved
+    assert found.v == pytest.approx(step.result.v, abs=1e-7)
+    assert found.multiplier == pytest.approx(step.result.multiplier, abs=1e-6 * np.abs(step.result.multiplier).max())
+    assert np.abs(answers[1].state.x - step.state.x).max() < 1e-9
+    pyvista = pytest.importorskip("pyvista")
+    from fcsim.running.vtk_series import SeriesWriter
+
+    SeriesWriter(tmp_path, step.model).write(step)
+    points = pyvista.read(next(tmp_path.glob("links_*.vtp")))
+    assert points["force"][points["link"] == 0].sum(axis=0)[:2] == pytest.approx(step.link_force("pin"))
+    assert points.points[0, :2] == pytest.approx([1.0, 0.05], abs=0.02)
+    assert answers[1].link_force("pin") == pytest.approx(0.5 * step.link_force("pin"), rel=1e-4, abs=1e-4)
+
+
+def test_contact_of_linked_bodies_can_be_left_out() -> None:
+    blocks = [rigid_box(name, (1.0, 1.0, 1.0), (x, 0, 0), 1.0) for name, x in (("a", 0.0), ("b", 1.0), ("c", 2.0))]
+    model = fcsim.build_model(blocks)
+    everything = fcsim.Everything(model, 0.5)
+    left = without_contact_of(everything, model, [("b", "a")])
+    pairs = {tuple(sorted(pair)) for pair in left(model.reference).bodies.tolist()}
+    assert pairs == {(1, 2)} and len(everything(model.reference)) > len(left(model.reference))
+
+
+@pytest.mark.parametrize(
+    ("links", "message"),
+    [
+        ([Ball("p", "a", None, (0, 0, 0)), Ball("p", "b", None, (1, 0, 0))], "different names"),
+        ([Ball("p", "a", "nobody", (0, 0, 0))], "body 'nobody': expected one of"),
+        ([Ball("p", "a", "a", (0, 0, 0))], "two different bodies"),
+        ([Ball("p", "flex", None, (9, 9, 9))], "Ball 'p': expected a place in the body 'flex'"),
+        ([Ball("p", "a", None, (0, 0))], "places of 3 finite numbers"),
+        ([Hinge("p", "a", None, ((0, 0, 0), (0, 0, 0)))], "two ends apart"),
+        ([SpringDamper("p", "a", None, ((0, 0, 0), (1, 0, 0)), 0.0)], "not both 0"),
+        ([SpringDamper("p", "a", None, ((0, 0, 0), (1, 0, 0)), -1.0)], ">= 0"),
+        ([Slider("p", None, "a", ((0, 0, 0), (1, 0, 0)), (2, 0, 0))], "a place beside the line"),
+        ([Tied("p", ("a", "x+"), ("flex", "x-"))], "face each other within"),
+        ([Bonded("p", "a", "flex")], "nodes of 'a' and 'flex' at the same places, got none"),
+        ([Cable("p", "a", None, ((0, 0, 0), (1, 0, 0)), -1.0)], "a length >= 0"),
+    ],
+)
+def test_links_that_cannot_be(links: Any, message: str) -> None:
+    flex = Body("flex", brick("flex", (1.0, 1.0, 1.0), (1, 1, 1), Material(1e9, 0.3, 1000.0), origin=(5, 5, 5)))
+    blocks = [rigid_box(name, (1.0, 1.0, 1.0), (x, 0, 0), 1.0) for name, x in (("a", 0.0), ("b", 1.0))]
+    with pytest.raises(InputError, match=message):
+        Linkage(fcsim.build_model([flex, *blocks]), links)
+
+
+def test_links_that_contradict_supports_are_named() -> None:
+    blocks = [rigid_box(name, (1.0, 1.0, 1.0), (x, 0, 0), 1.0) for name, x in (("a", 0.0), ("b", 1.0))]
+    directions = ("x", "y", "z", "rx", "ry", "rz")
+    supports = [fcsim.Support("a", directions), fcsim.Support("b", directions, velocity=1.0)]
+    with pytest.raises(InputError, match="link 'p': expected links and supports that can be kept together"):
+        moved(blocks, [Ball("p", "a", "b", (0.5, 0.0, 0.0))], fcsim.Theta(1e-2), 2, supports=supports)
