@@ -22,7 +22,7 @@ from fcsim.running.case import Case, CaseScript
 from fcsim.running.case_description import describe
 from fcsim.running.checkpoint import read_checkpoint
 from fcsim.running.description import Description, SeenOverlap, write_description, write_end
-from fcsim.running.outputs import Outputs, RunOptions
+from fcsim.running.outputs import Outputs, RunOptions, witnessed
 from fcsim.running.parameters import parse_parameters
 from fcsim.running.refusals.own_files import check_folder, empty
 from fcsim.running.refusals.size import size_of
@@ -120,6 +120,7 @@ def run_case(
     parameters = parse_parameters(script, assignments)
     with files_read() as read:
         case = script.build(parameters)
+    case = replace(case, simulation=witnessed(case.simulation, options))
     size = size_of(case.simulation)
     if announce is not None:
         announce(str(size))
