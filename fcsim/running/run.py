@@ -137,7 +137,12 @@ def run_case(
             empty(directory)
         remove_partial_files(directory)
         write_description(directory, replace(description, status="running"))
-        outputs = Outputs(directory, case, parameters, options, moments[0].number if moments else 0)
+        start = moments[0].number if moments else 0
+        try:
+            outputs = Outputs(directory, case, parameters, options, start)
+        except OSError as error:  # a disk that is full from the beginning
+            write_end(directory, replace(description, status="failed", message=f"{type(error).__name__}: {error}", steps_done=start))
+            raise
         return _run(case, moments, outputs, directory, description, watch)
 
 

@@ -159,7 +159,7 @@ class QuasiStatic:
             euler = float(dx @ model.elastic.force(last, last, 1.0)) - (energies[1] - energies[0])
         else:
             euler = 0.5 * model.elastic.loss(first, last)
-        regularisation = self.eta / self.h**2 * float(dx @ model.apply_mass(dx)) if self.eta else 0.0
+        regularisation = self.eta / self.h**2 * float(dx @ model.apply_mass(dx, model.rigid_mass(before.x))) if self.eta else 0.0
         return balance(
             kinetic=(0.0, 0.0),
             elastic=energies,
