@@ -23,9 +23,11 @@ slow: $(READY)  ## run the slow tests
 
 FAULTS_SEED := $(shell date +%s)
 
-faults: $(READY)  ## thousands of mutated files with a fresh seed (FAULTS_SEED=... repeats one)
+FAULTS ?= 1
+
+faults: $(READY)  ## mutated files, options, kills, full disks with a fresh seed (FAULTS_SEED=... repeats one, FAULTS=0.1 takes a tenth)
 	@echo "seed $(FAULTS_SEED)"
-	FCSIM_FAULTS=40 FCSIM_FAULTS_SEED=$(FAULTS_SEED) .venv/bin/python -m pytest tests/faults $(PYTEST_ARGS)
+	FCSIM_FAULTS=$(FAULTS) FCSIM_FAULTS_SEED=$(FAULTS_SEED) .venv/bin/python -m pytest tests/faults $(PYTEST_ARGS)
 
 lint: $(READY)  ## check style, types and who imports whom
 	.venv/bin/ruff check

@@ -20,6 +20,7 @@ import os
 import signal
 import sys
 import tempfile
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,7 +108,7 @@ def in_a_process(out: Path, steps: int, resume: bool = False, killed_after: int 
     memory = out.with_suffix(".memory")
     child = os.fork()
     if child == 0:
-        seen: list[int] = []
+        seen = array("q")  # eight bytes a step
 
         def watch(case: Case, step: Step) -> None:
             seen.append(resident())

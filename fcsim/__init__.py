@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         Elliptic,
         Gap,
         RateDependent,
+        Rolling,
         SlipWeakening,
         Springs,
         StaticKinetic,
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force, support_moment
     from fcsim.solvers import SOLVERS
     from fcsim.solvers.solve import solve
+    from fcsim.solvers.solve_many import solve_many
     from fcsim.timestep.chain import SolverSettings
     from fcsim.timestep.generalised_alpha import GeneralisedAlpha
     from fcsim.timestep.limits import Limits
@@ -95,6 +97,7 @@ _HOME = {
     "RateDependent": "contact_law",
     "RigidBody": "mesh.part",
     "Rod": "linkage",
+    "Rolling": "contact_law",
     "Scheme": "timestep.scheme",
     "Sensor": "running.case",
     "Simulation": "timestep.simulation",
@@ -129,6 +132,7 @@ _HOME = {
     "read_acceleration_record": "assembly.time_functions",
     "read_fclib": "export_fclib",
     "solve": "solvers.solve",
+    "solve_many": "solvers.solve_many",
     "support_force": "running.sensors",
     "support_moment": "running.sensors",
     "two_pass": "contact_detection",
@@ -174,6 +178,7 @@ __all__ = [
     "RateDependent",
     "RigidBody",
     "Rod",
+    "Rolling",
     "Scheme",
     "Sensor",
     "Simulation",
@@ -208,6 +213,7 @@ __all__ = [
     "read_acceleration_record",
     "read_fclib",
     "solve",
+    "solve_many",
     "support_force",
     "support_moment",
     "two_pass",

@@ -39,7 +39,7 @@ def free_memory() -> float:
     left = [_of_the_machine(), *(_number(limit) - _number(used, 0.0) for limit, used in CGROUPS)]
     own = resource.getrlimit(resource.RLIMIT_AS)[0]
     if own != resource.RLIM_INFINITY:
-        left.append(own - _own_addresses())
+        left.append(own - own_addresses())
     return max(min(left), 0.0)
 
 
@@ -58,7 +58,7 @@ def _number(path: str, unknown: float = float("inf")) -> float:
         return unknown
 
 
-def _own_addresses() -> float:
+def own_addresses() -> float:
     try:
         return float(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError):

@@ -279,9 +279,11 @@ class _GroupFactor:
             if len(self.free):
                 refuse_singular(block, self.factor)
         except SingularMatrix as error:
-            raise InputError(
-                f"part {group.part.name!r}: its system matrix is singular ({error}); in statics a body needs supports, or a larger eta"
-            ) from None
+            why = "in statics a body needs supports, or a larger eta"
+            if mass:
+                why = "its stiffness hides its mass in round-off: expected E, density, lengths and the step in one system of units"
+                error = SingularMatrix(str(error).removesuffix(" (a body without supports?)"))
+            raise InputError(f"part {group.part.name!r}: its system matrix is singular ({error}); {why}") from None
         self.surface = own_surface(model, group, touched)
         compliance = linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free))
         self.compliance = 0.5 * (compliance + compliance.T)

@@ -44,7 +44,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     push.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
     push.set_defaults(act=_push)
     for command in (limit, tilt, push):
-        command.add_argument("model", type=Path, help='a masonry problem in JSON, schema "masonry-problem/1"')
+        command.add_argument("model", type=Path, help="a masonry problem in JSON, or solids: .stl, .obj, .ply, .off, .3mf, .glb")
+        command.add_argument("--density", type=float, default=2000.0, help="[kg/m^3] of the solids of a surface file (default 2000)")
+        command.add_argument("--scale", type=float, help="metres to a unit of length of a surface file: 1e-3 for mm")
+        command.add_argument("--support", action="append", default=[], metavar="NAME", help="solid that is held (default: a floor)")
         command.add_argument("--mu", type=float, help="friction coefficient of all joints, in place of the problem's")
         command.add_argument("--tolerance", type=float, help="[m] blocks that are nearer touch (default 1e-4 of the smallest block)")
         command.add_argument("--out", type=Path, help="folder for the analysis (JSON), its joints (CSV) and the picture of the mechanism")
@@ -69,8 +72,11 @@ def _direction(text: str) -> tuple[float, float, float]:
 def _read(options: argparse.Namespace) -> MasonryProblem:
     from dataclasses import replace
 
-    from fcsim.masonry import read_masonry
+    from fcsim.masonry import masonry_of_surfaces, read_masonry
 
+    if options.model.suffix.lower() != ".json":
+        mu = 0.6 if options.mu is None else options.mu
+        return masonry_of_surfaces(options.model, mu=mu, density=options.density, scale=options.scale, supports=options.support)
     problem = read_masonry(options.model)
     return problem if options.mu is None else replace(problem, mu=options.mu, between={})
 
@@ -134,6 +140,8 @@ def _tilt(options: argparse.Namespace) -> int:
 def _refuse_film_without_folder(options: argparse.Namespace) -> None:
     if options.film and options.out is None:
         raise InputError("--film: expected a folder for it, --out DIR")
+    if options.film and options.model.suffix.lower() != ".json":
+        raise InputError(f"--film: expected a model in JSON, got {options.model}")
 
 
 def _simulated(options: argparse.Namespace, analysis: LimitAnalysis) -> Bracket | None:

@@ -39,6 +39,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--export-form", choices=("global", "local", "both"), default="global", help="form of the FCLIB files")
     run.add_argument("--vtk-every", type=int, default=10, metavar="K", help="write VTK files every K steps, 0 = none (default 10)")
     run.add_argument("--checkpoint-every", type=int, default=20, metavar="K", help="steps between checkpoints (default 20)")
+    run.add_argument(
+        "--witness-every", type=int, metavar="K", help="measure the bodies' overlap every K steps, 0 = never (default: the case's)"
+    )
+    run.add_argument(
+        "--witness-tolerance", type=float, metavar="SHARE", help="overlap borne, of the smaller body's size (default: the case's)"
+    )
     run.add_argument("--resume", action="store_true", help="go on with an interrupted run in the folder of the results")
     run.add_argument("--accept-changes", action="store_true", help="resume also where script, meshes, tables or versions have changed")
     run.add_argument("--overwrite", action="store_true", help="replace an earlier run's results")
@@ -72,6 +78,8 @@ def _run(options: argparse.Namespace) -> int:
         export_iterations=options.export_iterations,
         vtk_every=options.vtk_every,
         checkpoint_every=options.checkpoint_every,
+        witness_every=options.witness_every,
+        witness_tolerance=options.witness_tolerance,
     )
     with ended_politely(), any_size() if options.any_size else nullcontext(), Bar("step") as bar:
         summary = run_case(

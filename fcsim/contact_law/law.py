@@ -6,6 +6,8 @@ contacts (see `Terms`), so that solvers and FCLIB files know Coulomb's cone alon
     u  = S (H^T v) + C r + w      S: elliptic friction, C: compliance of the joint, w: gap, restitution, what is kept of earlier steps
     M v = H (S r - r_c) + f       r_c: adhesion, S r - r_c is what acts on the bodies
 
+and in a sixth, rolling resistance, by which the problem has rolling moments and the cone of five dimensions.
+
 A law of one's own is a frozen dataclass with the members of `Law`; `docs/contact_laws.md` has an example.
 """
 
@@ -145,6 +147,7 @@ class Terms:
     compliance (nc, d) the diagonal of C in units of u per unit of r, 0 = rigid; None = rigid
     scale      (nc, d) the diagonal of S, 1 = as it is; None = all
     frame      (nc, d, d) other directions T1, T2 for the contacts, None = as detected
+    rolling    (nc,) [m] mu_r >= 0 of the cone of rolling friction, see `Rolling`; None = problems without rolling moments
     """
 
     w: FloatArray
@@ -153,6 +156,7 @@ class Terms:
     compliance: FloatArray | None = None
     scale: FloatArray | None = None
     frame: FloatArray | None = None
+    rolling: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)

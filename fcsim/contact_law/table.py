@@ -49,6 +49,7 @@ class LawTable:
             "compliance": np.zeros(shape),
             "scale": np.ones(shape),
             "frame": meeting.contacts.frame.copy(),
+            "rolling": np.zeros(shape[0]),
         }
         for name, whole in fresh.items():
             given = [(own, value) for own, terms in parts if (value := getattr(terms, name)) is not None]
@@ -135,6 +136,6 @@ def _own(variables: Variables | None, k: int) -> Variables | None:
 
 
 def _part_of(outcome: Outcome, own: BoolArray) -> Outcome:
-    given = {name: getattr(outcome.terms, name) for name in ("w", "mu", "adhesion", "compliance", "scale", "frame")}
+    given = {name: getattr(outcome.terms, name) for name in ("w", "mu", "adhesion", "compliance", "scale", "frame", "rolling")}
     terms = Terms(**{name: None if value is None else value[own] for name, value in given.items()})  # type: ignore[arg-type]
     return Outcome(terms, outcome.u[own], outcome.r[own], outcome.after[own])

@@ -1,14 +1,15 @@
 """Masonry: problems of blocks from files, their collapse loads by limit analysis and by simulation."""
 
-from fcsim.masonry.analysis import LimitAnalysis, analyse
 from fcsim.masonry.collapse import Bracket, Trial, bracket, trial
-from fcsim.masonry.joints import Joint, joints_of
 from fcsim.masonry.json_file import read_masonry, write_masonry
-from fcsim.masonry.limit import LimitLoad, associative_limit, coulomb_limit
-from fcsim.masonry.limit_problem import LimitProblem, limit_problem
+from fcsim.masonry.limit_analysis.analysis import LimitAnalysis, analyse
+from fcsim.masonry.limit_analysis.joints import Joint, joints_of
+from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit
+from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.problem import Acceleration, Block, Expected, MasonryProblem, PointForce
 from fcsim.masonry.pushes import pushed, tilted
 from fcsim.masonry.structure import Stone, structure
+from fcsim.masonry.surfaces import masonry_of_surfaces
 
 __all__ = [
     "Acceleration",
@@ -29,6 +30,7 @@ __all__ = [
     "coulomb_limit",
     "joints_of",
     "limit_problem",
+    "masonry_of_surfaces",
     "pushed",
     "read_masonry",
     "structure",

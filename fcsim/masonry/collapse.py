@@ -14,7 +14,7 @@ import numpy as np
 
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
-from fcsim.masonry.limit_problem import limit_problem
+from fcsim.masonry.limit_analysis.limit_problem import limit_problem
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.structure import structure
 from fcsim.timestep.chain import SolverSettings

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fcsim.files import replacing_for_good
-from fcsim.masonry.analysis import LimitAnalysis
 from fcsim.masonry.collapse import Bracket
+from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.masonry.openings import Opening
 from fcsim.records import write_record
 from fcsim.version import __version__

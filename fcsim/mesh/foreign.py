@@ -1,63 +1,32 @@
-"""Mesh files of others, read in a process of their own with limits on time and memory.
-
-A malformed file can end the process that reads it (gmsh: segmentation fault on a node number of 1e20), hang it or fill its memory; here
-that is an error like any other. `main` is what that process does.
-"""
+"""Mesh files of others: gmsh's .msh and the formats of meshio, read in a process of their own (`apart`); `main` is what that does."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import json
-import os
-import resource
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import Any, Literal, cast
 from urllib.parse import unquote
 
 import numpy as np
 
+from fcsim.apart import limited, read_apart
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.cell_type import FROM_MESHIO
 from fcsim.mesh.named_mesh import Block, NamedMesh, from_gmsh, named_mesh
 from fcsim.runtime import gmsh_model
 
-PROCESS = "import sys; from fcsim.mesh.foreign import main; raise SystemExit(main(*sys.argv[1:]))"
 SURFACE = "surface:"
 TAGS = ("gmsh:physical", "medit:ref", "cell_tags")
-SECONDS, SECONDS_PER_MB = 60.0, 5.0
-"""A reader may take so long: some MB a second is what the slowest formats are read at."""
-MEMORY, MEMORY_PER_BYTE = 4 * 2**30, 100
-"""[bytes] of addresses, libraries included."""
 
 
-def read_apart(path: Path, plane: Literal["strain", "stress"], thickness: float) -> NamedMesh:
-    """The mesh of a file, read in another process. InputError for what that says of it, and where it crashes, hangs or fills memory."""
-    megabytes = path.stat().st_size / 1e6
-    known = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, known))}
-    with TemporaryDirectory(prefix="fcsim-mesh-") as folder:
-        out = Path(folder) / "mesh.npz"
-        command = [sys.executable, "-c", PROCESS, str(path), str(out), plane, repr(float(thickness))]
-        patience = SECONDS + SECONDS_PER_MB * megabytes
-        try:
-            done = subprocess.run(command, env=environment, capture_output=True, timeout=patience, check=False, stdin=subprocess.DEVNULL)
-        except subprocess.TimeoutExpired as error:
-            raise InputError(f"{path}: expected a mesh that can be read in {error.timeout:.0f} s, its reader was still at it") from None
-        if done.returncode == 2:
-            told = json.loads(done.stdout.decode().splitlines()[-1])
-            raise (MissingDependency if told["missing"] else InputError)(told["error"])
-        if done.returncode != 0:
-            last = "".join(done.stderr.decode(errors="replace").strip().splitlines()[-1:])
-            how = signal.Signals(-done.returncode).name if done.returncode < 0 else last or f"exit code {done.returncode}"
-            raise InputError(f"{path}: expected a mesh file, got one that ends its reader ({how})")
-        return _loaded(out, str(path), plane, thickness)
+def read_foreign(path: Path, plane: Literal["strain", "stress"], thickness: float) -> NamedMesh:
+    """The mesh of a file, read in another process, see `read_apart`."""
+    arguments = (plane, repr(float(thickness)))
+    return read_apart(path, "fcsim.mesh.foreign", arguments, lambda out: _loaded(out, str(path), plane, thickness))
 
 
 def _loaded(out: Path, source: str, plane: Literal["strain", "stress"], thickness: float) -> NamedMesh:
@@ -76,24 +45,16 @@ def _loaded(out: Path, source: str, plane: Literal["strain", "stress"], thicknes
 
 
 def main(path: str, out: str, plane: str, thickness: str) -> int:
-    """Read a mesh file within the limits and write its arrays; what is wrong with it is printed as JSON, exit code 2."""
-    size = Path(path).stat().st_size
-    most = MEMORY + MEMORY_PER_BYTE * size
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    try:
+    """Read a mesh file within the limits and write its arrays."""
+
+    def read() -> None:
         mesh = _read(Path(path), cast(Literal["strain", "stress"], plane), float(thickness))
         about = {"cell_type": mesh.cell_type, "volumes": list(mesh.volumes), "surfaces": list(mesh.surfaces), "ungrouped": mesh.ungrouped}
         arrays: dict[str, Any] = {f"volume {k}": cells for k, cells in enumerate(mesh.volumes.values())}
         arrays |= {f"surface {k}": facets for k, facets in enumerate(mesh.surfaces.values())}
         np.savez(out, allow_pickle=False, points=mesh.points, about=np.array(json.dumps(about)), **arrays)
-    except (InputError, MissingDependency) as error:
-        print("\n" + json.dumps({"error": str(error), "missing": isinstance(error, MissingDependency)}))
-        return 2
-    except MemoryError:
-        print("\n" + json.dumps({"error": f"{path}: expected a mesh that fits into {most / 2**30:.1f} GiB", "missing": False}))
-        return 2
-    return 0
+
+    return limited(path, read)
 
 
 def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> NamedMesh:

@@ -20,7 +20,7 @@ from fcsim.arrays import IntArray
 from fcsim.errors import InputError
 from fcsim.files import note_read, replacing
 from fcsim.mesh.cell_type import CELL_TYPES, GMSH_NUMBERS, TO_MESHIO
-from fcsim.mesh.foreign import SURFACE, meshio_package, quietly, read_apart
+from fcsim.mesh.foreign import SURFACE, meshio_package, quietly, read_foreign
 from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.named_mesh import NamedMesh
@@ -111,7 +111,7 @@ def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> N
     if not path.is_file():
         raise InputError(f"{path}: expected a mesh file, got none at this place")
     note_read(path)
-    return read_apart(path, plane, thickness)
+    return read_foreign(path, plane, thickness)
 
 
 def _write_msh(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> None:

@@ -11,6 +11,8 @@ from typing import Any
 from fcsim.running.case import Case, CaseScript, History, Sensor
 from fcsim.running.description import FORMAT, Bound, Column, Description, HistoryPlot, Plots
 from fcsim.running.resume import model_digest
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.simulation import Simulation
 from fcsim.version import __version__
 
 PACKAGES = ("numpy", "scipy", "numba", "fenics-dolfinx", "dolfinx-solver-real", "gmsh")
@@ -29,7 +31,7 @@ def describe(
         parameters=asdict(parameters),
         assignments=dict(assignments),
         scheme=repr(simulation.scheme),
-        notes=simulation.notes,
+        notes=(*simulation.notes, *ignored(simulation)),
         h=simulation.scheme.h,
         steps=simulation.steps,
         solver=simulation.solver.name,
@@ -41,6 +43,13 @@ def describe(
         sources={script.path.name: script.sha256, **read},
         model=model_digest(simulation.model),
     )
+
+
+def ignored(simulation: Simulation) -> tuple[str, ...]:
+    """What the model has and the scheme has no use for."""
+    if simulation.model.beta and isinstance(simulation.scheme, QuasiStatic):
+        return (f"the model's damping (beta = {simulation.model.beta:g} s) does nothing in statics",)
+    return ()
 
 
 def _plots(case: Case) -> Plots:

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 
 from fcsim.contact_law.law import Variables
+from fcsim.contact_law.rolling_rows import ROWS
 from fcsim.errors import InputError
 from fcsim.files import replacing_hdf5_for_good
 from fcsim.timestep.energy import Ledger
@@ -136,7 +137,7 @@ def _array(dataset: h5py.Dataset, ndim: int) -> np.ndarray:
 
 def _reactions(group: h5py.Group) -> Reactions:
     identity, frame, r = group["identity"][()], _array(group["frame"], 3), _array(group["r"], 2)
-    nc, d = r.shape
-    if identity.shape != (nc,) or identity.dtype.kind != "i" or frame.shape != (nc, d, d):
+    nc, d = r.shape[0], frame.shape[-1]
+    if r.shape[1] not in (d, ROWS) or identity.shape != (nc,) or identity.dtype.kind != "i" or frame.shape != (nc, d, d):
         raise ValueError(f"{group.name}: identity {identity.shape}, frame {frame.shape} and r {r.shape} do not fit")
     return Reactions(identity, frame, r)

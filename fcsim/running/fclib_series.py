@@ -11,6 +11,7 @@ from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import Solution
 from fcsim.export_fclib.write import file_name, write_fclib
 from fcsim.problem.reduction import BlockFactor, Reduction
+from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import Result
 from fcsim.timestep.step import Step
 
@@ -29,14 +30,17 @@ def write_step(
     """Write the step's problem into directory/<form>/<SET>-i<iterations>-<contacts>-<step>.hdf5, form "global" or "local".
 
     The solution is the step's result; the guess is where its solver began (from the last steps' reactions, matched contact by contact).
-    math_info states sizes, contact density, solver and error. compression: see `write_fclib`.
+    math_info states sizes, contact density, solver, error and the time step that is in M: of a step that was cut, that of its last part.
+    compression: see `write_fclib`.
     iterations: of a step with nonlinear bodies also the problems that led to the last one, as the sets <SET>-newton00, -newton01, ...
     Returns the files' paths; a step without contacts is written too.
     """
     forms = tuple(forms)
     if unknown := [form for form in forms if form not in ("global", "local")]:
         raise InputError(f"FCLIB form {unknown[0]!r}: expected 'global' or 'local'")
-    to = _Files(Path(directory), forms, step.number, title, description, compression)
+    if isinstance(step.problem, GlobalRollingProblem) and "local" in forms:
+        raise InputError("FCLIB form 'local': expected 'global' with rolling resistance, for which FCLIB has no local form")
+    to = _Files(Path(directory), forms, step, title, description, compression)
     written = to.write(fclib_set, step.reduction, step.result, step.start)
     for k, earlier in enumerate(step.linearised[:-1] if iterations else ()):
         reduction = Reduction(earlier.problem, BlockFactor(earlier.problem.M))
@@ -48,9 +52,10 @@ class _Files:
     """Where and how the files of one step are written."""
 
     def __init__(
-        self, directory: Path, forms: tuple[str, ...], step: int, title: str, description: str, compression: bool | Compressor
+        self, directory: Path, forms: tuple[str, ...], step: Step, title: str, description: str, compression: bool | Compressor
     ) -> None:
-        self._directory, self._forms, self._step = directory, forms, step
+        self._directory, self._forms, self._step = directory, forms, step.number
+        self._length = _length(step)
         self._title, self._description, self._compression = title, description, compression
 
     def write(self, fclib_set: str, reduction: Reduction, result: Result, start: FloatArray) -> list[Path]:
@@ -73,8 +78,14 @@ class _Files:
                 title=self._title,
                 description=self._description,
                 math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / problem.n:.4g}; solved by {result.method} in "
-                f"{result.iterations} iterations, error {result.error:.3e}",
+                f"{result.iterations} iterations, error {result.error:.3e}; {self._length}",
                 compression=self._compression,
             )
             written.append(path)
         return written
+
+
+def _length(step: Step) -> str:
+    """The length of the step that the problem is of."""
+    part = f", the last of {step.substeps} parts of a step that was cut" if step.substeps > 1 else ""
+    return f"time step {step.scheme.h:.6g} s{part}"

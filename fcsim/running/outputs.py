@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from fcsim.errors import InputError
@@ -14,25 +14,44 @@ from fcsim.running.checkpoint import write_checkpoint
 from fcsim.running.fclib_series import write_step
 from fcsim.running.step_table import StepTable, write_hdf5
 from fcsim.running.vtk_series import SeriesWriter
+from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
 from fcsim.version import __version__
+from fcsim.witness import Witness
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
     """Every how many steps to write FCLIB files, VTK files and checkpoints (0 = none), and the forms of the FCLIB files;
-    export_iterations: also the problems that led to the last one of a step with nonlinear bodies."""
+    export_iterations: also the problems that led to the last one of a step with nonlinear bodies.
+
+    witness_every, witness_tolerance: of the witness of penetration, None = what the case says; witness_every = 0: nobody looks.
+    """
 
     export_every: int = 10
     export_forms: tuple[str, ...] = ("global",)
     vtk_every: int = 10
     checkpoint_every: int = 20
     export_iterations: bool = False
+    witness_every: int | None = None
+    witness_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("export_every", "vtk_every", "checkpoint_every"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name.replace('_', '-')}: expected a whole number >= 0 (0 = none), got {getattr(self, name)}")
+
+
+def witnessed(simulation: Simulation, options: RunOptions) -> Simulation:
+    """The simulation with the witness that the options ask for. InputError: numbers that a witness does not take."""
+    if options.witness_every == 0:
+        return replace(simulation, witness=None)
+    if options.witness_every is None and options.witness_tolerance is None:
+        return simulation
+    own = simulation.witness or Witness()
+    every = own.every if options.witness_every is None else options.witness_every
+    tolerance = own.tolerance if options.witness_tolerance is None else options.witness_tolerance
+    return replace(simulation, witness=replace(own, every=every, tolerance=tolerance))
 
 
 class Outputs:

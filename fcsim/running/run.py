@@ -22,7 +22,7 @@ from fcsim.running.case import Case, CaseScript
 from fcsim.running.case_description import describe
 from fcsim.running.checkpoint import read_checkpoint
 from fcsim.running.description import Description, SeenOverlap, write_description, write_end
-from fcsim.running.outputs import Outputs, RunOptions
+from fcsim.running.outputs import Outputs, RunOptions, witnessed
 from fcsim.running.parameters import parse_parameters
 from fcsim.running.refusals.own_files import check_folder, empty
 from fcsim.running.refusals.size import size_of
@@ -120,6 +120,7 @@ def run_case(
     parameters = parse_parameters(script, assignments)
     with files_read() as read:
         case = script.build(parameters)
+    case = replace(case, simulation=witnessed(case.simulation, options))
     size = size_of(case.simulation)
     if announce is not None:
         announce(str(size))
@@ -136,7 +137,12 @@ def run_case(
             empty(directory)
         remove_partial_files(directory)
         write_description(directory, replace(description, status="running"))
-        outputs = Outputs(directory, case, parameters, options, moments[0].number if moments else 0)
+        start = moments[0].number if moments else 0
+        try:
+            outputs = Outputs(directory, case, parameters, options, start)
+        except OSError as error:  # a disk that is full from the beginning
+            write_end(directory, replace(description, status="failed", message=f"{type(error).__name__}: {error}", steps_done=start))
+            raise
         return _run(case, moments, outputs, directory, description, watch)
 
 

@@ -95,8 +95,9 @@ class SeriesWriter:
     blocks     points in the reference configuration; point data displacement [m], velocity [m/s]; cell data von_mises [Pa]
                (at the cell's centre), body
     contacts   points at the foot points; reaction (global axes), reaction_normal, reaction_tangential [N], gap [m], status (0 open,
-               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there; and what the contact
-               law remembers, by its names (fracture, slip, ...); field data overlap [m] and overlap_place, where the witness saw any
+               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there, rolling_moment
+               [N m] and rolling (0, 1) with rolling resistance; and what the law remembers, by its names
+               (fracture, slip, ...); field data overlap [m] and overlap_place, where the witness saw any
     links      where there are any: points where their rows act, as the bodies stand; force [N] on the first body (global axes), link
                (its number in the linkage), gap [m]
     rigid      the surfaces of the rigid bodies; point data displacement [m], velocity [m/s]; cell data body
@@ -126,7 +127,8 @@ class SeriesWriter:
         """Write the three data sets of a step and take them up in the collections.
 
         Reads step.number; step.state.t, .x, .v; step.contacts; step.contact_force (nc, d) [N] in the frame (N, T1[, T2]);
-        step.contact_status (nc,); step.result.u (d nc,) [m/s]; step.law_variables. Entries of the same or a later time are replaced.
+        step.contact_status (nc,); step.result.u [m/s]; step.rolling_moment;
+        step.law_variables. Entries of the same or a later time are replaced.
         """
         t = float(step.state.t)
         displacement = self._model.node_displacement(step.state.x)
@@ -298,7 +300,7 @@ def _link_points(vtk: _VTK, step: Any) -> Any:
 def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
     contacts, nc = step.contacts, len(step.contacts)
     force = np.asarray(step.contact_force).reshape(nc, contacts.dimension)
-    sliding = np.asarray(step.result.u).reshape(nc, contacts.dimension)[:, 1:]
+    sliding = np.asarray(step.result.u).reshape(nc, -1 if nc else contacts.dimension)[:, 1 : contacts.dimension]
     points = vtk.data.vtkPolyData()
     points.SetPoints(vtk.points(contacts.point))
     points.SetVerts(vtk.cells(np.arange(nc + 1), np.arange(nc)))
@@ -314,6 +316,9 @@ def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
         "displacement": _in_space(np.einsum("ak,akj->aj", contacts.on_master, displacement[contacts.nodes])),
     }.items():
         points.GetPointData().AddArray(vtk.array(name, values))
+    if (moment := step.rolling_moment) is not None:
+        points.GetPointData().AddArray(vtk.array("rolling_moment", np.hypot(*moment.T)))
+        points.GetPointData().AddArray(vtk.array("rolling", step.rolling.astype(np.int8)))
     for name, values in step.law_variables.items():
         points.GetPointData().AddArray(vtk.array(name, values if values.ndim == 1 else _in_space(values)))
     seen = step.overlap

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
@@ -54,7 +54,7 @@ def override(options: Any, overrides: dict[str, Any]) -> Any:
     for name, value in overrides.items():
         if name not in known:
             raise InputError(f"option {name!r}: expected one of {', '.join(known)}")
-        _refuse_other_types(name, value, str(getattr(known[name].type, "__name__", known[name].type)))
+        _refuse_other_types(name, value, str(getattr(known[name].type, "__name__", known[name].type)), getattr(options, name))
     return replace(options, **overrides)
 
 
@@ -68,9 +68,11 @@ EXPECTED = {
 }
 
 
-def _refuse_other_types(name: str, value: Any, kind: str) -> None:
+def _refuse_other_types(name: str, value: Any, kind: str, now: Any = None) -> None:
     """Refuse what is not of the option's declared type: a method would stumble over it somewhere, or take a text for True."""
     kind, optional = kind.removesuffix(" | None"), kind.endswith(" | None")
+    if kind not in EXPECTED and isinstance(now, tuple | Mapping) and not isinstance(value, tuple if isinstance(now, tuple) else Mapping):
+        raise InputError(f"option {name}: expected a {kind}, got {str(value)[:40]!r}")
     if kind not in EXPECTED or (optional and value is None):
         return
     switch = isinstance(value, bool | np.bool_)

@@ -37,6 +37,9 @@ class HybridOptions(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for stage in (*self.first, *self.stages):
+            if not isinstance(stage, Stage):
+                raise InputError(f"options first, stages: expected tuples of Stage, got a {type(stage).__name__} in one")
         if self.cycles < 1:
             raise InputError(f"option cycles: expected an integer >= 1, got {self.cycles}")
 

@@ -19,13 +19,13 @@ from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
 from fcsim.solvers.base import Iterate, Method, Monitor, Result, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
+from fcsim.solvers.small.door import small
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.solvers.table import method
 
 ERRORS = ("scaled", "published")
 
 
-@limited_threads()
 def solve(
     problem: GlobalProblem | LocalProblem | Reduction | GlobalRollingProblem,
     solver: str = "NSN-AC",
@@ -53,12 +53,33 @@ def solve(
     it as it is (linear="kkt").
     Raises InputError for an unknown method or option and for arguments of a wrong shape.
     """
-    if isinstance(problem, GlobalRollingProblem):
-        return solve_rolling(problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, **overrides)
     chosen = method(solver)
-    options = override(chosen.options, overrides)
     choice("error", error, ERRORS)
     checked_limits(tol, floor, time_limit)
+    if memory is None and time_limit == float("inf"):
+        answered = small(problem, chosen, bool(overrides), solver, r, tol, error, floor)
+        if answered is not None:
+            return answered
+    return _solve(problem, chosen, solver, r, tol, error, floor, time_limit, memory, overrides)
+
+
+@limited_threads()
+def _solve(
+    problem: GlobalProblem | LocalProblem | Reduction | GlobalRollingProblem,
+    chosen: Method,
+    solver: str,
+    r: FloatArray | None,
+    tol: float,
+    error: str,
+    floor: float,
+    time_limit: float,
+    memory: Memory | None,
+    overrides: dict[str, Any],
+) -> Result:
+    """`solve` by the general way."""
+    if isinstance(problem, GlobalRollingProblem):
+        return solve_rolling(problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, **overrides)
+    options = override(chosen.options, overrides)
     start = time.perf_counter()
     given = reduced(problem)  # M^-1 or R^-1
     run, form = _way(chosen, solver, options, given)  # the local form, or the problem as it is

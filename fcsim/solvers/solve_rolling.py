@@ -42,7 +42,7 @@ class RollingMonitor(Monitor):
 
 
 def solve_rolling(
-    problem: GlobalRollingProblem,
+    problem: GlobalRollingProblem | RollingReduction,
     solver: str,
     r: FloatArray | None = None,
     *,
@@ -52,7 +52,8 @@ def solve_rolling(
     time_limit: float = float("inf"),
     **overrides: Any,
 ) -> Result:
-    """Solve a problem with rolling friction; arguments, errors and result as `solve`. "auto" is ROLLING-NSGS.
+    """Solve a problem with rolling friction, or its reduction where that is known; arguments, errors and result as `solve`.
+    "auto" is ROLLING-NSGS.
 
     The scaled error is taken on r', u' (see `RollingReduction`), and so are the checks; the published one, by the formula of eq. 13 on the
     cone of five dimensions, in the problem's own units.
@@ -64,11 +65,12 @@ def solve_rolling(
     options = override(chosen.options, overrides)
     choice("error", error, ERRORS)
     checked_limits(tol, floor, time_limit)
-    begin = np.zeros(problem.m) if r is None else np.array(r, dtype=np.float64)
-    if begin.shape != (problem.m,) or not np.all(np.isfinite(begin)):
-        raise InputError(f"r: expected a starting point of {problem.m} finite numbers, got shape {begin.shape}")
+    m = (problem.problem if isinstance(problem, RollingReduction) else problem).m
+    begin = np.zeros(m) if r is None else np.array(r, dtype=np.float64)
+    if begin.shape != (m,) or not np.all(np.isfinite(begin)):
+        raise InputError(f"r: expected a starting point of {m} finite numbers, got shape {begin.shape}")
     start = time.perf_counter()
-    given = reduce_rolling(problem)
+    given = problem if isinstance(problem, RollingReduction) else reduce_rolling(problem)
     local, scale = given.local, given.scale
     monitors = {name: RollingMonitor(given, tol, name == "published", floor=floor, time_limit=time_limit, start=start) for name in ERRORS}
     monitor = monitors[error]

@@ -12,8 +12,10 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError, NotConverged
 from fcsim.problem.reduction import Reduction
+from fcsim.problem.rolling import RollingReduction
 from fcsim.solvers import Memory, Result, Status, method, solve
 from fcsim.solvers.base import override
+from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.timestep.step import Attempt, Lead
 
 
@@ -72,6 +74,36 @@ def solve_chain(
         if result.solved:
             return replace(result, memory=None), kept
     return None, kept
+
+
+ROLLING: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("ROLLING-NSGS", {"max_iterations": 300}),
+    ("ROLLING-EG", {"max_iterations": 3000}),
+    ("ROLLING-NSGS", {}),
+    ("ROLLING-EG", {}),
+    ("ROLLING-FP", {}),
+)
+"""The methods for steps with rolling resistance: where faces carry in more points than they need, sweeps end above the tolerance at which
+projections go on."""
+
+
+def solve_rolling_chain(
+    settings: SolverSettings, reduction: RollingReduction, warm: FloatArray, tol: float, share: float, attempts: list[Attempt]
+) -> Result | None:
+    """As `solve_chain` on the cone of rolling friction: the settings' solver where it has this cone, then `ROLLING`, the short ones from
+    where the one before ended, the long ones from zero."""
+    own = [(settings.name, dict(settings.options))] if 5 in method(settings.name).dimensions else []
+    r, start = warm, "previous steps" if np.any(warm) else "zero"
+    for name, options in (*own, *ROLLING):
+        if not options and name != settings.name:
+            r, start = np.zeros_like(warm), "zero"
+        result = solve_rolling(reduction, name, r, tol=tol, floor=settings.floor, **options)
+        attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol))
+        if result.solved:
+            return result
+        if np.all(np.isfinite(result.r)):
+            r, start = result.r, "the last answer"
+    return None
 
 
 def not_converged(

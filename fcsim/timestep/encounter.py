@@ -15,6 +15,7 @@ from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import NOTHING, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
+from fcsim.contact_law.rolling_rows import ROWS, five_rows, moment_matrix, widened
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 
@@ -26,9 +27,10 @@ class Encounter:
     """The contacts of a step under their law; see `fcsim.contact_law.law` for S, r_c and C.
 
     contacts  as the law takes them: its mu, and its frames where it turns them
-    H         (n_dofs, m) contact matrix over all dofs, driven ones included
+    H         (n_dofs, d nc) contact matrix of the forces over all dofs, driven ones included
     meeting   what the law was told
     terms     what it gave
+    moments   (n_dofs, 2 nc) contact matrix of rolling moments, None without rolling resistance, see `rolling_rows`
     passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
     """
 
@@ -37,21 +39,37 @@ class Encounter:
     meeting: Meeting
     terms: Terms
     passing: Contacts | None = None
+    moments: Any = None
+
+    @property
+    def rows(self) -> int:
+        """Unknowns a contact: d, with rolling resistance 5."""
+        return self.contacts.dimension if self.moments is None else ROWS
+
+    @cached_property
+    def acting_H(self) -> Any:
+        """(n_dofs, m) of all unknowns, forces and rolling moments."""
+        return self.H if self.moments is None else five_rows(self.H, self.moments, self.contacts.dimension)
+
+    def _of_rows(self, values: FloatArray, fill: float = 0.0) -> FloatArray:
+        """(m,) from the forces' (nc, d)."""
+        return (values if self.moments is None else widened(values, fill)).ravel()
 
     @cached_property
     def scaled_H(self) -> Any:
         """H S, the problem's."""
-        return self.H if self.terms.scale is None else sp.csc_array(self.H @ sp.diags_array(self.terms.scale.ravel()))
+        scale = self.terms.scale
+        return self.acting_H if scale is None else sp.csc_array(self.acting_H @ sp.diags_array(self._of_rows(scale, 1.0)))
 
     @property
     def w(self) -> FloatArray:
         """w (m,) without what driven dofs add."""
-        return self.terms.w.ravel()
+        return self._of_rows(self.terms.w)
 
     @property
     def compliance(self) -> FloatArray | None:
         """The diagonal of C (m,), None where all is rigid."""
-        return None if self.terms.compliance is None else self.terms.compliance.ravel()
+        return None if self.terms.compliance is None else self._of_rows(self.terms.compliance)
 
     @property
     def adhesive_impulse(self) -> FloatArray | None:
@@ -61,17 +79,26 @@ class Encounter:
     def reaction(self, r: FloatArray) -> FloatArray:
         """S r - r_c (m,): what acts on the slave bodies for the problem's r."""
         if self.terms.scale is not None:
-            r = self.terms.scale.ravel() * r
-        return r if self.terms.adhesion is None else r - self.terms.adhesion.ravel()
+            r = self._of_rows(self.terms.scale, 1.0) * r
+        return r if self.terms.adhesion is None else r - self._of_rows(self.terms.adhesion)
+
+    def impulse(self, r: FloatArray) -> FloatArray:
+        """(n_dofs,) on the bodies' dofs for the problem's r (m,)."""
+        impulse: FloatArray = self.acting_H @ self.reaction(r)
+        return impulse
+
+    def forces(self, r: FloatArray) -> FloatArray:
+        """The forces' components (nc, d) of a vector on the problem's rows (m,)."""
+        return r.reshape(len(self.contacts), self.rows)[:, : self.contacts.dimension]
 
     def velocity(self, u: FloatArray) -> FloatArray:
         """The law's velocity (m,) in the contacts' frames for the problem's u = S ..."""
-        return u if self.terms.scale is None else u / self.terms.scale.ravel()
+        return u if self.terms.scale is None else u / self._of_rows(self.terms.scale, 1.0)
 
     def remember(self, law: Any, u: FloatArray, r: FloatArray, v: FloatArray) -> Variables | None:
         """The law's variables after the step with the problem's u, r (m,) and the velocity v (n_dofs,) at its end."""
         shape = self.terms.w.shape
-        outcome = Outcome(self.terms, u.reshape(shape), r.reshape(shape), (self.H.T @ v).reshape(shape))
+        outcome = Outcome(self.terms, self.forces(u), self.forces(r), (self.H.T @ v).reshape(shape))
         kept = law.remember(self.meeting, outcome)
         earlier = self.meeting.variables or NOTHING
         if not kept.values:
@@ -147,7 +174,8 @@ def under_law(
         contacts = meeting.contacts
     if terms.mu is not contacts.mu:
         contacts = replace(contacts, mu=terms.mu)
-    return Encounter(contacts, H, meeting, terms, through)
+    moments = None if terms.rolling is None else moment_matrix(model, contacts, terms.rolling)
+    return Encounter(contacts, H, meeting, terms, through, moments)
 
 
 def passing(left: Contacts, moved: FloatArray, proportions: Proportions) -> Contacts | None:

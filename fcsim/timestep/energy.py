@@ -28,7 +28,8 @@ class Energy:
     material_dissipation     of the materials: plastic flow, viscosity
     normal_dissipation       minus the work of the normal reactions: what impacts lose
     tangential_dissipation   minus the work of the tangential reactions
-    friction_dissipation     -sum r_T . u_T with the velocity u_T at the end of the step, of which Coulomb's law speaks: never negative.
+    friction_dissipation     -sum r_T . u_T (and -sum r_R . u_R of rolling moments) with the velocity u_T at the end of the step, of which
+                             Coulomb's law speaks: never negative.
                              It differs from tangential_dissipation while u_T changes within the step, and is no term of the balance
     contact_gain             what contacts gave that no joint held: the work of all reactions less what `contact` lost. Friction and impacts
                              make it negative; what is positive was created. No term of the balance
@@ -193,9 +194,20 @@ class ContactWork:
     friction_dissipation: float
 
 
-def contact_work(H: Any, r: FloatArray, u: FloatArray, v: FloatArray, dimension: int) -> ContactWork:
-    """Work of r (m,) on H^T v (m,), v (n_dofs,) the velocity with which the scheme's energy works; u (m,) that of the contact law."""
-    reaction, mean, end = (a.reshape(-1, dimension) for a in (r, H.T @ v, u))
+@dataclass(frozen=True, eq=False)
+class Acting:
+    """What acted at the contacts of a step: H (n_dofs, m) of all unknowns, r (m,) and the contact law's u (m,); rows a contact: normal
+    force, tangential forces, rolling moments."""
+
+    H: Any
+    r: FloatArray
+    u: FloatArray
+    rows: int
+
+
+def contact_work(acting: Acting, v: FloatArray) -> ContactWork:
+    """Work of r on H^T v (m,), v (n_dofs,) the velocity with which the scheme's energy works; rolling counts as tangential."""
+    reaction, mean, end = (a.reshape(-1, acting.rows) for a in (acting.r, acting.H.T @ v, acting.u))
     return ContactWork(
         float(reaction[:, 0] @ mean[:, 0]),
         float(np.einsum("ai,ai->", reaction[:, 1:], mean[:, 1:])),

@@ -24,7 +24,6 @@ gamma = 1/2), with contact the theta scheme of theta = 1/2. Smooth motion conver
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -34,8 +33,7 @@ from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
-from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work, inner_force, inner_work, momentum, turning
+from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum, turning
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -184,7 +182,7 @@ class GeneralisedAlpha:
         struck = -model.driven_share(impulse)
         return struck + self.h / self.kappa * (residual - struck)
 
-    def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
+    def energy(self, model: Model, before: State, after: State, acting: Acting, support: FloatArray) -> Energy:
         """The equation of smooth motion times dx, and M dv = h p_gamma + H r times the mean velocity V = (v + v+) / 2; exact:
 
         d(v.M v / 2 + y.K y / 2) = dx.F_f + dx.R + V.(H r - what the supports take of it) - dx.C v_f - D
@@ -219,7 +217,7 @@ class GeneralisedAlpha:
         viscous = 0.0
         if model.beta:
             viscous = float(dx @ (elastic.force(middle, middle, 1.0, velocity) - elastic.force(middle, middle, 1.0)))
-        struck = -model.driven_share(H @ result.r)
+        struck = -model.driven_share(acting.H @ acting.r)
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
             elastic=energies,
@@ -231,7 +229,7 @@ class GeneralisedAlpha:
             - h * float(mean @ (gamma * p1 + (1 - gamma) * p0))
             + turning(model, v0, M0, v1, M1)
             + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
-            contact=contact_work(H, result.r, result.u, mean, model.dimension),
+            contact=contact_work(acting, mean),
             inner=inner_work(model, before, after, dx + drift, (middle.x, self.elastic_time), velocity),
         )
 

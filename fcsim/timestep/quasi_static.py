@@ -7,7 +7,6 @@ that exclude rigid motion; eta > 0 regularises floating bodies with their own ma
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -17,8 +16,7 @@ from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
-from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work, inner_work
+from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_work
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 
@@ -146,7 +144,7 @@ class QuasiStatic:
     def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
         return residual
 
-    def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
+    def energy(self, model: Model, before: State, after: State, acting: Acting, support: FloatArray) -> Energy:
         """The step's equation times dx, exact for every load step:
 
         d(x.K x / 2) = dx.F+ + dx.s + dx.H r - dx.K dx / 2 - eta/h^2 dx.M dx (turning bodies: dx.F_int+ - dE in place of dx.K dx / 2)
@@ -161,7 +159,7 @@ class QuasiStatic:
             euler = float(dx @ model.elastic.force(last, last, 1.0)) - (energies[1] - energies[0])
         else:
             euler = 0.5 * model.elastic.loss(first, last)
-        regularisation = self.eta / self.h**2 * float(dx @ model.apply_mass(dx)) if self.eta else 0.0
+        regularisation = self.eta / self.h**2 * float(dx @ model.apply_mass(dx, model.rigid_mass(before.x))) if self.eta else 0.0
         return balance(
             kinetic=(0.0, 0.0),
             elastic=energies,
@@ -169,6 +167,6 @@ class QuasiStatic:
             supports=float(dx @ support),
             damping=0.0,
             numerical=euler + regularisation,
-            contact=contact_work(H, result.r, result.u, dx, model.dimension),
+            contact=contact_work(acting, dx),
             inner=inner_work(model, before, after, dx, (after.x, self.h), None),
         )

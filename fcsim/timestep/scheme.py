@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -11,8 +11,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
-from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy
+from fcsim.timestep.energy import Acting, Energy
 from fcsim.timestep.state import State
 
 
@@ -129,7 +128,7 @@ class Scheme(Protocol):
         """Return the supports' impulses (n_dofs,) from the residual A v - f - H r and H r."""
         ...
 
-    def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
+    def energy(self, model: Model, before: State, after: State, acting: Acting, support: FloatArray) -> Energy:
         """Return the balance of energy of the step; support (n_dofs,) as in `Step.support_impulse`."""
         ...
 

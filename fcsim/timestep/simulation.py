@@ -309,7 +309,7 @@ class Simulation:
             if answer is None:
                 return None
             result, v, met = answer.result, answer.v, answer.met
-            impulse = met.H @ met.reaction(result.r) + links.impulse(result.multiplier)
+            impulse = met.impulse(result.r) + links.impulse(result.multiplier)
             after = self._updated(state, scheme.advance(model, state, v, impulse, rigid_mass))
             if not links.keep(model, scheme, v, after, attempts, 0.5**cuts):
                 if links.given_up:

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.functions.of_bodies import Field, body_function
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
@@ -19,9 +19,10 @@ from fcsim.contact_law.law import Variables
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, contact_status
 from fcsim.problem.reduction import Reduction
+from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import Result, Status
 from fcsim.timestep.encounter import Encounter
-from fcsim.timestep.energy import UNWRITTEN, Energy, Ledger
+from fcsim.timestep.energy import UNWRITTEN, Acting, Energy, Ledger
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -92,6 +93,9 @@ class Lead:
 
 
 NOBODY = Lead()
+AT_LIMIT = 1e-6
+"""Share by which a moment that is at its limit may be below."""
+
 LEARNED, LEADS = 3, 25
 """After so many solves in a row that the same later link had to answer, it begins the chain, for so many solves."""
 
@@ -119,7 +123,7 @@ class Step:
 
     scheme            the scheme whose step it is, of the sub-step's length where the step was cut
     previous, state   the states at its beginning and end
-    H                 contact matrix (n_dofs, m) over all dofs, driven ones included
+    H                 contact matrix (n_dofs, d nc) of the forces over all dofs, driven ones included; of rolling moments see `Encounter`
     problem, result   the global problem and its answer; the result's r acts as `reaction`
     reduction         its local form, and v from r
     start, earlier    (m,) where the solver began, and the reactions of earlier steps, newest first, see `warm_start`
@@ -147,7 +151,7 @@ class Step:
     state: State
     contacts: Contacts
     H: Any
-    problem: GlobalProblem
+    problem: GlobalProblem | GlobalRollingProblem
     result: Result
     reduction: Reduction
     start: FloatArray
@@ -180,8 +184,8 @@ class Step:
 
     @property
     def reactions(self) -> Reactions:
-        d = self.contacts.dimension
-        return Reactions(self.contacts.identity, self.contacts.frame, self.whole_per_part * self.result.r.reshape(-1, d))
+        r = self.result.r.reshape(len(self.contacts), self.encounter.rows)
+        return Reactions(self.contacts.identity, self.contacts.frame, self.whole_per_part * r)
 
     @property
     def force_per_reaction(self) -> float:
@@ -201,8 +205,9 @@ class Step:
     @cached_property
     def energy(self) -> Energy:
         """The balance of energy over the step."""
-        acting = replace(self.result, r=self.reaction, u=self.encounter.velocity(self.result.u))
-        own = self.scheme.energy(self.model, self.previous, self.state, self.H, acting, self.support_impulse)
+        met, result = self.encounter, self.result
+        acting = Acting(met.acting_H, met.reaction(result.r), met.velocity(result.u), met.rows)
+        own = self.scheme.energy(self.model, self.previous, self.state, acting, self.support_impulse)
         held = self.encounter.meeting.variables
         own = own.with_joints(held.stored if held else 0.0, self.variables.stored if self.variables else 0.0)
         own = own if self.linked is None else self._with_links(own, self.linked)
@@ -210,14 +215,12 @@ class Step:
 
     def _with_links(self, own: Energy, linked: Linked) -> Energy:
         """The balance with the work of the links: the same scheme's with their rows as columns of H too."""
-        d, l = self.model.dimension, self._multiplier
-        more = -len(l) % d
-        H = sp.hstack([self.H, linked.G, sp.csr_array((self.H.shape[0], more))], format="csr")
-        r, u = (
-            np.concatenate([self.reaction, l, np.zeros(more)]),
-            np.concatenate([self.result.u, linked.G.T @ self.state.v, np.zeros(more)]),
-        )
-        both = self.scheme.energy(self.model, self.previous, self.state, H, replace(self.result, r=r, u=u), self.support_impulse)
+        met, l = self.encounter, self._multiplier
+        more = -len(l) % met.rows
+        H = sp.hstack([met.acting_H, linked.G, sp.csr_array((self.H.shape[0], more))], format="csr")
+        r = np.concatenate([met.reaction(self.result.r), l, np.zeros(more)])
+        u = np.concatenate([met.velocity(self.result.u), linked.G.T @ self.state.v, np.zeros(more)])
+        both = self.scheme.energy(self.model, self.previous, self.state, Acting(H, r, u, met.rows), self.support_impulse)
         gain = both.normal_dissipation + both.tangential_dissipation - own.normal_dissipation - own.tangential_dissipation
         return replace(own, link_work=-gain, links=linked.stored(self.state.x), residual=both.residual)
 
@@ -234,8 +237,24 @@ class Step:
 
     @cached_property
     def reaction(self) -> FloatArray:
-        """(m,) [N s; quasi-statics: N] what acts on the slave bodies in the contacts' frames: the problem's r, less adhesion."""
-        return self.encounter.reaction(self.result.r)
+        """(d nc,) [N s; quasi-statics: N] the forces on the slave bodies in the contacts' frames: the problem's r, less adhesion."""
+        return self.encounter.forces(self.encounter.reaction(self.result.r)).ravel()
+
+    @cached_property
+    def rolling_moment(self) -> FloatArray | None:
+        """Moments (nc, 2) [N m] about T1, T2 (2D: z, -) against the slave bodies' rolling; None without rolling resistance."""
+        if self.encounter.moments is None:
+            return None
+        return self.force_per_reaction * self.result.r.reshape(len(self.contacts), self.encounter.rows)[:, 3:]
+
+    @property
+    def rolling(self) -> BoolArray:
+        """(nc,) whether the rolling moment is as large as it can be: these contacts roll, or are about to."""
+        resistance = self.encounter.terms.rolling
+        if self.rolling_moment is None or resistance is None:
+            return np.zeros(len(self.contacts), dtype=bool)
+        limit = resistance * self.force_per_reaction * self.encounter.forces(self.result.r)[:, 0]
+        return (limit > 0) & (np.hypot(*self.rolling_moment.T) >= (1 - AT_LIMIT) * limit)
 
     @property
     def law_variables(self) -> dict[str, FloatArray]:
@@ -257,7 +276,7 @@ class Step:
     @cached_property
     def contact_status(self) -> NDArray[np.int8]:
         """0 open, 1 stick, 2 slip (nc,)."""
-        return contact_status(self.result.r, self.contacts.mu, self.contacts.dimension)
+        return contact_status(self.encounter.forces(self.result.r).ravel(), self.contacts.mu, self.contacts.dimension)
 
     @cached_property
     def force_in_space(self) -> FloatArray:

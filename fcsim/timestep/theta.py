@@ -17,15 +17,13 @@ Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.mesh.part import Kinematics
-from fcsim.solvers import Result
-from fcsim.timestep.energy import Energy, balance, contact_work, inner_force, inner_work, momentum
+from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -140,7 +138,7 @@ class Theta:
     def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
         return residual
 
-    def energy(self, model: Model, before: State, after: State, H: Any, result: Result, support: FloatArray) -> Energy:
+    def energy(self, model: Model, before: State, after: State, acting: Acting, support: FloatArray) -> Energy:
         """The step's equation times v_theta = theta v+ + (1-theta) v of the middle, exact with dx = h v_theta for every h and theta:
 
         d(v.M v / 2 + y.K y / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dy.K dy) - G
@@ -173,6 +171,6 @@ class Theta:
             supports=supports,
             damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta / h * loss,
             numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + loss) + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
-            contact=contact_work(H, result.r, result.u, v, model.dimension),
+            contact=contact_work(acting, v),
             inner=inner_work(model, before, after, dx, inner, mean),
         )

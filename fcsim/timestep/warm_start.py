@@ -18,20 +18,29 @@ MEMORY = 3
 
 @dataclass(frozen=True, eq=False)
 class Reactions:
-    """The reactions of a step, to be matched contact by contact: identity (nc,), frame (nc, d, d), r (nc, d) in that frame."""
+    """The reactions of a step, to be matched contact by contact: identity (nc,), frame (nc, d, d), r (nc, d) in that frame, with rolling
+    moments (nc, 5)."""
 
     identity: NDArray[np.int64]
     frame: FloatArray
     r: FloatArray
 
-    def transfer(self, contacts: Contacts) -> FloatArray:
-        """Return r (m,) for new contacts: the same vector in space where the contact is known, zero where it is new."""
-        r = np.zeros((len(contacts), contacts.dimension))
+    def transfer(self, contacts: Contacts, rows: int | None = None) -> FloatArray:
+        """Return r (m,) for new contacts: the same vectors in space where the contact is known, zero where it is new.
+
+        rows: unknowns a contact, None = d.
+        """
+        d = contacts.dimension
+        r = np.zeros((len(contacts), d if rows is None else rows))
         if len(self.identity) and len(contacts):
             place = np.minimum(np.searchsorted(self.identity, contacts.identity), len(self.identity) - 1)
             known = np.flatnonzero(self.identity[place] == contacts.identity)
             old = place[known]
-            r[known] = np.einsum("aij,akj,ak->ai", contacts.frame[known], self.frame[old], self.r[old])
+            frame, before = contacts.frame[known], self.frame[old]
+            r[known, :d] = np.einsum("aij,akj,ak->ai", frame, before, self.r[old, :d])
+            if min(r.shape[1], self.r.shape[1]) > 3:
+                moments = self.r[old, 3:]
+                r[known, 3:] = moments if d == 2 else np.einsum("aij,akj,ak->ai", frame[:, 1:], before[:, 1:], moments)
         return r.ravel()
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.masonry.analysis import LimitAnalysis
+from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.view.scene import COLOUR_MAP, DARKEST, offscreen
 from fcsim.view.style import BLUE, GREY, ORANGE, RED, STYLE, figure, matplotlib, save
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.running.folder import Instant, RunFolder
+from fcsim.view.standing_before import standing_before
 
 # Automatic exaggeration: the largest displacement is shown as at most this share of the size of the whole, with a round factor.
 # The factors below differ by at most 1.5, so it is at least two thirds of it.
@@ -65,6 +66,7 @@ class Survey:
     force         [N] the largest contact reaction
     low, high     (3,) [m] corners of the box that holds every shown configuration
     planar        2D: seen along z
+    last          the last instant with rigid bodies, None = none
     """
 
     exaggeration: float
@@ -73,6 +75,7 @@ class Survey:
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     planar: bool
+    last: Instant | None = None
 
 
 def read(path: Path) -> Any:
@@ -111,7 +114,8 @@ def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | 
     low, high = (x[:, 0] + factor * np.minimum(u[:, 0], 0)).min(0), (x[:, 1] + factor * np.maximum(u[:, 1], 0)).max(0)
     planar = bool(np.ptp(x[:, :, 2]) == 0)
     has_stress = any(instant.blocks for instant in instants)
-    return Survey(factor, (0.0, max(stress) or 1.0) if has_stress else None, force, low, high, planar)
+    last = next((instant for instant in reversed(instants) if instant.rigid is not None), None)
+    return Survey(factor, (0.0, max(stress) or 1.0) if has_stress else None, force, low, high, planar, last)
 
 
 def _automatic(size: float, moved: float) -> float:
@@ -120,6 +124,12 @@ def _automatic(size: float, moved: float) -> float:
     wanted = SHOWN_DISPLACEMENT * size / moved
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(power * ROUND_FACTORS[wanted / power * (1 + 1e-12) >= ROUND_FACTORS][-1])
+
+
+def _left_out(last: Instant, toward: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Numbers of the rigid bodies that pictures look past."""
+    assert last.rigid is not None
+    return standing_before(read(last.rigid), None if last.blocks is None else read(last.blocks), toward)
 
 
 def colour_map() -> Any:
@@ -152,6 +162,7 @@ class Scene:
         self.right = right / np.linalg.norm(right)
         self.up = np.cross(self.toward, self.right)
 
+        self.left_out = np.empty(0, dtype=np.int64) if seen.planar or seen.last is None else _left_out(seen.last, self.toward)
         self.centre = (seen.low + seen.high) / 2
         corners = np.array(np.meshgrid(*zip(seen.low, seen.high, strict=True))).reshape(3, -1).T - self.centre
         half_width, half_height = (float(np.abs(corners @ axis).max()) for axis in (self.right, self.up))
@@ -189,6 +200,8 @@ class Scene:
         self._plotter.clear_actors()
         if instant.rigid is not None:
             rigid = read(instant.rigid)
+            if len(self.left_out):
+                rigid = rigid.extract_cells(~np.isin(rigid.cell_data["body"], self.left_out)).extract_surface(algorithm="dataset_surface")
             self._add(rigid, color="#8c8c8c" if rigid.n_lines else "#c9c9c9" if coloured else "#dedede")
         if instant.blocks is not None:
             blocks = read(instant.blocks)

@@ -197,19 +197,8 @@ def test_a_capsule_bridges_two_blocks_by_their_edges() -> None:
     assert np.abs(step.state.v).max() < 1e-8
 
 
-def test_what_is_not_found_is_refused() -> None:
-    floor = rigid_plane("floor", (0, 0, 0), (0, 0, 1))
+def test_models_for_the_other_detection_are_refused() -> None:
     box = rigid_box("box", (1.0, 1.0, 1.0), (0, 0, 0.5), 1.0)
-    roller = rigid_cylinder("roller", 0.1, 0.4, (2, 0, 0.1), 3.0)
-    capsule = rigid_capsule("capsule", 0.1, 0.4, (4, 0, 0.1), 3.0)
-    for bodies, names in (
-        ((box, floor), "'floor' and 'box'"),
-        ((roller, box), "'roller' and 'box'"),
-        ((roller, capsule), "'roller' and 'capsule'"),
-    ):
-        with pytest.raises(InputError, match=names):
-            ExactContacts(build_model(list(bodies)), 0.3)
-    assert ExactContacts(build_model([box, floor]), 0.3, exclude=[("box", "floor")])
     with pytest.raises(InputError, match="ExactContacts instead of Everything"):
         Everything(build_model([rigid_sphere("ball", 0.1, (0, 0, 0), 1.0), box]), 0.3)
     with pytest.raises(InputError, match="use Everything"):

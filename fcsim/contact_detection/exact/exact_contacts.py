@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,13 +10,18 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts, join
-from fcsim.contact_detection.exact.facets import balls_on_meshes, capsules_on_meshes
+from fcsim.contact_detection.exact.cylinders import cylinders_with_cylinders
+from fcsim.contact_detection.exact.cylinders_on_meshes import cylinders_on_meshes
+from fcsim.contact_detection.exact.facets import balls_on_meshes, sides_on_meshes
+from fcsim.contact_detection.exact.looks import looks
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, mesh_skin
+from fcsim.contact_detection.exact.meshes_on_planes import meshes_on_planes
 from fcsim.contact_detection.exact.pairs import balls_on_cylinders, on_planes, rounded_contacts
-from fcsim.contact_detection.exact.solids import Solids, Touch, placed, solids_of
+from fcsim.contact_detection.exact.solids import Placed, Solids, Touch, placed, solids_of
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.everything import Everything
+from fcsim.contact_detection.sweep import with_swept
 from fcsim.errors import InputError
 
 _ALERT = 0.05  # of the smallest radius
@@ -29,10 +34,9 @@ class ExactContacts:
 
     mu, exclude: as for `Everything`; alert [m]: contacts are kept while their gap is not larger, by default 5 % of the smallest radius.
 
-    Gaps, points and normals between exact shapes have no error of facets. Found are: spheres and capsules with each other, with planes and
-    with meshed bodies; cylinders with planes and spheres. Meshed bodies with each other are found by `Everything`. InputError where the
-    model has pairs that are not found and not excluded (cylinders with each other, with capsules or meshed bodies; meshed bodies with
-    planes), and where it has no exact shape.
+    Gaps, points and normals between exact shapes have no error of facets. Spheres, capsules, cylinders and planes are found with each other
+    and with meshed bodies (of cylinders' rims see `cylinders`), these with each other by `Everything`. InputError where the model has no
+    exact shape.
     """
 
     model: Model
@@ -77,29 +81,12 @@ class ExactContacts:
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
-        self._refuse_unknown_pairs(names)
 
     def _everything(self, rest: Model) -> Everything:
         """The detection among the meshed bodies alone."""
         known = set(rest.number)
         mu = {key: m for key, m in self.mu.items() if set(key) <= known | {"*"}} if isinstance(self.mu, dict) else self.mu
         return Everything(rest, mu, None, [pair for pair in self.exclude if set(pair) <= known])
-
-    def _refuse_unknown_pairs(self, names: Sequence[str]) -> None:
-        """InputError for two bodies between which nothing is found, unless they are excluded or held."""
-        s = self.solids
-        cylinders, hard = (s.body[s.of(*kinds)] for kinds in (("cylinder",), ("cylinder", "capsule")))
-        planes = s.body[s.of("plane")]
-        for one, other in ((cylinders, np.concatenate([hard, self._meshed_bodies])), (planes, self._meshed_bodies)):
-            a, b = (x.ravel() for x in np.meshgrid(one, other, indexing="ij"))
-            pairs = np.stack([a, b], axis=1)[(a != b)]
-            unknown = pairs[self._may_touch(pairs)]
-            if len(unknown):
-                x, y = (names[k] for k in unknown[0])
-                raise InputError(
-                    f"ExactContacts: contacts between {x!r} and {y!r} are not found (cylinders with each other, with capsules or meshed "
-                    "bodies; meshed bodies with planes). Take capsules or a rigid_box as the floor, or exclude the pair"
-                )
 
     def _may_touch(self, bodies: IntArray) -> BoolArray:
         """Which pairs of bodies (n, 2) are neither both held nor excluded."""
@@ -118,28 +105,46 @@ class ExactContacts:
     def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
         """Contacts at `positions` (n_nodes, d) [m], sorted by identity.
 
-        displacement (n_nodes, d) [m] of the step to come: the alert distance grows by twice the largest of it, so that nothing that an
-        exact shape can reach within the step is missed, unless it crosses a body thinner than that.
+        displacement (n_nodes, d) [m] of the step to come: what is met on that way is found too, see `looks`.
         """
         x = np.asarray(positions, dtype=np.float64)
         if x.shape != (self.n_nodes, self.model.dimension) or not np.isfinite(x).all():
             raise InputError(f"ExactContacts: expected finite positions of shape {(self.n_nodes, self.model.dimension)}, got {x.shape}")
-        now = placed(self.solids, x)
-        alert = self.distance
-        if displacement is not None:
-            alert += 2 * float(np.linalg.norm(np.asarray(displacement)[self.solids.node[:, 0]], axis=1).max())
+        way = None if displacement is None else np.asarray(displacement, dtype=np.float64)
+        contacts = self._along(x, way)
+        if self.meshed is None:
+            return contacts
+        nodes = self._meshed_nodes
+        among = self.meshed(x[nodes], None if way is None else way[nodes])
+        numbered = np.where(among.nodes < 0, -1, nodes[among.nodes])
+        return join([replace(among, nodes=numbered, bodies=self._meshed_bodies[among.bodies]), contacts])
+
+    def _along(self, x: FloatArray, way: FloatArray | None) -> Contacts:
+        """Contacts with exact shapes at x and along the way of the step."""
+        now, alert = placed(self.solids, x), self.distance
+        if way is None:
+            return self._at(now, x, alert)
+        count, closing = looks(now, self.skin, x, way, alert)
+        if not count:
+            return self._at(now, x, alert + closing)
+        further, times = max(alert, closing), np.arange(1, count + 1) / count
+        met = with_swept(self._at(now, x, alert), lambda there: self._at(placed(self.solids, there), there, further), x, way, times, alert)
+        # a point of a solid moves with weights of both signs: its place is told by the master's columns, not by the signs
+        alone = (met.identity - _FIRST) >> 56 == (6 if x.shape[1] == 3 else 4)  # vertices on planes are slaves of one node
+        master = np.arange(met.nodes.shape[1]) >= np.where(alone, 1, x.shape[1] + 1)[:, None]
+        weights = np.where(master & (met.nodes >= 0), -met.weights, 0.0)
+        return replace(met, point=np.einsum("ak,akd->ad", weights, x[met.nodes]))
+
+    def _at(self, now: Placed, x: FloatArray, alert: float) -> Contacts:
+        """Contacts of the exact shapes as they stand, up to a gap of `alert` [m]."""
         found = [rounded_contacts(now, alert), on_planes(now, alert)]
         if x.shape[1] == 3:
-            found.append(balls_on_cylinders(now, alert))
+            found += [balls_on_cylinders(now, alert), cylinders_with_cylinders(now, alert)]
         if self.skin is not None:
-            found += [balls_on_meshes(now, self.skin, x, alert), capsules_on_meshes(now, self.skin, x, alert)]
-        contacts = [self._contacts(touch, kind) for kind, touch in enumerate(found)]
-        if self.meshed is not None:
-            nodes = self._meshed_nodes
-            among = self.meshed(x[nodes], None if displacement is None else np.asarray(displacement)[nodes])
-            numbered = np.where(among.nodes < 0, -1, nodes[among.nodes])
-            contacts.insert(0, replace(among, nodes=numbered, bodies=self._meshed_bodies[among.bodies]))
-        return join(contacts)
+            found += [f(now, self.skin, x, alert) for f in (balls_on_meshes, sides_on_meshes, meshes_on_planes)]
+            if x.shape[1] == 3:
+                found.append(cylinders_on_meshes(now, self.skin, x, alert))
+        return join([self._contacts(touch, kind) for kind, touch in enumerate(found)])
 
     def _contacts(self, touch: Touch, kind: int) -> Contacts:
         """Contacts of a kind, sorted by identity."""

@@ -8,10 +8,12 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
-from fcsim.contact_detection.exact.solids import Placed, Touch
+from fcsim.contact_detection.exact.solids import Placed, Touch, leaves_by_its_side
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
 _TIE = 1e-9  # distances equal up to this share of the radius are one
+_FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is none
+_FAN = 0.05  # sine by which the normal may leave the fan of an edge: what lies flat over a face's border stays on it
 _DEEP = 0.5  # of the radius: what lies deeper below a face is another part of the body, unless it is the nearest
 
 
@@ -123,9 +125,10 @@ def _touch(now: Placed, skin: MeshSkin, solid: IntArray, points: FloatArray, fee
     )
 
 
-def capsules_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> Touch:
-    """The sides of capsules on vertices and, in 3D, across edges of meshed bodies: inner points of the core above convex features."""
-    capsules = now.solids.of("capsule")
+def sides_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> Touch:
+    """The sides of capsules and cylinders on vertices and, in 3D, across edges of meshed bodies: where inner points of the core are above
+    convex features."""
+    capsules = now.solids.of("capsule", "cylinder")
     normal = normals(skin, x)
     vertex = _sides_on_vertices(now, skin, x, capsules, alert)
     if x.shape[1] == 2:
@@ -141,12 +144,15 @@ def capsules_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float)
     s, t = (cosine * b - a) / square, (b - cosine * a) / square
     away = apart + s[:, None] * u - t[:, None] * w
     distance = np.linalg.norm(away, axis=1)
-    keep = (square > 1e-4) & (np.abs(s) < now.solids.half[k]) & (np.abs(t) < radius[e])
+    real = np.einsum("nd,nd->n", *(normal[skin.edge_facets[e, side]] for side in range(2))) < _FLAT
+    keep = real & (square > 1e-4) & (np.abs(s) < now.solids.half[k]) & (np.abs(t) < radius[e])
     keep &= (distance <= now.solids.radius[k] + alert) & (distance > 0)
+    keep &= leaves_by_its_side(now, k, s, distance - now.solids.radius[k])
     direction = away / np.maximum(distance, 1e-300)[:, None]
     for side in range(2):  # above both faces' borders: in the fan of normals of a convex edge
         third = x[skin.facets[skin.edge_facets[e, side]]].sum(axis=1) - p[e] - q[e] - p[e]
-        keep &= np.einsum("nd,nd->n", direction, third - np.einsum("nd,nd->n", third, w)[:, None] * w) <= 0
+        inwards = third - np.einsum("nd,nd->n", third, w)[:, None] * w
+        keep &= np.einsum("nd,nd->n", direction, inwards) <= _FAN * np.linalg.norm(inwards, axis=1)
     keep &= np.einsum("nd,nd->n", direction, normal[skin.edge_facets[e, 0]] + normal[skin.edge_facets[e, 1]]) > 0
     i, e, k, s, t, direction = i[keep], e[keep], k[keep], s[keep], t[keep], direction[keep]
     point = now.centre[k] + s[:, None] * now.along[k] - now.solids.radius[k][:, None] * direction
@@ -175,6 +181,7 @@ def _sides_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, capsules: Int
     away = now.centre[k] + s[:, None] * now.along[k] - at[v]
     distance = np.linalg.norm(away, axis=1)
     keep = (np.abs(s) < now.solids.half[k]) & (distance <= now.solids.radius[k] + alert) & (distance > 0)
+    keep &= leaves_by_its_side(now, k, s, distance - now.solids.radius[k])
     i, v, k, s, away, distance = i[keep], v[keep], k[keep], s[keep], away[keep], distance[keep]
     direction = away / np.maximum(distance, 1e-300)[:, None]
     # the vertex is the nearest point of every facet around it: no side that begins there leads nearer
@@ -184,7 +191,7 @@ def _sides_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, capsules: Int
     row = np.repeat(np.arange(len(v)), count)
     place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[v][row]
     corners = x[skin.facets[facet[place]]] - at[v][row][:, None]
-    nearer = (np.einsum("nkd,nd->nk", corners, direction[row]) > 1e-12 * distance[row][:, None]).any(axis=1)
+    nearer = (np.einsum("nkd,nd->nk", corners, direction[row]) > _FAN * np.linalg.norm(corners, axis=2)).any(axis=1)
     clear = np.bincount(row[nearer], minlength=len(v)) == 0
     body = skin.body[facet[first[:-1]]]
     i, v, k, s, direction = i[clear], v[clear], k[clear], s[clear], direction[clear]

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.exact.solids import Placed, Touch, touch_of_solids
+from fcsim.contact_detection.exact.solids import Placed, Touch, rim_points, touch_of_solids
 from fcsim.mesh.exact_shape import across
 
 _PARALLEL = 0.05  # cores whose directions differ by less (sine) touch at the ends of what they share, not at one point
@@ -110,16 +110,9 @@ def on_planes(now: Placed, alert: float) -> Touch:
     cylinders = now.solids.of("cylinder")
     if len(cylinders) and len(planes):
         a, b = (x.ravel() for x in np.meshgrid(cylinders, planes, indexing="ij"))
-        axis, normal = now.along[a], now.along[b]
-        down = np.einsum("nd,nd->n", normal, axis)[:, None] * axis - normal
-        steep = np.linalg.norm(down, axis=1)
-        first = np.where(steep[:, None] > 1e-9, down / np.maximum(steep, 1e-300)[:, None], across(axis)[0])
-        second = np.cross(axis, first)
         for end, share in enumerate((-1.0, 1.0)):
-            for third in range(3):
-                angle = 2 * np.pi * third / 3
-                out = now.solids.radius[a][:, None] * (np.cos(angle) * first + np.sin(angle) * second)
-                found.append(_on_plane(now, a, b, now.core(a, share) + out, 3 * end + third, alert))
+            points = rim_points(now, a, share, now.along[b])
+            found += [_on_plane(now, a, b, points[:, third], 3 * end + third, alert) for third in range(3)]
     return Touch._make(np.concatenate(parts) for parts in zip(*found, strict=True))
 
 
@@ -132,9 +125,14 @@ def _on_plane(now: Placed, a: IntArray, b: IntArray, point: FloatArray, code: in
 
 
 def balls_on_cylinders(now: Placed, alert: float) -> Touch:
-    """Balls on a cylinder's side, rim or end: at the point of the solid cylinder nearest to the ball's centre."""
-    a, b = near_pairs_of(now, now.solids.of("sphere"), now.solids.of("cylinder"), alert)
-    axis, arm = now.along[b], now.centre[a] - now.centre[b]
+    """Balls, and the half balls at capsules' ends, on a cylinder's side, rim or end: at the point of the solid cylinder nearest to the
+    ball's centre."""
+    cylinders = now.solids.of("cylinder")
+    pairs = [near_pairs_of(now, now.solids.of(kind), cylinders, alert) for kind in ("sphere", "capsule", "capsule")]
+    a, b = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    share = np.repeat([0.0, -1.0, 1.0], [len(one) for one, _ in pairs])
+    centre = now.core(a, share)
+    axis, arm = now.along[b], centre - now.centre[b]
     height = np.einsum("nd,nd->n", arm, axis)
     out = arm - height[:, None] * axis
     distance = np.linalg.norm(out, axis=1)
@@ -145,10 +143,8 @@ def balls_on_cylinders(now: Placed, alert: float) -> Touch:
     z = np.where(inside & ~side, np.where(height < 0, -half, half), np.clip(height, -half, half))
     rho = np.where(side, r, np.minimum(distance, r))
     foot = now.centre[b] + z[:, None] * axis + rho[:, None] * outwards
-    away = np.where(inside[:, None], foot - now.centre[a], now.centre[a] - foot)
+    away = np.where(inside[:, None], foot - centre, centre - foot)
     length = np.linalg.norm(away, axis=1)
     normal = np.where(length[:, None] > 0, away / np.maximum(length, 1e-300)[:, None], outwards)
-    touch = touch_of_solids(
-        now, a, b, normal, now.centre[a] - now.solids.radius[a][:, None] * normal, foot, np.zeros(len(a), dtype=np.int64)
-    )
+    touch = touch_of_solids(now, a, b, normal, centre - now.solids.radius[a][:, None] * normal, foot, (share > 0).astype(np.int64))
     return touch.take(touch.gap <= alert)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
-from fcsim.mesh.exact_shape import ShapeKind
+from fcsim.mesh.exact_shape import ShapeKind, across
 from fcsim.mesh.part import RigidBody
 
 
@@ -72,6 +73,18 @@ def placed(solids: Solids, positions: FloatArray) -> Placed:
     return Placed(solids, centre, frame, np.einsum("nij,nj->ni", frame, solids.axis))
 
 
+def rim_points(now: Placed, solid: IntArray, end: FloatArray | float, normal: FloatArray) -> FloatArray:
+    """Three points (n, 3, 3) of the rims of cylinders at an end (-1 or 1), a third of the circle apart, the lowest first."""
+    axis = now.along[solid]
+    down = np.einsum("nd,nd->n", normal, axis)[:, None] * axis - normal
+    steep = np.linalg.norm(down, axis=1)
+    first = np.where(steep[:, None] > 1e-9, down / np.maximum(steep, 1e-300)[:, None], across(axis)[0])
+    second = np.cross(axis, first)
+    angle = 2 * np.pi * np.arange(3) / 3
+    out = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
+    return now.core(solid, end)[:, None] + now.solids.radius[solid][:, None, None] * out
+
+
 class Touch(NamedTuple):
     """Contacts before they have mu and frames, n of them: normal (n, d) from the master to the slave; points (n, d) of both; nodes and
     weights (n, k) of both, -1 = none; bodies (n, 2) slave, master; identity (n,)."""
@@ -92,6 +105,17 @@ class Touch(NamedTuple):
     @property
     def gap(self) -> FloatArray:
         return np.einsum("nd,nd->n", self.slave_point - self.master_point, self.normal)
+
+
+def leaves_by_its_side(now: Placed, solid: IntArray, along: FloatArray, gap: FloatArray) -> BoolArray:
+    """Whether what is `along` (n,) [m] the axes from the centres, with this gap to the sides, leaves cylinders by these, not by an end."""
+    flat = np.isin(solid, now.solids.of("cylinder"))
+    return ~flat | (-gap <= np.maximum(now.solids.half[solid] - np.abs(along), 0.0)) | (gap > 0)
+
+
+def joined(parts: Sequence[Touch]) -> Touch:
+    """Contacts one after the other."""
+    return Touch._make(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
 
 def touch_of_solids(

@@ -25,6 +25,10 @@ OWN = (
 
 def check_folder(directory: Path, overwrite: bool) -> None:
     """Refuse a folder that holds anything but a run, a run that may not be replaced, and links that lead out of it."""
+    try:
+        str(directory).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{str(directory)!r}: expected a folder with a name of UTF-8, in which VTK and HDF5 can write") from None
     if directory.exists() and not directory.is_dir():
         raise InputError(f"{directory}: expected a folder for the results, found a file")
     if not directory.exists():

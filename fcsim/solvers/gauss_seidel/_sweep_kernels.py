@@ -24,7 +24,7 @@ def compiled(template: Callable[..., Any], name: str, solver: Any) -> Any:
     assert isinstance(template, FunctionType)
     sweep = FunctionType(template.__code__, {**globals(), "one_contact": solver}, f"{template.__name__}_{name}")
     sweep.__qualname__ = sweep.__name__
-    return njit(cache=True)(sweep)
+    return njit(cache=True, nogil=True)(sweep)
 
 
 @njit(cache=True, forceinline=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,8 +16,9 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
+from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
 from fcsim.solvers import Memory, Result
-from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
+from fcsim.timestep.chain import Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
@@ -86,7 +87,7 @@ class Equation:
         given = np.zeros(self.model.n_dofs) if adhesive is None else adhesive
         return given if self._moved is None else given + self.factor.apply(self._moved)
 
-    def problem(self, load: FloatArray) -> GlobalProblem:
+    def problem(self, load: FloatArray) -> GlobalProblem | GlobalRollingProblem:
         """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w."""
         model, f = self.model, self.model.along(load - self._given)
         if model.driven == "eliminated":
@@ -98,7 +99,10 @@ class Equation:
         if self.linked is not None and isinstance(compliance, LinkedCompliance):
             G, b = compliance.matrix_of_links, self.linked.b
             b = b if self._moved is None else b + self.linked.G.T @ self._moved
-        return GlobalProblem(matrix, self._H, compliance.load(f), self._w, mu, G, b, dimension=model.dimension)
+        f, rolling = compliance.load(f), self.met.terms.rolling
+        if rolling is not None:
+            return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling, G, b)
+        return GlobalProblem(matrix, self._H, f, self._w, mu, G, b, dimension=model.dimension)
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:
         """The unknowns v (n_dofs,) of all dofs, in world axes, from the problem's."""
@@ -115,7 +119,7 @@ class Answer:
     its
     matrix and its contacts; linearised: all problems of a step with nonlinear bodies."""
 
-    problem: GlobalProblem
+    problem: GlobalProblem | GlobalRollingProblem
     reduction: Reduction
     result: Result
     v: FloatArray
@@ -136,7 +140,7 @@ class Past:
 
     def of_the_same_step(self, met: Contacts, ahead: Contacts, r: FloatArray) -> Past:
         """The past of the step's next solve with other contacts `ahead`, after r (m,) was found with the contacts `met`."""
-        last = Reactions(met.identity, met.frame, r.reshape(-1, met.dimension))
+        last = Reactions(met.identity, met.frame, r.reshape(len(met), -1 if len(met) else met.dimension))
         return replace(self, reactions=(last,), serving=None if self.serving is None else self.serving.follow(ahead.identity))
 
 
@@ -159,20 +163,24 @@ def solve_equation(
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term
         problem = equation.problem(load)
-        reduction = Reduction(problem, compliance)
+        reduction = Reduction(cast(Any, problem), compliance)
+        rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
         if problem.nc:
-            compliance = replace(compliance, summed=reduction.local.W)
+            compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
         clock.lap("assembly")
         if start is None:
-            start = r = warm_start(reduction.local, equation.met.contacts, past.reactions) if problem.nc else r
+            start = r = _start(reduction, rolling, equation.met, past.reactions)
         tol = settings.tol * min(1.0, longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction))
         first = len(attempts)
-        result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
+        if rolling is None:
+            result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
+        else:
+            result, serving = solve_rolling_chain(settings, rolling, r, tol, equation.share, attempts), past.serving
         clock.lap("solve")
         past = replace(past, serving=serving)
         if result is None:
             return None, past
-        if not mixing.points:  # a step teaches once, whatever its linearisations
+        if not mixing.points and rolling is None:  # a step teaches once, whatever its linearisations
             past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
         v, r = equation.velocity(result.v), result.r  # type: ignore[arg-type]
         answer = Answer(problem, reduction, result, v, load, start, equation.factor, equation.met)
@@ -191,6 +199,15 @@ def solve_equation(
     apart = TOLERANCE * float(change.max())
     attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
     return None, past
+
+
+def _start(reduction: Reduction, rolling: RollingReduction | None, met: Encounter, reactions: Sequence[Reactions]) -> FloatArray:
+    """Where a step's first solve begins (m,)."""
+    if not len(met.contacts):
+        return np.empty(0)
+    if rolling is None:
+        return warm_start(reduction.local, met.contacts, reactions)
+    return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 
 def longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:

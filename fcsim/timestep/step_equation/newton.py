@@ -116,6 +116,7 @@ class _Newton:
             equation = replace(equation, factor=factor)
             load = self._load(equation, now)
             problem = equation.problem(load)
+            assert isinstance(problem, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
             reduction = Reduction(problem, equation.compliance)
             self.clock.lap("assembly")
             warm = (
@@ -181,7 +182,7 @@ class _Newton:
     def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term) -> FloatArray:
         """R(v, r) (n_dofs,), zero at driven dofs."""
         factor, met = equation.factor, equation.met
-        R = factor.apply(v) - factor.apply_tangents(v) + term.force + self._linear(v) - equation.rest - met.H @ met.reaction(r)
+        R = factor.apply(v) - factor.apply_tangents(v) + term.force + self._linear(v) - equation.rest - met.impulse(r)
         return R - equation.model.driven_share(R)
 
     def _relative(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term) -> float:

@@ -15,6 +15,7 @@ from fcsim.assembly.supports import Support
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
 from fcsim.linear.factors import Factor
+from fcsim.mesh.blocks import brick
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.timestep.step_equation.compliance import StepCompliance
@@ -146,3 +147,13 @@ def test_body_that_can_still_slide_is_refused_in_statics(grid_part: GridPart) ->
 def test_rigid_body_without_mass_in_statics_is_refused() -> None:
     with pytest.raises(InputError, match="rigid body 'r'"):
         SystemFactor(build_model([rigid("r", 3)]), 0.0, 1.0, np.arange(3))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6])
+def test_a_stiffness_that_hides_the_mass_is_not_called_a_missing_support(size: float) -> None:
+    """E = 1e25 Pa in dynamics: the units are wrong, no support is missing."""
+    part = brick("rock", (size, size, size), (2, 2, 2), Material(1e25, 0.2, 2000.0))
+    model = build_model([Body("rock", part)])
+    with pytest.raises(InputError, match=r"part 'rock': .* is singular .*; its stiffness hides its mass in round-off") as told:
+        SystemFactor(model, 1.0, 1e-6, np.arange(model.n_nodes))
+    assert "supports" not in str(told.value)

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fcsim import apart
 from fcsim.errors import InputError
-from fcsim.mesh import foreign
 from fcsim.mesh.blocks import brick
-from fcsim.mesh.foreign import read_apart
+from fcsim.mesh.foreign import read_foreign
 from fcsim.mesh.io import read_mesh, write_mesh
 from fcsim.mesh.material import Material
 from fcsim.mesh.named_mesh import Block, named_mesh
@@ -26,19 +26,19 @@ def test_a_file_that_crashes_gmsh_is_an_error(path: Path) -> None:
 
 def test_a_reader_that_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.msh").write_text("x")
-    monkeypatch.setattr(foreign, "PROCESS", "import time; time.sleep(60)")
-    monkeypatch.setattr(foreign, "SECONDS", 0.3)
+    monkeypatch.setattr(apart, "PROCESS", "import time; time.sleep(60)")
+    monkeypatch.setattr(apart, "SECONDS", 0.3)
     with pytest.raises(InputError, match="expected a mesh that can be read in 0 s, its reader was still at it"):
-        read_apart(tmp_path / "a.msh", "strain", 1.0)
+        read_foreign(tmp_path / "a.msh", "strain", 1.0)
 
 
 def test_a_reader_that_fills_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The limit on addresses that the process sets itself holds."""
     (tmp_path / "a.msh").write_text("x")
     greedy = "import sys; from fcsim.mesh import foreign; foreign._read = lambda *a: bytearray(2**40); "
-    monkeypatch.setattr(foreign, "PROCESS", greedy + "raise SystemExit(foreign.main(*sys.argv[1:]))")
+    monkeypatch.setattr(apart, "PROCESS", greedy + "raise SystemExit(foreign.main(*sys.argv[1:]))")
     with pytest.raises(InputError, match=r"expected a mesh that fits into 4\.0 GiB"):
-        read_apart(tmp_path / "a.msh", "strain", 1.0)
+        read_foreign(tmp_path / "a.msh", "strain", 1.0)
 
 
 def test_the_mesh_comes_through_whole(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Runs into a folder: files, refusals, interruption and going on."""
 
+import csv
 import json
 import os
 import signal
@@ -338,3 +339,17 @@ def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_s
     assert summary.status == "finished" and summary.computed <= 12 - (done if sent != "SIGKILL" else 3)
     assert_same_end(out, whole, steps_without_seconds)
     assert np.isfinite(checkpoint(out)["x"]).all()
+
+
+def test_the_witness_is_asked_for_by_the_command(case_folder: Path, tmp_path: Path) -> None:
+    """Overlap is measured as often as the options say, whatever the case has; 0 = never; wrong numbers are refused by name."""
+    measured = {}
+    for every in (1, 3, 0):
+        options = RunOptions(export_every=0, vtk_every=0, checkpoint_every=0, witness_every=every, witness_tolerance=0.1)
+        run_case(load_case(case_folder), {"steps": "6"}, tmp_path / str(every), options)
+        with (tmp_path / str(every) / "steps.csv").open(newline="") as file:
+            measured[every] = [int(row["step"]) for row in csv.DictReader(file) if row["overlap"] != "nan"]
+    assert measured == {1: [1, 2, 3, 4, 5, 6], 3: [3, 6], 0: []}
+    for wrong, message in (({"witness_every": -1}, "Witness, every"), ({"witness_tolerance": 0.0}, "Witness, tolerance")):
+        with pytest.raises(InputError, match=message):
+            run_case(load_case(case_folder), {}, tmp_path / "wrong", RunOptions(**wrong))  # type: ignore[arg-type]

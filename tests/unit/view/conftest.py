@@ -155,6 +155,7 @@ def step(model: FakeModel, number: int, last: int, divisions: int = 8) -> Simple
         contact_status=status,
         result=SimpleNamespace(u=u.ravel()),
         overlap=Overlap(2e-4, 1e-3, ("a", "b"), (0.1,) * model.dimension),
+        rolling_moment=None,
         law_variables={},
     )
 
@@ -171,6 +172,7 @@ def without_contacts(made: SimpleNamespace) -> SimpleNamespace:
         contact_force=force,
         contact_status=made.contact_status[:0],
         overlap=None,
+        rolling_moment=None,
         law_variables={},
         result=SimpleNamespace(u=force.ravel()),
     )

@@ -19,9 +19,9 @@ SYSTEMS = ("dense", "condensed", "multifrontal", "sparse")
 
 IN_VELOCITIES_FROM = 300
 """Contact unknowns from which a regularised W of few degrees of freedom is eliminated in the bodies' velocities."""
-ONCE_DENSE = 400
-"""Contact unknowns up to which, where nothing is held for long (`once`), the LU of the whole costs less than a condensed elimination that
-serves one matrix."""
+WHOLE, ONCE_WHOLE = 150, 400
+"""Contact unknowns up to which the LU of the whole dense matrix costs less than a condensed elimination, even one that is held from
+iteration to iteration, and one that serves one matrix (`once`)."""
 
 
 def newton_system(
@@ -67,4 +67,4 @@ def _fitting(operator: Delassus, condensing: bool, *, keeps: bool, once: bool) -
         return "sparse"
     if operator.elimination == "fronts":
         return "condensed" if condensing and keeps else "multifrontal"
-    return "condensed" if condensing and not (once and operator.size <= ONCE_DENSE) else "dense"
+    return "condensed" if condensing and operator.size > (ONCE_WHOLE if once else WHOLE) else "dense"

@@ -83,7 +83,7 @@ def test_solution_of_the_regularised_problem(storage: str, monkeypatch: pytest.M
     H[:, :d] = 0  # a contact between two held bodies
     W, q, centre = H.T @ H, rng.standard_normal(nc * d), rng.random(nc * d)
     if storage == "dense and large":
-        monkeypatch.setattr(choice, "ONCE_DENSE", 0)
+        monkeypatch.setattr(choice, "ONCE_WHOLE", 0)
     problem = LocalProblem(sp.csr_array(W) if storage == "sparse" else W, q, np.full(nc, mu))
     inner = InnerProblems(problem, Monitor(q, problem.mu, d, 1e-12), ProximalOptions(metric="compliance"))
     found, _ = inner.solve(centre, centre, alpha, 1e-12, 100)

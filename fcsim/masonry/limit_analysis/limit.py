@@ -19,8 +19,8 @@ from typing import Literal
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.masonry.limit_problem import LimitProblem
-from fcsim.masonry.programs import Answer, Program, slip_of
+from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
+from fcsim.masonry.limit_analysis.programs import Answer, Program, slip_of
 
 ROUNDS = 60
 _SETTLED, _NEAR = 1e-5, 1e-3

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from scipy.optimize import linprog
 
 from fcsim.arrays import BoolArray, FloatArray
-from fcsim.masonry.limit_problem import LimitProblem
+from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
 from fcsim.solvers.variational.conic import clarabel_module
 
 _STILL = {2: 1e-7, 3: 1e-5}  # of the largest contact velocity; interior points are rounder than corners

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fcsim.masonry.joints import Joint, joints_of
-from fcsim.masonry.limit import LimitLoad, associative_limit, coulomb_limit
-from fcsim.masonry.limit_problem import LimitProblem, limit_problem
+from fcsim.masonry.limit_analysis.joints import Joint, joints_of
+from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit
+from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.problem import MasonryProblem
 
 

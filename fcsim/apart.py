@@ -1,0 +1,68 @@
+"""Files of others, read in a process of their own with limits on time and memory.
+
+A malformed file can end the process that reads it (gmsh: segmentation fault on a node number of 1e20), hang it or fill its memory; here
+that is an error like any other. `read_apart` waits for that process, `limited` is what it does.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from fcsim.errors import InputError, MissingDependency
+
+PROCESS = "import sys; from {module} import main; raise SystemExit(main(*sys.argv[1:]))"
+SECONDS, SECONDS_PER_MB = 60.0, 5.0
+"""A reader may take so long: some MB a second is what the slowest formats are read at."""
+MEMORY, MEMORY_PER_BYTE = 4 * 2**30, 100
+"""[bytes] of addresses, libraries included."""
+
+
+def read_apart[T](path: Path, module: str, arguments: Sequence[str], loaded: Callable[[Path], T]) -> T:
+    """What `loaded` makes of the arrays (.npz) that `main(path, out, *arguments)` of a module of ours wrote in another process.
+
+    InputError for what that says of the file, and where it crashes, hangs or fills memory.
+    """
+    megabytes = path.stat().st_size / 1e6
+    known = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, known))}
+    with TemporaryDirectory(prefix="fcsim-mesh-") as folder:
+        out = Path(folder) / "mesh.npz"
+        command = [sys.executable, "-c", PROCESS.format(module=module), str(path), str(out), *arguments]
+        patience = SECONDS + SECONDS_PER_MB * megabytes
+        try:
+            done = subprocess.run(command, env=environment, capture_output=True, timeout=patience, check=False, stdin=subprocess.DEVNULL)
+        except subprocess.TimeoutExpired as error:
+            raise InputError(f"{path}: expected a mesh that can be read in {error.timeout:.0f} s, its reader was still at it") from None
+        if done.returncode == 2:
+            told = json.loads(done.stdout.decode().splitlines()[-1])
+            raise (MissingDependency if told["missing"] else InputError)(told["error"])
+        if done.returncode != 0:
+            last = "".join(done.stderr.decode(errors="replace").strip().splitlines()[-1:])
+            how = signal.Signals(-done.returncode).name if done.returncode < 0 else last or f"exit code {done.returncode}"
+            raise InputError(f"{path}: expected a mesh file, got one that ends its reader ({how})")
+        return loaded(out)
+
+
+def limited(path: str, read: Callable[[], None]) -> int:
+    """Read within the limits; what is wrong with the file is printed as JSON, exit code 2."""
+    size = Path(path).stat().st_size
+    most = MEMORY + MEMORY_PER_BYTE * size
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    try:
+        read()
+    except (InputError, MissingDependency) as error:
+        print("\n" + json.dumps({"error": str(error), "missing": isinstance(error, MissingDependency)}))
+        return 2
+    except MemoryError:
+        print("\n" + json.dumps({"error": f"{path}: expected a mesh that fits into {most / 2**30:.1f} GiB", "missing": False}))
+        return 2
+    return 0

@@ -1,0 +1,150 @@
+"""Cylinders with meshed bodies, beside what their sides share with capsules: rims on faces, and ends on vertices and edges."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
+from fcsim.contact_detection.exact.solids import Placed, Touch, joined, rim_points
+from fcsim.contact_detection.surfaces.broad_phase import near_pairs
+
+_DEEP = 0.5  # of the radius: what lies deeper is another part
+_ROUND = 1e-9
+_FACING = 0.1
+_LEVEL = 0.02  # sine between an end and an edge that lies in it
+_FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is none
+
+
+def cylinders_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> Touch:
+    """Contacts of the rims and ends of cylinders with meshed bodies at node positions x (n_nodes, 3) [m]."""
+    cylinders, normal = now.solids.of("cylinder"), normals(skin, x)
+    return joined([f(now, skin, x, normal, cylinders, alert) for f in (_rims_on_faces, _ends_on_vertices, _ends_on_edges)])
+
+
+def _reach(now: Placed, cylinders: IntArray) -> float:
+    return float(np.hypot(now.solids.radius[cylinders], now.solids.half[cylinders]).max(initial=0.0))
+
+
+def _rims_on_faces(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArray, cylinders: IntArray, alert: float) -> Touch:
+    """Three points of each rim, the lowest first, over or a little below a face that the cylinder's centre is in front of."""
+    corners = x[skin.facets]
+    middle = corners.mean(axis=1)
+    size = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
+    i, f = near_pairs(now.centre[cylinders], middle, size + _reach(now, cylinders) + alert)
+    k, n, at = cylinders[i], normal[f], corners[f]
+    b, c = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]
+    bb, cc, bc = (np.einsum("nd,nd->n", *pair) for pair in ((b, b), (c, c), (b, c)))
+    det = np.maximum(bb * cc - bc**2, 1e-300)
+    in_front = np.einsum("nd,nd->n", now.centre[k] - at[:, 0], n) > 0
+    found = []
+    for end in (-1.0, 1.0):
+        points = rim_points(now, k, end, n)
+        for third in range(3):
+            arm = points[:, third] - at[:, 0]
+            height, ab, ac = (np.einsum("nd,nd->n", arm, y) for y in (n, b, c))
+            s, t = (cc * ab - bc * ac) / det, (bb * ac - bc * ab) / det
+            keep = in_front & (s >= -_ROUND) & (t >= -_ROUND) & (s + t <= 1 + _ROUND)
+            keep &= (height <= alert) & (height > -_DEEP * now.solids.radius[k])
+            code = (3 * (end > 0) + third) + 6 * i[keep]
+            weights = np.stack([1 - s - t, s, t], axis=1)[keep]
+            foot = points[keep, third] - height[keep, None] * n[keep]
+            once = _once(code, skin.body[f[keep]], n[keep])
+            touch = _touch(now, skin, k[keep], n[keep], points[keep, third], foot, skin.facets[f[keep]], weights, f[keep], code)
+            found.append(touch.take(once))
+    return joined(found)
+
+
+def _once(code: IntArray, body: IntArray, normal: FloatArray) -> IntArray:
+    """One of the rows of a point that lies on the border of two facets of one face."""
+    key = np.column_stack([code, body, np.round(1e6 * normal).astype(np.int64)])
+    return np.unique(key, axis=0, return_index=True)[1]
+
+
+def _ends_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArray, cylinders: IntArray, alert: float) -> Touch:
+    """Vertices within an end whose surroundings look at it and do not go on into the cylinder."""
+    at = x[skin.vertices]
+    i, v = near_pairs(now.centre[cylinders], at, np.full(len(at), _reach(now, cylinders) + alert))
+    k = cylinders[i]
+    arm = at[v] - now.centre[k]
+    s = np.einsum("nd,nd->n", arm, now.along[k])
+    end = np.where(s < 0, -1.0, 1.0)
+    out = end[:, None] * now.along[k]
+    gap = np.abs(s) - now.solids.half[k]
+    aside = np.linalg.norm(arm - s[:, None] * now.along[k], axis=1)
+    keep = (aside < now.solids.radius[k] * (1 - _ROUND)) & (gap <= alert)
+    keep &= gap > -_DEEP * np.minimum(now.solids.radius[k], now.solids.half[k])
+    i, v, k, out, gap = i[keep], v[keep], k[keep], out[keep], gap[keep]
+    looks, clear = _surroundings(skin, x, normal, v, out)
+    good = looks & clear
+    i, v, k, out, gap = i[good], v[good], k[good], out[good], gap[good]
+    nodes = np.column_stack([skin.vertices[v], np.full((len(v), 2), -1)])
+    weights = np.column_stack([np.ones(len(v)), np.zeros((len(v), 2))])
+    facet = np.full(len(skin.vertices), 0)
+    facet[skin.vertex] = np.arange(len(skin.facets))[:, None]
+    feature = len(skin.facets) + len(skin.edges) + v
+    return _touch(now, skin, k, -out, at[v] - gap[:, None] * out, at[v], nodes, weights, facet[v], 6 * i, feature)
+
+
+def _surroundings(skin: MeshSkin, x: FloatArray, normal: FloatArray, v: IntArray, out: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Whether a facet around the vertices v (n,) faces against out (n, 3), and whether no side that begins there goes on against it."""
+    facet, corner = np.divmod(np.argsort(skin.vertex, axis=None, kind="stable"), 3)
+    first = np.searchsorted(skin.vertex[facet, corner], np.arange(len(skin.vertices) + 1))
+    count = first[v + 1] - first[v]
+    row = np.repeat(np.arange(len(v)), count)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[v][row]
+    against = np.einsum("nd,nd->n", normal[facet[place]], out[row]) < -_FACING
+    arms = x[skin.facets[facet[place]]] - x[skin.vertices[v]][row][:, None]
+    length = np.linalg.norm(arms, axis=2)
+    into = (np.einsum("nkd,nd->nk", arms, -out[row]) > _FACING * length).any(axis=1)
+    return np.bincount(row[against], minlength=len(v)) > 0, np.bincount(row[into], minlength=len(v)) == 0
+
+
+def _ends_on_edges(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArray, cylinders: IntArray, alert: float) -> Touch:
+    """Where the rims cross the edges of faces that lie flat on the ends: the corners of what end and face share."""
+    one, other = normal[skin.edge_facets[:, 0]], normal[skin.edge_facets[:, 1]]
+    edges = np.flatnonzero(np.einsum("nd,nd->n", one, other) < _FLAT)
+    p, q = x[skin.edges[edges, 0]], x[skin.edges[edges, 1]]
+    middle, half = (p + q) / 2, np.linalg.norm(q - p, axis=1) / 2
+    i, e = near_pairs(now.centre[cylinders], middle, half + _reach(now, cylinders) + alert)
+    k, axis = cylinders[i], now.along[cylinders[i]]
+    arm, along = p[e] - now.centre[k], (q - p)[e]
+    level = np.abs(np.einsum("nd,nd->n", along, axis)) < _LEVEL * 2 * half[e]
+    u, w = (y - np.einsum("nd,nd->n", y, axis)[:, None] * axis for y in (arm, along))
+    a, b, c = (np.einsum("nd,nd->n", *pair) for pair in ((w, w), (u, w), (u, u)))
+    root = b**2 - a * (c - now.solids.radius[k] ** 2)
+    found = []
+    for turn, sign in enumerate((-1.0, 1.0)):
+        t = (-b + sign * np.sqrt(np.maximum(root, 0))) / np.maximum(a, 1e-300)
+        place = arm + t[:, None] * along
+        s = np.einsum("nd,nd->n", place, axis)
+        out = np.where(s < 0, -1.0, 1.0)[:, None] * axis
+        gap = np.abs(s) - now.solids.half[k]
+        facing = np.minimum(*(np.einsum("nd,nd->n", normal[skin.edge_facets[edges[e], side]], out) for side in range(2))) < -1 + _LEVEL
+        keep = level & facing & (root > 0) & (t > 0) & (t < 1) & (gap <= alert) & (gap > -_DEEP * now.solids.half[k])
+        n, at, share, edge = -out[keep], (now.centre[k] + place)[keep], t[keep], edges[e[keep]]
+        nodes = np.column_stack([skin.edges[edge], np.full(len(edge), -1)])
+        weights = np.column_stack([1 - share, share, np.zeros(len(edge))])
+        feature = len(skin.facets) + edge
+        facet = skin.edge_facets[edge, 0]
+        found.append(_touch(now, skin, k[keep], n, at + gap[keep, None] * n, at, nodes, weights, facet, 6 * i[keep] + 1 + turn, feature))
+    return joined(found)
+
+
+def _touch(
+    now: Placed,
+    skin: MeshSkin,
+    solid: IntArray,
+    normal: FloatArray,
+    point: FloatArray,
+    foot: FloatArray,
+    nodes: IntArray,
+    weights: FloatArray,
+    facet: IntArray,
+    code: IntArray,
+    feature: IntArray | None = None,
+) -> Touch:
+    """Contacts of cylinders, slaves, with places of the skin, masters; code and the feature, by default the facet, identify them."""
+    bodies = np.stack([now.solids.body[solid], skin.body[facet]], axis=1)
+    identity = code * skin.n_features + (facet if feature is None else feature)
+    return Touch(normal, point, foot, now.solids.node[solid], now.weights(solid, point), nodes, weights, bodies, identity)

@@ -1,0 +1,1 @@
+"""Limit analysis: equilibrium of blocks, programs, both laws of slip, the joints of a mechanism."""

@@ -1,0 +1,48 @@
+"""Masonry problems from files of surfaces: STL, OBJ, PLY, OFF, 3MF, GLB."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fcsim.errors import InputError
+from fcsim.masonry.problem import Block, MasonryProblem
+from fcsim.mesh.solids.closed_surface import ClosedSurface, closed_surface
+from fcsim.mesh.solids.surface_file import read_surfaces
+
+FLOOR = "floor"
+_FACES = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+
+
+def masonry_of_surfaces(
+    path: str | Path, *, mu: float = 0.6, density: float = 2000.0, scale: float | None = None, supports: Sequence[str] = ()
+) -> MasonryProblem:
+    """Return the problem of a file's solids under their weight, z up; scale: see `read_surfaces`.
+
+    supports: names, or patterns as "pier*", of solids that are held; none: a floor is laid under the lowest point. InputError for a pattern
+    that no solid has.
+    """
+    path = Path(path)
+    surfaces = read_surfaces(path, scale=scale)
+    names = [surface.name for surface in surfaces]
+    for pattern in supports:
+        if not fnmatch.filter(names, pattern):
+            raise InputError(f"{path}, supports: expected names or patterns of solids, {', '.join(names[:8])}, got {pattern!r}")
+    blocks = [Block(surface, density, support=any(fnmatch.fnmatchcase(surface.name, p) for p in supports)) for surface in surfaces]
+    if not supports:
+        blocks.append(Block(_floor(surfaces), support=True))
+    return MasonryProblem(path.stem, 3, tuple(blocks), mu, title=path.stem)
+
+
+def _floor(surfaces: Sequence[ClosedSurface]) -> ClosedSurface:
+    """A slab under the lowest point of all solids, wider than they are by half their extent."""
+    points = np.concatenate([surface.points for surface in surfaces])
+    low, high = points.min(axis=0), points.max(axis=0)
+    extent = float((high - low).max())
+    (x0, y0, _), (x1, y1, _) = low - 0.5 * extent, high + 0.5 * extent
+    z0, z1 = low[2] - 0.1 * extent, low[2]
+    corners = [(x0, y0, z0), (x1, y0, z0), (x1, y1, z0), (x0, y1, z0), (x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)]
+    return closed_surface(FLOOR, corners, _FACES)

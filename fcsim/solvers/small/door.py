@@ -1,0 +1,74 @@
+"""The small front door of `solve`: NSGS-AC, and `auto`'s first sweeps, on dense problems of few contacts.
+
+A call of the general way takes 0.1 ms and more around a method whose own time is some microseconds. What is answered here is answered as
+there: the same sweeps, errors, checks and statuses; what is not (other options, a memory, a time limit, contacts without compliance of
+their own) is left to the general way.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.problem import Checks, LocalProblem
+from fcsim.problem.judge import relative
+from fcsim.solvers.automatic.stages import automatic
+from fcsim.solvers.base import Method, Result, Status
+from fcsim.solvers.gauss_seidel.sweeps import FULL_AT_LEAST_EVERY, GaussSeidelOptions, nsgs
+from fcsim.solvers.small import _gauss_seidel_kernels as kernels
+
+CONTACTS = 50
+"""Contacts up to which the door is open: from there on the general way takes less than the sweeps."""
+AUTO_SWEEPS, AUTO_LOOK, AUTO_WATCHED = 10_000, 25, 50
+"""Sweeps over contacts after which `auto` is left to its race: a millisecond, what it takes to begin it. Every so many the error is looked
+at, and from so many on the race begins where at the rate so far they will not do."""
+ROWS = 1000
+"""Rows of the history that are kept."""
+STATUSES = (Status.SOLVED, Status.MAX_ITERATIONS, Status.STAGNATED, Status.DIVERGED)
+OPTIONS = GaussSeidelOptions()
+
+
+def small(
+    problem: object, chosen: Method, overridden: bool, solver: str, r: FloatArray | None, tol: float, error: str, floor: float
+) -> Result | None:
+    """The answer by one compiled call, None where the general way is to be gone.
+
+    overridden: whether options differ from the table's; the other arguments are those of `solve`, checked.
+    """
+    if overridden or not isinstance(problem, LocalProblem) or not 0 < len(problem.mu) <= CONTACTS:
+        return None
+    if problem.V is not None or not isinstance(problem.W, np.ndarray) or not (r is None or isinstance(r, np.ndarray)):
+        return None
+    automatically = chosen.run is automatic
+    if problem.dimension not in chosen.dimensions:
+        return None
+    if not automatically and not (chosen.run is nsgs and chosen.options == OPTIONS):
+        return None
+    q, most = problem.q, AUTO_SWEEPS // problem.nc if automatically else OPTIONS.max_iterations
+    begun = time.perf_counter()
+    start = np.zeros(len(q)) if r is None else r
+    if start.shape != q.shape or start.dtype != np.float64 or not np.isfinite(start).all():
+        return None  # which says what is wrong
+    rows = np.empty((min(ROWS, most + 1), 2))
+    ended, sweeps, noted, answer, u, scale, scaled, plain, found = kernels.solve_by_sweeps(
+        *(np.ascontiguousarray(x) for x in (problem.W, q, problem.mu, start)),  # others would be compiled for anew
+        *(problem.dimension, error == "published", float(floor), float(tol), most),
+        *(OPTIONS.local_tolerance, OPTIONS.local_iterations),
+        *((AUTO_LOOK, AUTO_WATCHED) if automatically else (FULL_AT_LEAST_EVERY, 0)),
+        rows,
+    )
+    if ended == kernels.NOT_HERE or (automatically and ended != kernels.SOLVED):
+        return None
+    errors = relative(scaled, scale), relative(plain, scale)
+    deciding, status = errors[error == "published"], STATUSES[ended]
+    if (deciding <= tol) != status.solved:  # by round-off between the sweeps' u and the answer's: the general way decides
+        return None
+    cone, dual_cone, penetration, product, r_max, u_max, r_size, u_size = found
+    checks = Checks(cone / (r_max or 1.0), dual_cone / (u_max or 1.0), abs(product) / ((r_size * u_size) or 1.0), penetration)
+    spent = time.perf_counter() - begun
+    # a clock does not reach into compiled code: the seconds of the history are the sweeps' share
+    history = [(int(at), spent * at / max(sweeps, 1), size) for at, size in rows[:noted].tolist()]
+    seconds = {"reduction": 0.0, "solve": spent}
+    return Result(answer, u, None, status, deciding, *errors, sweeps, seconds, history, checks, solver)

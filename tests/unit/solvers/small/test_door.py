@@ -1,0 +1,114 @@
+"""The small front door answers as the general way does, and leaves to it what it does not answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from numpy.testing import assert_allclose
+
+from fcsim.problem import LocalProblem, check
+from fcsim.solvers import Result, Status, method, solve
+from fcsim.solvers.small import door
+from fcsim.solvers.small.door import small
+
+
+def problem(seed: int, d: int = 3, nc: int = 7, rank: float = 1.5, unit: float = 1.0) -> LocalProblem:
+    rng = np.random.default_rng(seed)
+    H = rng.standard_normal((max(1, int(rank * d * nc)), d * nc)) * unit
+    q = rng.standard_normal((nc, d)) - 0.5 * np.eye(d)[0]
+    return LocalProblem(H.T @ H, q.ravel(), rng.uniform(0, 1.2, nc), dimension=d)
+
+
+def by_the_door(
+    p: LocalProblem, name: str = "NSGS-AC", r: np.ndarray | None = None, tol: float = 1e-8, error: str = "scaled"
+) -> Result | None:
+    return small(p, method(name), False, name, r, tol, error, 0.0)
+
+
+def generally(p: LocalProblem, name: str = "NSGS-AC", r: np.ndarray | None = None, **keywords: Any) -> Result:
+    return solve(p, name, r, time_limit=1e9, **keywords)  # which the door does not know
+
+
+@pytest.mark.parametrize("error", ["scaled", "published"])
+@pytest.mark.parametrize("start", ["zero", "warm"])
+@pytest.mark.parametrize("unit", [1e-4, 1.0, 1e4])
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_answer_is_that_of_the_general_way(d: int, unit: float, start: str, error: str) -> None:
+    statuses = set()
+    for seed in range(12):
+        p = problem(seed, d, nc=1 + 3 * seed, rank=0.4 + 0.2 * seed, unit=unit)
+        r = None if start == "zero" else np.random.default_rng(seed).standard_normal(p.m) / unit**2
+        found, expected = by_the_door(p, r=r, error=error), generally(p, r=r, error=error)
+        assert found is not None
+        statuses.add(found.status)
+        assert (found.status, found.iterations) == (expected.status, expected.iterations)
+        assert_allclose(found.r, expected.r, rtol=1e-9, atol=1e-9 * np.abs(expected.r).max())
+        assert_allclose(found.u, p.W @ found.r + p.q, rtol=1e-9, atol=1e-12 * np.abs(p.q).max())
+        assert_allclose([row[2] for row in found.history], [row[2] for row in expected.history], rtol=1e-3, atol=1e-12)
+        assert [row[0] for row in found.history] == [row[0] for row in expected.history]
+        assert_allclose(
+            [found.scaled_error, found.published_error], [expected.scaled_error, expected.published_error], rtol=1e-2, atol=1e-14
+        )
+        told, true = found.checks, check(found.r, found.u, p.mu, d, None, p.q)
+        assert_allclose([told.cone, told.dual_cone, told.penetration], [true.cone, true.dual_cone, true.penetration], atol=1e-12)
+    assert Status.SOLVED in statuses
+
+
+def test_auto_is_answered_where_its_first_sweeps_arrive() -> None:
+    p = problem(3)
+    found = by_the_door(p, "auto")
+    assert found is not None and found.status is Status.SOLVED and found.iterations <= door.AUTO_SWEEPS // p.nc
+    assert found.method == "auto"
+    hard = LocalProblem(np.kron(np.ones((6, 6)) + 1e-7 * np.eye(6), np.eye(3)), np.tile([-1.0, 0.4, 0.0], 6), np.full(6, 0.5))
+    assert by_the_door(hard, "auto", tol=1e-13) is None or by_the_door(hard, "auto", tol=1e-13).status is Status.SOLVED
+    assert solve(hard, "auto").solved
+
+
+def test_a_problem_at_rest_is_answered_by_zero() -> None:
+    p = replace(problem(1), q=np.tile([1.0, 0.0, 0.0], 7))
+    found = by_the_door(p)
+    assert found is not None and found.status is Status.SOLVED and not found.r.any() and found.iterations == 0
+
+
+def test_infinite_iterates_end_the_sweeps() -> None:
+    p = problem(2)
+    found, expected = by_the_door(replace(p, W=-p.W + 2 * np.diag(np.diag(p.W)))), None
+    assert found is None or not found.solved or found.error <= 1e-8
+    huge = replace(p, q=p.q * 1e200)
+    found, expected = by_the_door(huge), generally(huge)
+    assert found is None or found.status is expected.status
+
+
+@pytest.mark.parametrize(
+    "left",
+    [
+        lambda p: (replace(p, W=sp.csr_array(p.W)), {}),
+        lambda p: (p, {"max_iterations": 3}),
+        lambda p: (p, {"shuffle": "once"}),
+        lambda p: (problem(0, nc=door.CONTACTS + 1), {}),
+        lambda p: (replace(p, W=np.pad(p.W[3:, 3:], ((3, 0), (3, 0)))), {}),  # a contact between held bodies
+    ],
+    ids=["sparse", "iterations", "options", "many contacts", "a held contact"],
+)
+def test_what_is_left_to_the_general_way(left: Any) -> None:
+    p, options = left(problem(0))
+    assert small(p, method("NSGS-AC"), bool(options), "NSGS-AC", None, 1e-8, "scaled", 0.0) is None
+    result = solve(p, "NSGS-AC", **options)
+    assert result.status in Status
+
+
+def test_a_starting_point_of_another_size_is_said_by_the_general_way() -> None:
+    assert by_the_door(problem(0), r=np.zeros(4)) is None
+    with pytest.raises(ValueError, match="starting point"):
+        solve(problem(0), "NSGS-AC", np.zeros(4))
+
+
+def test_the_history_ends_with_the_time_of_the_solve() -> None:
+    found = by_the_door(problem(5))
+    assert found is not None
+    assert found.history[-1][1] == pytest.approx(found.seconds["solve"])
+    assert all(before[1] <= after[1] for before, after in zip(found.history, found.history[1:], strict=False))
