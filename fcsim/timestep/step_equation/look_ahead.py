@@ -32,6 +32,9 @@ ROUNDS = 4
 BORNE = 1e-5
 """Of the smaller body's size: less overlap than this is left to the next step."""
 
+THROWN = 1e-3
+"""Of the smaller body's size: a contact that is carried farther than meant, since what bent it did not come about, is bent less."""
+
 _TURNED_ASIDE = 2e-3
 """Of the smallest body: velocities that impacts change by less than this over the step bring no new contact about."""
 
@@ -51,10 +54,13 @@ def looked_ahead(
     straight = held.gap + timing.length_per_u * (met.H.T @ v).reshape(-1, held.dimension)[:, 0]
     meant = np.where(known, np.append(straight + bend, 0.0)[place], 0.0)
     deeper = there.gap < np.minimum(meant, 0.0) - BORNE * size
-    if not deeper.any():
+    given = np.append(bend, 0.0)[place]
+    too_far = known & (given < 0) & (meant <= BORNE * size) & (there.gap > np.maximum(meant, 0.0) + THROWN * size)
+    if not (deeper.any() or too_far.any()):
         return None
-    at = place[known & deeper]
-    bend[at] = there.gap[known & deeper] - straight[at]  # (1)
+    anew = known & (deeper | (given < 0) & (there.gap > meant))
+    at = place[anew]
+    bend[at] = np.where(deeper[anew], there.gap[anew] - straight[at], np.minimum(there.gap[anew] - straight[at], 0.0))  # (1)
     new = bounded(brought_back(there.take(deeper & ~known), met.meeting.positions), held)
     every = join([held, new])
     order = np.argsort(every.identity, kind="stable")
