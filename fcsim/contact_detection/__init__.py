@@ -6,7 +6,6 @@ from fcsim.contact_detection.detection import Detection
 from fcsim.contact_detection.detector import Detector
 from fcsim.contact_detection.exact import ExactContacts
 from fcsim.contact_detection.general.everything import Everything
-from fcsim.contact_detection.surfaces.broad_phase import PairList
 from fcsim.contact_detection.surfaces.sharp_edges import split_at_sharp_edges
 from fcsim.contact_detection.surfaces.surface import ContactSurface, SurfacePair, two_pass
 
@@ -17,7 +16,6 @@ __all__ = [
     "Detector",
     "Everything",
     "ExactContacts",
-    "PairList",
     "SurfacePair",
     "contact_matrix",
     "split_at_sharp_edges",

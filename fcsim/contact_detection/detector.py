@@ -16,7 +16,6 @@ from fcsim.contact_detection.integral.segment_points import SegmentPoints
 from fcsim.contact_detection.node_to_segment import NodeToSegment
 from fcsim.contact_detection.smoothed_normals import SmoothedNodeToSegment
 from fcsim.contact_detection.surfaces import facets as contact_facets
-from fcsim.contact_detection.surfaces.broad_phase import PairList
 from fcsim.contact_detection.surfaces.surface import SurfacePair
 from fcsim.contact_detection.sweep import samples, with_swept
 from fcsim.errors import InputError
@@ -54,7 +53,6 @@ class Detector:
     `smoothed_normals`). Pairs with candidates "mortar", "mortar-faces" or "segments" are integrated over the overlaps of the two
     surfaces: see `mortar` and `segment_points`.
 
-    `search` makes a list of possible pairs that can be passed again while `PairList.covers(positions)`; the contacts are the same.
     InputError: no pairs, 2D with 3D, node numbers not below n_nodes, positions of wrong shape or not finite, facets without area.
     """
 
@@ -100,14 +98,14 @@ class Detector:
         touched = np.unique(np.concatenate([surface.facets.ravel() for pair in self.pairs for surface in (pair.slave, pair.master)]))
         return touched[touched >= 0]
 
-    def __call__(self, positions: FloatArray, displacement: FloatArray | None = None, *, near: PairList | None = None) -> Contacts:
-        """Contacts at `positions` (n_nodes, d) [m]; `near` is used instead of a new search where it covers them.
+    def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
+        """Contacts at `positions` (n_nodes, d) [m].
 
         displacement (n_nodes, d) [m]: of the step to come, see `Detection`. Surfaces that approach each other by more than half the
         penetration window are looked at as often along their way as leaves less between two looks (see `sweep`).
         """
         x = self._checked(positions)
-        now = self._at(x, near)
+        now = self._at(x)
         if displacement is None:
             return now
         way = self._checked(displacement)
@@ -138,24 +136,16 @@ class Detector:
             count = max(count, samples(distance, max(0.5 * self.penetration * size, pair.alert)))
         return count
 
-    def _at(self, x: FloatArray, near: PairList | None = None) -> Contacts:
-        listed = near.pairs if near is not None and near.covers(x) else [None] * len(self.methods)
+    def _at(self, x: FloatArray) -> Contacts:
         found, pair_of_contact = [], []
-        for method, numbers, possible in zip(self.methods, self.numbers, listed, strict=True):
+        for method, numbers in zip(self.methods, self.numbers, strict=True):
             now = method.configuration(x)
-            contacts, pair = method.contacts(now, *(method.search(now, 0.0) if possible is None else possible))
+            contacts, pair = method.contacts(now, *method.search(now))
             pair_of_contact.append(numbers[pair])
             found.append(replace(contacts, identity=contacts.identity + self.first_identity[numbers[pair]]))
         if len(found) == 1:
             return found[0]
         return join(found).take(np.argsort(np.concatenate(pair_of_contact), kind="stable"))
-
-    def search(self, positions: FloatArray, skin: float = 0.0) -> PairList:
-        """Possible pairs at `positions` (n_nodes, d) [m], with `skin` [m] to spare for later positions."""
-        if not (np.isfinite(skin) and skin >= 0):
-            raise InputError(f"Detector.search, skin: expected a distance >= 0 in m, got {skin}")
-        x = self._checked(positions)
-        return PairList(tuple(method.search(method.configuration(x), skin) for method in self.methods), x.copy(), skin)
 
     def _checked(self, positions: FloatArray) -> FloatArray:
         x = np.asarray(positions, dtype=np.float64)

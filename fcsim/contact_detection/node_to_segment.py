@@ -85,15 +85,15 @@ class NodeToSegment:
         outward = mean[:, :-1] / np.maximum(length, 1e-300)[:, None]
         return Configuration(point, outward, mean[:, -1], contact_facets.geometry(self.masters, x), x)
 
-    def search(self, now: Configuration, skin: float) -> tuple[IntArray, IntArray]:
-        """Possible pairs (candidate, facet), also of positions where they are closer by less than `skin` [m]."""
+    def search(self, now: Configuration) -> tuple[IntArray, IntArray]:
+        """Possible pairs (candidate, facet)."""
         found = []
         for number, pair in enumerate(self.pairs):
             ours = slice(self._first[number], self._first[number + 1])
             theirs = slice(self.masters.offsets[number], self.masters.offsets[number + 1])
             size = now.master.size[theirs]
             depth = np.minimum(size, now.size[ours].max(initial=0.0))
-            reach = now.master.radius[theirs] + np.maximum(pair.alert, self.penetration * depth) + self.edge_tolerance * depth + skin
+            reach = now.master.radius[theirs] + np.maximum(pair.alert, self.penetration * depth) + self.edge_tolerance * depth
             candidate, facet = near_pairs(now.point[ours], now.master.centre[theirs], reach)
             found.append((candidate + ours.start, facet + theirs.start))
         candidate, facet = (np.concatenate(part) for part in zip(*found, strict=True))

@@ -34,7 +34,7 @@ def tied_weights(model: Model, link: Tied, what: str) -> csr_array:
     pair = SurfacePair(contact_surface(model, [link.first]), contact_surface(model, [link.second]), 0.0, reach, "mortar")
     mortar = Mortar([pair], 1e-2, 0.0)
     now = mortar.configuration(model.reference)
-    contacts, _ = mortar.contacts(now, *mortar.search(now, 0.0))
+    contacts, _ = mortar.contacts(now, *mortar.search(now))
     if not len(contacts):
         raise InputError(
             f"{what}: expected surfaces that face each other within {reach:.3g} m, got {link.first} and {link.second}, which do not; "

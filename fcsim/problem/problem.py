@@ -97,32 +97,27 @@ class Reduced(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class GlobalProblem:
-    """M (n, n), H (n, m), f (n,), w (m,), mu (nc,), optionally G (n, p) and b (p,); m = dimension * nc."""
+class GlobalForm:
+    """What global problems share whatever the cone of a contact: M v = H r + G l + f, G^T v + b = 0, u = H^T v + w."""
 
     M: Matrix
     H: Matrix
     f: FloatArray
     w: FloatArray
     mu: FloatArray
-    G: Matrix | None = None
-    b: FloatArray | None = None
-    dimension: int = 3
+    G: Matrix | None
+    b: FloatArray | None
 
-    def __post_init__(self) -> None:
-        f, w = as_vector(self.f, "f"), as_vector(self.w, "w")
-        object.__setattr__(self, "f", f)
-        object.__setattr__(self, "w", w)
-        object.__setattr__(self, "mu", _friction(self.mu, len(w), self.dimension))
-        object.__setattr__(self, "M", as_matrix(self.M, "M", (len(f), len(f))))
-        object.__setattr__(self, "H", as_matrix(self.H, "H", (len(f), len(w))))
+    def _check_equations(self) -> None:
+        """Make the fields arrays of floats; InputError where they do not fit together."""
         if (self.G is None) != (self.b is None):
             raise InputError("G and b: expected both or none of the equality constraints' matrix and vector")
-        if self.G is not None:
-            b = as_vector(self.b, "b")
-            object.__setattr__(self, "b", b)
-            object.__setattr__(self, "G", as_matrix(self.G, "G", (len(f), len(b))))
+        for name in ("f", "w") + (() if self.b is None else ("b",)):
+            object.__setattr__(self, name, as_vector(getattr(self, name), name))
+        object.__setattr__(self, "M", as_matrix(self.M, "M", (self.n, self.n)))
+        object.__setattr__(self, "H", as_matrix(self.H, "H", (self.n, self.m)))
+        if self.b is not None:
+            object.__setattr__(self, "G", as_matrix(self.G, "G", (self.n, len(self.b))))
 
     @property
     def n(self) -> int:
@@ -135,6 +130,24 @@ class GlobalProblem:
     @property
     def nc(self) -> int:
         return len(self.mu)
+
+
+@dataclass(frozen=True, eq=False)
+class GlobalProblem(GlobalForm):
+    """M (n, n), H (n, m), f (n,), w (m,), mu (nc,), optionally G (n, p) and b (p,); m = dimension * nc."""
+
+    M: Matrix
+    H: Matrix
+    f: FloatArray
+    w: FloatArray
+    mu: FloatArray
+    G: Matrix | None = None
+    b: FloatArray | None = None
+    dimension: int = 3
+
+    def __post_init__(self) -> None:
+        self._check_equations()
+        object.__setattr__(self, "mu", _friction(self.mu, self.m, self.dimension))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from fcsim.assembly.model import Model
 from fcsim.mesh.part import RigidBody
 from fcsim.witness._distance_kernels import Forest
 from fcsim.witness._overlap_kernels import depth_of_balls
+from fcsim.witness.points_in_solids import points_in_cylinders, points_in_planes
 
 _ALONG = np.linspace(-1.0, 1.0, 9)
 
@@ -60,10 +61,17 @@ def exact_bodies(model: Model) -> ExactBodies:
     )
 
 
-def exact_overlaps(exact: ExactBodies, positions: FloatArray, forest: Forest, meshed: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Pairs of bodies (n, 2), overlap (n,) [m] and place (n, d) of all that overlap; meshed: bodies with a tree in the forest."""
+def exact_overlaps(
+    exact: ExactBodies, positions: FloatArray, forest: Forest, meshed: IntArray, vertices: tuple[FloatArray, IntArray]
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Pairs of bodies (n, 2), overlap (n,) [m] and place (n, d) of all that overlap; meshed: bodies with a tree in the forest; vertices:
+    points (nv, d) of their skins and the bodies (nv,) that these belong to."""
     centre, along = exact.placed(positions)
     found = [_cores(exact, centre, along), _planes(exact, centre, along), _skins(exact, centre, along, forest, meshed)]
+    planes, cylinders = exact.of("plane"), exact.of("cylinder")
+    found += points_in_planes(*vertices, exact.body[planes], centre[planes], along[planes])
+    solids = (x[cylinders] for x in (centre, along, exact.radius, exact.half))
+    found += points_in_cylinders(*vertices, exact.body[cylinders], *solids)
     bodies, depth, place = (np.concatenate(parts) for parts in zip(*found, strict=True))
     deep = depth > 0
     return np.sort(bodies[deep], axis=1), depth[deep], place[deep]

@@ -76,7 +76,9 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
         own = own_overlaps(skins.folding, least * skins.size[skins.folding.bodies], forest, skins.modulus, d)
         pairs, depth, place = (np.concatenate([a, b]) for a, b in zip((pairs, depth, place), own, strict=True))
     if len(skins.exact.body):
-        more = exact_overlaps(skins.exact, positions, forest, bodies)
+        closed = np.flatnonzero(np.diff(skins.first_vertex))
+        owner = np.repeat(closed, np.diff(skins.first_vertex)[closed])
+        more = exact_overlaps(skins.exact, positions, forest, bodies, (forest.points[skins.vertices, :d], owner))
         deep = more[1] > least * np.minimum(skins.size[more[0][:, 0]], skins.size[more[0][:, 1]])
         deep &= skins.movable[more[0]].any(axis=1)
         pairs, depth, place = (np.concatenate([a, b[deep]]) for a, b in zip((pairs, depth, place), more, strict=True))

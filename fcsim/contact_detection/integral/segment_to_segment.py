@@ -86,14 +86,14 @@ class SegmentToSegment:
         """The facets at positions x (n_nodes, d) [m]."""
         return Configuration(x, contact_facets.geometry(self.slaves, x), contact_facets.geometry(self.masters, x))
 
-    def search(self, now: Configuration, skin: float) -> tuple[IntArray, IntArray]:
-        """Possible pairs (slave facet, master facet) in order, also of positions where they are closer by less than `skin` [m]."""
+    def search(self, now: Configuration) -> tuple[IntArray, IntArray]:
+        """Possible pairs (slave facet, master facet) in order."""
         found = []
         for number, alert in enumerate(self.alert):
             ours = slice(self.slaves.offsets[number], self.slaves.offsets[number + 1])
             theirs = slice(self.masters.offsets[number], self.masters.offsets[number + 1])
             size = np.minimum(now.master.size[theirs], now.slave.size[ours].max(initial=0.0))
-            reach = now.master.radius[theirs] + np.maximum(alert, self.penetration * size) + skin
+            reach = now.master.radius[theirs] + np.maximum(alert, self.penetration * size)
             slave, master = near_facets(now.slave.centre[ours], now.slave.radius[ours], now.master.centre[theirs], reach)
             found.append((slave + ours.start, master + theirs.start))
         slave, master = (np.concatenate(part) for part in zip(*found, strict=True))

@@ -2,33 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
 from fcsim.arrays import FloatArray, IntArray
-
-
-@dataclass(frozen=True, eq=False)
-class PairList:
-    """Possible pairs of a detector, valid while nothing has moved far (a Verlet list).
-
-    pairs: (candidate point, master facet) of the point rules, (slave facet, master facet) of the integral rules, as far as in use
-    positions (nodes, d) [m] where it was made; skin [m], how much two points may have come closer since.
-    """
-
-    pairs: tuple[tuple[IntArray, IntArray], ...]
-    positions: FloatArray
-    skin: float
-
-    def __len__(self) -> int:
-        return sum(len(slave) for slave, _ in self.pairs)
-
-    def covers(self, positions: FloatArray) -> bool:
-        """Whether no node has moved more than half the skin, so that every pair within reach at `positions` is in the list."""
-        move = positions - self.positions
-        return bool(4.0 * np.einsum("nd,nd->n", move, move).max(initial=0.0) <= self.skin**2)
 
 
 def near_pairs(points: FloatArray, centres: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray]:

@@ -8,11 +8,11 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.errors import InputError
-from fcsim.problem.problem import as_matrix, as_vector
+from fcsim.problem.problem import GlobalForm, as_vector
 
 
 @dataclass(frozen=True, eq=False)
-class GlobalRollingProblem:
+class GlobalRollingProblem(GlobalForm):
     """M (n, n), H (n, m), f (n,), w (m,), mu (nc,), mu_r (nc,), optionally G (n, p) and b (p,); m = 5 nc.
 
     Each contact owns five entries of u and r, (N, T1, T2, R1, R2): force [N] and rolling moment [N m], or their impulses. The cone is
@@ -33,11 +33,9 @@ class GlobalRollingProblem:
     def __post_init__(self) -> None:
         if self.dimension != 5:
             raise InputError(f"dimension: expected 5 with rolling friction, got {self.dimension}")
-        if (self.G is None) != (self.b is None):
-            raise InputError("G and b: expected both or none of the equality constraints' matrix and vector")
-        for name in ("f", "w", "mu", "mu_r") + (() if self.b is None else ("b",)):
-            object.__setattr__(self, name, as_vector(getattr(self, name), name))
+        self._check_equations()
         for name in ("mu", "mu_r"):
+            object.__setattr__(self, name, as_vector(getattr(self, name), name))
             coefficients = getattr(self, name)
             if 5 * len(coefficients) != len(self.w):
                 raise InputError(
@@ -45,19 +43,3 @@ class GlobalRollingProblem:
                 )
             if np.any(coefficients < 0):
                 raise InputError(f"{name}: expected coefficients >= 0, got {coefficients.min()} at contact {int(coefficients.argmin())}")
-        object.__setattr__(self, "M", as_matrix(self.M, "M", (len(self.f), len(self.f))))
-        object.__setattr__(self, "H", as_matrix(self.H, "H", (len(self.f), len(self.w))))
-        if self.b is not None:
-            object.__setattr__(self, "G", as_matrix(self.G, "G", (len(self.f), len(self.b))))
-
-    @property
-    def n(self) -> int:
-        return len(self.f)
-
-    @property
-    def m(self) -> int:
-        return len(self.w)
-
-    @property
-    def nc(self) -> int:
-        return len(self.mu)

@@ -120,17 +120,6 @@ def test_raised_corner_of_a_warped_facet() -> None:
     np.testing.assert_allclose(contacts.gap, [0.01])
 
 
-def test_the_skin_of_a_pair_list_covers_an_approach() -> None:
-    nodes, facets = plate(1, 1)
-    master = ContactSurface(facets, np.zeros(1, int))
-    detector = Detector([SurfacePair(ContactSurface(np.array([[4, 5, 6]]), np.ones(1, int)), master, 0.5, 0.3, "faces")], 7)
-    far, close = (np.concatenate([nodes, DOWN - DOWN.mean(axis=0) + np.array([0.5, 0.5, z])]) for z in (1.3, 0.2))
-    assert len(detector.search(far)) == 0
-    near = detector.search(far, skin=2.5)
-    assert near.covers(close)
-    np.testing.assert_allclose(detector(close, near=near).gap, [0.2])
-
-
 def test_slope_and_valley_take_the_nearest_facet() -> None:
     normal = np.array([0.5, 0, 1]) / np.sqrt(1.25)
     contacts = touch(np.array([0.5, 1, -0.25]) + 0.1 * normal, [roof(0.5)])

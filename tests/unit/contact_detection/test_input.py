@@ -75,8 +75,6 @@ def test_positions() -> None:
         detector(np.where(POINTS == 0.1, np.nan, POINTS))
     with pytest.raises(InputError, match=r"positive area, got area 0 at nodes \[4, 5, 6, 7\]"):
         detector(POINTS * [1, 0, 1])
-    with pytest.raises(InputError, match="skin"):
-        detector.search(POINTS, skin=-1.0)
 
 
 @pytest.mark.parametrize("cell_type", ["hexahedron20", "quadrilateral8", "wedge"])

@@ -229,3 +229,18 @@ def test_thin_and_hollow_bodies_do_not_overlap_themselves(width: float | None) -
     middle = np.abs(x[:, 0] - 0.5) < 0.2
     x[middle, 1] -= np.sign(x[middle, 1]) * 0.013
     assert measure(skins_of(model)[0], x, 1e-6).depth == pytest.approx([0.006])
+
+
+def test_meshed_bodies_in_planes_and_cylinders_in_all() -> None:
+    """Vertices below planes and within cylinders, sides and rims of cylinders within each other, each by how much."""
+    plane = rigid_plane("floor", (0, 0, 0), (0, 0, 1))
+    assert overlap(rigid_box("box", (1, 1, 1), (0, 0, 0.48), 1.0), plane).depth == pytest.approx([0.02])
+    assert not len(overlap(rigid_box("box", (1, 1, 1), (0, 0, 0.5), 1.0), plane).depth)
+    assert overlap(Body("soft", brick("soft", (1, 1, 1), (2, 2, 2), STONE, origin=(0, 0, -0.03))), plane).depth == pytest.approx([0.03])
+    assert overlap(rigid_rectangle("box", (1, 1), (0, 0.49), 1.0), rigid_plane("floor", (0, 0), (0, 1))).depth == pytest.approx([0.01])
+    drum = rigid_cylinder("drum", 0.5, 1.0, (0, 0, 0), 1.0, axis=(0, 0, 1))
+    assert overlap(drum, rigid_box("box", (0.2, 0.2, 0.2), (0, 0, 0.57), 1.0)).depth == pytest.approx([0.03])
+    assert overlap(drum, rigid_cylinder("lid", 0.4, 0.2, (0.1, 0, 0.58), 1.0, axis=(0, 0, 1))).depth == pytest.approx([0.02])
+    beside = overlap(drum, rigid_cylinder("twin", 0.5, 1.0, (0.96, 0, 0), 1.0, axis=(0, 0, 1)))
+    assert beside.depth.max() == pytest.approx(0.04, rel=0.05)
+    assert not len(overlap(drum, rigid_cylinder("twin", 0.5, 1.0, (1.01, 0, 0), 1.0, axis=(0, 0, 1))).depth)
