@@ -74,16 +74,20 @@ class NonlinearBodies:
         *,
         v: FloatArray | None = None,
         rate: float = 0.0,
+        start: tuple[FloatArray, float] | None = None,
         tangent: bool = False,
     ) -> InnerForces:
         """Forces at the configuration x (n_dofs,) and the time t, dt after the internal variables (None: those at the beginning).
 
         v (n_dofs,): velocities that are damped, with their change `rate` [1/s] for a unit change of x in the tangent.
+        start = (x_0 (n_dofs,), s): x is the share s of the way from x_0 to the end of a step, see `fcsim.assembly.nonlinear.mean_strain`.
         """
         force, energy, dissipated, viscous = np.zeros_like(x), 0.0, 0.0, 0.0
         after, blocks, bad = [np.empty(0)], [], -1
         for group, part, own in self.shares(variables):
-            instant = Instant(t, dt, self.beta if v is not None else 0.0, None if v is None else self._own(v, group), rate)
+            damped = None if v is None else self._own(v, group)
+            begin, share = (None, 1.0) if start is None else (self._own(start[0], group), start[1])
+            instant = Instant(t, dt, self.beta if v is not None else 0.0, damped, rate, begin, share)
             inner = part.inner(self._own(x, group), own, instant, tangent)
             force[group.dofs] = (inner.force @ group.rotation.T).reshape(len(own), -1)
             energy, dissipated = energy + float(inner.energy.sum()), dissipated + float(inner.dissipated.sum())

@@ -34,7 +34,10 @@ def as_vector(values: Any, what: str) -> FloatArray:
 
 def as_matrix(values: Any, what: str, shape: tuple[int, int]) -> Matrix:
     if not sp.issparse(values):
-        values = np.asarray(values, dtype=np.float64)
+        try:
+            values = np.asarray(values, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(f"{what}: expected a matrix of numbers, got {type(values).__name__} of something else") from None
     elif not isinstance(values, sp.sparray) or values.format not in ("csr", "csc", "bsr", "coo"):
         values = sp.csr_array(values)
     if tuple(values.shape) != shape:

@@ -161,28 +161,29 @@ class InnerWork:
 
 
 def inner_work(
-    model: Model, before: State, after: State, dx: FloatArray, middle: tuple[FloatArray, float], damped: FloatArray | None
+    model: Model, before: State, after: State, dx: FloatArray, middle: tuple[FloatArray, float, float], damped: FloatArray | None
 ) -> InnerWork:
     """The work of a step's inner forces on dx (n_dofs,), those of the configuration x (n_dofs,) that was reached the time dt [s] after the
-    beginning, middle = (x, dt), by what became of it; damped: the velocity (n_dofs,) that was damped."""
+    beginning, the share s of the way, middle = (x, dt, s), by what became of it; damped: the velocity (n_dofs,) that was damped."""
     bodies = model.nonlinear
     if not bodies:
         return InnerWork()
-    x, dt = middle
-    force = bodies.inner(x, before.internal, before.t + dt, dt).force
+    x, dt, share = middle
+    start = before.x, share
+    force = bodies.inner(x, before.internal, before.t + dt, dt, start=start).force
     viscous = 0.0
     if bodies.beta and damped is not None:
-        viscous = float(dx @ (bodies.inner(x, before.internal, before.t + dt, dt, v=damped).force - force))
+        viscous = float(dx @ (bodies.inner(x, before.internal, before.t + dt, dt, v=damped, start=start).force - force))
     first = bodies.inner(before.x, before.internal, before.t, 0.0).energy
     last = bodies.inner(after.x, before.internal, after.t, after.t - before.t)
     numerical = float(dx @ force) - (last.energy - first) - last.dissipated
     return InnerWork((first, last.energy), last.dissipated, viscous, numerical)
 
 
-def inner_force(model: Model, before: State, middle: tuple[FloatArray, float], damped: FloatArray) -> FloatArray | float:
+def inner_force(model: Model, before: State, middle: tuple[FloatArray, float, float], damped: FloatArray) -> FloatArray | float:
     """The inner forces (n_dofs,) [N] of `inner_work`, viscous ones included; 0 without nonlinear bodies."""
-    bodies, (x, dt) = model.nonlinear, middle
-    return bodies.inner(x, before.internal, before.t + dt, dt, v=damped).force if bodies else 0.0
+    bodies, (x, dt, share) = model.nonlinear, middle
+    return bodies.inner(x, before.internal, before.t + dt, dt, v=damped, start=(before.x, share)).force if bodies else 0.0
 
 
 @dataclass(frozen=True)

@@ -206,7 +206,7 @@ class GeneralisedAlpha:
         velocity, drift, strain_work = alpha_f * after.v + (1 - alpha_f) * before.v, np.zeros_like(dx), 0.0
         if model.held.turns:  # what driven rotations leave dx by, see `Theta.energy`
             drift = model.driven_share(after.x - before.x - dx)
-            strain = elastic.force(middle, middle, 1.0) + inner_force(model, before, (middle.x, self.elastic_time), velocity)
+            strain = elastic.force(middle, middle, 1.0) + inner_force(model, before, (middle.x, self.elastic_time, alpha_f), velocity)
             strain_work = float(drift @ strain)
         if elastic.turning:
             elastic_loss = float((dx + drift) @ elastic.force(middle, middle, 1.0)) - (energies[1] - energies[0])
@@ -230,7 +230,7 @@ class GeneralisedAlpha:
             + turning(model, v0, M0, v1, M1)
             + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(acting, mean),
-            inner=inner_work(model, before, after, dx + drift, (middle.x, self.elastic_time), velocity),
+            inner=inner_work(model, before, after, dx + drift, (middle.x, self.elastic_time, alpha_f), velocity),
         )
 
     @staticmethod

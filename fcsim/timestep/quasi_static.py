@@ -168,5 +168,5 @@ class QuasiStatic:
             damping=0.0,
             numerical=euler + regularisation,
             contact=contact_work(acting, dx),
-            inner=inner_work(model, before, after, dx, (after.x, self.h), None),
+            inner=inner_work(model, before, after, dx, (after.x, self.h, 1.0), None),
         )

@@ -159,7 +159,7 @@ class Theta:
         first, last = model.elastic.at(before.x), model.elastic.at(after.x)
         loss, supports = model.elastic.loss(first, last), float(v @ support)
         dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
-        inner = before.x + theta * dx, self.elastic_time
+        inner = before.x + theta * dx, self.elastic_time, theta
         if model.held.turns:
             drift = model.driven_share(dx - h * mean)
             mean = mean + drift / h

@@ -53,6 +53,7 @@ SMALL: dict[str, list[dict[str, Any]]] = {
     "falling_arch": [{"voussoirs": 6, "steps": 15, "tol": 1e-9}],
     "tilting_facade": [{"steps": 4, "tol": 1e-8}],
     "wall_earthquake": [{"courses": 2, "blocks": 1.5, "steps": 20}],
+    "slider_crank": [{"steps": 40}, {"steps": 40, "ahead": 0.001}],
     "two_cubes": [{"elements": 3, "steps": 4}, {"elements": 3, "lower_elements": 2, "candidates": "gauss", "steps": 4}],
 }
 FOLDERS = sorted(folder.name for folder in CASES.iterdir() if (folder / f"{folder.name}.py").is_file())
@@ -96,6 +97,8 @@ class Mechanics:
         """
         before, after, h = step.previous, step.state, self.scheme.h
         contact = step.H @ step.result.r
+        if step.linked is not None:
+            contact = contact + step.linked.G @ step.result.multiplier
         if isinstance(self.scheme, QuasiStatic):
             regular = self.scheme.eta / h**2 * (self.M @ (after.x - before.x))
             terms = [self.K @ after.x, -self.model.load(after.t), regular, -contact]

@@ -15,6 +15,8 @@ from fcsim.contact_detection.exact import ExactContacts
 from fcsim.contact_law import Gap, Rolling, Velocity, laws_of_bodies
 from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib
+from fcsim.linkage import Linkage
+from fcsim.linkage.links import Rod
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.exact.rigid_shapes import rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.material import Material
@@ -150,6 +152,23 @@ def test_a_table_of_laws_gives_resistance_to_some() -> None:
     v = last.state.v.reshape(-1, 6)[:, 0]
     assert_allclose(v[0], 0, atol=1e-6)
     assert_allclose(v[1], 5 / 7 * g * np.sin(alpha) * 40 * h, rtol=1e-6)
+
+
+def test_a_ball_with_resistance_and_one_without_on_a_rod() -> None:
+    """A rod between their centres: 2 (1 + 2/5) m a = 2 m g sin - mu_r / R m g cos."""
+    R, alpha, h = 0.1, 0.15, 2e-3
+    balls = [rigid_sphere(name, R, (x, 0.0, R), 1.0) for name, x in (("held", 0.0), ("free", 0.3))]
+    plane = rigid_plane("plane", np.zeros(3), [0, 0, 1], size=1.0)
+    gravity = g * np.array([np.sin(alpha), 0, -np.cos(alpha)])
+    model = build_model([*balls, plane], supports=[Support("plane", ALL[3])], gravity=lambda t: gravity)
+    law = laws_of_bodies(model, {("held", "plane"): Rolling(0.2 * R)}, Gap())
+    link = Linkage(model, (Rod("rod", "held", "free", ((0.0, 0.0, R), (0.3, 0.0, R))),))
+    settings = SolverSettings(tol=1e-10, floor=1e-6)
+    *_, last = Simulation(model, ExactContacts(model, 0.8), Theta(h, law=law), 30, settings, linkage=link)
+    a = g * (2 * np.sin(alpha) - 0.2 * np.cos(alpha)) / 2.8
+    assert_allclose(last.state.v.reshape(-1, 6)[:2, 0], a * 30 * h, rtol=1e-6)
+    assert_allclose(abs(last.link_force("rod")[0]), 1.4 * a - g * (np.sin(alpha) - 0.2 * np.cos(alpha)), rtol=1e-5)
+    assert abs(last.energy.residual) < 1e-15
 
 
 def test_steps_with_rolling_resistance_are_written_resumed_and_shown(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from fcsim.assembly.elasticity import once_per_part
 from fcsim.assembly.elements import VOIGT
 from fcsim.assembly.nonlinear._tangent_kernels import scatter_blocks, scatter_nodes
 from fcsim.assembly.nonlinear.cells import PartCells, cell_strain, part_cells
+from fcsim.assembly.nonlinear.mean_strain import respond_between
 from fcsim.assembly.nonlinear.strain_measures import InStrain, PlaneStress
 from fcsim.mesh.material.by_region import ByRegion, as_law
 from fcsim.mesh.material.law import Circumstances, PointLaw, initial_variables
@@ -59,13 +60,16 @@ def node_graph(part: Part) -> NodeGraph:
 @dataclass(frozen=True, eq=False)
 class Instant:
     """When the inner forces are asked: t [s] of the strain, dt [s] since the internal variables, and with damping beta [s] the nodes'
-    velocities v (nb, nn, d) and their change `rate` [1/s] for a unit change of displacements."""
+    velocities v (nb, nn, d) and their change `rate` [1/s] for a unit change of displacements; start (nb, nn, d): displacements at the
+    beginning of the step, where the forces are those `share` of the way from there to its end, see `mean_strain`."""
 
     t: float
     dt: float
     beta: float = 0.0
     v: FloatArray | None = None
     rate: float = 0.0
+    start: FloatArray | None = None
+    share: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +178,7 @@ class NonlinearPart:
                 for begin in range(0, len(region.numbers), CELLS_AT_ONCE):
                     some = slice(begin, begin + CELLS_AT_ONCE)
                     numbers = region.numbers[some]
-                    points = _Points(self._data, numbers, region, u[b], None if instant.v is None else instant.v[b])
+                    points = _Points(self._data, numbers, region, u[b], instant, b)
                     out = points.respond(before[b, some], instant, tangent)
                     new[b, some] = out.variables
                     scatter_nodes(out.force, cells[numbers], force[b])
@@ -221,18 +225,28 @@ class _Out:
 class _Points:
     """Some cells of one body."""
 
-    def __init__(self, data: PartCells, numbers: IntArray, region: Region, u: FloatArray, v: FloatArray | None) -> None:
+    def __init__(self, data: PartCells, numbers: IntArray, region: Region, u: FloatArray, instant: Instant, body: int) -> None:
         self._weight, self._place, self._region = data.weight[numbers], data.place[numbers], region
         cells = data.cells[numbers]
         self._strain = region.strain(data.gradient[numbers], self._weight, u[cells])
-        self._rate = None if v is None else self._strain.rate(v[cells])
+        self._rate = None if instant.v is None else self._strain.rate(instant.v[body][cells])
+        self._ends: tuple[FloatArray, FloatArray] | None = None
+        if instant.start is not None and instant.share < 1 and region.rotates:
+            start = instant.start[body]
+            end = start + (u - start) / instant.share
+            first, last = (region.strain(data.gradient[numbers], self._weight, x[cells]).F.reshape(-1, 3, 3) for x in (start, end))
+            self._ends = first, last
 
     def respond(self, before: FloatArray, instant: Instant, tangent: bool) -> _Out:
         F, w = self._strain.F, self._weight
         flat = F.reshape(-1, 3, 3)
         at = Circumstances(self._place.reshape(-1, 3), instant.t, instant.dt)
+        law, own = self._region.law, before.reshape(len(flat), -1)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            answer = self._region.law.respond(flat, before.reshape(len(flat), -1), at, tangent)
+            if self._ends is None:
+                answer = law.respond(flat, own, at, tangent)
+            else:
+                answer = respond_between(law, (self._ends[0], flat, self._ends[1]), instant.share, own, at, tangent)
         J = np.linalg.det(flat)
         admissible = bool(np.all(np.isfinite(answer.stress)) and np.all(J > 0))
         P, A = answer.stress.reshape(F.shape), None

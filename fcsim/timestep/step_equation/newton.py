@@ -102,9 +102,10 @@ class _Newton:
         self.start: FloatArray | None = None
 
     def solve(self, past: Past) -> tuple[Answer | None, Past]:
-        equation, elastic = self.equation, self.equation.elastic
+        equation = self.equation
         lead = past.lead
-        now = _Iterate(elastic.first, np.empty(0), self.inner.at(elastic.first, tangent=True), np.inf)
+        first = self.inner.first()
+        now = _Iterate(first, np.empty(0), self.inner.at(first, tangent=True), np.inf)
         if now.term.inadmissible:
             return self._failed(f"body {now.term.inadmissible!r} has no admissible state where its velocity takes it", past)
         for _ in range(MAX_ITERATIONS):
@@ -128,14 +129,14 @@ class _Newton:
             )
             self.start = warm if self.start is None else self.start
             tol = self.settings.tol * min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
-            first = len(self.attempts)
+            tried = len(self.attempts)
             result, serving = solve_chain(self.settings, reduction, warm, tol, equation.share, self.attempts, past.serving, lead)
             self.clock.lap("solve")
             past = replace(past, serving=serving)
             if result is None:
                 return None, past
             if not self.done:
-                past = replace(past, lead=lead.after(self.attempts[first].solver, self.attempts[-1].solver))
+                past = replace(past, lead=lead.after(self.attempts[tried].solver, self.attempts[-1].solver))
             found = self._way(equation, now, equation.velocity(result.v), result)  # type: ignore[arg-type]
             if found is None:
                 return self._failed("a body has no admissible state on the way to the answer", past)
@@ -201,7 +202,7 @@ class _Newton:
             if not term.inadmissible:
                 size = self._relative(equation, w, r, term)
                 found = _Iterate(w, r, term, size), length
-                if size <= max(1.0, 2 * now.residual):
+                if size <= max(1.0, now.residual):
                     return found
                 best = found if best is None or size < best[0].residual else best
             length *= 0.5

@@ -196,3 +196,24 @@ def test_checks_are_their_definitions(d: int) -> None:
     assert_allclose(checks.dual_cone, np.max(mu * sliding - modified[:, 0]) / max(np.abs(u).max(), np.abs(q).max()))
     assert_allclose(checks.complementarity, abs(np.sum(r * modified)) / np.linalg.norm(r) / np.linalg.norm(q))
     assert_allclose(checks.penetration, -u[:, 0].min())
+
+
+@pytest.mark.parametrize("given", [("V",), ("R",), ("s",), ("V", "R"), ("V", "s"), ("R", "s")])
+def test_equality_constraints_are_given_all_or_none(given: tuple[str, ...]) -> None:
+    whole = {"V": np.ones((3, 1)), "R": -np.eye(1), "s": np.zeros(1)}
+    with pytest.raises(InputError):
+        LocalProblem(np.eye(3), np.zeros(3), np.array([0.3]), **{name: whole[name] for name in given})
+
+
+@pytest.mark.parametrize("wrong", ["text", [["a", "b"]], None, object(), {"a": 1}])
+def test_what_is_no_matrix_or_vector(wrong: object) -> None:
+    for name in ("W", "q", "mu"):
+        arguments: dict[str, object] = {"W": np.eye(3), "q": np.zeros(3), "mu": np.array([0.3])} | {name: wrong}
+        with pytest.raises(InputError):
+            LocalProblem(**arguments)  # type: ignore[arg-type]
+
+
+def test_problems_do_not_change() -> None:
+    problem = LocalProblem(np.eye(3), np.zeros(3), np.array([0.3]))
+    with pytest.raises(AttributeError):
+        problem.q = np.ones(3)  # type: ignore[misc]
