@@ -78,13 +78,13 @@ def build(p: Parameters) -> Case:
 
 
 def boxes_model(p: Parameters) -> Model:
-    """Courses of across x across cubes above a floor, every second one shifted by half a cube both ways."""
+    """Courses of across x across cubes above a floor, every second one shifted by a quarter of a cube both ways."""
     rng = np.random.default_rng(p.seed)
     pitch, n = p.side * (1 + p.gap), p.across
     cube = rigid_box("cube", (p.side,) * 3, (0, 0, 0), p.density * p.side**3)
     bodies: list[RigidBody] = []
     for k, j, i in np.ndindex(n, n, n):
-        shift = 0.5 * (k % 2)
+        shift = 0.25 * (k % 2)  # by half a cube the outermost would stand on an edge under their centres
         place = np.array([(i + shift - n / 2) * pitch, (j + shift - n / 2) * pitch, k * pitch + 0.5 * p.side + p.gap * p.side])
         R = Rotation.from_euler("z", rng.uniform(-p.turn, p.turn), degrees=True)
         bodies.append(RigidBody(f"box {k} {j} {i}", cube.mass, cube.inertia, place, R.apply(cube.points) + place, cube.surfaces))
