@@ -111,4 +111,12 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
     parameters, build = getattr(module, "Parameters", None), getattr(module, "build", None)
     if not (dataclasses.is_dataclass(parameters) and isinstance(parameters, type) and callable(build)):
         raise InputError(f"case script {script}: expected a dataclass Parameters and a function build(parameters)")
-    return CaseScript(name, script, parameters, build, digest)
+
+    def built(values: Any) -> Case:
+        """The case; numbers that its script cannot compute with (a length of 0, a step of 1e-320) are the parameters' fault."""
+        try:
+            return build(values)
+        except (ZeroDivisionError, OverflowError) as error:
+            raise InputError(f"case {name!r}: expected parameters that its script can compute with: {error}") from error
+
+    return CaseScript(name, script, parameters, built, digest)

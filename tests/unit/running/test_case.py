@@ -85,3 +85,12 @@ def test_histories_are_checked(case_folder: Path) -> None:
         dataclasses.replace(case, plots={"histories": (History("a", ("lift",), against="y"),)})
     with pytest.raises(InputError, match="history 'a': expected columns of one unit, got lift, x"):
         dataclasses.replace(case, plots={"histories": (History("a", ("lift", "x")),)})
+
+
+def test_parameters_that_a_script_cannot_compute_with(tmp_path: Path) -> None:
+    (tmp_path / "ratio.py").write_text(
+        "from dataclasses import dataclass\n\n@dataclass(frozen=True)\nclass Parameters:\n    h: float = 1.0\n\ndef build(p):\n    return 1 / p.h\n"
+    )
+    script = load_case(tmp_path / "ratio.py")
+    with pytest.raises(InputError, match="case 'ratio': expected parameters that its script can compute with: float division by zero"):
+        script.build(script.parameters(h=0.0))
