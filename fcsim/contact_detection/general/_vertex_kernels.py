@@ -40,10 +40,12 @@ def _facing(
         cosine = dot(normals[g], n)
         best, flush = max(best, -cosine), flush or cosine > _FLUSH
         for c in range(sides[g]):
-            arm = point[facets[g, c]] - point[v]
-            length = np.sqrt(dot(arm, arm))
-            if length > 0.0:
-                lowest = min(lowest, dot(arm, n) / length)
+            w = facets[g, c]
+            if w != v:  # numbers instead of arrays: this is where detection spends its time
+                x, y, z = point[w, 0] - point[v, 0], point[w, 1] - point[v, 1], point[w, 2] - point[v, 2]
+                length = np.sqrt(x * x + y * y + z * z)
+                if length > 0.0:
+                    lowest = min(lowest, (x * n[0] + y * n[1] + z * n[2]) / length)
     return -1.0 if lowest < -_STEEP or (flush and lowest < -_DESCENDS) else best
 
 
