@@ -104,6 +104,8 @@ def running_bond(
     The half block is meshed like half of the full one, so nodes of neighbouring courses meet where gap = 0.
     """
     _check(courses, blocks, block_size, divisions, gap)
+    count = float(courses) * float(blocks)
+    refuse_beyond_memory(f"running_bond: a wall of {count:g} blocks", BYTES_PER_BLOCK * count)
     d = len(block_size)
     n, halves = divmod(round(2 * blocks), 2)
 
@@ -118,8 +120,6 @@ def running_bond(
     half = [block("half block", (block_size[0] - gap) / 2, divisions[0] // 2)] if halves or courses > 1 else []
     rows = (half + full * n, full * n + half) if halves else (full * n, half + full * (n - 1) + half)
 
-    count = float(courses) * float(blocks)
-    refuse_beyond_memory(f"running_bond: a wall of {count:g} blocks", BYTES_PER_BLOCK * count)
     bodies, course, position = [], [], []
     for c in range(int(courses)):
         start, height = 0.0, c * (block_size[-1] + gap)
@@ -142,9 +142,9 @@ def _check(courses: float, blocks: float, block_size: Sequence[float], divisions
         raise InputError(f"running_bond, block_size: expected (length, thickness, height) or in 2D (length, height), got {block_size!r}")
     if len(divisions) != d:
         raise InputError(f"running_bond, divisions: expected {d} whole numbers as for block_size, got {divisions!r}")
-    if courses < 1 or courses != int(courses):
+    if not 1 <= courses < np.inf or courses != int(courses):
         raise InputError(f"running_bond, courses: expected a whole number >= 1, got {courses!r}")
-    if not blocks >= 1 or 2 * blocks != int(2 * blocks):
+    if not 1 <= blocks < np.inf or 2 * blocks != int(2 * blocks):
         raise InputError(f"running_bond, blocks: expected a multiple of 1/2, >= 1, as 3 or 3.5, got {blocks!r}")
     if not 0 <= gap < block_size[0]:
         raise InputError(f"running_bond, gap: expected 0 <= gap < {block_size[0]} m, the length of a block, got {gap!r}")

@@ -61,6 +61,13 @@ def test_meshes_and_walls_that_no_machine_holds() -> None:
         rigid_box("b", (1, 1, 1), (0, 0, 0), 1.0, (10**5, 10**5, 10**5))
     with pytest.raises(InputError, match=r"running_bond: a wall of 3\.5e"):
         running_bond(10**9, 3.5, material=STONE)
+    with pytest.raises(InputError, match="running_bond: a wall of 3e"):
+        running_bond(3, 1e300, material=STONE)
+    for number in (float("inf"), float("nan")):
+        with pytest.raises(InputError, match="blocks: expected a multiple of 1/2"):
+            running_bond(3, number, material=STONE)
+        with pytest.raises(InputError, match="courses: expected a whole number"):
+            running_bond(number, 3.5, material=STONE)  # type: ignore[arg-type]
 
 
 def test_a_run_says_its_size_and_refuses_one_too_large(
