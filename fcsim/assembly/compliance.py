@@ -281,7 +281,8 @@ class _GroupFactor:
         except SingularMatrix as error:
             why = "in statics a body needs supports, or a larger eta"
             if mass:
-                why = "its stiffness hides its mass in round-off: expected E, density, lengths and the step in one system of units"
+                units = "expected E, density, lengths and the step in one system of units, in statics a larger eta"
+                why = f"its stiffness hides its mass in round-off: {units}"
                 error = SingularMatrix(str(error).removesuffix(" (a body without supports?)"))
             raise InputError(f"part {group.part.name!r}: its system matrix is singular ({error}); {why}") from None
         self.surface = own_surface(model, group, touched)

@@ -48,7 +48,7 @@ SMALL: dict[str, list[dict[str, Any]]] = {
     "impact_bar": [{"elements": 20, "steps": 50}, {"elements": 20, "steps": 50, "scheme": "generalised-alpha"}],
     "granular": [{"n": 12, "width": 0.1, "h": 4e-3, "steps": 60, "tol": 1e-9}],
     "rocks": [{"n": 2, "width": 0.22, "steps": 80, "tol": 1e-9}],
-    "boxes": [{"across": 2, "steps": 12, "gap": 0.01, "tol": 1e-8}],
+    "boxes": [{"across": 2, "steps": 12, "tol": 1e-9}],
     "wall_hit": [{"courses": 2, "blocks": 1.5, "steps": 15, "tol": 1e-9}],
     "falling_arch": [{"voussoirs": 6, "steps": 15, "tol": 1e-9}],
     "tilting_facade": [{"steps": 4, "tol": 1e-8}],
