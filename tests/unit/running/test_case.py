@@ -89,7 +89,8 @@ def test_histories_are_checked(case_folder: Path) -> None:
 
 def test_parameters_that_a_script_cannot_compute_with(tmp_path: Path) -> None:
     (tmp_path / "ratio.py").write_text(
-        "from dataclasses import dataclass\n\n@dataclass(frozen=True)\nclass Parameters:\n    h: float = 1.0\n\ndef build(p):\n    return 1 / p.h\n"
+        "from dataclasses import dataclass\n\n@dataclass(frozen=True)\nclass Parameters:\n    h: float = 1.0\n\n"
+        "def build(p):\n    return 1 / p.h\n"
     )
     script = load_case(tmp_path / "ratio.py")
     with pytest.raises(InputError, match="case 'ratio': expected parameters that its script can compute with: float division by zero"):
