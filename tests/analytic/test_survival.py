@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fcsim import Simulation, Step, Witness
+from fcsim import Everything, Gap, Simulation, SolverSettings, State, Step, Support, Theta, Witness, at_rest, build_model
+from fcsim.assembly.layout import DIRECTIONS
+from fcsim.mesh import rigid_box
 from fcsim.running.case import load_case
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -72,6 +74,26 @@ def test_a_wall_is_hit_by_a_block_at_20_metres_a_second() -> None:
     last = survived(replace(run, witness=Witness(every=5)), overlap=1e-4, rest=0.5)
     shot = last.model.dof_offset[last.model.number["shot"]]
     assert 0 < last.state.v[shot + 1] < 15
+
+
+def test_nine_boxes_are_hit_at_20_metres_a_second() -> None:
+    """Rigid boxes in running bond, h = 1 ms: no overlap above 1e-4 of a box, and no energy from nothing."""
+    boxes = [
+        rigid_box(f"box {course} {k}", (0.4, 0.2, 0.2), (0.4 * k + 0.2 * (course % 2), 0, 0.1 + 0.2 * course), 30.0)
+        for course in range(3)
+        for k in range(3)
+    ]
+    shot = rigid_box("shot", (0.2, 0.2, 0.2), (0.5, -1.0, 0.3), 20.0)
+    floor = rigid_box("floor", (8, 8, 0.4), (0, 0, -0.2), 1.0)
+    supports = [Support("floor", DIRECTIONS[3])]
+    model = build_model([*boxes, shot, floor], supports=supports, gravity=lambda t: np.array([0, 0, -9.81]))
+    start = at_rest(model)
+    v = start.v.copy()
+    v[model.dof_offset[model.number["shot"]] + 1] = 20.0
+    settings = SolverSettings(name="auto", tol=1e-6)
+    detection, scheme = Everything(model, 0.5), Theta(1e-3, 0.5, Gap())
+    run = Simulation(model, detection, scheme, 200, settings, initial=State(0.0, start.x, v), witness=Witness(every=5))
+    survived(run, overlap=1e-4, rest=0.2)
 
 
 def test_an_arch_falls_to_the_ground() -> None:
