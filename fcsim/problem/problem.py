@@ -111,12 +111,15 @@ class GlobalForm:
     G: Matrix | None
     b: FloatArray | None
 
-    def _check_equations(self) -> None:
-        """Make the fields arrays of floats; InputError where they do not fit together."""
+    def _check_vectors(self) -> None:
+        """Make the vectors arrays of floats; InputError for what is none."""
         if (self.G is None) != (self.b is None):
             raise InputError("G and b: expected both or none of the equality constraints' matrix and vector")
         for name in ("f", "w") + (() if self.b is None else ("b",)):
             object.__setattr__(self, name, as_vector(getattr(self, name), name))
+
+    def _check_matrices(self) -> None:
+        """Make the matrices arrays of floats; InputError where they do not fit the vectors."""
         object.__setattr__(self, "M", as_matrix(self.M, "M", (self.n, self.n)))
         object.__setattr__(self, "H", as_matrix(self.H, "H", (self.n, self.m)))
         if self.b is not None:
@@ -149,8 +152,9 @@ class GlobalProblem(GlobalForm):
     dimension: int = 3
 
     def __post_init__(self) -> None:
-        self._check_equations()
+        self._check_vectors()
         object.__setattr__(self, "mu", _friction(self.mu, self.m, self.dimension))
+        self._check_matrices()
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import importlib.util
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import wraps
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -112,6 +113,7 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
     if not (dataclasses.is_dataclass(parameters) and isinstance(parameters, type) and callable(build)):
         raise InputError(f"case script {script}: expected a dataclass Parameters and a function build(parameters)")
 
+    @wraps(build)
     def built(values: Any) -> Case:
         """The case; numbers that its script cannot compute with (a length of 0, a step of 1e-320) are the parameters' fault."""
         try:

@@ -122,8 +122,6 @@ def run_case(
         case = script.build(parameters)
     case = replace(case, simulation=witnessed(case.simulation, options))
     size = size_of(case.simulation)
-    if announce is not None:
-        announce(str(size))
     size.refuse()
     description = describe(case, script, parameters, assignments, asdict(options), read)
     directory.mkdir(parents=True, exist_ok=True)
@@ -143,6 +141,8 @@ def run_case(
         except OSError as error:  # a disk that is full from the beginning
             write_end(directory, replace(description, status="failed", message=f"{type(error).__name__}: {error}", steps_done=start))
             raise
+        if announce is not None:
+            announce(str(size))
         return _run(case, moments, outputs, directory, description, watch)
 
 

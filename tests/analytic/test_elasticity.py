@@ -32,8 +32,11 @@ def grid(cell_type, n, lengths, material, move=lambda points: points, **options)
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
     if cell_type in ("quadrilateral", "hexahedron"):
         shapes = [square if d == 2 else [(*c, z) for z in (0, 1) for c in square]]
-    else:  # the d! paths along the axes from corner to opposite corner
-        shapes = [np.vstack([np.zeros(d, int), np.cumsum(np.eye(d, dtype=int)[list(p)], axis=0)]) for p in permutations(range(d))]
+    else:  # the d! paths along the axes from corner to opposite corner, odd ones with two corners exchanged
+        shapes = []
+        for path in (np.eye(d, dtype=int)[list(p)] for p in permutations(range(d))):
+            corners = np.vstack([np.zeros(d, int), np.cumsum(path, axis=0)])
+            shapes.append(corners if np.linalg.det(path) > 0 else corners[[*range(d - 1), d, d - 1]])
     cells = np.vstack([np.stack([index[tuple((origins + c).T)] for c in shape], axis=1) for shape in shapes])
     surfaces = {}
     for axis, side in product(range(d), (0, 1)):

@@ -130,8 +130,7 @@ def test_warm_start_is_used(random_problem: Callable[..., LocalProblem]) -> None
     cold = solve(problem, "auto", tol=1e-10)
     warm = solve(problem, "auto", cold.r + 1e-6 * np.random.default_rng(0).standard_normal(problem.m), tol=1e-10)
     assert cold.solved and warm.solved
-    assert warm.iterations < cold.iterations
-    assert warm.iterations <= 5
+    assert warm.iterations <= 0.6 * cold.iterations  # sweeps, which gain digits at one rate: 4 of the 10 are left
 
 
 def test_time_limit_is_honest() -> None:

@@ -33,7 +33,8 @@ class GlobalRollingProblem(GlobalForm):
     def __post_init__(self) -> None:
         if self.dimension != 5:
             raise InputError(f"dimension: expected 5 with rolling friction, got {self.dimension}")
-        self._check_equations()
+        self._check_vectors()
+        self._check_matrices()
         for name in ("mu", "mu_r"):
             object.__setattr__(self, name, as_vector(getattr(self, name), name))
             coefficients = getattr(self, name)
