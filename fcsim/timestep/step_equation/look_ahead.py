@@ -21,7 +21,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection
 from fcsim.contact_detection.contacts import Contacts, join
-from fcsim.contact_detection.sweep import bounded, brought_back
+from fcsim.contact_detection.sweep import brought_back
 from fcsim.timestep.encounter import Encounter, under_law
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -61,7 +61,7 @@ def looked_ahead(
     anew = known & (deeper | (given < 0) & (there.gap > meant))
     at = place[anew]
     bend[at] = np.where(deeper[anew], there.gap[anew] - straight[at], np.minimum(there.gap[anew] - straight[at], 0.0))  # (1)
-    new = bounded(brought_back(there.take(deeper & ~known), met.meeting.positions), held)
+    new = brought_back(there.take(deeper & ~known), met.meeting.positions)
     every = join([held, new])
     order = np.argsort(every.identity, kind="stable")
     meeting = met.meeting
