@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fcsim.errors import InputError
 from fcsim.masonry import (
     Acceleration,
     Block,
@@ -184,6 +185,30 @@ def test_published_problems_by_limit_analysis(name: str) -> None:
         assert law.outcome == "limit"
         assert law.multiplier == pytest.approx(value, rel=0.005)
     assert found.coulomb.multiplier <= found.associative.multiplier * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("angle", [0.0, 30.0])
+def test_a_column_of_hexagonal_drums_topples_about_a_corner_or_an_edge(scale: float, angle: float) -> None:
+    """Three drums of side s and height 2 s: the multiplier is the support's reach over half the height, s / 3 s or s cos 30 / 3 s."""
+
+    def drum(k: int) -> Block:
+        flat = [(scale * math.cos(j * math.pi / 3), scale * math.sin(j * math.pi / 3)) for j in range(6)]
+        points = [(x, y, 2 * scale * z) for z in (k, k + 1) for x, y in flat]
+        sides = [(j, (j + 1) % 6, (j + 1) % 6 + 6, j + 6) for j in range(6)]
+        return Block(closed_surface(f"drum {k}", points, [tuple(range(5, -1, -1)), tuple(range(6, 12)), *sides]), density=2000.0)
+
+    problem = MasonryProblem("drums", 3, (floor(5 * scale, scale), *(drum(k) for k in range(3))), 0.9)
+    turn = math.radians(angle)
+    found = analyse(pushed(problem, (math.cos(turn), math.sin(turn), 0.0)))
+    assert found.coulomb.multiplier == pytest.approx((1.0 if angle == 0 else math.cos(math.pi / 6)) / 3, rel=1e-6)
+
+
+def test_blocks_that_overlap_are_refused_by_name() -> None:
+    one, other = box("one", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), box("other", (0.5, 0.0, 0.5), (1.5, 1.0, 1.5))
+    problem = MasonryProblem("overlap", 3, (floor(3.0), Block(one, density=2000.0), Block(other, density=2000.0)), 0.6)
+    with pytest.raises(InputError, match=r"one.*other|other.*one"):
+        analyse(problem)
 
 
 def test_a_block_moves_and_falls_between_the_bounds() -> None:

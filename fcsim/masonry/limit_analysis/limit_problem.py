@@ -15,6 +15,7 @@ from fcsim.contact_detection.contact_matrix import contact_matrix
 from fcsim.errors import InputError
 from fcsim.masonry.bodies import force_and_moment, rigid_blocks, supports, vector_of
 from fcsim.masonry.problem import MasonryProblem, PointForce
+from fcsim.witness import Witness, begin
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +39,12 @@ class LimitProblem:
 def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) -> LimitProblem:
     """Return the limit problem of the blocks as they were given.
 
-    tolerance [m]: blocks that are nearer are in contact; by default 1e-4 of the smallest block's extent.
+    tolerance [m]: blocks that are nearer are in contact; by default 1e-4 of the smallest block's extent. InputError names blocks that
+    overlap, as the witness sees them.
     """
     bodies = rigid_blocks(problem)
     model = build_model(bodies, supports=supports(problem))
+    begin(Witness(), model, np.zeros(model.n_dofs))
     contacts = Everything(model, problem.friction, 1e-4 * problem.smallest if tolerance is None else tolerance)(model.reference)
     H = sp.csr_array(model.contact_matrix(contact_matrix(contacts, model.n_nodes), np.zeros(model.n_dofs)))[model.free_dofs]
     dead, live = (_loads(problem, model, scaled=scaled) for scaled in (False, True))
