@@ -40,6 +40,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, CellType
 from fcsim.mesh.order.quadrature import quadrature as by_gauss
@@ -59,6 +60,8 @@ class Cells:
     kind: CellType
     corners: FloatArray
     C: FloatArray
+
+    __repr__ = brief
 
     def jacobians(self, at: FloatArray) -> FloatArray:
         """d x_i / d r_j (nc, nq, d, d) at the reference points `at` (nq, d)."""

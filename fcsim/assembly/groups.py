@@ -15,6 +15,7 @@ from fcsim.assembly import elasticity
 from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.nonlinear.part import NonlinearPart, nonlinear_part
 from fcsim.assembly.supports import HeldDofs
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.mesh.material.by_region import is_linear
 from fcsim.mesh.part import Kinematics, Part
@@ -46,6 +47,8 @@ class Group:
     driven: NDArray[np.bool_]
     axes: FloatArray | None = None
     laws: NonlinearPart | None = None
+
+    __repr__ = brief
 
     @property
     def finite(self) -> bool:

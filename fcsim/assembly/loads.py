@@ -13,6 +13,7 @@ from fcsim.assembly import elasticity
 from fcsim.assembly.forms.part_forms import PartForms, form_forces
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.supports import TimeFunction
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
 
@@ -73,6 +74,8 @@ class NodalForces:
     body: str
     forces: FloatArray
     factor: TimeFunction = field(default=lambda t: 1.0)
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from fcsim.assembly.layout import DIRECTIONS, BodyLayout, in_order
 from fcsim.assembly.loads import Follower, Load, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, Kinematics, RigidBody, refuse_kinematics
 
@@ -45,6 +46,8 @@ class Model(BodyLayout):
     beta: float
     driven: Literal["eliminated", "identity"]
     kinematics: Kinematics | None = None
+
+    __repr__ = brief
 
     @cached_property
     def held(self) -> HeldDofs:

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
-
+from fcsim.apart import Array, Group, opened_apart
 from fcsim.errors import InputError
 
 FORMS = ("global", "local")
@@ -32,23 +31,28 @@ class Entry:
 
 def _entry(path: Path) -> Entry:
     try:
-        with h5py.File(path, "r") as file:
-            form = next((form for form in FORMS if f"fclib_{form}" in file), None)
-            if form is None:
-                rolling = any("rolling" in name for name in file)
-                if not rolling:
-                    raise InputError(
-                        f"{path}: expected an FCLIB problem (/fclib_global or /fclib_local), got {', '.join(file) or 'nothing'}"
-                    )
+        file = opened_apart(path)
+        form = next((form for form in FORMS if f"fclib_{form}" in file), None)
+        if form is None:
+            if any("rolling" in name for name in file):
                 return Entry(path, "rolling", ROLLING, 0, 0)
-            group = file[f"fclib_{form}"]
-            dimension = int(group["spacedim"][()].item())
-            vectors = group["vectors"]
-            return Entry(path, form, dimension, vectors["mu"].shape[0], vectors["f" if form == "global" else "q"].shape[0])
-    except (OSError, KeyError, AttributeError, IndexError, ValueError, TypeError) as error:
-        if isinstance(error, InputError):
-            raise
+            raise InputError(f"expected an FCLIB problem (/fclib_global or /fclib_local), got {', '.join(file) or 'nothing'}")
+        group = file[f"fclib_{form}"]
+        if not isinstance(group, Group):
+            raise KeyError(f"fclib_{form} is no group")
+        dimension = int(group.array("spacedim").item())
+        return Entry(path, form, dimension, _length(group, "vectors/mu"), _length(group, "vectors/f" if form == "global" else "vectors/q"))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (OSError, KeyError, IndexError, ValueError, TypeError) as error:
         raise InputError(f"{path}: expected an FCLIB file, which cannot be read: {error}") from None
+
+
+def _length(group: Group, name: str) -> int:
+    vector = group[name]
+    if not isinstance(vector, Array):
+        raise KeyError(f"no vector {name}")
+    return vector.shape[0]
 
 
 def entries(paths: Sequence[Path], form: str = "all", dimension: int | None = None) -> tuple[list[Entry], list[str]]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.brief import brief
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,8 @@ class Contacts:
     weights: FloatArray
     bodies: IntArray
     identity: IntArray
+
+    __repr__ = brief
 
     def __len__(self) -> int:
         return len(self.gap)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.integral.mortar import FaceMortar, Mortar
 from fcsim.contact_detection.integral.segment_points import SegmentPoints
@@ -63,6 +64,8 @@ class Detector:
     methods: tuple[Any, ...] = field(init=False, repr=False)
     numbers: tuple[IntArray, ...] = field(init=False, repr=False)
     first_identity: IntArray = field(init=False, repr=False)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         pairs = tuple(self.pairs)

@@ -21,6 +21,7 @@ from typing import Protocol
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.proportions import Proportions
 
@@ -47,6 +48,8 @@ class Variables:
     identity: IntArray
     values: Mapping[str, FloatArray]
     stored: float = 0.0
+
+    __repr__ = brief
 
     def of(self, name: str, identity: IntArray, fresh: FloatArray) -> FloatArray:
         """The variable of the contacts (nc,) or (nc, c); that of unknown contacts is taken from `fresh`, of the same shape."""
@@ -97,6 +100,8 @@ class Meeting:
     variables: Variables | None
     proportions: Proportions
     bend: FloatArray | None = None
+
+    __repr__ = brief
 
     def __len__(self) -> int:
         return len(self.contacts)
@@ -158,6 +163,8 @@ class Terms:
     frame: FloatArray | None = None
     rolling: FloatArray | None = None
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
@@ -172,6 +179,8 @@ class Outcome:
     u: FloatArray
     r: FloatArray
     after: FloatArray
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body
@@ -31,6 +32,8 @@ class Proportions:
     size: FloatArray
     facets: IntArray
     thickness: FloatArray
+
+    __repr__ = brief
 
     def size_at(self, contacts: Contacts) -> FloatArray:
         """Size (nc,) [m] of the smaller of the two bodies."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from fcsim.arrays import FloatArray
+from fcsim.brief import brief
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.rolling import GlobalRollingProblem
 
@@ -51,6 +52,8 @@ class Solution:
     v: FloatArray | None = None
     l: FloatArray | None = None
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class Info:
@@ -86,6 +89,8 @@ class FclibFile:
     matrices: Mapping[str, MatrixInfo] = field(default_factory=dict)
     solution: Solution | None = None
     guesses: tuple[Solution, ...] = ()
+
+    __repr__ = brief
 
 
 def solution_sizes(problem: Problem) -> dict[str, int]:

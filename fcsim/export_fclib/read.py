@@ -11,11 +11,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fcsim.apart import Array, Group, Link, opened_apart
 from fcsim.errors import InputError
 from fcsim.export_fclib.content import FORMS, FclibFile, Info, MatrixInfo, Problem, Solution, Storage, solution_sizes
 
@@ -26,25 +26,21 @@ def read_fclib(path: str | PathLike[str]) -> FclibFile:
     """Read the problem of `path` in whichever form and storage it has.
 
     Matrices come as csc_array or csr_array, triplets as csc_array; entries stored twice are summed. A stored solution is returned as
-    it stands: real files hold zeros there, so verify it.
+    it stands: real files hold zeros there, so verify it. The file is read by another process, with limits (`fcsim.apart`).
     Raises InputError, with the file and the place in it, where the file cannot be read or contradicts itself.
     """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: expected an FCLIB file, found {'a folder' if path.is_dir() else 'no such file'}")
     try:
-        if not h5py.is_hdf5(path):
-            raise InputError("expected an HDF5 file, got something else")
-        with h5py.File(path, "r") as file:
-            return _read(path, file)
+        return _read(path, opened_apart(path))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
-        # h5py raises any of these on truncated or damaged files
+    except (OSError, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
         raise InputError(f"{path}: the HDF5 file is truncated or damaged: {error}") from error
 
 
-def _read(path: Path, file: h5py.File) -> FclibFile:
+def _read(path: Path, file: Group) -> FclibFile:
     found = [name for name in FORMS if f"fclib_{name}" in file]
     if len(found) != 1:
         expected = ", ".join(f"/fclib_{name}" for name in FORMS)
@@ -76,14 +72,13 @@ def _read(path: Path, file: h5py.File) -> FclibFile:
     )
 
 
-def _entry(parent: h5py.Group, name: str) -> h5py.Group | h5py.Dataset | None:
-    """What a group holds under a name; nothing that lies in another file, or unpacks to far more than the file holds."""
-    if isinstance(parent.get(name, getlink=True), h5py.ExternalLink):
-        raise InputError(f"{_place(parent, name)}: expected the problem within this file, got a link to another")
+def _entry(parent: Group, name: str) -> Group | Array | None:
+    """What a group holds under a name; nothing that lies elsewhere, or unpacks to far more than the file holds."""
     entry = parent.get(name)
-    if not isinstance(entry, h5py.Dataset):
-        return entry
-    if entry.external or entry.is_virtual:
+    if isinstance(entry, Link):
+        other = "another" if entry.kind == "ExternalLink" else "another place"
+        raise InputError(f"{_place(parent, name)}: expected the problem within this file, got a link to {other}")
+    if isinstance(entry, Array) and entry.elsewhere:
         raise InputError(f"{_place(parent, name)}: expected the problem within this file, got data stored in others")
     return entry
 
@@ -92,23 +87,23 @@ UNPACKED, UNPACKED_PER_BYTE = 64 * 2**20, 200
 """[bytes] What is read of a dataset may take so much memory, and so much for each byte that it has in the file: zeros shrink most."""
 
 
-def _refuse_bomb(dataset: h5py.Dataset, count: int | None) -> None:
+def _refuse_bomb(dataset: Array, count: int | None) -> None:
     entries = dataset.size if count is None else min(dataset.size, count)
-    if entries * dataset.dtype.itemsize > UNPACKED + UNPACKED_PER_BYTE * dataset.id.get_storage_size():
-        raise InputError(f"{dataset.name}: expected data, got {dataset.id.get_storage_size()} bytes that unpack to {dataset.size} entries")
+    if entries * dataset.dtype.itemsize > UNPACKED + UNPACKED_PER_BYTE * dataset.stored:
+        raise InputError(f"{dataset.name}: expected data, got {dataset.stored} bytes that unpack to {dataset.size} entries")
 
 
-def _group(parent: h5py.Group, name: str) -> h5py.Group:
+def _group(parent: Group, name: str) -> Group:
     group = _entry(parent, name)
-    if not isinstance(group, h5py.Group):
+    if not isinstance(group, Group):
         raise InputError(f"{_place(parent, name)}: expected a group, got {'nothing' if group is None else 'a dataset'}")
     return group
 
 
-def _array(group: h5py.Group, name: str, kinds: str, what: str, count: int | None = None) -> NDArray[Any]:
+def _array(group: Group, name: str, kinds: str, what: str, count: int | None = None) -> NDArray[Any]:
     """The array of this name, of a vector the first `count` entries."""
     dataset = _entry(group, name)
-    if not isinstance(dataset, h5py.Dataset):
+    if not isinstance(dataset, Array):
         raise InputError(f"{_place(group, name)}: expected {what}, got {'nothing' if dataset is None else 'a group'}")
     if dataset.dtype.kind not in kinds:
         raise InputError(f"{dataset.name}: expected {what}, got values of type {dataset.dtype}")
@@ -116,27 +111,27 @@ def _array(group: h5py.Group, name: str, kinds: str, what: str, count: int | Non
     return np.asarray(dataset[()] if count is None or dataset.ndim != 1 else dataset[: max(count, 0)])
 
 
-def _place(group: h5py.Group, name: str) -> str:
+def _place(group: Group, name: str) -> str:
     return f"{str(group.name).rstrip('/')}/{name}"
 
 
-def _scalar(group: h5py.Group, name: str, kinds: str, what: str) -> Any:
+def _scalar(group: Group, name: str, kinds: str, what: str) -> Any:
     array = _array(group, name, kinds, what)
     if array.size != 1:
         raise InputError(f"{_place(group, name)}: expected {what}, got an array of shape {array.shape}")
     return array.reshape(())[()]
 
 
-def _integer(group: h5py.Group, name: str) -> int:
+def _integer(group: Group, name: str) -> int:
     return int(_scalar(group, name, "iu", "an integer"))
 
 
-def _text(group: h5py.Group, name: str) -> str:
+def _text(group: Group, name: str) -> str:
     text = _scalar(group, name, "SO", "a text")
     return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
 
 
-def _vector(group: h5py.Group, name: str, size: int | None = None) -> NDArray[np.float64]:
+def _vector(group: Group, name: str, size: int | None = None) -> NDArray[np.float64]:
     vector = np.asarray(_array(group, name, "fiu", "a vector of numbers"), dtype=np.float64)
     if vector.ndim != 1 or size not in (None, len(vector)):
         raise InputError(f"{_place(group, name)}: expected shape ({'any' if size is None else size},), got {vector.shape}")
@@ -145,11 +140,11 @@ def _vector(group: h5py.Group, name: str, size: int | None = None) -> NDArray[np
     return vector
 
 
-def _indices(group: h5py.Group, name: str, count: int) -> NDArray[Any]:
+def _indices(group: Group, name: str, count: int) -> NDArray[Any]:
     return _head(group, name, count, "iu", "a vector of integers")
 
 
-def _head(group: h5py.Group, name: str, count: int, kinds: str, what: str) -> NDArray[Any]:
+def _head(group: Group, name: str, count: int, kinds: str, what: str) -> NDArray[Any]:
     """Return the first `count` entries of a dataset that may be longer."""
     array = _array(group, name, kinds, what, count)
     if array.ndim != 1 or len(array) < count:
@@ -157,12 +152,12 @@ def _head(group: h5py.Group, name: str, count: int, kinds: str, what: str) -> ND
     return array
 
 
-def _in_range(indices: NDArray[Any], size: int, group: h5py.Group, name: str) -> None:
+def _in_range(indices: NDArray[Any], size: int, group: Group, name: str) -> None:
     if indices.size and (indices.min() < 0 or indices.max() >= size):
         raise InputError(f"{_place(group, name)}: expected indices 0 ... {size - 1}, got {indices.min()} ... {indices.max()}")
 
 
-def _matrix(group: h5py.Group, shape: tuple[int, int], vectors: str) -> tuple[sp.csc_array | sp.csr_array, MatrixInfo]:
+def _matrix(group: Group, shape: tuple[int, int], vectors: str) -> tuple[sp.csc_array | sp.csr_array, MatrixInfo]:
     """Return the matrix of a group and what is said of it; `shape` is that which the lengths of `vectors` ask for."""
     rows, columns, nz, nzmax = (_integer(group, name) for name in ("m", "n", "nz", "nzmax"))
     if (rows, columns) != shape:
@@ -209,14 +204,14 @@ def _matrix(group: h5py.Group, shape: tuple[int, int], vectors: str) -> tuple[sp
     )
 
 
-def _info(group: h5py.Group) -> Info:
+def _info(group: Group) -> Info:
     return Info(**{name: _text(group, name) for name in ("title", "description", "math_info") if name in group})
 
 
-def _solution(group: h5py.Group, problem: Problem) -> Solution:
+def _solution(group: Group, problem: Problem) -> Solution:
     return Solution(**{name: _vector(group, name, size) for name, size in solution_sizes(problem).items()})
 
 
-def _guesses(group: h5py.Group, problem: Problem) -> tuple[Solution, ...]:
+def _guesses(group: Group, problem: Problem) -> tuple[Solution, ...]:
     count = _integer(group, "number_of_guesses")
     return tuple(_solution(_group(group, str(number)), problem) for number in range(1, count + 1))

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.memory import refuse_beyond_memory
 from fcsim.mesh.blocks import AXES, brick, rectangle
@@ -35,6 +36,8 @@ class RunningBond:
     course: IntArray
     position: IntArray
     size: FloatArray
+
+    __repr__ = brief
 
     @property
     def courses(self) -> int:

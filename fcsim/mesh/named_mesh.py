@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, GMSH_TYPES
 from fcsim.mesh.facets import match_facets, refuse_repeated
@@ -41,6 +42,8 @@ class NamedMesh:
     ungrouped: int = 0  # cells in no volume although there are volumes
     plane: Literal["strain", "stress"] = field(default="strain", kw_only=True)
     thickness: float = field(default=1.0, kw_only=True)
+
+    __repr__ = brief
 
     def part(
         self, material: AnyMaterial | ByRegion, *, name: str | None = None, volume: str | None = None, elements: str | None = None

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, RAISED
 from fcsim.mesh.exact_shape import ExactShape
@@ -117,6 +118,8 @@ class Part:
     elements: str = field(default=None, kw_only=True)  # type: ignore[assignment]
     regions: Mapping[str, IntArray] = field(default_factory=dict, kw_only=True)
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         what = f"Part {self.name!r}"
         if self.cell_type not in CELL_TYPES:
@@ -192,6 +195,8 @@ class Body:
     translation: FloatArray = None  # type: ignore[assignment]
     kinematics: Kinematics | None = field(default=None, kw_only=True)
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         d = self.part.dimension
         refuse_kinematics(self.kinematics, f"Body {self.name!r}, kinematics")
@@ -233,6 +238,8 @@ class RigidBody:
     points: FloatArray
     surfaces: Mapping[str, IntArray] = field(default_factory=dict)
     shape: ExactShape | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         what = f"RigidBody {self.name!r}"

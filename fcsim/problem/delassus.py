@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
+from fcsim.brief import brief
 from fcsim.linear._block_rows_kernels import product
 from fcsim.linear.block_cholesky import Analysis
 from fcsim.linear.block_rows import compressed_blocks
@@ -45,6 +46,8 @@ class Delassus:
     shift: FloatArray | None = None
     motion: Motion | None = None
     _made: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False)
+
+    __repr__ = brief
 
     @property
     def size(self) -> int:
@@ -124,10 +127,15 @@ class Delassus:
         """Whether W equals its transpose up to round-off."""
         return is_symmetric(self.W)
 
-    @cached_property
+    @property
     def symmetric_part(self) -> Delassus:
-        """(W + W^T) / 2."""
-        return self if self.symmetric else replace(self, W=0.5 * (self.W + self.W.T), motion=None)
+        """(W + W^T) / 2; not kept where it is this object: one that holds itself is freed by the collector of cycles only, and until then
+        each of a run's steps leaves its W behind."""
+        return self if self.symmetric else self._mean
+
+    @cached_property
+    def _mean(self) -> Delassus:
+        return replace(self, W=0.5 * (self.W + self.W.T), motion=None)
 
     @cached_property
     def norm(self) -> float:
@@ -161,15 +169,24 @@ class Delassus:
             return "fronts"
         return "dense" if eliminated_dense(self.size, self.entries) else "sparse"
 
-    @cached_property
+    @property
     def stored(self) -> Delassus:
-        """W in the storage of its elimination: dense, or by sorted block rows; this object where it is so stored."""
+        """W in the storage of its elimination: dense, or by sorted block rows; this object where it is so stored (and then not kept, as
+        with `symmetric_part`)."""
+        return self if self._is_so_stored else self._restored
+
+    @cached_property
+    def _is_so_stored(self) -> bool:
         if self.elimination == "dense":
-            return self._of(self.W.toarray()) if self.is_sparse else self
+            return not self.is_sparse
         d = self.dimension
-        if self.is_sparse and self.W.format == "bsr" and self.W.blocksize == (d, d) and self.W.has_sorted_indices:
-            return self
-        indptr, column, blocks = compressed_blocks(self.W, d)
+        return bool(self.is_sparse and self.W.format == "bsr" and self.W.blocksize == (d, d) and self.W.has_sorted_indices)
+
+    @cached_property
+    def _restored(self) -> Delassus:
+        if self.elimination == "dense":
+            return self._of(self.W.toarray())
+        indptr, column, blocks = compressed_blocks(self.W, self.dimension)
         # a copy even of block rows: sorting the caller's in place would change the last bits of later products
         rows = sp.bsr_array((blocks.copy(), column.astype(np.int32), indptr.astype(np.int32)), shape=self.W.shape)
         rows.sort_indices()

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import scipy.sparse as sp
 
 from fcsim.arrays import Matrix
+from fcsim.brief import brief
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +24,8 @@ class Motion:
     HT: sp.csr_array
     M: sp.csr_array
     W: Matrix
+
+    __repr__ = brief
 
     def of(self, W: Matrix) -> Motion | None:
         """This value if it belongs to W, None if to another matrix."""

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, Matrix
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.problem.delassus import Delassus
 from fcsim.problem.motion import Motion
@@ -151,6 +152,8 @@ class GlobalProblem(GlobalForm):
     b: FloatArray | None = None
     dimension: int = 3
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         self._check_vectors()
         object.__setattr__(self, "mu", _friction(self.mu, self.m, self.dimension))
@@ -172,6 +175,8 @@ class LocalProblem:
     s: FloatArray | None = None
     dimension: int = 3
     motion: Motion | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         q = as_vector(self.q, "q")

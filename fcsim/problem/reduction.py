@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.linear import storage
 from fcsim.linear.factors import DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
@@ -171,6 +172,8 @@ class Reduction:
 
     problem: GlobalProblem
     factor: MassFactor
+
+    __repr__ = brief
 
     @cached_property
     def _H(self) -> Any:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.files import plain_name, sha256
 from fcsim.timestep.simulation import Simulation
@@ -56,6 +57,8 @@ class Case:
     plots: Mapping[str, Any] = field(default_factory=dict)
     fclib_set: str = "FCSIM"
     description: str = ""
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         columns = [sensor.column for sensor in self.sensors]

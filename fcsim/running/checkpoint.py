@@ -5,10 +5,13 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 
+from fcsim.apart import Array, Group, opened_apart
+from fcsim.arrays import FloatArray
 from fcsim.contact_law.law import Variables
 from fcsim.contact_law.rolling_rows import ROWS
 from fcsim.errors import InputError
@@ -54,20 +57,27 @@ def _write_moment(group: h5py.Group, moment: Moment) -> None:
             law[f"values/{name}"] = values
 
 
-def content_digest(file: h5py.File) -> str:
+def content_digest(file: h5py.File | Group) -> str:
     """SHA-256 of the names, types, shapes and values of all datasets and attributes but the digest itself."""
     digest = hashlib.sha256()
 
-    def take(name: str, entry: h5py.Group | h5py.Dataset) -> None:
+    def take(name: str, entry: Any) -> None:
         for key in sorted(set(entry.attrs) - {"sha256"}):
             digest.update(f"{name}@{key}={entry.attrs[key]!r};".encode())
-        if isinstance(entry, h5py.Dataset):
+        if isinstance(entry, h5py.Dataset | Array):
             values = np.ascontiguousarray(entry[()])
             digest.update(f"{name}:{values.dtype.str}{values.shape};".encode() + values.tobytes())
+        else:
+            for key in sorted(entry):
+                if isinstance(entry, Group) or isinstance(entry.get(key, getlink=True), h5py.HardLink):
+                    take(f"{name}/{key}" if name else key, entry[key])
 
     take("", file)
-    file.visititems(take)
     return digest.hexdigest()
+
+
+class _Changed(InputError):
+    """The checksum of another content."""
 
 
 def read_checkpoint(path: Path) -> tuple[Moment, Moment] | None:
@@ -75,68 +85,74 @@ def read_checkpoint(path: Path) -> tuple[Moment, Moment] | None:
     if not path.is_file():
         return None
     try:
-        with h5py.File(path) as file:
-            _refuse_foreign(file)
-            stated, found = file.attrs.get("sha256"), content_digest(file)
-            if stated != found:
-                raise InputError(f"{path}: expected the checkpoint as it was written; its checksum does not agree with what it holds")
-            return _read_moment(file), _read_moment(file["anchor"])
-    except InputError:
+        file = opened_apart(path)
+        _refuse_foreign(file)
+        stated, found = file.attrs.get("sha256"), content_digest(file)
+        if stated != found:
+            raise _Changed(f"{path}: expected the checkpoint as it was written; its checksum does not agree with what it holds")
+        return _read_moment(file), _read_moment(_group(file, "anchor"))
+    except _Changed:
         raise
-    except (OSError, KeyError, TypeError, ValueError, AttributeError, RuntimeError, OverflowError) as error:
+    except (InputError, OSError, KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(f"{path}: expected a checkpoint of an earlier run: {error}") from None
 
 
-def _refuse_foreign(file: h5py.File) -> None:
-    """Links to other files and storage in them are never a checkpoint's; nor is data that unpacks to more than the file holds."""
+def _refuse_foreign(file: Group) -> None:
+    """Links, storage in other files and packed arrays are never a checkpoint's, nor are more groups than it has."""
     groups, seen = [file], 0
     while groups:
         group, seen = groups.pop(), seen + 1
         if seen > 3 * MEMORIES:
             raise ValueError("groups in a circle")
-        for name in group:
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                raise ValueError(f"{name} is a link")
-            entry = group[name]
-            if isinstance(entry, h5py.Group):
+        for name, entry in group.items():
+            if isinstance(entry, Group):
                 groups.append(entry)
-            elif entry.external or entry.is_virtual or entry.chunks is not None:
+            elif not isinstance(entry, Array):
+                raise ValueError(f"{name} is a link")
+            elif entry.elsewhere or entry.chunked:
                 raise ValueError(f"{name} is not stored as a checkpoint's arrays are")
 
 
-def _read_moment(group: h5py.Group) -> Moment:
-    arrays = {name: _array(group[name], 1) for name in _ARRAYS if name in group}
+def _read_moment(group: Group) -> Moment:
+    arrays = {name: _array(group, name, 1) for name in _ARRAYS if name in group}
     state = State(float(group.attrs["t"]), **arrays)
-    if not 0 <= len(group["memory"]) <= MEMORIES:
-        raise ValueError(f"{len(group['memory'])} reactions of earlier steps")
-    stored = [group[f"memory/{age}"] for age in range(len(group["memory"]))]
-    memory = tuple(_reactions(entry) for entry in stored)
+    stored = _group(group, "memory")
+    if not 0 <= len(stored) <= MEMORIES:
+        raise ValueError(f"{len(stored)} reactions of earlier steps")
+    memory = tuple(_reactions(_group(stored, str(age))) for age in range(len(stored)))
     supplied, gained, lowest, created, begun = map(float, group.attrs["ledger"])
     ledger = Ledger(supplied, gained, lowest, created, bool(begun))
     streak, steps = map(int, group.attrs["lead_counts"])
     lead = Lead(str(group.attrs["lead"]), streak, steps)
-    variables = _variables(group["law"]) if "law" in group else None
+    variables = _variables(_group(group, "law")) if "law" in group else None
     return Moment(int(group.attrs["step"]), state, memory, int(group.attrs["cuts"]), variables, ledger, lead, float(group.attrs["seen"]))
 
 
-def _variables(group: h5py.Group) -> Variables:
+def _variables(group: Group) -> Variables:
     """What the contact law remembers, see `fcsim.contact_law`."""
-    identity = group["identity"][()]
-    values = {name: entry[()] for name, entry in group["values"].items()} if "values" in group else {}
+    identity = group.array("identity")
+    values = {name: _group(group, "values").array(name) for name in _group(group, "values")} if "values" in group else {}
     if identity.ndim != 1 or any(array.dtype != np.float64 or len(array) != len(identity) for array in values.values()):
         raise ValueError(f"{group.name}: expected variables of {len(identity)} contacts")
     return Variables(identity, values, float(group.attrs["stored"]))
 
 
-def _array(dataset: h5py.Dataset, ndim: int) -> np.ndarray:
-    values = dataset[()]
+def _group(parent: Group, name: str) -> Group:
+    entry = parent[name]
+    if not isinstance(entry, Group):
+        raise ValueError(f"{parent.name.rstrip('/')}/{name}: expected a group")
+    return entry
+
+
+def _array(group: Group, name: str, ndim: int) -> FloatArray:
+    values = group.array(name)
     if values.dtype != np.float64 or values.ndim != ndim:
-        raise ValueError(f"{dataset.name}: expected float64 of {ndim} axes, got {values.dtype} of shape {values.shape}")
+        raise ValueError(f"{group.name.rstrip('/')}/{name}: expected float64 of {ndim} axes, got {values.dtype} of shape {values.shape}")
     return values
 
 
-def _reactions(group: h5py.Group) -> Reactions:
-    identity, frame, r = group["identity"][()], _array(group["frame"], 3), _array(group["r"], 2)
+def _reactions(group: Group) -> Reactions:
+    identity, frame, r = group.array("identity"), _array(group, "frame", 3), _array(group, "r", 2)
     nc, d = r.shape[0], frame.shape[-1]
     if r.shape[1] not in (d, ROWS) or identity.shape != (nc,) or identity.dtype.kind != "i" or frame.shape != (nc, d, d):
         raise ValueError(f"{group.name}: identity {identity.shape}, frame {frame.shape} and r {r.shape} do not fit")

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.files import inside, replacing
 from fcsim.running.description import FILE, Description, Plots, read_description
@@ -71,6 +72,8 @@ class RunFolder:
     description: Description
     columns: Mapping[str, NDArray]
     instants: tuple[Instant, ...]
+
+    __repr__ = brief
 
     @property
     def title(self) -> str:

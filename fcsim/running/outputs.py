@@ -14,10 +14,15 @@ from fcsim.running.checkpoint import write_checkpoint
 from fcsim.running.fclib_series import write_step
 from fcsim.running.step_table import StepTable, write_hdf5
 from fcsim.running.vtk_series import SeriesWriter
+from fcsim.runtime import release_freed_memory
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
 from fcsim.version import __version__
 from fcsim.witness import Witness
+
+RELEASED_EVERY = 500
+"""After so many steps the pages between what is used are given back: arrays of ever other sizes leave holes that add up, a percent of the
+process in some thousand steps. Seldom, since the next step has to have its pages cleared anew (`keep_freed_memory`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +80,8 @@ class Outputs:
             self._export(step)
         self._table.write(step, {**step.seconds, "output": time.perf_counter() - begin})
         self.last = step
+        if step.number % RELEASED_EVERY == 0:
+            release_freed_memory()
         if final or (options.checkpoint_every and step.number % options.checkpoint_every == 0):
             self._table.to_the_disk()
             write_checkpoint(self._directory / "checkpoint.h5", step)

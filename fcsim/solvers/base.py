@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.problem import Checks, natural_map_residual
 from fcsim.problem.infeasible import Certificate
@@ -178,6 +179,8 @@ class Iterate:
     message: str = ""
     certificate: Certificate | None = None
 
+    __repr__ = brief
+
 
 Run = Callable[[Any, FloatArray, Monitor, Any], Iterate]
 """On a `LocalProblem`; with dimension 5 on a `LocalRollingProblem`."""
@@ -231,6 +234,8 @@ class Result:
     message: str = ""
     memory: Memory | None = None
     certificate: Certificate | None = None
+
+    __repr__ = brief
 
     @property
     def solved(self) -> bool:

@@ -33,6 +33,7 @@ from typing import TypeVar
 import numpy as np
 
 from fcsim.arrays import IntArray
+from fcsim.brief import brief
 from fcsim.errors import InputError
 
 
@@ -61,6 +62,8 @@ class Memory:
 
     identity: IntArray
     values: tuple[Kept, ...] = ()
+
+    __repr__ = brief
 
     @classmethod
     def of(cls, identity: IntArray) -> Memory:

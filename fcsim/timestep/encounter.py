@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import NOTHING, Meeting, Outcome, Terms, Variables
@@ -40,6 +41,8 @@ class Encounter:
     terms: Terms
     passing: Contacts | None = None
     moments: Any = None
+
+    __repr__ = brief
 
     @property
     def rows(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.timestep.state import State
 
 
@@ -204,6 +205,8 @@ class Acting:
     r: FloatArray
     u: FloatArray
     rows: int
+
+    __repr__ = brief
 
 
 def contact_work(acting: Acting, v: FloatArray) -> ContactWork:

@@ -14,6 +14,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.contact_detection import Detection, Detector
 from fcsim.contact_detection.never_touching import never_touching
 from fcsim.contact_law.proportions import Proportions, proportions
@@ -51,13 +52,10 @@ class Simulation:
 
     A step that does not converge is halved, and halved again up to `cuttings` times (0: never); sub-steps that converge are doubled
     again as soon as they end where a longer one would. Steps always end on the grid of h, and only there is something yielded.
-
     created: contacts that create more than this share of the energy that the run began with and that loads and supports have supplied
     raise EnergyCreated (inf: never); see `Ledger`. Not in quasi-statics, where joints that begin under pressure are meant.
-
     limits: bodies beyond them raise KinematicsLeft after the step that is yielded last, see `Limits`; what comes near them is said once,
     in the remarks of a step.
-
     linkage: the links that hold bodies together, equality constraints of every step, see `Closing`.
 
     The witness measures the bodies' overlap before the first step, every few steps and after the last, and refuses or stops what is
@@ -76,6 +74,8 @@ class Simulation:
     limits: Limits = field(default_factory=Limits)
     linkage: Linkage | None = None
     witness: Witness | None = field(default_factory=Witness)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         if self.keep < 0:

@@ -8,6 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.errors import InputError
 
 START = 1e-6
@@ -28,6 +29,8 @@ class State:
     rate: FloatArray | None = None
     inertia: FloatArray | None = None
     internal: FloatArray | None = None
+
+    __repr__ = brief
 
 
 def at_rest(model: Model, t: float = 0.0, h: float = 1e-3) -> State:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.functions.of_bodies import Field, body_function
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import Variables
 from fcsim.errors import InputError
@@ -70,6 +71,8 @@ class Linearised:
     factored: int
     stiffened: float
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class Lead:
@@ -115,6 +118,8 @@ class Moment:
     ledger: Ledger = UNWRITTEN
     lead: Lead = NOBODY
     seen: float = 0.0
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +177,8 @@ class Step:
     remarks: tuple[str, ...] = ()
     linearised: tuple[Linearised, ...] = ()
     linked: Linked | None = None
+
+    __repr__ = brief
 
     @property
     def memory(self) -> tuple[Reactions, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
+from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import LocalProblem, natural_map_residual
 
@@ -24,6 +25,8 @@ class Reactions:
     identity: NDArray[np.int64]
     frame: FloatArray
     r: FloatArray
+
+    __repr__ = brief
 
     def transfer(self, contacts: Contacts, rows: int | None = None) -> FloatArray:
         """Return r (m,) for new contacts: the same vectors in space where the contact is known, zero where it is new.

@@ -10,6 +10,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.witness.overlap import Overlap, PairOverlaps, measure
 from fcsim.witness.skin import Skins, skins_of
@@ -55,6 +56,8 @@ class Watch:
     model: Model
     skins: Skins
     initial: PairOverlaps
+
+    __repr__ = brief
 
     @property
     def notes(self) -> tuple[str, ...]:

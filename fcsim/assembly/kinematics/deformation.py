@@ -12,6 +12,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.elements import quadrature
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.frames import FloatingGroup, angle_of
+from fcsim.brief import brief
 from fcsim.mesh.cell_type import CELL_TYPES
 
 SUSPECT = 0.3
@@ -30,6 +31,8 @@ class Deformation:
     inverted: BoolArray
     turning: BoolArray
     finite: BoolArray
+
+    __repr__ = brief
 
 
 class DeformationMeasure:

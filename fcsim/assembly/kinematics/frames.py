@@ -26,6 +26,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.groups import Group
+from fcsim.brief import brief
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,8 @@ class Frames:
     spread: FloatArray
     arm: FloatArray
     strained: FloatArray
+
+    __repr__ = brief
 
 
 class FloatingGroup:

@@ -9,6 +9,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.exact.cylinders import cylinders_with_cylinders
 from fcsim.contact_detection.exact.cylinders_on_meshes import cylinders_on_meshes
@@ -52,6 +53,8 @@ class ExactContacts:
     excluded: IntArray = field(init=False, repr=False)
     _meshed_nodes: IntArray = field(init=False, repr=False)
     _meshed_bodies: IntArray = field(init=False, repr=False)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         model = self.model

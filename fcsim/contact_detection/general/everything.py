@@ -9,6 +9,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.friction import Friction, FrictionTable
@@ -67,6 +68,8 @@ class Everything:
     _curved: BoolArray = field(init=False, repr=False)
     _patch: IntArray = field(init=False, repr=False)
     _latest: list[tuple[FloatArray, Contacts]] = field(init=False, repr=False, default_factory=list)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         model = self.model

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.brief import brief
 
 FLAT = np.cos(np.deg2rad(0.05))
 """Faces that meet at less than 0.05 degrees are one: the edge between them needs no contact of its own, the vertices on it do the work."""
@@ -56,6 +57,8 @@ class Skin:
     patch: IntArray
     smooth_vertex: BoolArray
 
+    __repr__ = brief
+
     @property
     def n_bodies(self) -> int:
         return len(self.first_vertex) - 1
@@ -89,3 +92,5 @@ class Shape:
     high: FloatArray
     body_low: FloatArray
     body_high: FloatArray
+
+    __repr__ = brief

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcsim.arrays import BoolArray, IntArray
+from fcsim.brief import brief
 from fcsim.contact_detection.surfaces.parents import Parents
 from fcsim.errors import InputError
 
@@ -40,6 +41,8 @@ class ContactSurface:
     facets: IntArray
     bodies: IntArray
     parents: Parents | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         facets = _integers(self.facets, "ContactSurface, facets", 2)
@@ -93,6 +96,8 @@ class SurfacePair:
     candidates: CandidateRule = "nodes"
     name: str = ""
     normals: NormalRule = "facet"
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         what = f"SurfacePair {self.name!r}" if self.name else "SurfacePair"

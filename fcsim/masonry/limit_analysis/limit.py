@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.brief import brief
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
 from fcsim.masonry.limit_analysis.programs import Answer, Program, slip_of
 
@@ -49,6 +50,8 @@ class LimitLoad:
     v: FloatArray
     rounds: int = 0
     span: tuple[float, float] | None = None
+
+    __repr__ = brief
 
 
 def associative_limit(problem: LimitProblem) -> LimitLoad:

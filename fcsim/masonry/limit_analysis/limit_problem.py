@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model, build_model
+from fcsim.brief import brief
 from fcsim.contact_detection import Contacts, Everything
 from fcsim.contact_detection.contact_matrix import contact_matrix
 from fcsim.errors import InputError
@@ -34,6 +35,8 @@ class LimitProblem:
     dead: FloatArray
     live: FloatArray
     scale: float
+
+    __repr__ = brief
 
 
 def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) -> LimitProblem:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import breadth_first_order
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.brief import brief
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.part import RigidBody
 
@@ -31,6 +32,8 @@ class ClosedSurface:
     points: FloatArray
     triangles: IntArray
     polygons: tuple[tuple[int, ...], ...]
+
+    __repr__ = brief
 
     def moments(self) -> tuple[float, FloatArray, FloatArray]:
         """Volume V [m^3], centroid c (3,) [m] and second moments int (x - c)(x - c)^T dV (3, 3) [m^5].

@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, Matrix
+from fcsim.brief import brief
 from fcsim.problem.delassus import Delassus
 from fcsim.problem.problem import Answer
 from fcsim.problem.reduction import Reduction, reduce
@@ -28,6 +29,8 @@ class LocalRollingProblem:
     mu_r: FloatArray
     dimension: int = 5
 
+    __repr__ = brief
+
     @cached_property
     def delassus(self) -> Delassus:
         return Delassus(self.W, 5)
@@ -44,6 +47,8 @@ class RollingReduction:
 
     problem: GlobalRollingProblem
     reduction: Reduction
+
+    __repr__ = brief
 
     @cached_property
     def W(self) -> Matrix:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fcsim.arrays import FloatArray, Matrix
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.problem.problem import GlobalForm, as_vector
 
@@ -29,6 +30,8 @@ class GlobalRollingProblem(GlobalForm):
     G: Matrix | None = None
     b: FloatArray | None = None
     dimension: int = 5
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         if self.dimension != 5:

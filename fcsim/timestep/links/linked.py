@@ -24,6 +24,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
+from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.linkage.linkage import Linkage, Rows
 from fcsim.timestep.scheme import Scheme
@@ -39,6 +40,8 @@ class Linked:
     G: Any
     b: FloatArray
     compliance: FloatArray
+
+    __repr__ = brief
 
     @property
     def kept(self) -> Any:

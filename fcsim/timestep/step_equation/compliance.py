@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.compliance import SystemFactor
+from fcsim.brief import brief
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 
@@ -28,6 +29,8 @@ class StepCompliance:
     factor: SystemFactor
     joint: FloatArray | None = None
     summed: Any = None
+
+    __repr__ = brief
 
     @cached_property
     def _soft(self) -> IntArray:

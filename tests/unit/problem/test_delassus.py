@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from typing import Any
 
 import numpy as np
@@ -109,3 +111,19 @@ def test_derived_once() -> None:
     assert problem.delassus is problem.delassus
     assert [problem.delassus.derived(make, k) for k in (1, 1, 2)] == [4, 4, 5]
     assert calls == [1, 2]
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_it_is_gone_with_its_last_name(storage: str) -> None:
+    """What it derives of itself and keeps must not be itself: a run would leave the W of each of its steps to the collector of cycles."""
+    op, _ = operator(storage, 3)
+    gone = weakref.ref(op.stored.stored)
+    assert op.stored.symmetric_part is not None
+    assert op.symmetric_part is not None
+    seen = weakref.ref(op)
+    gc.disable()
+    try:
+        del op
+        assert seen() is None and gone() is None
+    finally:
+        gc.enable()

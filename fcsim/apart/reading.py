@@ -1,8 +1,4 @@
-"""Files of others, read in a process of their own with limits on time and memory.
-
-A malformed file can end the process that reads it (gmsh: segmentation fault on a node number of 1e20), hang it or fill its memory; here
-that is an error like any other. `read_apart` waits for that process, `limited` is what it does.
-"""
+"""Mesh files of others: `read_apart` waits for the process that reads one, `limited` is what that does."""
 
 from __future__ import annotations
 
@@ -31,8 +27,7 @@ def read_apart[T](path: Path, module: str, arguments: Sequence[str], loaded: Cal
     InputError for what that says of the file, and where it crashes, hangs or fills memory.
     """
     megabytes = path.stat().st_size / 1e6
-    known = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, known))}
+    environment = with_our_modules()
     with TemporaryDirectory(prefix="fcsim-mesh-") as folder:
         out = Path(folder) / "mesh.npz"
         command = [sys.executable, "-c", PROCESS.format(module=module), str(path), str(out), *arguments]
@@ -49,6 +44,12 @@ def read_apart[T](path: Path, module: str, arguments: Sequence[str], loaded: Cal
             how = signal.Signals(-done.returncode).name if done.returncode < 0 else last or f"exit code {done.returncode}"
             raise InputError(f"{path}: expected a mesh file, got one that ends its reader ({how})")
         return loaded(out)
+
+
+def with_our_modules() -> dict[str, str]:
+    """The environment in which another Python finds this fcsim."""
+    known = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, known))}
 
 
 def limited(path: str, read: Callable[[], None]) -> int:

@@ -1,0 +1,49 @@
+"""How values that hold arrays show themselves: in a line, whatever they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+LONGEST, IN_ALL = 60, 800
+"""Characters of one field, and of all."""
+
+
+def brief(value: Any) -> str:
+    """A dataclass in a line: Reactions(identity=int64 (4,), frame=float64 (4, 3, 3), r=float64 (4, 3)). For `__repr__ = brief`, so that a
+    step at the prompt, in a notebook or in a debugger is not a hundred pages."""
+    parts, length = [], 0
+    for field in fields(value):
+        if not field.repr:
+            continue
+        parts.append(f"{field.name}={_shown(getattr(value, field.name, '?'))}")
+        length += len(parts[-1]) + 2
+        if length > IN_ALL:
+            parts.append("...")
+            break
+    return f"{type(value).__name__}({', '.join(parts)})"
+
+
+def _shown(value: Any) -> str:
+    """One field."""
+    if value is None or isinstance(value, bool | int | float | Enum | np.generic):
+        text = str(value) if isinstance(value, Enum | np.generic) else repr(value)
+    elif isinstance(value, str | bytes):
+        text = repr(value)
+    elif hasattr(value, "shape") and hasattr(value, "dtype"):
+        text = f"{getattr(value, 'format', '')} {value.dtype} {value.shape}".strip()
+    elif is_dataclass(value):
+        text = f"{type(value).__name__}(...)"
+    elif isinstance(value, Mapping):
+        text = f"{{{len(value)} entries}}" if len(value) > 4 else "{" + ", ".join(f"{k!r}: {_shown(v)}" for k, v in value.items()) + "}"
+    elif isinstance(value, tuple | list):
+        text = "(" + ", ".join(_shown(v) for v in value) + ")" if len(value) < 4 else f"({len(value)} x {type(value[0]).__name__})"
+    elif callable(value) and hasattr(value, "__qualname__"):
+        text = value.__qualname__
+    else:
+        text = f"{type(value).__name__}(...)"
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
