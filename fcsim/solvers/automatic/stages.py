@@ -33,7 +33,7 @@ NEAR = 1e-6
 NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
 """What Newton needs from errors above and below `FAR`, about, in iterations."""
 PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
-"""What proximal Newton needs where all goes well, in iterations: they are its own before it shares with others, and more for each tenfold."""
+"""Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
 STUCK = 100
@@ -215,8 +215,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "least squares",
-        "Levenberg-Marquardt on the error. Enters after proximal Newton, or where that is stuck near a solution: where noise leaves none, or "
-        "one that is nearly none.",
+        "Levenberg-Marquardt on the error. Enters after proximal Newton, or where that is stuck near a solution: where noise leaves "
+        "none, or one that is nearly none.",
         enters=_enter_least_squares,
         turns=methods.least_squares,
         price=lambda race: race.prices.least_squares(_closed(race)),

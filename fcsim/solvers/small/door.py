@@ -1,8 +1,8 @@
 """The small front door of `solve`: NSGS-AC, and `auto`'s first sweeps, on problems of few contacts.
 
 A call of the general way takes 0.1 ms and more around a method whose own time is some microseconds. What is answered here is answered as
-there: the same sweeps, errors, checks and statuses; what is not (other options, a memory, a short limit of time, contacts without compliance of
-their own) is left to the general way.
+there: the same sweeps, errors, checks and statuses; what is not (other options, a memory, a short limit of time, contacts without
+compliance of their own) is left to the general way.
 """
 
 from __future__ import annotations
