@@ -97,6 +97,11 @@ Load = Traction | Force | BodyForce | NodalForces | FormLoad | Follower
 
 def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
     """Nodal forces (n_dofs,) [N] of a load at factor 1, in the reference configuration."""
+    if not isinstance(load, Load):
+        raise InputError(
+            "loads: expected Traction, Force, BodyForce, NodalForces, FormLoad, FollowerForce or FollowerPressure, got an object of class "
+            f"{type(load).__name__}; own loads are NodalForces or Force of any time function, a FormLoad of any form, or gravity(t)"
+        )
     number = layout.body_number(load.body)
     body, d = layout.bodies[number], layout.dimension
     vector = np.zeros(layout.n_dofs)

@@ -4,12 +4,13 @@ push in `masonry`."""
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 
 from fcsim.command_line import bench, collection, info, masonry, profile, render, run, solve, solvers
 from fcsim.command_line.terminal import any_encoding, say, silence
-from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError
+from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError, InputError
 from fcsim.interrupts import ended_by, is_interrupt
 from fcsim.runtime import limited_threads
 from fcsim.version import __version__
@@ -29,11 +30,22 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_SIZE", "MPI_LOCALNRANKS")
+
+
+def _refuse_ranks(command: str) -> None:
+    """Each rank of `mpiexec -n 2 fcsim run` would make the whole run, into one folder; so with all that writes."""
+    ranks = max((int(os.environ[name]) for name in RANKS if os.environ.get(name, "").isdecimal()), default=1)
+    if ranks > 1:
+        raise InputError(f"fcsim {command}: expected one process, got {ranks} ranks of MPI, which do not share their work yet")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     any_encoding()
     options = _parser().parse_args(arguments)
     try:
+        _refuse_ranks(options.command)
         with limited_threads():
             return int(options.act(options))
     except FcsimError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from contextlib import nullcontext
 from dataclasses import fields
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, read_assignments
 from fcsim.command_line.terminal import Bar, print_table, say
-from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK, InputError
+from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
 from fcsim.interrupts import ended_politely
 from fcsim.memory import any_size
 
@@ -58,7 +57,6 @@ def _run(options: argparse.Namespace) -> int:
     from fcsim.running.run import RunOptions, run_case
     from fcsim.solvers.plugins import load_plugins
 
-    _refuse_ranks()
     load_plugins(options.plugin)
     script = _case(options.case)
     if options.parameters:
@@ -106,16 +104,6 @@ def _case(path: str) -> CaseScript:
     from fcsim.running.case import load_case
 
     return load_case(path)
-
-
-RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_SIZE", "MPI_LOCALNRANKS")
-
-
-def _refuse_ranks() -> None:
-    """Each rank of `mpiexec -n 2 fcsim run` would make the whole run, into one folder."""
-    ranks = max((int(os.environ[name]) for name in RANKS if os.environ.get(name, "").isdecimal()), default=1)
-    if ranks > 1:
-        raise InputError(f"fcsim run: expected one process, got {ranks} ranks of MPI, which runs do not share yet")
 
 
 def _list_parameters(script: CaseScript) -> None:

@@ -26,12 +26,13 @@ LONGEST_SEGMENT = 0.12  # of the width of the picture
 def write_pictures(
     run: RunFolder, seen: Survey, directory: Path, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[Path]:
-    """Write stress.png and contacts.png (last instant) and instants.png (four instants) into `directory`; return what was written."""
+    """Write stress.png (bodies.png where all are rigid and have none) and contacts.png (last instant) and instants.png (four instants)
+    into `directory`; return what was written."""
     last = run.instants[-1]
     written = []
     with matplotlib().rc_context(STYLE):
         with Scene(seen) as scene:
-            written.append(save(stress_figure(run, scene, last), directory / "stress.png"))
+            written.append(save(stress_figure(run, scene, last), directory / ("bodies.png" if seen.stress is None else "stress.png")))
             progress(1, 3)
             if len(run.instants) > 1:
                 written.append(save(instants_figure(run, scene, _spread(run.instants, 4)), directory / "instants.png"))
@@ -44,7 +45,7 @@ def write_pictures(
 
 
 def stress_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
-    """The deformed shape of an instant, coloured by von Mises stress, with title and colour bar."""
+    """The deformed shape of an instant, coloured by von Mises stress where bodies have one, with title and colour bar."""
     page = _Page(scene)
     page.title(run.title, describe(run, scene, instant))
     page.image(scene.image(instant))

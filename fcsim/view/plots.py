@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fcsim.errors import InputError
 from fcsim.running.description import HistoryPlot
 from fcsim.running.folder import RunFolder
-from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE, figure, matplotlib, prefixed, save
+from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE, figure, legend_below, matplotlib, prefixed, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +54,7 @@ def write_plots(run: RunFolder, directory: Path | None = None, *, format: str = 
 def reaction_plot(run: RunFolder) -> Figure | None:
     """Reactions [N] against the imposed displacement [m], with the bound; None unless run.json's "plots" names columns that exist.
 
-    A quantity whose largest value is negative is drawn with its sign changed, and its label says so.
+    All with the signs that they have in steps.csv; the bound on the side, or both, to which the reactions go.
     """
     imposed, bound = run.plots.imposed, run.plots.bound
     x = None if imposed is None else run.numbers(imposed.column)
@@ -63,24 +63,21 @@ def reaction_plot(run: RunFolder) -> Figure | None:
         return None
     scale, y_unit = prefixed(curves[0][0].unit or "N", None if bound is None else bound.value, *(values for _, values in curves))
     x_scale, x_unit = prefixed(imposed.unit or "m", x)
-    x_sign = _sign(x)
 
     drawing, axes = _one_panel()
     shapes = (("-", 2.6), ("--", 1.6), (":", 1.6), ("-.", 1.6))  # curves that coincide, as at equilibrium, stay visible
     for (entry, values), colour, (dash, width) in zip(curves, (BLUE, ORANGE, GREEN, PURPLE), shapes, strict=False):
-        label = _signed(entry.label or entry.column, _sign(values))
-        axes.plot(x_sign * x / x_scale, _sign(values) * values / scale, dash, color=colour, linewidth=width, label=label)
+        axes.plot(x / x_scale, values / scale, dash, color=colour, linewidth=width, label=entry.label or entry.column)
     if bound is not None:
-        value = bound.value / scale
-        label = f"{bound.label}: {value:.4g} {y_unit}"
-        axes.axhline(value, color=RED, linestyle=(0, (6, 2)), linewidth=1.4, label=label)
-        if min(np.nanmin(_sign(values) * values) for _, values in curves) < -0.5 * bound.value:
-            axes.axhline(-value, color=RED, linestyle=(0, (6, 2)), linewidth=1.4)
-    axes.set_xlabel(f"{_signed(imposed.label or imposed.column, x_sign)} [{x_unit}]")
+        label: str | None = f"{bound.label}: {bound.value / scale:.4g} {y_unit}"
+        for side in _sides([values for _, values in curves], bound.value):
+            axes.axhline(side * bound.value / scale, color=RED, linestyle=(0, (6, 2)), linewidth=1.4, label=label)
+            label = None  # once in the legend
+    axes.set_xlabel(f"{imposed.label or imposed.column} [{x_unit}]")
     axes.set_ylabel(f"reaction [{y_unit}]")
     axes.margins(x=0.02, y=0.08)
     axes.set_title(run.title)
-    axes.legend(loc="best")
+    legend_below(drawing, 2)
     return drawing
 
 
@@ -111,7 +108,7 @@ def energy_plot(run: RunFolder) -> Figure | None:
             axes.plot(t / t_scale, values / scale, dash, color=colour, label=label, linewidth=1.8)
     axes.set(xlabel=f"time [{t_unit}]", ylabel=f"energy [{unit}]", title=run.title)
     axes.margins(x=0.01)
-    drawing.legend(loc="outside lower center", ncols=4)
+    legend_below(drawing, 4)
     return drawing
 
 
@@ -134,7 +131,7 @@ def history_plot(run: RunFolder, history: HistoryPlot) -> Figure | None:
     axes.set_title(run.title)
     axes.margins(x=0.01)
     if len(curves) > 1:
-        drawing.legend(loc="outside lower center", ncols=min(len(curves), 3))
+        legend_below(drawing, 3)
     return drawing
 
 
@@ -155,7 +152,7 @@ def contact_plot(run: RunFolder) -> Figure | None:
         axes.plot(t, values, dash, color=colour, label=label, linewidth=1.4 if dash == "--" else 1.8)
     axes.set(xlabel=x_label, ylabel="number of contacts", ylim=(0, None), title=run.title)
     axes.margins(x=0.01)
-    drawing.legend(loc="outside lower center", ncols=len(present))
+    legend_below(drawing, 4)
     return drawing
 
 
@@ -214,7 +211,7 @@ def phase_plot(run: RunFolder) -> Figure | None:
         axes.text(0.99, 0.97, note, transform=axes.transAxes, ha="right", va="top", color=GREY, fontsize=10)
     axes.set(xlabel="step", ylabel=f"time per step [{unit}]", title=f"{run.title}: {total.sum():.3g} s in {len(number)} steps")
     axes.margins(x=0.0)
-    drawing.legend(loc="outside lower center", ncols=min(len(labels), 4), title="mean of each phase")
+    legend_below(drawing, 4, title="mean of each phase")
     return drawing
 
 
@@ -228,10 +225,11 @@ def _abscissa(run: RunFolder) -> tuple[NDArray[np.float64] | None, str]:
     return (t, "time [s]") if t is not None else (run.numbers("step"), "step")
 
 
-def _sign(values: NDArray) -> float:
-    finite = values[np.isfinite(values)]
-    return -1.0 if finite.size and finite[np.argmax(np.abs(finite))] < 0 else 1.0
-
-
-def _signed(label: str, sign: float) -> str:
-    return f"− {label}" if sign < 0 else label
+def _sides(curves: list[NDArray], bound: float) -> list[float]:
+    """On which sides the curves come to half of a bound, 1 and -1; where they come to none, that of the largest value."""
+    values = np.concatenate(curves)
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return [1.0]
+    sides = [side for side in (1.0, -1.0) if (side * values).max() > 0.5 * abs(bound)]
+    return sides or [-1.0 if values[np.argmax(np.abs(values))] < 0 else 1.0]

@@ -28,7 +28,8 @@ def render(
 
     DIR/plots/reaction.png, energies.png, contacts.png, convergence.png, phases.png   from steps.csv, those whose columns are there
     DIR/plots/NAME.png                                                  the histories that the case declares
-    DIR/pictures/stress.png, instants.png, contacts.png                 from vtk/, where the run wrote a series
+    DIR/pictures/stress.png, instants.png, contacts.png                 from vtk/, where the run wrote a series; of rigid bodies alone
+                                                                        bodies.png in the place of stress.png
     DIR/film.gif or film.mp4                                            likewise, unless `film` is None
 
     exaggeration  factor on displacements; None: the largest is shown as 5 to 8 % of the size of the whole (1 where it is more already)

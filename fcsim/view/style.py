@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,6 +64,24 @@ def matplotlib() -> Any:
 def figure(width: float, height: float, dpi: float = 100.0, **options: Any) -> Figure:
     """Return a figure of width x height [inch], owned by the caller alone (pyplot knows nothing of it)."""
     return matplotlib().figure.Figure(figsize=(width, height), dpi=dpi, **options)
+
+
+LONGEST_LABEL, TWO_LINES = 80, 0.6
+"""Characters of a line of a legend, which fit into the width of a plot; height [inch]."""
+
+
+def legend_below(drawing: Figure, most: int, **options: Any) -> None:
+    """A legend of all curves under the axes, in as many columns as fit into the width, at most `most`; long labels in several lines. The
+    figure grows by what is higher than two lines, so that the axes keep their height."""
+    entries = [entry for axes in drawing.axes for entry in zip(*axes.get_legend_handles_labels(), strict=True)]
+    handles, labels = [handle for handle, _ in entries], [textwrap.fill(str(label), LONGEST_LABEL) for _, label in entries]
+    for columns in range(max(min(most, len(labels)), 1), 0, -1):
+        legend = drawing.legend(handles, labels, loc="outside lower center", ncols=columns, **options)
+        box = legend.get_window_extent()
+        if columns == 1 or box.width <= 0.98 * drawing.bbox.width:
+            drawing.set_figheight(drawing.get_figheight() + max(0.0, box.height / drawing.dpi - TWO_LINES))
+            return
+        legend.remove()
 
 
 def save(drawing: Figure, path: Path) -> Path:

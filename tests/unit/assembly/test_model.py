@@ -14,6 +14,7 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
+from fcsim.mesh.blocks import brick
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part, RigidBody
 
@@ -267,3 +268,11 @@ def test_refusals_of_bodies(part: Part, plane_part: Part) -> None:
         contact_surface(model, [])
     with pytest.raises(InputError, match="expected a surface among"):
         contact_surface(model, [("a", "top")])
+
+
+def test_a_load_of_ones_own_class_is_told_what_there_is() -> None:
+    class Wind:
+        body = "block"
+
+    with pytest.raises(InputError, match=r"loads: expected Traction, Force, .* got an object of class Wind; own loads are NodalForces"):
+        build_model([Body("block", brick("block", (1.0, 1.0, 1.0), (1, 1, 1), Material(1e9, 0.2, 2000.0)))], loads=[Wind()])  # type: ignore[list-item]

@@ -21,8 +21,8 @@ from fcsim.running.description import Column, HistoryPlot, Plots
 from fcsim.running.folder import Instant, RunFolder, open_run
 from fcsim.view import SeriesWriter, render, scene
 from fcsim.view.film import film_instants, write_film
-from fcsim.view.pictures import contact_figure, instants_figure, stress_figure
-from fcsim.view.plots import contact_plot, convergence_plot, energy_plot, history_plot, phase_plot, reaction_plot, write_plots
+from fcsim.view.pictures import contact_figure, instants_figure, stress_figure, write_pictures
+from fcsim.view.plots import _sides, contact_plot, convergence_plot, energy_plot, history_plot, phase_plot, reaction_plot, write_plots
 from fcsim.view.style import BLUE, RED, prefixed
 
 
@@ -161,6 +161,8 @@ def test_rigid_bodies_alone_are_drawn(run_directory, tmp_path):
     with scene.Scene(seen, width=300) as view:
         assert view.image(run.instants[-1]).std() > 10
         assert len(stress_figure(run, view, run.instants[-1]).axes) == 1  # no colour bar
+    names = {path.name for path in write_pictures(run, seen, tmp_path / "pictures")}
+    assert "stress.png" not in names and "bodies.png" in names
 
 
 def test_an_instant_without_contacts_is_drawn(fake, run_directory, tmp_path):
@@ -172,18 +174,44 @@ def test_an_instant_without_contacts_is_drawn(fake, run_directory, tmp_path):
     assert labels[:3] == ["open (0)", "stick (0)", "slip (0)"]
 
 
-def test_reaction_plot_draws_the_columns_with_their_sign_stated(run_directory):
+def test_reaction_plot_draws_the_columns_as_they_are(run_directory):
+    """A plot that turns signs round by itself is read against the table, and against the next run's plot, wrongly."""
     run = open_run(run_directory)
-    axes = reaction_plot(run).axes[0]
+    drawing = reaction_plot(run)
+    axes = drawing.axes[0]
     with (run_directory / "steps.csv").open() as file:
         rows = list(csv.DictReader(file))
-    bottom, top, bound = axes.lines
-    np.testing.assert_allclose(bottom.get_xdata(), [-1e3 * float(row["top_x"]) for row in rows])  # mm
+    bottom, top, bound, other = axes.lines
+    np.testing.assert_allclose(bottom.get_xdata(), [1e3 * float(row["top_x"]) for row in rows])  # mm
     np.testing.assert_allclose(bottom.get_ydata(), [1e-3 * float(row["bottom_Rx"]) for row in rows])  # kN
-    np.testing.assert_allclose(top.get_ydata(), [-1e-3 * float(row["top_Rx"]) for row in rows])
+    np.testing.assert_allclose(top.get_ydata(), [1e-3 * float(row["top_Rx"]) for row in rows])
     assert bound.get_ydata() == pytest.approx([15.9726, 15.9726]) and "15.97 kN" in bound.get_label()
-    assert axes.get_xlabel() == "− imposed displacement [mm]" and axes.get_ylabel() == "reaction [kN]"
-    assert top.get_label() == "− horizontal reaction at the top"
+    assert other.get_ydata() == pytest.approx([-15.9726, -15.9726])  # one reaction is positive, the other negative
+    assert axes.get_xlabel() == "imposed displacement [mm]" and axes.get_ylabel() == "reaction [kN]"
+    assert [text.get_text() for text in drawing.legends[0].get_texts()][1] == "horizontal reaction at the top"
+
+
+@pytest.mark.parametrize(("factor", "sides"), [(1.0, [1.0, -1.0]), (-1.0, [1.0, -1.0]), (1e-9, [1.0])])
+def test_the_bound_is_on_the_sides_of_the_reactions(factor, sides):
+    values = factor * np.array([0.0, 3.0, -2.0])
+    assert _sides([values], 3.0) == sides
+    assert _sides([-np.abs(values)], 3.0) == [-1.0] and _sides([np.full(3, np.nan)], 3.0) == [1.0]
+
+
+def test_long_legends_are_not_cut(run_directory):
+    """Eight curves of which each has a name longer than the plot is wide."""
+    run = open_run(run_directory)
+    words = "horizontal reaction of the third course from the top at the left side of the doorway, without its lintel "
+    curves = tuple(Column("bottom_Rx", f"{k}: {words}{words}", "N") for k in range(8))
+    drawing = history_plot(run, HistoryPlot("forces", Column("t", "time", "s"), curves))
+    long = RunFolder(run.directory, replace(run.description, plots=replace(run.plots, reaction=curves[:4])), run.columns, ())
+    for figure in (drawing, reaction_plot(long)):
+        figure.draw_without_rendering()
+        (legend,) = figure.legends
+        box = legend.get_window_extent()
+        assert figure.axes[0].get_window_extent().height > 200
+        assert 0 <= box.x0 < box.x1 <= figure.bbox.width and 0 <= box.y0 < box.y1 <= figure.bbox.height
+        assert sum("its lintel" in " ".join(text.get_text().split()) for text in legend.get_texts()) == 8 - 4 * (figure is not drawing)
 
 
 def test_steps_that_failed_are_marked(run_directory):
