@@ -240,4 +240,7 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     race = Race(fitting, swept, monitor, options, prices, bool(np.any(r)), operator.joints, r)
     if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
-    return run(race, [stage for stage in STAGES if stage.name not in options.without])
+    try:
+        return run(race, [stage for stage in STAGES if stage.name not in options.without])
+    finally:
+        race.runners.clear()  # their turns hold the race, which holds them: a circle that would keep W until Python looks for circles
