@@ -111,7 +111,8 @@ def main() -> None:
     options = parser.parse_args()
     version = None if options.without_siconos else siconos_version(options.siconos_python)
     found, rows = chosen(options.sizes, options.seeds), []
-    print(f"| problem | contacts | auto | of it the method | NSGS-AC | Siconos' best{f' ({version})' if version else ''} | auto / Siconos |")
+    whose = f"Siconos' best{f' ({version})' if version else ''}"
+    print(f"| problem | contacts | auto | of it the method | NSGS-AC | {whose} | auto / Siconos |")
     print("|---|---:|---:|---:|---:|---:|---:|")
     for name, problem in found:
         auto, sweeps = ours(problem, "auto", options.tol), ours(problem, "NSGS-AC", options.tol)
