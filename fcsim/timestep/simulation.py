@@ -15,8 +15,7 @@ from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
-from fcsim.contact_detection import Detection, Detector
-from fcsim.contact_detection.never_touching import never_touching
+from fcsim.contact_detection import Detection
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
 from fcsim.linkage import Linkage
@@ -28,6 +27,7 @@ from fcsim.timestep.encounter import Encounter, encounter, met_on_the_way
 from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.links.linked import linked, refuse_linkage
+from fcsim.timestep.remarks.opening import opening_remarks
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest, refuse_misplaced
 from fcsim.timestep.step import Attempt, Moment, Step
@@ -164,10 +164,8 @@ class Simulation:
         return replace(step, overlap=self.watch.look(step.state.x))
 
     def _opening(self, state: State) -> tuple[str, ...]:
-        """Remarks on the pairs of surfaces as a run begins."""
-        if not isinstance(self.detector, Detector):
-            return ()
-        return never_touching(self.detector.pairs, self.model.positions(state.x), [body.name for body in self.model.bodies])
+        """Remarks as a run begins."""
+        return opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage is not None)
 
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
         """Yield the steps after a moment (default: the initial state).

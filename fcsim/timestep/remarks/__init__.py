@@ -1,0 +1,1 @@
+"""What a run says of itself besides its numbers: `opening`, before its first step."""

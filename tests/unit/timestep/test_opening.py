@@ -1,0 +1,116 @@
+"""A newcomer's mistakes are named as a run begins, each with its mend, in any units; what is meant is not called a mistake."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fcsim.assembly.model import build_model
+from fcsim.assembly.supports import Support
+from fcsim.contact_detection import Detector, Everything, SurfacePair
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
+from fcsim.running.case import load_case
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.state import at_rest
+from fcsim.timestep.theta import Theta
+
+CASES = Path(__file__).parents[3] / "cases"
+ALL = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def pile(
+    unit: float = 1.0,
+    gravity: float = -9.81,
+    density: float = 2000.0,
+    E: float = 1e9,
+    h: float = 1e-3,
+    pairs: tuple[tuple[str, str], ...] = (("one", "base"), ("two", "one")),
+    scheme: Any = None,
+) -> tuple[str, ...]:
+    """What is said of two blocks, one on the other, on a held base; lengths are in `unit`s."""
+    part = brick("brick", (0.2 * unit, 0.1 * unit, 0.1 * unit), (1, 1, 1), Material(E, 0.2, density))
+    base = rigid_box("base", (unit, unit, 0.1 * unit), (0.1 * unit, 0.05 * unit, -0.05 * unit), 100.0)
+    bodies = [Body("one", part), Body("two", part, translation=[0.03 * unit, 0.02 * unit, 0.1 * unit]), base]  # type: ignore[arg-type]
+    model = build_model(bodies, supports=[Support("base", ALL)], gravity=lambda t: (0.0, 0.0, gravity))
+    rules = [
+        SurfacePair(contact_surface(model, [(a, "z-")]), contact_surface(model, [(b, "z+")]), 0.5, 2e-3 * unit, "nodes", f"{a} on {b}")
+        for a, b in pairs
+    ]
+    simulation = Simulation(model, Detector(rules, model.n_nodes), scheme or Theta(h), 10)
+    return simulation._opening(at_rest(model, h=h))
+
+
+@pytest.mark.parametrize(
+    "right",
+    [
+        {},
+        {"unit": 1e3, "gravity": -9810.0, "density": 2e-9, "E": 1e3},  # mm, t, s
+        {"unit": 1e3, "gravity": -9810.0, "density": 2e-6, "E": 1e6},  # mm, kg, s
+        {"unit": 100.0},  # a dam of blocks 10 m thick
+        {"gravity": 0.0, "h": 1.0},
+        {"scheme": QuasiStatic(1.0, eta=1e-6), "h": 1.0},
+    ],
+)
+def test_nothing_is_said_of_what_is_right(right: dict[str, Any]) -> None:
+    assert pile(**right) == ()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"unit": 1e3}, "bodies are 100 m thick.*are lengths in millimetres?"),
+        ({"unit": 1e3, "density": 2e-9, "E": 1e3}, "densities are 2e-09, as in tonnes per mm.3: .* gravity is 9810 mm/s"),
+        ({"gravity": -9810.0}, "gravity is 9810, as in mm/s.2, and densities are 2e.03, as in kg/m.3"),
+        ({"density": 2e6}, "more than of any solid"),
+        (
+            {"gravity": 9.81},
+            r"gravity is \[0.0, 0.0, 9.81\], along \+z, .*: free bodies rise. .* negative, -9.81",
+        ),
+        ({"h": 0.2}, "in one step of h = 0.2 s a body falls by 0.392 m, and the thinnest is 0.1 m thick: choose h below 0.01 s"),
+        ({"unit": 1e-3, "h": 0.01}, "in one step of h = 0.01 s a body falls by"),
+        ({"pairs": (("one", "base"),)}, "body 'two': no support holds it and no pair of surfaces names it"),
+        (
+            {"pairs": (("two", "base"), ("one", "base"))},
+            "bodies 'one' and 'two' touch, and no pair .* names them both: .* Everything",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_mend(wrong: dict[str, Any], said: str) -> None:
+    found = [remark for remark in pile(**wrong) if "finds no contact" not in remark]
+    assert found
+    assert any(re.search(said, remark) for remark in found), found
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_in_the_plane(unit: float) -> None:
+    bodies = [
+        rigid_rectangle("floor", (2 * unit, 0.2 * unit), (0, -0.1 * unit), 1.0),
+        rigid_rectangle("block", (unit, unit), (0, 0.5 * unit), 1.0),
+        rigid_rectangle("other", (unit, unit), (0.2 * unit, 1.5 * unit), 1.0),
+    ]
+    model = build_model(bodies, supports=[Support("floor", ("x", "y", "rz"))], gravity=lambda t: (0.0, 9.81 * unit))
+    pair = SurfacePair(contact_surface(model, [("block", "y-")]), contact_surface(model, [("floor", "y+")]), 0.5, 1e-3 * unit)
+    found = " ".join(Simulation(model, Detector([pair], model.n_nodes), Theta(1e-3), 3)._opening(at_rest(model, h=1e-3)))
+    for said in ("along +y", "body 'other': no support", "bodies 'block' and 'other' touch"):
+        assert said in found
+    everything = Simulation(model, Everything(model, 0.5), Theta(1e-3), 3)._opening(at_rest(model, h=1e-3))
+    assert len(everything) == 1 and "along +y" in everything[0]
+
+
+@pytest.mark.parametrize("name", ["stack", "arch", "masonry_wall", "impact_bar", "boxes", "slider_crank", "wall_hit", "hertz"])
+def test_no_false_alarm_of_a_case(name: str) -> None:
+    script = load_case(CASES / name)
+    simulation = script.build(script.parameters()).simulation
+    assert simulation._opening(simulation.initial or at_rest(simulation.model, h=simulation.scheme.h)) == ()
+
+
+def test_it_is_shown_once_by_the_run() -> None:
+    model = build_model([rigid_box("a", (1, 1, 1), (0, 0, 2), 1.0), rigid_box("floor", (4, 4, 1), (0, 0, 0), 1.0)],
+                        supports=[Support("floor", ALL)], gravity=lambda t: (0, 0, 9.81))  # fmt: skip
+    steps = list(Simulation(model, Everything(model, 0.3), Theta(1e-2), 3))
+    assert ["free bodies rise" in " ".join(step.remarks) for step in steps] == [True, False, False]
