@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fcsim import apart
+from fcsim.apart import reading as apart
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.foreign import read_foreign
