@@ -1,4 +1,4 @@
-"""What holds bodies together: ball joints, hinges, sliders, rods, cables, springs with dashpots, tied and bonded surfaces, control of a displacement."""
+"""What holds bodies together: ball joints, hinges, sliders, rods, cables, springs with dashpots, tied and bonded surfaces; control."""
 
 from fcsim.linkage.cables import WithCables, without_contact_of
 from fcsim.linkage.linkage import Linkage, Rows

@@ -27,15 +27,20 @@ from fcsim.timestep.step import Step
 
 _SHARE = 1e-5  # of the weight: the regularising force of a block that moves with the load
 _NOTHING = 1e-4  # of the largest multiplier: what is less holds nothing
+_DROP, _SMALLEST = 0.02, 1e-3  # of it: what drops more in a step is looked at by shorter ones, down to a share of the step
 NAME = "push"
 
 
 @dataclass(frozen=True)
 class Branch:
-    """displacement (n,) [m], the mean along the load, and multiplier (n,); first the multiplier that sets the structure in motion."""
+    """displacement (n,) [m], the mean along the load, and multiplier (n,); first the multiplier that sets the structure in motion.
+
+    held: whether blocks held on to each other to the end; False where one came off before, as a corner that passes another's
+    """
 
     displacement: FloatArray
     multiplier: FloatArray
+    held: bool = True
 
     @property
     def largest(self) -> float:
@@ -54,34 +59,46 @@ class Branch:
 
 
 def push_by_displacement(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Branch:
-    """Return the curve of multiplier by displacement until the multiplier is zero or the displacement is `to` [m].
+    """Return the curve of multiplier by displacement until the multiplier is zero, a block comes off, or the displacement is `to` [m].
 
-    step [m]: of the displacement, by default 2e-3 of the structure's extent; to: by default half its extent. InputError where loads that
-    grow have several directions.
+    step [m]: of the displacement, by default 1e-3 of the structure's extent; shorter where the multiplier drops. to: by default half its
+    extent. InputError where loads that grow have several directions.
     """
-    pairs = [(displacement, multiplier) for _, displacement, multiplier in branch_steps(problem, step=step, to=to)]
-    curve = np.array(pairs)
-    return Branch(curve[:, 0], curve[:, 1])
+    steps = [(displacement, multiplier) for _, displacement, multiplier in branch_steps(problem, step=step, to=to)]
+    came_off = len(steps) > 1 and steps[-1][1] < -_DROP * max(multiplier for _, multiplier in steps)
+    curve = np.array(steps[:-1] if came_off else steps)
+    return Branch(curve[:, 0], curve[:, 1], not came_off)
 
 
 def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Iterator[tuple[Step, float, float]]:
-    """Yield the steps of `push_by_displacement`, each with its displacement [m] and multiplier; the last one's may be below zero."""
-    step = 2e-3 * problem.size if step is None else step
+    """Yield the steps of `push_by_displacement`, each with its displacement [m] and multiplier.
+
+    The last multiplier may be below zero; it is far below where a block came off, which falls in that step as far as the regularising
+    mass lets it.
+    """
+    step = 2.5e-4 * problem.size if step is None else step
     to = 0.5 * problem.size if to is None else to
     if not (np.isfinite(step) and np.isfinite(to) and 0 < step <= to):
         raise InputError(f"step, to: expected displacements in m with 0 < step <= to, got {step} and {to}")
     model, _ = structure(problem)
     control, load = _control(problem)
-    scheme = QuasiStatic(step, _SHARE * GRAVITY * step)  # eta dx/h^2 = _SHARE g at dx = h: the control's pace is 1, times are displacements
-    detector, solver = Everything(model, problem.friction), SolverSettings(name="auto")
-    steps = int(np.ceil(to / step))
-    along, largest = np.array(control.direction), 0.0
-    for taken in Simulation(model, detector, scheme, steps, solver, linkage=Linkage(model, [control]), created=np.inf):
-        multiplier = (float(taken.link_force(NAME) @ along) - _regularisation(taken) / step) / load
-        largest = max(largest, multiplier)
-        yield taken, taken.state.t - step, multiplier  # the forces are those of where the step begins
+    linkage, detector = Linkage(model, [control]), Everything(model, problem.friction)
+    along, largest, before = np.array(control.direction), 0.0, None
+    moment, h = None, step
+    while moment is None or moment.state.t < to:
+        # the control's pace is 1: times are displacements; eta h/h^2 = _SHARE g
+        scheme, number = QuasiStatic(h, _SHARE * GRAVITY * h), 0 if moment is None else moment.number
+        simulation = Simulation(model, detector, scheme, number + 1, SolverSettings(name="auto"), linkage=linkage, created=np.inf)
+        taken = next(iter(simulation.run(moment)))
+        multiplier = (float(taken.link_force(NAME) @ along) - _regularisation(taken) / h) / load
+        if before is not None and before - multiplier > _DROP * largest and h > _SMALLEST * step:
+            h *= 0.5
+            continue
+        largest, before = max(largest, multiplier), multiplier
+        yield taken, taken.previous.t, multiplier  # the forces are those of where the step begins
         if multiplier < _NOTHING * largest:
             return
+        moment, h = taken.moment, min(2 * h, step)
 
 
 def _regularisation(step: Step) -> float:
