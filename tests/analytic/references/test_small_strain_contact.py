@@ -55,7 +55,7 @@ def test_A11_slip_threshold_on_an_inclined_plane(share: float, sticks: bool) -> 
     steps = loaded(model, [pair(model, ("pad", "y-"), ("floor", "y+"), 0.3)], 24, last=12.0, eta=1e3)
     moved = np.array([(displacement(model, step, "pad") @ R)[:, 0].mean() for step in steps[4:]])
     if sticks:
-        assert_allclose(moved, moved[0], atol=1e-4 * moved[0])
+        assert_allclose(moved, moved[0], rtol=1e-3)  # it slips by a million times as much
     else:
         assert np.all(np.diff(moved) > 1e3)
 
