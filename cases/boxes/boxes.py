@@ -36,7 +36,7 @@ GRAVITY = 9.81  # [m/s^2]
 @dataclass(frozen=True)
 class Parameters:
     """Every number of the case; SI units. across: boxes along an edge of the pile; gap: between boxes at the start, by their side;
-    turn: the largest angle by which boxes are turned about the vertical, at random [degrees]; shift: of every second course, by the pitch."""
+    turn: the largest angle about the vertical by which boxes are turned at random [degrees]; shift: of every second course by the pitch."""
 
     across: int = 10
     side: float = 0.1

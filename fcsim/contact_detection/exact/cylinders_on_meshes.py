@@ -137,9 +137,7 @@ def _rims_on_edges(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
     i, edge, N, point, foot, share, code = crossings_of_rims(now, skin, x, normal, cylinders, alert)
     nodes = np.column_stack([skin.edges[edge], np.full(len(edge), -1)])
     weights = np.column_stack([1 - share, share, np.zeros(len(edge))])
-    return _touch(
-        now, skin, cylinders[i], N, point, foot, nodes, weights, skin.edge_facets[edge, 0], 6 * i + code, len(skin.facets) + edge
-    )
+    return _touch(now, skin, cylinders[i], N, point, foot, nodes, weights, skin.edge_facets[edge, 0], 6 * i + code, len(skin.facets) + edge)
 
 
 def _touch(

@@ -1,6 +1,6 @@
 """Rims of cylinders that cross in space: neither on a side nor flat on an end of the other.
 
-Points p(alpha) and q(beta) of two circles whose distance is stationary lie on their common normal N, along the cross product of the tangents.
+Points p(alpha) and q(beta) of two circles whose distance is stationary lie on their common normal N, along the tangents' cross product.
 It is a contact where N lies in both normal cones, between each rim's radius and the end's normal: by convexity the plane across N then
 parts the cylinders, and the gap (p - q) . N is their distance. Of overlapping ones the middle of p and q is in both.
 """
@@ -71,7 +71,7 @@ def on_rim(now: Placed, solid: IntArray, end: FloatArray, angle: FloatArray) -> 
 
 
 def _nearest(now: Placed, a: IntArray, b: IntArray, end_a: FloatArray, end_b: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Rows and angles on both rims where their distance is least nearby: the samples of a nearest to the circle of b, then Newton's method."""
+    """Rows and angles on both rims where their distance is least nearby: samples of a nearest to the circle of b, then Newton's method."""
     n, r = len(a), now.solids.radius
     if not n:
         return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)
