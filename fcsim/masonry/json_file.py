@@ -117,7 +117,7 @@ def _block(entry: Any, where: str) -> Block:
 
 
 def _block_entry(block: Block) -> dict[str, Any]:
-    entry: dict[str, Any] = {"id": block.name, "vertices": block.surface.points, "faces": block.surface.triangles}
+    entry: dict[str, Any] = {"id": block.name, "vertices": block.surface.points, "faces": block.surface.polygons}
     for key in ("density", "mass"):
         if getattr(block, key) is not None:
             entry[key] = getattr(block, key)
