@@ -158,9 +158,17 @@ class Delassus:
         return compressed_blocks(self.matrix, self.dimension)
 
     @cached_property
+    def rows(self) -> Matrix:
+        """The matrix by block rows (bsr), itself where it is so stored."""
+        if self.is_sparse and self.matrix.format == "bsr" and self.matrix.blocksize == (self.dimension, self.dimension):
+            return self.matrix
+        indptr, column, blocks = self.blocks
+        return sp.bsr_array((blocks, column.astype(np.int32), indptr.astype(np.int32)), shape=self.W.shape)
+
+    @cached_property
     def joints(self) -> BlockRows | None:
         """A sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
-        return joint_rows(self.matrix, self.dimension) if self.is_sparse else None
+        return joint_rows(self.rows, self.dimension) if self.is_sparse else None
 
     @cached_property
     def elimination(self) -> Elimination:
@@ -186,10 +194,11 @@ class Delassus:
     def _restored(self) -> Delassus:
         if self.elimination == "dense":
             return self._of(self.W.toarray())
-        indptr, column, blocks = compressed_blocks(self.W, self.dimension)
-        # a copy even of block rows: sorting the caller's in place would change the last bits of later products
-        rows = sp.bsr_array((blocks.copy(), column.astype(np.int32), indptr.astype(np.int32)), shape=self.W.shape)
-        rows.sort_indices()
+        rows = self.rows if self.shift is None else Delassus(self.W, self.dimension).rows
+        if not rows.has_sorted_indices:
+            # a copy even of block rows: sorting the caller's in place would change the last bits of later products
+            rows = rows.copy()
+            rows.sort_indices()
         return self._of(rows)
 
     def _of(self, W: Matrix) -> Delassus:

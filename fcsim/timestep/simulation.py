@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
+from fcsim.assembly.locking import locking_parts
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection import Detection
@@ -165,7 +166,8 @@ class Simulation:
 
     def _opening(self, state: State) -> tuple[str, ...]:
         """Remarks as a run begins."""
-        return opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage is not None)
+        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage is not None)
+        return (*locking_parts(self.model), *own)
 
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
         """Yield the steps after a moment (default: the initial state).
