@@ -68,7 +68,8 @@ def _rims(
     star: IntArray,
     first_star: IntArray,
 ) -> int:
-    """How many rims of the facet f the foot lies on, nearer than `beside`; writes their directions inwards (_RIMS, 3) and points on them, start (_RIMS, 3).
+    """How many rims of the facet f the foot lies on, nearer than `beside`; writes their directions inwards (_RIMS, 3) and points on them,
+    start (_RIMS, 3).
 
     At a corner, the rims there of all facets in that plane: a face may be cut into triangles.
     """
