@@ -1,4 +1,4 @@
-"""fcsim limit | tilt | push: what a structure of blocks bears, by limit analysis and by simulation."""
+"""fcsim limit | tilt | push | shake: what a structure of blocks bears, by limit analysis and by simulation."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.masonry_histories import push_by_displacement, shake_ground
 from fcsim.command_line.terminal import print_table, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
 
@@ -18,7 +19,7 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the commands `limit`, `tilt` and `push`."""
+    """Add the commands `limit`, `tilt`, `push` and `shake`."""
     limit = commands.add_parser(
         "limit",
         help="largest load of a masonry structure by limit analysis",
@@ -26,6 +27,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "upper bound, and the least one at which Coulomb's friction allows a mechanism.",
     )
     limit.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    limit.add_argument(
+        "--friction", action="store_true", help="the factor by which all friction could be reduced, in place of the multiplier"
+    )
+    limit.add_argument("--multiplier", type=float, default=0.0, help="of the loads that grow, with --friction (default 0)")
     limit.set_defaults(act=_limit)
     tilt = commands.add_parser(
         "tilt",
@@ -42,14 +47,31 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description="Print the load multiplier at which a structure begins to move and to fall, by limit analysis and by simulation.",
     )
     push.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    push.add_argument("--branch", action="store_true", help="the multiplier by displacement and its descending branch, not trials")
+    push.add_argument("--step", type=float, help="[m] of the displacement on the branch (default 2.5e-4 of the structure's extent)")
+    push.add_argument("--to", type=float, help="[m] displacement at which the branch ends (default half the structure's extent)")
     push.set_defaults(act=_push)
-    for command in (limit, tilt, push):
+    shake = commands.add_parser(
+        "shake",
+        help="what an earthquake or a pulse makes of a masonry structure",
+        description="Shake the ground by the model's base_acceleration or a record; print how far blocks move and which fall.",
+    )
+    shake.add_argument("--record", type=Path, help="CSV, columns 't [s]' and 'a [m/s^2]' or 'a [g]', in place of base_acceleration")
+    shake.add_argument("--direction", type=_direction, default=AXES["x"], help="of the record: x, 1,0.5,0 or =-x (default x)")
+    shake.add_argument("--factor", type=float, default=1.0, help="on the record's accelerations (default 1)")
+    shake.add_argument("--duration", type=float, help="[s] (default: the record's and 2 s)")
+    shake.add_argument(
+        "--h", type=float, help="[s] step (default: a hundredth of the time in which the smallest block falls by its extent)"
+    )
+    shake.set_defaults(act=lambda options: shake_ground(options, _read(options)))
+    for command in (limit, tilt, push, shake):
         command.add_argument("model", type=Path, help="a masonry problem in JSON, or solids: .stl, .obj, .ply, .off, .3mf, .glb")
         command.add_argument("--density", type=float, default=2000.0, help="[kg/m^3] of the solids of a surface file (default 2000)")
         command.add_argument("--scale", type=float, help="metres to a unit of length of a surface file: 1e-3 for mm")
         command.add_argument("--support", action="append", default=[], metavar="NAME", help="solid that is held (default: a floor)")
         command.add_argument("--mu", type=float, help="friction coefficient of all joints, in place of the problem's")
-        command.add_argument("--tolerance", type=float, help="[m] blocks that are nearer touch (default 1e-4 of the smallest block)")
+        if command is not shake:
+            command.add_argument("--tolerance", type=float, help="[m] blocks that are nearer touch (default 1e-4 of the smallest block)")
         command.add_argument("--out", type=Path, help="folder for the analysis (JSON), its joints (CSV) and the picture of the mechanism")
         command.add_argument("--json", action="store_true", help="print JSON")
     for command in (tilt, push):
@@ -85,7 +107,33 @@ def _limit(options: argparse.Namespace) -> int:
     from fcsim.masonry import analyse, pushed
 
     problem = _read(options)
-    return _report(options, analyse(problem if options.direction is None else pushed(problem, options.direction), options.tolerance), None)
+    problem = problem if options.direction is None else pushed(problem, options.direction)
+    if options.friction:
+        return _friction(options, problem)
+    if options.multiplier:
+        raise InputError("--multiplier: expected it with --friction")
+    return _report(options, analyse(problem, options.tolerance), None)
+
+
+def _friction(options: argparse.Namespace, problem: MasonryProblem) -> int:
+    from fcsim.masonry import friction_factor, limit_problem
+
+    factor = friction_factor(limit_problem(problem, tolerance=options.tolerance), options.multiplier)
+    if options.out is not None:
+        raise InputError("--out: expected it without --friction, whose answer is one number")
+    if options.json:
+        from fcsim.records import json_text
+
+        say(json_text({"name": problem.name, "multiplier": options.multiplier, "friction_factor": factor}).rstrip())
+        return EXIT_OK
+    if factor == 0:
+        said = "no friction holds it"
+    elif factor == math.inf:
+        said = "it needs no friction"
+    else:
+        said = f"factor of safety by reduction of friction {factor:.5g}: it needs mu {problem.mu / factor:.5g} of {problem.mu:g}"
+    say(f"{problem.title or problem.name}: {said}")
+    return EXIT_OK
 
 
 def _push(options: argparse.Namespace) -> int:
@@ -97,6 +145,11 @@ def _push(options: argparse.Namespace) -> int:
     _refuse_film_without_folder(options)
     if not problem.scaled:
         raise InputError(f"{options.model}: expected a load that the multiplier scales, or --direction, got none")
+    if options.branch:
+        return push_by_displacement(options, problem)
+    for name in ("step", "to"):
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name}: expected it with --branch, got it without")
     analysis = analyse(problem, options.tolerance)
     seen = _simulated(options, analysis)
     code = _report(options, analysis, seen)

@@ -1,20 +1,25 @@
 """Masonry: problems of blocks from files, their collapse loads by limit analysis and by simulation."""
 
+from fcsim.masonry.branch import Branch, push_by_displacement
 from fcsim.masonry.collapse import Bracket, Trial, bracket, trial
 from fcsim.masonry.json_file import read_masonry, write_masonry
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis, analyse
+from fcsim.masonry.limit_analysis.friction_reduction import friction_factor
 from fcsim.masonry.limit_analysis.joints import Joint, joints_of
 from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
-from fcsim.masonry.problem import Acceleration, Block, Expected, MasonryProblem, PointForce
+from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce
 from fcsim.masonry.pushes import pushed, tilted
+from fcsim.masonry.shake import Shake, shake, shaken
 from fcsim.masonry.structure import Stone, structure
 from fcsim.masonry.surfaces import masonry_of_surfaces
 
 __all__ = [
     "Acceleration",
+    "BaseAcceleration",
     "Block",
     "Bracket",
+    "Branch",
     "Expected",
     "Joint",
     "LimitAnalysis",
@@ -22,17 +27,22 @@ __all__ = [
     "LimitProblem",
     "MasonryProblem",
     "PointForce",
+    "Shake",
     "Stone",
     "Trial",
     "analyse",
     "associative_limit",
     "bracket",
     "coulomb_limit",
+    "friction_factor",
     "joints_of",
     "limit_problem",
     "masonry_of_surfaces",
+    "push_by_displacement",
     "pushed",
     "read_masonry",
+    "shake",
+    "shaken",
     "structure",
     "tilted",
     "trial",
