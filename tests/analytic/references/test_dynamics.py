@@ -1,7 +1,5 @@
 """Published and closed problems of dynamics: D1, D2, D3 and D6 of the reference list of issue 16."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -109,16 +107,10 @@ def test_D6_coulomb_block_on_a_spring() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "L", "R", "v", "law", "length", "foot", "tol"),
-    [
-        ("copper", 32.4, 3.2, 227e3, FinitePlastic(117e3, 0.35, 8.93e-9, LinearHardening(400.0, 100.0)), 21.21, 7.07, 0.03),
-        ("aluminium", 23.47, 3.81, 478e3, FinitePlastic(70e3, 0.3, 2.7e-9, LinearHardening(420.0, 100.0)), 13.19, None, 0.03),
-    ],
-)
-def test_D2_taylor_bar(name: str, L: float, R: float, v: float, law: Any, length: float, foot: float | None, tol: float) -> None:
-    """code_aster sdnv103 and VMC8: a bar thrown against a wall; its length in the end, and the radius of its foot (mm, N, t, s); a wedge of
-    four degrees around a hole of a hundredth of the radius."""
+def test_D2_taylor_bar() -> None:
+    """code_aster sdnv103: a bar of copper, R 3.2 and L 32.4 mm, thrown at 227 m/s against a wall without friction: 21.21 mm long after 80 us,
+    its foot 7.07 mm in radius (mm, N, t, s). A wedge of four degrees around a hole of a hundredth of the radius."""
+    L, R, v, law = 32.4, 3.2, 227e3, FinitePlastic(117e3, 0.35, 8.93e-9, LinearHardening(400.0, 100.0))
     angle = np.radians(4.0)
     grid = [spaced(0.01 * R, R, 5), spaced(0, L, 28, 1.04), spaced(0, 1, 1)]
     part = block("bar", grid, law, "Q1-bbar", wedge(angle))
@@ -136,6 +128,5 @@ def test_D2_taylor_bar(name: str, L: float, R: float, v: float, law: Any, length
     *_, last = run
     x = part.points + displacement(model, last, "bar")
     top = np.isclose(part.points[:, 2], L)
-    assert_allclose(x[top, 2].mean(), length, rtol=tol)
-    if foot is not None:
-        assert_allclose(np.linalg.norm(x[:, :2], axis=1).max(), foot, rtol=0.05)
+    assert_allclose(x[top, 2].mean(), 21.21, rtol=0.03)
+    assert_allclose(np.linalg.norm(x[:, :2], axis=1).max(), 7.07, rtol=0.05)
