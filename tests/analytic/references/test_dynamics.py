@@ -108,7 +108,7 @@ def test_D6_coulomb_block_on_a_spring() -> None:
 
 @pytest.mark.slow
 def test_D2_taylor_bar() -> None:
-    """code_aster sdnv103: a bar of copper, R 3.2 and L 32.4 mm, thrown at 227 m/s against a wall without friction: 21.21 mm long after 80 us,
+    """code_aster sdnv103: a bar of copper, R 3.2 and L 32.4 mm, thrown at 227 m/s against a smooth wall: 21.21 mm long after 80 us,
     its foot 7.07 mm in radius (mm, N, t, s). A wedge of four degrees around a hole of a hundredth of the radius."""
     L, R, v, law = 32.4, 3.2, 227e3, FinitePlastic(117e3, 0.35, 8.93e-9, LinearHardening(400.0, 100.0))
     angle = np.radians(4.0)
