@@ -4,27 +4,35 @@ dimension 2 (plane x, z; blocks are prisms along y) or 3
 blocks    [{id, vertices [[x, y, z], ...], faces [[vertex numbers], ...] (left out: a hexahedron in VTK's order), density or mass, support}]
 contact   {mu, mu_between [{between [id, id], mu}]}
 loads     [{kind "acceleration", value} | {kind "force", block, value, point}, each with scaled_by_multiplier]
-support_motion [{block, velocity}]; expected [{quantity, value, kind, bound, tolerance}]; name, title, question, source
+support_motion [{block, velocity}]
+initial_pose [{block, translation, rotation [rx, ry, rz] (vector, rad), about [x, y, z] (left out: the centroid)}]: where blocks begin
+base_acceleration [{direction, times, values} | {kind "half_sine" or "sine", value (amplitude and direction), duration, frequency}]
+expected [{quantity, value, kind, bound, tolerance}]; name, title, question, source
 
-Other keys are left aside, but for `initial_pose` and `base_acceleration`, which would change the problem and are refused.
+Other keys are left aside.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.errors import InputError
 from fcsim.files import note_read
-from fcsim.masonry.problem import Acceleration, Block, Expected, MasonryProblem, PointForce
+from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce
 from fcsim.mesh.solids.closed_surface import closed_surface
 from fcsim.records import from_json, read_json, write_record
 
 SCHEMA = "masonry-problem/1"
 HEXAHEDRON = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 """The faces of VTK's hexahedron."""
-_NOT_READ = ("initial_pose", "base_acceleration")
+_SAMPLES = 500  # of a half wave
 
 
 def read_masonry(path: str | Path) -> MasonryProblem:
@@ -39,9 +47,6 @@ def read_masonry(path: str | Path) -> MasonryProblem:
     if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
         found = data.get("schema", "no schema") if isinstance(data, Mapping) else type(data).__name__
         raise InputError(f'{where}: expected a masonry problem, schema "{SCHEMA}", got {found!r}')
-    refused = [key for key in _NOT_READ if data.get(key) is not None]
-    if refused:
-        raise InputError(f"{where}: {', '.join(refused)}: not read yet; expected blocks as their vertices say, on ground at rest")
     blocks = _entries(data, "blocks", where)
     if not blocks:
         raise InputError(f"{where}, blocks: expected at least one, got none")
@@ -53,14 +58,22 @@ def read_masonry(path: str | Path) -> MasonryProblem:
         if len(pair) != 2:
             raise InputError(f"{where}, mu_between: expected the names of two blocks, got {pair}")
         between[pair[0], pair[1]] = _get(float, entry, "mu", f"{where}, mu_between {pair}")
+    poses = [_pose(entry, f"{where}, initial_pose") for entry in _one_or_more(data, "initial_pose", where)]
+    read = [_block(entry, where) for entry in blocks]
+    for name, moved in poses:
+        found = [k for k, block in enumerate(read) if block.name == name]
+        if not found:
+            raise InputError(f"{where}, initial_pose: expected the name of a block, got {name!r}")
+        read[found[0]] = moved(read[found[0]])
     return MasonryProblem(
         name=_get(str, data, "name", where, path.stem),
         dimension=_get(int, data, "dimension", where),
-        blocks=tuple(_block(entry, where) for entry in blocks),
+        blocks=tuple(read),
         mu=_get(float, contact, "mu", f"{where}, contact"),
         loads=tuple(_load(entry, where) for entry in _entries(data, "loads", where)),
         between=between,
         motion=dict(_motion(entry, f"{where}, support_motion") for entry in _entries(data, "support_motion", where)),
+        shaking=tuple(_shaking(entry, f"{where}, base_acceleration") for entry in _one_or_more(data, "base_acceleration", where)),
         title=_get(str, data, "title", where, ""),
         question=_get(str, data, "question", where, ""),
         expected=tuple(_expected(entry, f"{where}, expected") for entry in _entries(data, "expected", where)),
@@ -87,6 +100,10 @@ def write_masonry(path: str | Path, problem: MasonryProblem) -> None:
     }
     if problem.motion:
         data["support_motion"] = [{"block": name, "velocity": velocity} for name, velocity in problem.motion.items()]
+    if problem.shaking:
+        data["base_acceleration"] = [
+            {"direction": shake.direction, "times": shake.record.times, "values": shake.record.values} for shake in problem.shaking
+        ]
     write_record(Path(path), data)
 
 
@@ -114,6 +131,44 @@ def _block(entry: Any, where: str) -> Block:
     if not support and not (given is not None and given > 0):
         raise InputError(f"{what}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")
     return Block(surface, density, mass, support) if given else Block(surface, support=support)
+
+
+def _pose(entry: Any, where: str) -> tuple[str, Callable[[Block], Block]]:
+    """The name of a block, and how it is moved to where it begins."""
+    entry = _mapping(entry, where)
+    name = _name(entry, "block", where)
+    translation, rotation = (_vector(entry, key, where) if key in entry else (0.0, 0.0, 0.0) for key in ("translation", "rotation"))
+    about = _vector(entry, "about", where) if entry.get("about") is not None else None
+
+    def moved(block: Block) -> Block:
+        centre = block.surface.moments()[1] if about is None else np.asarray(about)
+        points = Rotation.from_rotvec(rotation).apply(block.surface.points - centre) + centre + np.asarray(translation)
+        return replace(block, surface=replace(block.surface, points=points))
+
+    return name, moved
+
+
+def _shaking(entry: Any, where: str) -> BaseAcceleration:
+    entry = _mapping(entry, where)
+    if "times" in entry:
+        times, values = (_get(tuple[float, ...], entry, key, where) for key in ("times", "values"))
+        return BaseAcceleration(_vector(entry, "direction", where), _record(times, values, where))
+    kind, value = _get(str, entry, "kind", where), _vector(entry, "value", where)
+    if kind not in ("half_sine", "sine"):
+        raise InputError(f'{where}: expected times and values, or the kind "half_sine" or "sine", got {kind!r}')
+    duration = _get(float, entry, "duration", where)
+    frequency = 0.5 / duration if kind == "half_sine" and duration > 0 else _get(float, entry, "frequency", where)
+    if not (duration > 0 and frequency > 0):
+        raise InputError(f"{where}: expected a duration [s] and a frequency [Hz] > 0, got {duration} and {frequency}")
+    times = np.linspace(0.0, duration, int(np.ceil(2 * frequency * duration)) * _SAMPLES + 1)
+    return BaseAcceleration(value, _record(times, np.linalg.norm(value) * np.sin(2 * np.pi * frequency * times), where))
+
+
+def _record(times: Any, values: Any, where: str) -> AccelerationRecord:
+    try:
+        return AccelerationRecord(np.asarray(times), np.asarray(values))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def _block_entry(block: Block) -> dict[str, Any]:
@@ -190,6 +245,12 @@ def _mapping(value: Any, where: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise InputError(f"{where}: expected a record {{...}}, got {type(value).__name__}")
     return value
+
+
+def _one_or_more(data: Mapping[str, Any], key: str, where: str) -> list[Any]:
+    """A list of entries, or one of them alone."""
+    value = data.get(key) or []
+    return [value] if isinstance(value, Mapping) else _entries({key: value}, key, where)
 
 
 def _entries(data: Mapping[str, Any], key: str, where: str) -> list[Any]:
