@@ -4,7 +4,7 @@ The public names are loaded when first used, so that the core (FCLIB files, solv
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fcsim import runtime as _runtime
 from fcsim.version import __version__ as __version__
@@ -222,7 +222,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'fcsim' has no attribute {name!r}")
     return getattr(import_module(f"fcsim.{_HOME[name]}"), name)

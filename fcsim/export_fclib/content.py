@@ -9,6 +9,7 @@ from typing import Literal
 
 from fcsim.arrays import FloatArray
 from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem.problem import GlobalForm
 from fcsim.problem.rolling import GlobalRollingProblem
 
 Problem = GlobalProblem | LocalProblem | GlobalRollingProblem
@@ -88,7 +89,7 @@ class FclibFile:
     guesses: tuple[Solution, ...] = ()
 
 
-def solution_sizes(problem: Problem) -> dict[str, int]:
+def solution_sizes(problem: GlobalForm | LocalProblem) -> dict[str, int]:
     """Return the length of each vector that a solution of `problem` consists of."""
     sizes = {"u": problem.m, "r": problem.m}
     multiplier = problem.s if isinstance(problem, LocalProblem) else problem.b

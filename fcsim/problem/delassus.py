@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, TypeVar
+from typing import Literal, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,7 +28,6 @@ from fcsim.problem.motion import Motion
 from fcsim.problem.shifted_factor import plus_diagonal, rows_with_diagonal, shifted_factor
 
 Elimination = Literal["dense", "fronts", "sparse"]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +43,7 @@ class Delassus:
     dimension: int = 3
     shift: FloatArray | None = None
     motion: Motion | None = None
-    _made: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False)
+    _made: dict[Hashable, object] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def size(self) -> int:
@@ -58,7 +57,7 @@ class Delassus:
 
     @property
     def is_sparse(self) -> bool:
-        return bool(sp.issparse(self.W))
+        return not isinstance(self.W, np.ndarray)
 
     def shifted(self, shift: FloatArray | float) -> Delassus:
         """The operator of the same W with diag(shift), one number a contact (nc,) or one for all, in the place of its own."""
@@ -89,14 +88,14 @@ class Delassus:
         W = self.W
         if self.shift is not None:
             return self @ x + q
-        if sp.issparse(W) and W.format == "bsr" and W.blocksize == (3, 3):  # twice as quick as SciPy's product for any size of block
+        if not isinstance(W, np.ndarray) and W.format == "bsr" and W.blocksize == (3, 3):  # twice as quick as SciPy's for any block
             return product(W.indptr, W.indices, W.data, q.reshape(-1, 3), x.reshape(-1, 3)).ravel()
         return W @ x + q
 
     @cached_property
     def entries(self) -> int:
         """Entries of W that are not zero."""
-        return int(np.count_nonzero(self.W.data if self.is_sparse else self.W))
+        return int(np.count_nonzero(self.W if isinstance(self.W, np.ndarray) else self.W.data))
 
     @property
     def density(self) -> float:
@@ -165,13 +164,13 @@ class Delassus:
     def stored(self) -> Delassus:
         """W in the storage of its elimination: dense, or by sorted block rows; this object where it is so stored."""
         if self.elimination == "dense":
-            return self._of(self.W.toarray()) if self.is_sparse else self
-        d = self.dimension
-        if self.is_sparse and self.W.format == "bsr" and self.W.blocksize == (d, d) and self.W.has_sorted_indices:
+            return self if isinstance(self.W, np.ndarray) else self._of(self.W.toarray())
+        W, d = self.W, self.dimension
+        if not isinstance(W, np.ndarray) and W.format == "bsr" and W.blocksize == (d, d) and W.has_sorted_indices:
             return self
-        indptr, column, blocks = compressed_blocks(self.W, d)
+        indptr, column, blocks = compressed_blocks(W, d)
         # a copy even of block rows: sorting the caller's in place would change the last bits of later products
-        rows = sp.bsr_array((blocks.copy(), column.astype(np.int32), indptr.astype(np.int32)), shape=self.W.shape)
+        rows = sp.bsr_array((blocks.copy(), column.astype(np.int32), indptr.astype(np.int32)), shape=W.shape)
         rows.sort_indices()
         return self._of(rows)
 
@@ -185,25 +184,24 @@ class Delassus:
         return shifted_factor(self.matrix, self.dimension, rho, symmetric, lambda: self._analysed)
 
     @cached_property
-    def _analysed(self) -> tuple[Matrix, Analysis]:
+    def _analysed(self) -> tuple[sp.bsr_array, Analysis]:
         """A sparse W by block rows with every diagonal block, and what their pattern alone decides of a factor."""
         rows = rows_with_diagonal(self.matrix, self.dimension)
         return rows, Analysis(rows)
 
-    def derived(self, make: Callable[..., T], *arguments: Hashable) -> T:
+    def derived[T](self, make: Callable[..., T], *arguments: Hashable) -> T:
         """What make(self, *arguments) derives from this operator, made once."""
         key = (make, *arguments)
         if key not in self._made:
             self._made[key] = make(self, *arguments)
-        made: T = self._made[key]
-        return made
+        return cast(T, self._made[key])
 
 
 def diagonal_blocks(W: Matrix, d: int) -> FloatArray:
     """The blocks W_aa (nc, d, d) of W (m, m), dense or sparse."""
     nc = W.shape[0] // d
     index = np.arange(nc)
-    if not sp.issparse(W):
+    if isinstance(W, np.ndarray):
         return W.reshape(nc, d, nc, d)[index, :, index, :]
     if W.format == "bsr" and W.blocksize == (d, d):
         row = np.repeat(index, np.diff(W.indptr))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,8 @@ from fcsim.errors import MissingDependency
 from fcsim.files import replacing
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from matplotlib.figure import Figure
 
 # Okabe and Ito's palette, which colour-blind readers tell apart (https://jfly.uni-koeln.de/color)
@@ -50,7 +52,7 @@ PREFIXES = {
 LEAST = {"m": 0.0999, "Pa": 0.0999}  # 0.36 mm and 0.45 MPa rather than 360 µm and 450 kPa
 
 
-def matplotlib() -> Any:
+def matplotlib() -> ModuleType:
     """Return the matplotlib package; MissingDependency where it is absent."""
     try:
         import matplotlib
@@ -60,7 +62,7 @@ def matplotlib() -> Any:
     return matplotlib
 
 
-def figure(width: float, height: float, dpi: float = 100.0, **options: Any) -> Figure:
+def figure(width: float, height: float, dpi: float = 100.0, **options: object) -> Figure:
     """Return a figure of width x height [inch], owned by the caller alone (pyplot knows nothing of it)."""
     return matplotlib().figure.Figure(figsize=(width, height), dpi=dpi, **options)
 

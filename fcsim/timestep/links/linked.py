@@ -18,11 +18,11 @@ g(x_m) + L theta u+: with l = F / phi, phi the force of a unit l,
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
 from fcsim.linkage.linkage import Linkage, Rows
@@ -36,12 +36,12 @@ class Linked:
 
     linkage: Linkage
     rows: Rows
-    G: Any
+    G: sp.csr_array
     b: FloatArray
     compliance: FloatArray
 
     @property
-    def kept(self) -> Any:
+    def kept(self) -> BoolArray:
         """Which rows (p,) are kept exactly."""
         return self.compliance == 0
 

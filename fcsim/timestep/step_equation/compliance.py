@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
@@ -27,7 +26,7 @@ class StepCompliance:
 
     factor: SystemFactor
     joint: FloatArray | None = None
-    summed: Any = None
+    summed: Matrix | None = None
 
     @cached_property
     def _soft(self) -> IntArray:
@@ -40,14 +39,14 @@ class StepCompliance:
         model = self.factor.model
         return (len(model.free_dofs) if model.driven == "eliminated" else model.n_dofs) + len(self._soft)
 
-    def matrix(self) -> Any:
+    def matrix(self) -> sp.csr_array:
         """M of the problem."""
         matrix = self.factor.matrix()
         if self.joint is None:
             return matrix
         return sp.csr_array(sp.block_diag([matrix, sp.diags_array(1 / self.joint[self._soft])], format="csr"))
 
-    def with_joints(self, H: Any) -> Any:
+    def with_joints(self, H: sp.sparray) -> sp.sparray:
         """The problem's H (n, m) from that of the bodies' unknowns."""
         if self.joint is None:
             return H
@@ -69,7 +68,7 @@ class StepCompliance:
         own = len(rhs) - len(self._soft)
         return np.concatenate([self.factor.solve(rhs[:own]), self.joint[self._soft] * rhs[own:]])
 
-    def delassus(self, H: Any, dimension: int) -> Any:
+    def delassus(self, H: sp.sparray, dimension: int) -> Matrix:
         """Return W = H^T M^-1 H (m, m) for H (n, m) on the problem's unknowns."""
         if self.summed is not None:
             return self.summed
@@ -85,7 +84,7 @@ class StepCompliance:
         matrix = W.matrix()
         return matrix if self.joint is None else _with_diagonal(matrix, self.joint, dimension)
 
-    def _in_frames(self, H: Any) -> Any:
+    def _in_frames(self, H: sp.csc_array) -> sp.csc_array:
         """H along the supports' axes as they are in the axes of the bodies' compliances."""
         model = self.factor.model
         axes = model.axes_matrix
@@ -99,7 +98,7 @@ class StepCompliance:
         return turned if axes is None else sp.csc_array(axes @ turned)
 
 
-def _with_diagonal(W: Any, diagonal: FloatArray, d: int) -> Any:
+def _with_diagonal(W: Matrix, diagonal: FloatArray, d: int) -> Matrix:
     """W + diag, in the storage of W."""
     if isinstance(W, np.ndarray):
         W[np.diag_indices_from(W)] += diagonal

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.timestep.step_equation.compliance import StepCompliance
 
 REDUNDANT = 1e-11
@@ -57,22 +56,22 @@ class LinkedCompliance:
     summed: W of this H and G where it is known already."""
 
     base: StepCompliance
-    G: Any
+    G: sp.csr_array
     compliance: FloatArray
-    summed: Any = None
+    summed: Matrix | None = None
 
     @cached_property
     def _soft(self) -> IntArray:
         return np.flatnonzero(self.compliance)
 
     @cached_property
-    def _on_base(self) -> Any:
+    def _on_base(self) -> sp.csr_array:
         """G on the base's unknowns."""
         more = self.base.unknowns - self.G.shape[0]
         return sp.csr_array(sp.vstack([self.G, sp.csr_array((more, self.G.shape[1]))])) if more else self.G
 
     @cached_property
-    def matrix_of_links(self) -> Any:
+    def matrix_of_links(self) -> sp.csr_array:
         """The problem's G (n, p)."""
         k = len(self._soft)
         if not k:
@@ -80,12 +79,12 @@ class LinkedCompliance:
         own = sp.csr_array((np.ones(k), (np.arange(k), self._soft)), shape=(k, self.G.shape[1]))
         return sp.csr_array(sp.vstack([self._on_base, own]))
 
-    def matrix(self) -> Any:
+    def matrix(self) -> sp.csr_array:
         """M of the problem."""
         M = self.base.matrix()
         return sp.csr_array(sp.block_diag([M, sp.diags_array(1 / self.compliance[self._soft])], format="csr")) if len(self._soft) else M
 
-    def with_joints(self, H: Any) -> Any:
+    def with_joints(self, H: sp.sparray) -> sp.sparray:
         """The problem's H (n, m) from that of the bodies' unknowns."""
         H = self.base.with_joints(H)
         return sp.csr_array(sp.vstack([H, sp.csr_array((len(self._soft), H.shape[1]))])) if len(self._soft) else H
@@ -107,7 +106,7 @@ class LinkedCompliance:
         S[np.diag_indices_from(S)] += self.compliance
         return _Inverse(S)
 
-    def _with_contacts(self, H: Any, d: int) -> Any:
+    def _with_contacts(self, H: sp.sparray, d: int) -> Matrix:
         """[H, G]^T M^-1 [H, G] of the base in blocks of d, G filled up to whole blocks."""
         n, p = self._on_base.shape
         wide = sp.csc_array(sp.hstack([H, self._on_base, sp.csr_array((n, -p % d))], format="csc"))
@@ -127,7 +126,7 @@ class LinkedCompliance:
         v = v + self.base.solve(self._on_base @ multiplier)
         return np.concatenate([v, s + self.compliance[self._soft] * multiplier[self._soft], multiplier])
 
-    def delassus(self, H: Any, dimension: int) -> Any:
+    def delassus(self, H: sp.sparray, dimension: int) -> Matrix:
         """Return W - V S^-1 V^T (m, m) for H (n + p, m), zero on the links' own unknowns."""
         if self.summed is not None:
             return self.summed
@@ -147,6 +146,5 @@ class LinkedCompliance:
         return sp.bsr_array(sp.csr_array(W) - sp.csr_array((tile.ravel(), (rows, columns)), shape=(m, m)), blocksize=(dimension, dimension))
 
 
-def _dense(A: Any) -> FloatArray:
-    found: FloatArray = A.toarray() if sp.issparse(A) else np.asarray(A)
-    return found
+def _dense(A: Matrix) -> FloatArray:
+    return A if isinstance(A, np.ndarray) else A.toarray()
