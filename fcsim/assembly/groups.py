@@ -86,7 +86,7 @@ class Group:
         axes = frames[some][single]
         return axes[:1] if np.all(np.abs(np.abs(axes @ axes[0]) - 1) < PARALLEL) else None
 
-    @property
+    @cached_property
     def dofs(self) -> IntArray:
         """Degrees of freedom (nb, n_part)."""
         return self.first[:, None] + np.arange(self.size)

@@ -231,7 +231,9 @@ class Model(BodyLayout):
 
     def node_velocity(self, v: FloatArray, x: FloatArray | None = None) -> FloatArray:
         """Velocity (n_nodes, d) [m/s] of all nodes for v (n_dofs,), in the configuration x (default: the reference)."""
-        return self.node_operator(np.zeros(self.n_dofs) if x is None else x).dot(v).reshape(-1, self.dimension)
+        x = np.zeros(self.n_dofs) if x is None else x
+        elastic = v[: self.n_elastic].reshape(-1, self.dimension)
+        return np.concatenate([elastic, self.rigid_bodies.velocity(self.rigid_part(x), self.rigid_part(v))])
 
     def advance(self, x: FloatArray, dx: FloatArray) -> FloatArray:
         """Return the configuration x moved by the increment dx; rotations are composed, exp(dx) exp(x), not added."""

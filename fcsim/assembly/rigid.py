@@ -105,6 +105,15 @@ class RigidBodies:
         turned = np.einsum("aij,aj->ai", self.rotation(q)[self._body], self._arm)
         return q[self._body, : self.dimension] + turned - self._arm
 
+    def velocity(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Velocities v + omega x (p - c) (np, d) [m/s] of the points of all bodies for v (nr, k) in the configuration q."""
+        d = self.dimension
+        arm = np.einsum("aij,aj->ai", self.rotation(q)[self._body], self._arm)
+        of_body = v[self._body]
+        if d == 3:
+            return of_body[:, :3] + np.cross(of_body[:, 3:], arm)
+        return of_body[:, :2] + of_body[:, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+
     def node_operator(self, q: FloatArray) -> Any:
         """B (d np, k nr), sparse: the points' velocities v + omega x (p - c) = B (v, omega) in the configuration q."""
         d, k = self.dimension, self.size

@@ -143,6 +143,11 @@ class Monitor:
         with np.errstate(over="ignore"):
             self.scale = max(float(np.linalg.norm(q)), floor)  # what the error divides by
 
+    @property
+    def checks(self) -> bool:
+        """Whether an error at or below `tol` counts only with the u that follows from r."""
+        return self._velocity is not None
+
     def error(self, r: FloatArray, u: FloatArray) -> float:
         """The error, see `fcsim.problem.scaled_error`, at (r, u = W r + q)."""
         return relative(natural_map_residual(r, u, self.mu, self.dimension, self.compliance), self.scale)

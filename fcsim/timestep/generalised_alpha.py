@@ -202,7 +202,7 @@ class GeneralisedAlpha:
         elastic = model.elastic
         first, last = elastic.at(before.x), elastic.at(after.x)
         middle = elastic.at(before.x + alpha_f * (after.x - before.x))
-        energies = elastic.energy(first), elastic.energy(last)
+        energies, loss = elastic.energies(first, last)
         velocity, drift, strain_work = alpha_f * after.v + (1 - alpha_f) * before.v, np.zeros_like(dx), 0.0
         if model.held.turns:  # what driven rotations leave dx by, see `Theta.energy`
             drift = model.driven_share(after.x - before.x - dx)
@@ -211,7 +211,7 @@ class GeneralisedAlpha:
         if elastic.turning:
             elastic_loss = float((dx + drift) @ elastic.force(middle, middle, 1.0)) - (energies[1] - energies[0])
         else:
-            elastic_loss = (alpha_f - 0.5) * elastic.loss(first, last)
+            elastic_loss = (alpha_f - 0.5) * loss
         M0, M1 = momentum(model, before), momentum(model, after)
         damping = model.alpha * (alpha_f * M1 + (1 - alpha_f) * M0)
         viscous = 0.0

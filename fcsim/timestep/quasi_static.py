@@ -154,11 +154,9 @@ class QuasiStatic:
         """
         dx = self.h * after.v
         first, last = model.elastic.at(before.x), model.elastic.at(after.x)
-        energies = model.elastic.energy(first), model.elastic.energy(last)
-        if model.elastic.turning:
-            euler = float(dx @ model.elastic.force(last, last, 1.0)) - (energies[1] - energies[0])
-        else:
-            euler = 0.5 * model.elastic.loss(first, last)
+        energies, loss = model.elastic.energies(first, last)
+        gain = energies[1] - energies[0]
+        euler = float(dx @ model.elastic.force(last, last, 1.0)) - gain if model.elastic.turning else 0.5 * loss
         regularisation = self.eta / self.h**2 * float(dx @ model.apply_mass(dx, model.rigid_mass(before.x))) if self.eta else 0.0
         return balance(
             kinetic=(0.0, 0.0),

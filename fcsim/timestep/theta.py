@@ -157,7 +157,8 @@ class Theta:
         v, dv = theta * v1 + (1 - theta) * v0, v1 - v0
         M0, M1 = momentum(model, before), momentum(model, after)
         first, last = model.elastic.at(before.x), model.elastic.at(after.x)
-        loss, supports = model.elastic.loss(first, last), float(v @ support)
+        elastic, loss = model.elastic.energies(first, last)
+        supports = float(v @ support)
         dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
         inner = before.x + theta * dx, self.elastic_time, theta
         if model.held.turns:
@@ -166,7 +167,7 @@ class Theta:
             supports += float(drift @ (model.elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
-            elastic=(model.elastic.energy(first), model.elastic.energy(last)),
+            elastic=elastic,
             loads=h * float(v @ self._force(model, before)),
             supports=supports,
             damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta / h * loss,

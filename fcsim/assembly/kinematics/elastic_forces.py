@@ -72,29 +72,22 @@ class ElasticForces:
 
     def energy(self, configuration: Configuration) -> float:
         """y . K y / 2 [J] of all bodies."""
-        return 0.5 * self.work_of_strain(configuration, configuration)
+        return self.energies(configuration, configuration)[0][0]
 
-    def work_of_strain(self, first: Configuration, last: Configuration) -> float:
-        """y_0 . K y_1 [J]."""
-        total = 0.0
-        for group, floating, a, b in zip(self.groups, self._floating, first.frames, last.frames, strict=True):
-            if floating is None or a is None or b is None:
-                total += float(np.sum(first.x[group.dofs] * (group.K @ last.x[group.dofs].T).T))
+    def energies(self, first: Configuration, last: Configuration) -> tuple[tuple[float, float], float]:
+        """(y_0 . K y_0 / 2, y_1 . K y_1 / 2) and dy . K dy [J] of all bodies with the change dy from the first to the last."""
+        start = change = loss = 0.0
+        for group, a, b in zip(self.groups, first.frames, last.frames, strict=True):
+            if a is None or b is None:
+                y, dy = first.x[group.dofs], last.x[group.dofs] - first.x[group.dofs]
             else:
-                total += float(np.sum(a.strained * floating.stress(b.strained)))
-        return total
-
-    def loss(self, first: Configuration, last: Configuration) -> float:
-        """dy . K dy [J] of the change dy from the first to the last configuration."""
-        total = 0.0
-        for group, floating, a, b in zip(self.groups, self._floating, first.frames, last.frames, strict=True):
-            if floating is None or a is None or b is None:
-                dx = last.x[group.dofs] - first.x[group.dofs]
-                total += float(np.sum(dx * (group.K @ dx.T).T))
-            else:
-                dy = b.strained - a.strained
-                total += float(np.sum(dy * floating.stress(dy)))
-        return total
+                y = a.strained.reshape(len(a.strained), -1)
+                dy = b.strained.reshape(y.shape) - y
+            forces = (group.K @ np.concatenate([y, dy]).T).T  # K is read once
+            start += 0.5 * float(np.sum(y * forces[: len(y)]))
+            change += float(np.sum(y * forces[len(y) :]))
+            loss += float(np.sum(dy * forces[len(y) :]))
+        return (start, start + change + 0.5 * loss), loss
 
     def force(self, first: Configuration, last: Configuration, share: float, v: FloatArray | None = None) -> FloatArray:
         """Forces (n_dofs,) [N] D^T K (share y_1 + (1 - share) y_0 + beta D v) between two configurations, see `frames`; K (share x_1 + ...)

@@ -70,9 +70,9 @@ class _Progress:
     def verdict(self, r: FloatArray, space: NewtonSpace) -> Status | None:
         """Why to stop at r (m,), None to go on."""
         monitor, options = self._monitor, self._options
-        if not space.exact and monitor.error(r, space.u) <= monitor.tol:
-            space.recompute()
-        error = monitor.record(r, space.u)  # (S.1)
+        error = monitor.record(r, space.u) if monitor.checks else self._recorded(r, space)  # (S.1)
+        if error > monitor.tol and not space.exact and monitor.error(r, space.u) <= monitor.tol:
+            space.recompute()  # it has drifted: what follows goes on from what r gives
         self._before = min(self._before, error) if monitor.iterations == self._watched else self._before
         if error <= monitor.tol:
             return Status.SOLVED
@@ -87,6 +87,12 @@ class _Progress:
                 return Status.STAGNATED
             self._watched, self._before = monitor.iterations, monitor.best
         return None
+
+    def _recorded(self, r: FloatArray, space: NewtonSpace) -> float:
+        """The error of a monitor that takes u as it comes: not one that was carried along."""
+        if not space.exact and self._monitor.error(r, space.u) <= self._monitor.tol:
+            space.recompute()
+        return self._monitor.record(r, space.u)
 
 
 def newton_iterations(
