@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
-from typing import Any
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -31,6 +31,12 @@ from fcsim.mesh.material.linear import lame as isotropic_lame
 from fcsim.mesh.order.quadrature import quadrature
 from fcsim.mesh.part import Part
 from fcsim.mesh.region_parts import region_parts
+
+if TYPE_CHECKING:
+    from dolfinx.fem import Constant, FunctionSpace
+    from dolfinx.fem import Form as CompiledForm
+    from dolfinx.mesh import Mesh
+    from ufl import Form, Measure
 
 # Polynomial degree integrated exactly, in each direction for hexahedra and quadrilaterals: 3 = two Gauss points a direction.
 # Exact for simplices; for trilinear cells exact for nodal volumes, pressures and mass, and the full 2 x 2 x 2 rule for stiffness.
@@ -240,34 +246,34 @@ def _surface_load(part: Part, surface_name: str, force: FloatArray, pressure: fl
 class Discretisation:
     """A part's dolfinx mesh and the spaces of its order; `node` (nn,) is the part's node of each point of dolfinx's geometry."""
 
-    mesh: Any
+    mesh: Mesh
     node: IntArray
-    scalar_space: Any
-    vector_space: Any
+    scalar_space: FunctionSpace
+    vector_space: FunctionSpace
     degree: dict[str, int]
 
-    def dx(self, integral: str) -> Any:
+    def dx(self, integral: str) -> Measure:
         import ufl
 
         return ufl.Measure("dx", domain=self.mesh, metadata={"quadrature_degree": self.degree[integral]})
 
-    def constant(self, value: ArrayLike) -> Any:
+    def constant(self, value: ArrayLike) -> Constant:
         """A `Constant` is no part of the generated code, so all materials share one compiled form."""
         return runtime.dolfinx().fem.Constant(self.mesh, np.asarray(value, dtype=np.float64))
 
-    def dof(self, space: Any) -> IntArray:
+    def dof(self, space: FunctionSpace) -> IntArray:
         """Return the part's dof number of each dof of the space (both list the nodes of a cell in the same order)."""
         node = np.empty(len(self.node), dtype=np.int64)
         node[space.dofmap.list] = self.node[self.mesh.geometry.dofmaps[0]]
         components = space.dofmap.index_map_bs
         return (components * node[:, None] + np.arange(components)).ravel()
 
-    def matrix(self, form: Any, space: Any) -> csr_array:
+    def matrix(self, form: Form, space: FunctionSpace) -> csr_array:
         entries = runtime.dolfinx().fem.assemble_matrix(_compiled(form)).to_scipy().tocoo()
         dof = self.dof(space)
         return csr_array((entries.data, (dof[entries.row], dof[entries.col])), shape=entries.shape)
 
-    def vector(self, form: Any, space: Any) -> FloatArray:
+    def vector(self, form: Form, space: FunctionSpace) -> FloatArray:
         dof = self.dof(space)
         values = np.empty(len(dof))
         values[dof] = runtime.dolfinx().fem.assemble_vector(_compiled(form)).array
@@ -320,7 +326,7 @@ def discretise(part: Part) -> Discretisation:
     )
 
 
-def _compiled(form: Any) -> Any:
+def _compiled(form: Form) -> CompiledForm:
     """Return the form compiled to machine code by ffcx (cached on disk)."""
     dolfinx = runtime.dolfinx()
     from cffi import VerificationError

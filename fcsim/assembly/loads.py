@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.supports import TimeFunction
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
+
+if TYPE_CHECKING:
+    from ufl import Form
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ class FormLoad:
     """
 
     body: str
-    form: Callable[[PartForms], Any]
+    form: Callable[[PartForms], Form]
     factor: TimeFunction = field(default=lambda t: 1.0)
 
 

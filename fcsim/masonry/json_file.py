@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Literal, cast
 
 from fcsim.errors import InputError
 from fcsim.files import note_read
@@ -47,22 +47,22 @@ def read_masonry(path: str | Path) -> MasonryProblem:
         raise InputError(f"{where}, blocks: expected at least one, got none")
     contact = _mapping(data.get("contact"), f"{where}, contact")
     between = {}
-    for entry in _entries(contact, "mu_between", f"{where}, contact"):
-        entry = _mapping(entry, f"{where}, mu_between")
+    for given in _entries(contact, "mu_between", f"{where}, contact"):
+        entry = _mapping(given, f"{where}, mu_between")
         pair = _get(tuple[str, ...], entry, "between", f"{where}, mu_between")
         if len(pair) != 2:
             raise InputError(f"{where}, mu_between: expected the names of two blocks, got {pair}")
         between[pair[0], pair[1]] = _get(float, entry, "mu", f"{where}, mu_between {pair}")
     return MasonryProblem(
-        name=_get(str, data, "name", where, path.stem),
-        dimension=_get(int, data, "dimension", where),
+        name=_optional(str, data, "name", where, path.stem),
+        dimension=cast(Literal[2, 3], _get(int, data, "dimension", where)),
         blocks=tuple(_block(entry, where) for entry in blocks),
         mu=_get(float, contact, "mu", f"{where}, contact"),
         loads=tuple(_load(entry, where) for entry in _entries(data, "loads", where)),
         between=between,
         motion=dict(_motion(entry, f"{where}, support_motion") for entry in _entries(data, "support_motion", where)),
-        title=_get(str, data, "title", where, ""),
-        question=_get(str, data, "question", where, ""),
+        title=_optional(str, data, "title", where, ""),
+        question=_optional(str, data, "question", where, ""),
         expected=tuple(_expected(entry, f"{where}, expected") for entry in _entries(data, "expected", where)),
         source=_source(data.get("source", []), where),
     )
@@ -70,10 +70,10 @@ def read_masonry(path: str | Path) -> MasonryProblem:
 
 def write_masonry(path: str | Path, problem: MasonryProblem) -> None:
     """Write a masonry problem; `read_masonry` reads it again."""
-    contact: dict[str, Any] = {"mu": problem.mu}
+    contact: dict[str, object] = {"mu": problem.mu}
     if problem.between:
         contact["mu_between"] = [{"between": pair, "mu": mu} for pair, mu in problem.between.items()]
-    data: dict[str, Any] = {
+    data: dict[str, object] = {
         "schema": SCHEMA,
         "name": problem.name,
         "title": problem.title,
@@ -90,14 +90,14 @@ def write_masonry(path: str | Path, problem: MasonryProblem) -> None:
     write_record(Path(path), data)
 
 
-def _block(entry: Any, where: str) -> Block:
-    entry = _mapping(entry, f"{where}, blocks")
+def _block(given: object, where: str) -> Block:
+    entry = _mapping(given, f"{where}, blocks")
     name = _name(entry, "id", f"{where}, blocks")
     what = f"{where}, block {name!r}"
     vertices = _get(tuple[tuple[float, ...], ...], entry, "vertices", what)
     if any(len(vertex) != 3 for vertex in vertices):
         raise InputError(f"{what}, vertices: expected three coordinates each")
-    faces = _get(tuple[tuple[int, ...], ...] | None, entry, "faces", what, None)
+    faces = _optional(tuple[tuple[int, ...], ...], entry, "faces", what, None)
     if faces is None:
         if len(vertices) != 8:
             raise InputError(f"{what}: expected faces, or the 8 vertices of a hexahedron, got {len(vertices)} vertices")
@@ -106,29 +106,29 @@ def _block(entry: Any, where: str) -> Block:
         surface = closed_surface(name, vertices, faces)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    support = _get(bool, entry, "support", what, False)
-    mass, density = _get(float | None, entry, "mass", what, None), _get(float | None, entry, "density", what, None)
+    support = _optional(bool, entry, "support", what, False)
+    mass, density = _optional(float, entry, "mass", what, None), _optional(float, entry, "density", what, None)
     if mass is not None:  # a mass counts, whatever density stands beside it
         density = None
-    given = mass if density is None else density
-    if not support and not (given is not None and given > 0):
+    weight = mass if density is None else density
+    if not support and not (weight is not None and weight > 0):
         raise InputError(f"{what}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")
-    return Block(surface, density, mass, support) if given else Block(surface, support=support)
+    return Block(surface, density, mass, support) if weight else Block(surface, support=support)
 
 
-def _block_entry(block: Block) -> dict[str, Any]:
-    entry: dict[str, Any] = {"id": block.name, "vertices": block.surface.points, "faces": block.surface.triangles}
+def _block_entry(block: Block) -> dict[str, object]:
+    entry: dict[str, object] = {"id": block.name, "vertices": block.surface.points, "faces": block.surface.triangles}
     for key in ("density", "mass"):
         if getattr(block, key) is not None:
             entry[key] = getattr(block, key)
     return {**entry, "support": True} if block.support else entry
 
 
-def _load(entry: Any, where: str) -> Acceleration | PointForce:
-    entry = _mapping(entry, f"{where}, loads")
+def _load(given: object, where: str) -> Acceleration | PointForce:
+    entry = _mapping(given, f"{where}, loads")
     kind = _get(str, entry, "kind", f"{where}, loads")
     what = f"{where}, load {kind!r}"
-    value, scaled = _vector(entry, "value", what), _get(bool, entry, "scaled_by_multiplier", what, False)
+    value, scaled = _vector(entry, "value", what), _optional(bool, entry, "scaled_by_multiplier", what, False)
     if kind == "acceleration":
         return Acceleration(value, scaled)
     if kind == "force":
@@ -137,62 +137,64 @@ def _load(entry: Any, where: str) -> Acceleration | PointForce:
     raise InputError(f'{where}, loads: expected the kind "acceleration" or "force", got {kind!r}')
 
 
-def _load_entry(load: Acceleration | PointForce) -> dict[str, Any]:
-    entry: dict[str, Any] = {"kind": "acceleration", "value": load.value, "scaled_by_multiplier": load.scaled}
+def _load_entry(load: Acceleration | PointForce) -> dict[str, object]:
+    entry: dict[str, object] = {"kind": "acceleration", "value": load.value, "scaled_by_multiplier": load.scaled}
     if isinstance(load, PointForce):
         entry |= {"kind": "force", "block": load.block} | ({} if load.point is None else {"point": load.point})
     return entry
 
 
-def _motion(entry: Any, where: str) -> tuple[str, tuple[float, float, float]]:
-    entry = _mapping(entry, where)
+def _motion(given: object, where: str) -> tuple[str, tuple[float, float, float]]:
+    entry = _mapping(given, where)
     return _name(entry, "block", where), _vector(entry, "velocity", where)
 
 
-def _expected(entry: Any, where: str) -> Expected:
-    entry = _mapping(entry, where)
+def _expected(given: object, where: str) -> Expected:
+    entry = _mapping(given, where)
     value = entry.get("value")
     if not isinstance(value, str):
         value = _get(float, entry, "value", where)
-    texts = {key: _get(str, entry, key, where, "") for key in ("kind", "bound")}
-    return Expected(_get(str, entry, "quantity", where), value, **texts, tolerance=_get(float | None, entry, "tolerance", where, None))
+    texts = {key: _optional(str, entry, key, where, "") for key in ("kind", "bound")}
+    return Expected(_get(str, entry, "quantity", where), value, **texts, tolerance=_optional(float, entry, "tolerance", where, None))
 
 
-def _source(value: Any, where: str) -> tuple[str, ...]:
+def _source(value: object, where: str) -> tuple[str, ...]:
     return (value,) if isinstance(value, str) else from_json(tuple[str, ...], value, f"{where}, source")
 
 
-def _name(entry: Mapping[str, Any], key: str, where: str) -> str:
+def _name(entry: Mapping[str, object], key: str, where: str) -> str:
     """A block's name; a number counts as its digits."""
     value = entry.get(key)
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else _get(str, entry, key, where)
 
 
-def _vector(entry: Mapping[str, Any], key: str, where: str) -> tuple[float, float, float]:
+def _vector(entry: Mapping[str, object], key: str, where: str) -> tuple[float, float, float]:
     values = _get(tuple[float, ...], entry, key, where)
     if len(values) != 3:
         raise InputError(f"{where}, {key}: expected three numbers, got {len(values)}")
     return values[0], values[1], values[2]
 
 
-_MISSING = object()
-
-
-def _get(kind: Any, entry: Mapping[str, Any], key: str, where: str, default: Any = _MISSING) -> Any:
+def _get[T](kind: type[T], entry: Mapping[str, object], key: str, where: str) -> T:
     if key not in entry:
-        if default is _MISSING:
-            raise InputError(f"{where}: expected the key {key!r}, got {', '.join(map(repr, entry)) or 'none'}")
+        raise InputError(f"{where}: expected the key {key!r}, got {', '.join(map(repr, entry)) or 'none'}")
+    return from_json(kind, entry[key], f"{where}, {key}")
+
+
+def _optional[T, D](kind: type[T], entry: Mapping[str, object], key: str, where: str, default: D) -> T | D:
+    """The value, or the default where there is none; null stands for a default of None."""
+    if key not in entry or (default is None and entry[key] is None):
         return default
     return from_json(kind, entry[key], f"{where}, {key}")
 
 
-def _mapping(value: Any, where: str) -> Mapping[str, Any]:
+def _mapping(value: object, where: str) -> Mapping[str, object]:
     if not isinstance(value, Mapping):
         raise InputError(f"{where}: expected a record {{...}}, got {type(value).__name__}")
     return value
 
 
-def _entries(data: Mapping[str, Any], key: str, where: str) -> list[Any]:
+def _entries(data: Mapping[str, object], key: str, where: str) -> list[object]:
     value = data.get(key, [])
     if not isinstance(value, list):
         raise InputError(f"{where}, {key}: expected a list, got {type(value).__name__}")

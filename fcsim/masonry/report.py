@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from fcsim.records import write_record
 from fcsim.version import __version__
 
 
-def summary(analysis: LimitAnalysis, seen: Bracket | None) -> Mapping[str, Any]:
+def summary(analysis: LimitAnalysis, seen: Bracket | None) -> Mapping[str, object]:
     """What is known of the collapse load, in JSON's types."""
     found = {
         limit.law.lower(): {"outcome": limit.outcome, "multiplier": limit.multiplier, "rounds": limit.rounds, "span": limit.span}
