@@ -20,7 +20,10 @@ PADDING = 0.15
 
 
 class Analysis:
-    """What the pattern of a matrix alone decides: the elimination tree and where the fronts' panels, own columns with all rows, begin."""
+    """What the pattern of a matrix alone decides: the elimination tree and where the fronts' panels, own columns with all rows, begin.
+
+    flops: operations of an LU (twice those of the Cholesky factor); entries: those of the factor.
+    """
 
     def __init__(self, A: sp.bsr_array) -> None:
         """A (m, m) symmetric, by square blocks (bsr), every diagonal block stored; of two mirror images the values of one are read."""
@@ -29,6 +32,7 @@ class Analysis:
         tree = elimination_tree(self.indptr, self.indices, PADDING)
         own, border = self.dimension * np.diff(tree.first), self.dimension * np.diff(tree.starts)
         self.offsets = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(own * (own + border))])
+        self.flops, self.entries = tree.flops(self.dimension), int(self.offsets[-1])  # of an LU; of the factor
         self.fronts = tree.order, tree.first, tree.starts, tree.rows, self.offsets
 
 

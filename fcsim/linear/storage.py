@@ -18,7 +18,7 @@ REAL = 8
 
 @dataclass(frozen=True)
 class Work:
-    """Operations [flops], memory read and written [bytes], small steps (calls on vectors)."""
+    """Operations [flops], memory read and written [bytes], small steps (calls on short vectors)."""
 
     flops: float = 0.0
     bytes: float = 0.0
@@ -43,14 +43,14 @@ class Machine:
         return work.flops / self.flops + work.bytes / self.bytes + work.steps * self.step
 
 
-REFERENCE = Machine(flops=2.5e10, bytes=1.5e10, step=3e-5)
-"""One core of a common processor of 2020."""
+REFERENCE = Machine(flops=2.5e10, bytes=1.5e10, step=3e-6)
+"""One core of a common processor of 2020; a step: a call of NumPy, LAPACK or a compiled function from Python, on a short vector."""
 
 FILLED = 0.2
 """Share of the entries from which elimination fills in most of the rest, so that it is dense whatever the size."""
 PASSES = 94
 """Times that sparse elimination and its solve read or write an entry with its index: 50 ns each, measured at 4 to 14 % of the entries."""
-STEPS = 5
+STEPS = 50
 """Small steps of handing a sparse matrix over."""
 DENSE_UP_TO = 12_000
 """Unknowns up to which a dense factor is affordable (1.1 GB)."""

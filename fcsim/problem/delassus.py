@@ -181,11 +181,11 @@ class Delassus:
 
     def factor(self, rho: float, *, symmetric: bool) -> Factor:
         """The factor of W + rho I: Cholesky where symmetric and positive definite, else LU; SingularMatrix where that fails."""
-        return shifted_factor(self.matrix, self.dimension, rho, symmetric, lambda: self._analysed)
+        return shifted_factor(self.matrix, self.dimension, rho, symmetric, lambda: self.analysis)
 
     @cached_property
-    def _analysed(self) -> tuple[sp.bsr_array, Analysis]:
-        """A sparse W by block rows with every diagonal block, and what their pattern alone decides of a factor."""
+    def analysis(self) -> tuple[sp.bsr_array, Analysis]:
+        """A sparse symmetric W by block rows with every diagonal block, and what their pattern alone decides of a factor."""
         rows = rows_with_diagonal(self.matrix, self.dimension)
         return rows, Analysis(rows)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.problem import LocalProblem
-from fcsim.solvers.newton._formulation_kernels import split_compliances
+from fcsim.solvers.newton._formulation_kernels import adapted_rho, split_compliances
 
 
 def spectral_norm(W: FloatArray) -> FloatArray:
@@ -74,10 +74,5 @@ def adapt_rho(rho: FloatArray, first: FloatArray, du: FloatArray, dr: FloatArray
     Khobotov's rule with the constants of He and Liao (J. Optim. Theory Appl. 112, 2002), as in the projection methods: rho is multiplied
     by 2/3 above and by 3/2 below, within a factor of 100 of where it began. It sees the compliance through the other contacts too.
     """
-    adapted = rho.copy()
-    for part in (slice(0, 1), slice(1, None)) if split else (slice(0, None),):
-        u_size, r_size = (np.sqrt(np.einsum("ai,ai->a", z[:, part], z[:, part])) for z in (du, dr))
-        stretch = rho[:, part.start] * u_size
-        factor = np.where(stretch > 0.9 * r_size, 2 / 3, np.where(stretch < 0.3 * r_size, 3 / 2, 1.0))
-        adapted[:, part] *= factor[:, None]
-    return np.clip(adapted, *adaptive_range(first))
+    adapted: FloatArray = adapted_rho(rho, *adaptive_range(first), du, dr, split)
+    return adapted

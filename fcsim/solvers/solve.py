@@ -19,7 +19,7 @@ from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
 from fcsim.solvers.base import Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
-from fcsim.solvers.small.door import small
+from fcsim.solvers.small.door import LEAST_LIMIT, small
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.solvers.table import method
 
@@ -56,7 +56,7 @@ def solve(
     chosen = method(solver)
     choice("error", error, ERRORS)
     checked_limits(tol, floor, time_limit)
-    if memory is None and time_limit == float("inf"):
+    if memory is None and time_limit >= LEAST_LIMIT:
         answered = small(problem, chosen, bool(overrides), solver, r, tol, error, floor)
         if answered is not None:
             return answered

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.contact_detection.general._foot_kernels import dot
+from fcsim.contact_detection._vector_kernels import Vector, at, cross, dot, length, minus, plus, times, unit
 from fcsim.contact_detection.general._pierce_kernels import pierced
 
 _FLAT = np.cos(np.deg2rad(1.0))  # faces that oppose each other closer than this touch flatly: the contact's normal is the face's
@@ -16,25 +16,24 @@ _ARC = 0.05  # sine of how far the normal may leave the arc between an edge's fa
 
 
 @njit(cache=True)
-def _in_face(edge: int, place: int, direction: FloatArray, normals: FloatArray, edge_facets: IntArray) -> FloatArray:
+def _in_face(edge: int, place: int, direction: Vector, normals: FloatArray, edge_facets: IntArray) -> Vector:
     """Unit vector in the edge's first or second facet, across the edge and away from it."""
-    n = normals[edge_facets[edge, place]]
-    t = np.cross(n, direction) if place == 0 else np.cross(direction, n)
-    return t / np.sqrt(dot(t, t))
+    n = at(normals, edge_facets[edge, place])
+    return unit(cross(n, direction) if place == 0 else cross(direction, n))
 
 
 @njit(cache=True)
-def _flat_normal(a: int, b: int, normals: FloatArray, sizes: FloatArray, edge_facets: IntArray) -> tuple[bool, FloatArray]:
+def _flat_normal(a: int, b: int, normals: FloatArray, sizes: FloatArray, edge_facets: IntArray) -> tuple[bool, Vector]:
     """The larger face's normal, from b to a, where two faces of the edges touch flatly."""
     best, fa, fb = -_FLAT, -1, -1
     for i in range(2):
         for j in range(2):
-            c = dot(normals[edge_facets[a, i]], normals[edge_facets[b, j]])
+            c = dot(at(normals, edge_facets[a, i]), at(normals, edge_facets[b, j]))
             if c < best:
                 best, fa, fb = c, edge_facets[a, i], edge_facets[b, j]
     if fa < 0:
-        return False, normals[0]
-    return True, -normals[fa] if sizes[fa] > sizes[fb] else normals[fb]
+        return False, at(normals, 0)
+    return True, times(-1.0, at(normals, fa)) if sizes[fa] > sizes[fb] else at(normals, fb)
 
 
 @njit(cache=True)
@@ -84,26 +83,28 @@ def crossings(
     count = 0
     for row in range(n):
         a, b = first[row], second[row]
-        pa, pb = point[edges[a, 0]], point[edges[b, 0]]
-        da, db = point[edges[a, 1]] - pa, point[edges[b, 1]] - pb
-        la, lb = np.sqrt(dot(da, da)), np.sqrt(dot(db, db))
-        da, db = da / la, db / lb
-        r = pb - pa
+        pa, pb = at(point, edges[a, 0]), at(point, edges[b, 0])
+        da, db = minus(at(point, edges[a, 1]), pa), minus(at(point, edges[b, 1]), pb)
+        la, lb = length(da), length(db)
+        da, db = unit(da), unit(db)
+        across = cross(da, db)
+        sine = length(across)
+        if sine < _PARALLEL:
+            continue
+        r = minus(pb, pa)
         flat, N = _flat_normal(a, b, normals, sizes, edge_facets)
         if flat:
-            cross = dot(N, np.cross(da, db))
-            if abs(cross) < _PARALLEL:
+            turn = dot(N, across)
+            if abs(turn) < _PARALLEL:
                 continue
-            s, t = dot(N, np.cross(r, db)) / cross, dot(N, np.cross(r, da)) / cross
+            s, t = dot(N, cross(r, db)) / turn, dot(N, cross(r, da)) / turn
         else:
-            across = np.cross(da, db)
-            sine = np.sqrt(dot(across, across))
             if sine < _ALONG:
                 continue
-            N = across / sine
-            if dot(N, normals[edge_facets[b, 0]] + normals[edge_facets[b, 1]]) < 0.0:
-                N = -N
-            if dot(N, normals[edge_facets[a, 0]] + normals[edge_facets[a, 1]]) >= 0.0:
+            N = times(1.0 / sine, across)
+            if dot(N, plus(at(normals, edge_facets[b, 0]), at(normals, edge_facets[b, 1]))) < 0.0:
+                N = times(-1.0, N)
+            if dot(N, plus(at(normals, edge_facets[a, 0]), at(normals, edge_facets[a, 1]))) >= 0.0:
                 continue
             extreme = True
             for k in range(2):  # both bodies fall away from the common tangent plane
@@ -111,11 +112,11 @@ def crossings(
                 extreme = extreme and dot(N, _in_face(a, k, da, normals, edge_facets)) >= -_ARC
             if not extreme:
                 continue
-            s, t = dot(np.cross(r, db), across) / sine**2, dot(np.cross(r, da), across) / sine**2
+            s, t = dot(cross(r, db), across) / sine**2, dot(cross(r, da), across) / sine**2
         tol = near[row]
         if not (tol < s < la - tol and tol < t < lb - tol):
             continue
-        g = dot(pa + s * da - pb - t * db, N)
+        g = dot(minus(minus(times(s, da), times(t, db)), r), N)
         if -depth[row] <= g <= alert[row]:
             if g < -tol:
                 theirs = _pierces(a, b, tol, point, normals, facets, sides, edges, edge_facets)
@@ -123,7 +124,8 @@ def crossings(
                 through[count] = max(theirs, ours)
             else:
                 through[count] = 2
-            rows[count], normal[count], gap[count] = row, N, g
+            rows[count], gap[count] = row, g
+            normal[count, 0], normal[count, 1], normal[count, 2] = N
             place[count, 0], place[count, 1] = s / la, t / lb
             count += 1
     return rows[:count].copy(), normal[:count].copy(), gap[:count].copy(), place[:count].copy(), through[:count].copy()

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.general._foot_kernels import dot
+from fcsim.contact_detection._vector_kernels import dot
 from fcsim.contact_detection.general._vertex_kernels import FACING
 
 _SEES = -0.5  # facets see each other where -n . n is more: at more than 60 degrees, FACING and what strain may turn them

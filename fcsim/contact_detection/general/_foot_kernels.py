@@ -6,15 +6,11 @@ import numpy as np
 from numba import njit
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.contact_detection._vector_kernels import Vector, at, cross, dot, length, minus, plus, times, unit
 
 INSIDE, EDGE, VERTEX = 0, 1, 5  # where a foot lies: inside, on side l (EDGE + l), on corner l (VERTEX + l)
 _ROUND = 1e-12  # parameters nearer to an end than this are there
 _MAX_NEWTON = 20
-
-
-@njit(cache=True)
-def dot(a: FloatArray, b: FloatArray) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True)
@@ -26,56 +22,55 @@ def _solve_2x2(m00: float, m01: float, m11: float, r0: float, r1: float) -> tupl
 
 
 @njit(cache=True)
-def _inside_triangle(p: FloatArray, x: FloatArray, weights: FloatArray) -> bool:
-    b, c, q = x[1] - x[0], x[2] - x[0], p - x[0]
-    s, t = _solve_2x2(dot(b, b), dot(b, c), dot(c, c), dot(q, b), dot(q, c))
-    weights[0], weights[1], weights[2], weights[3] = 1.0 - s - t, s, t, 0.0
-    return min(s, t, 1.0 - s - t) >= 0.0
+def _in_triangle(p: Vector, x0: Vector, x1: Vector, x2: Vector) -> tuple[float, float]:
+    """The parameters s, t of the foot x0 + s (x1 - x0) + t (x2 - x0) in the triangle's plane."""
+    b, c, q = minus(x1, x0), minus(x2, x0), minus(p, x0)
+    return _solve_2x2(dot(b, b), dot(b, c), dot(c, c), dot(q, b), dot(q, c))
 
 
 @njit(cache=True)
-def _inside_quadrilateral(p: FloatArray, x: FloatArray, weights: FloatArray, normal: FloatArray) -> bool:
-    """Newton's method on |x(xi, eta) - p|^2 from the centre; exact in one step on a parallelogram."""
-    a = 0.25 * (x[0] + x[1] + x[2] + x[3])
-    b = 0.25 * (x[1] + x[2] - x[0] - x[3])
-    c = 0.25 * (x[2] + x[3] - x[0] - x[1])
-    e = 0.25 * (x[0] + x[2] - x[1] - x[3])
-    plane = dot(e, e) <= 1e-24 * (dot(b, b) + dot(c, c))
+def _in_quadrilateral(p: Vector, x0: Vector, x1: Vector, x2: Vector, x3: Vector) -> tuple[bool, float, float, bool, Vector]:
+    """Whether the foot lies inside, its xi, eta, whether the facet is warped and, if so, its normal there.
+
+    Newton's method on |x(xi, eta) - p|^2 from the centre; exact in one step on a parallelogram.
+    """
+    a = times(0.25, plus(plus(x0, x1), plus(x2, x3)))
+    b = times(0.25, minus(plus(x1, x2), plus(x0, x3)))
+    c = times(0.25, minus(plus(x2, x3), plus(x0, x1)))
+    e = times(0.25, minus(plus(x0, x2), plus(x1, x3)))
+    warped = dot(e, e) > 1e-24 * (dot(b, b) + dot(c, c))
     xi, eta, converged = 0.0, 0.0, False
+    arm = minus(p, a)
     for _ in range(_MAX_NEWTON):
-        u, v = b + eta * e, c + xi * e
-        r = p - a - xi * b - eta * c - xi * eta * e
+        u, v = plus(b, times(eta, e)), plus(c, times(xi, e))
+        r = minus(arm, plus(times(xi, b), times(eta, v)))  # p - a - xi b - eta c - xi eta e
         d_xi, d_eta = _solve_2x2(dot(u, u), dot(u, v), dot(v, v), dot(r, u), dot(r, v))
         xi, eta = min(max(xi + d_xi, -3.0), 3.0), min(max(eta + d_eta, -3.0), 3.0)
-        if plane or abs(d_xi) + abs(d_eta) < 1e-12:
+        if not warped or abs(d_xi) + abs(d_eta) < 1e-12:
             converged = True
             break
-    if not (converged and abs(xi) <= 1.0 and abs(eta) <= 1.0):
-        return False
-    weights[0], weights[1] = 0.25 * (1 - xi) * (1 - eta), 0.25 * (1 + xi) * (1 - eta)
-    weights[2], weights[3] = 0.25 * (1 + xi) * (1 + eta), 0.25 * (1 - xi) * (1 + eta)
-    if not plane:
-        n = np.cross(b + eta * e, c + xi * e)
-        normal[:] = n / np.sqrt(dot(n, n))
-    return True
+    inside = converged and abs(xi) <= 1.0 and abs(eta) <= 1.0
+    normal = a
+    if inside and warped:
+        normal = unit(cross(plus(b, times(eta, e)), plus(c, times(xi, e))))
+    return inside, xi, eta, warped, normal
 
 
 @njit(cache=True)
-def _on_boundary(p: FloatArray, x: FloatArray, sides: int, weights: FloatArray) -> int:
-    """The nearest point of the sides; returns where it lies."""
-    best, feature = np.inf, EDGE
+def _on_boundary(p: Vector, f: int, point: FloatArray, facets: IntArray, sides: int) -> tuple[int, int, float, int]:
+    """The nearest point of the sides: from corner l to corner k by the share t of the side, and where that lies."""
+    best, of, to, share, feature = np.inf, 0, 0, 0.0, EDGE
     for l in range(sides):
         k = l + 1 if l + 1 < sides else 0
-        along, arm = x[k] - x[l], p - x[l]
+        start = at(point, facets[f, l])
+        along, arm = minus(at(point, facets[f, k]), start), minus(p, start)
         t = min(max(dot(arm, along) / dot(along, along), 0.0), 1.0)
-        off = arm - t * along
+        off = minus(arm, times(t, along))
         distance = dot(off, off)
         if distance < best:
-            best = distance
-            weights[:] = 0.0
-            weights[l], weights[k] = 1.0 - t, t
+            best, of, to, share = distance, l, k, t
             feature = VERTEX + l if t <= _ROUND else (VERTEX + k if t >= 1.0 - _ROUND else EDGE + l)
-    return feature
+    return of, to, share, feature
 
 
 @njit(cache=True)
@@ -92,21 +87,39 @@ def feet(
     height, distance, feature = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
     for row in range(n):
         f = facet[row]
-        p, k = point[vertex[row]], sides[f]
-        x = point[facets[f]]
-        w = weights[row]
-        normal[row] = normals[f]
+        p, k, N = at(point, vertex[row]), sides[f], at(normals, f)
+        x0, x1 = at(point, facets[f, 0]), at(point, facets[f, 1])
+        foot, inside = x0, False
         if k == 2:
-            along = x[1] - x[0]
-            t = dot(p - x[0], along) / dot(along, along)
-            inside = 0.0 <= t <= 1.0
-            w[1] = min(max(t, 0.0), 1.0)
-            w[0] = 1.0 - w[1]
-            feature[row] = INSIDE if inside else (VERTEX if t < 0.0 else VERTEX + 1)
+            along = minus(x1, x0)
+            t = dot(minus(p, x0), along) / dot(along, along)
+            place = min(max(t, 0.0), 1.0)
+            weights[row, 0], weights[row, 1] = 1.0 - place, place
+            feature[row] = INSIDE if 0.0 <= t <= 1.0 else (VERTEX if t < 0.0 else VERTEX + 1)
+            foot, inside = plus(x0, times(place, along)), True
+        elif k == 3:
+            x2 = at(point, facets[f, 2])
+            s, t = _in_triangle(p, x0, x1, x2)
+            inside = min(s, t, 1.0 - s - t) >= 0.0
+            if inside:
+                weights[row, 0], weights[row, 1], weights[row, 2] = 1.0 - s - t, s, t
+                foot = plus(x0, plus(times(s, minus(x1, x0)), times(t, minus(x2, x0))))
+                feature[row] = INSIDE
         else:
-            inside = _inside_triangle(p, x, w) if k == 3 else _inside_quadrilateral(p, x, w, normal[row])
-            feature[row] = INSIDE if inside else _on_boundary(p, x, k, w)
-        arm = p - w[0] * x[0] - w[1] * x[1] - w[2] * x[2] - w[3] * x[3]
-        height[row] = dot(arm, normal[row])
-        distance[row] = np.sqrt(dot(arm, arm))
+            x2, x3 = at(point, facets[f, 2]), at(point, facets[f, 3])
+            inside, xi, eta, warped, there = _in_quadrilateral(p, x0, x1, x2, x3)
+            if inside:
+                w0, w1 = 0.25 * (1 - xi) * (1 - eta), 0.25 * (1 + xi) * (1 - eta)
+                w2, w3 = 0.25 * (1 + xi) * (1 + eta), 0.25 * (1 - xi) * (1 + eta)
+                weights[row, 0], weights[row, 1], weights[row, 2], weights[row, 3] = w0, w1, w2, w3
+                foot = plus(plus(times(w0, x0), times(w1, x1)), plus(times(w2, x2), times(w3, x3)))
+                feature[row] = INSIDE
+                N = there if warped else N
+        if not inside:
+            l, to, t, feature[row] = _on_boundary(p, f, point, facets, k)
+            weights[row, l], weights[row, to] = 1.0 - t, t
+            foot = plus(times(1.0 - t, at(point, facets[f, l])), times(t, at(point, facets[f, to])))
+        arm = minus(p, foot)
+        normal[row, 0], normal[row, 1], normal[row, 2] = N
+        height[row], distance[row] = dot(arm, N), length(arm)
     return weights, normal, height, distance, feature

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.general._foot_kernels import dot
+from fcsim.contact_detection._vector_kernels import dot
 
 _LEVEL = 1e-12  # of 1: facets whose normals differ by less lie in one plane, and their normal stays what it is
 

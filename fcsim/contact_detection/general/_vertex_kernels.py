@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.general._foot_kernels import EDGE, INSIDE, VERTEX, dot
+from fcsim.contact_detection._vector_kernels import Vector, at, cross, dot, length, minus, plus, times, unit
+from fcsim.contact_detection.general._foot_kernels import EDGE, INSIDE, VERTEX
 
 FACING = 0.1  # a facet around a vertex faces the direction N where n . N < -FACING
 _STEEP = 0.8  # sine of the slope
@@ -20,7 +21,7 @@ _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it 
 @njit(cache=True)
 def _facing(
     v: int,
-    n: FloatArray,
+    n: Vector,
     mean: FloatArray,
     point: FloatArray,
     facets: IntArray,
@@ -34,27 +35,28 @@ def _facing(
     -1 where it is not v that touches there: where the surface goes on steeply against n from v, as in an inner corner, or descends although
     another facet of v looks the same way as n: a sharp corner within a body, its side flush with that body's, does not leave by that side.
     """
-    best, lowest, flush = -dot(mean[v], n), 0.0, False
+    best, lowest, flush = -dot(at(mean, v), n), 0.0, False
+    here = at(point, v)
     for k in range(first_star[v], first_star[v + 1]):
         g = star[k]
-        cosine = dot(normals[g], n)
+        cosine = dot(at(normals, g), n)
         best, flush = max(best, -cosine), flush or cosine > _FLUSH
         for c in range(sides[g]):
-            w = facets[g, c]
-            if w != v:  # numbers instead of arrays: this is where detection spends its time
-                x, y, z = point[w, 0] - point[v, 0], point[w, 1] - point[v, 1], point[w, 2] - point[v, 2]
-                length = np.sqrt(x * x + y * y + z * z)
-                if length > 0.0:
-                    lowest = min(lowest, (x * n[0] + y * n[1] + z * n[2]) / length)
+            along = minus(at(point, facets[g, c]), here)
+            rise = dot(along, n)
+            if rise < 0.0:
+                lowest = min(lowest, rise / length(along))
     return -1.0 if lowest < -_STEEP or (flush and lowest < -_DESCENDS) else best
 
 
 @njit(cache=True)
 def _rims(
     f: int,
-    foot: FloatArray,
-    n: FloatArray,
+    foot: Vector,
+    n: Vector,
     near: float,
+    inwards: FloatArray,
+    start: FloatArray,
     point: FloatArray,
     normals: FloatArray,
     facets: IntArray,
@@ -63,50 +65,52 @@ def _rims(
     rim: BoolArray,
     star: IntArray,
     first_star: IntArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Directions inwards (k, 3) and points (k, 3) of the rims of the facet f that the foot lies on.
+) -> int:
+    """How many rims of the facet f the foot lies on; writes their directions inwards (_RIMS, 3) and points on them, start (_RIMS, 3).
 
     At a corner, the rims there of all facets in that plane: a face may be cut into triangles.
     """
-    inwards, start = np.empty((_RIMS, 3)), np.empty((_RIMS, 3))
     count = 0
     corner = -1
     for c in range(sides[f]):
-        arm = foot - point[facets[f, c]]
+        arm = minus(foot, at(point, facets[f, c]))
         if dot(arm, arm) < 4.0 * near * near:
             corner = facets[f, c]
     first, end = (first_star[corner], first_star[corner + 1]) if corner >= 0 else (0, 1)
     for k in range(first, end):
         g = star[k] if corner >= 0 else f
-        if g != f and dot(normals[g], n) < _SAME_PLANE:
+        if g != f and dot(at(normals, g), n) < _SAME_PLANE:
             continue
         for l in range(sides[g]):
             edge = facet_edges[g, l]
             if edge < 0 or not rim[edge] or count == _RIMS:
                 continue
-            a = point[facets[g, l]]
+            a = at(point, facets[g, l])
             if sides[g] == 2:
-                along = point[facets[g, 1]] - point[facets[g, 0]]
-                inward = along if l == 0 else -along
+                along = minus(at(point, facets[g, 1]), at(point, facets[g, 0]))
+                inward = along if l == 0 else times(-1.0, along)
             else:
                 following = l + 1 if l + 1 < sides[g] else 0
                 if corner >= 0 and facets[g, l] != corner and facets[g, following] != corner:
                     continue
-                inward = np.cross(n, point[facets[g, following]] - a)
-            inward = inward / np.sqrt(dot(inward, inward))
-            if dot(foot - a, inward) < 2.0 * near:
-                inwards[count], start[count] = inward, a
+                inward = cross(n, minus(at(point, facets[g, following]), a))
+            inward = unit(inward)
+            if dot(minus(foot, a), inward) < 2.0 * near:
+                inwards[count, 0], inwards[count, 1], inwards[count, 2] = inward
+                start[count, 0], start[count, 1], start[count, 2] = a
                 count += 1
-    return inwards[:count], start[:count]
+    return count
 
 
 @njit(cache=True)
 def _covers(
     v: int,
     f: int,
-    foot: FloatArray,
-    n: FloatArray,
+    foot: Vector,
+    n: Vector,
     near: float,
+    inwards: FloatArray,
+    start: FloatArray,
     point: FloatArray,
     normals: FloatArray,
     facets: IntArray,
@@ -118,20 +122,23 @@ def _covers(
 ) -> bool:
     """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its rim only if a facet
     around v that faces it reaches over the rim inwards, without rising steeply from it. (Blocks whose corners merely meet, in a wall
-    or, at any angles, in a dome, do not hold each other; one that rocks on the rim is held.)"""
-    rims, start = _rims(f, foot, n, near, point, normals, facets, sides, facet_edges, rim, star, first_star)
-    if len(rims) == 0:
+    or, at any angles, in a dome, do not hold each other; one that rocks on the rim is held.)
+
+    inwards, start (_RIMS, 3): what `_rims` writes in."""
+    count = _rims(f, foot, n, near, inwards, start, point, normals, facets, sides, facet_edges, rim, star, first_star)
+    if count == 0:
         return True
     for k in range(first_star[v], first_star[v + 1]):
         g = star[k]
-        if -dot(normals[g], n) <= FACING:
+        if -dot(at(normals, g), n) <= FACING:
             continue
         over = True
-        for r in range(len(rims)):
+        for r in range(count):
             reaches = False
             for c in range(sides[g]):
-                inwards = dot(point[facets[g, c]] - start[r], rims[r])
-                if inwards > 10.0 * near and dot(point[facets[g, c]] - foot, n) < _RISES * inwards:
+                corner = at(point, facets[g, c])
+                inside = dot(minus(corner, at(start, r)), at(inwards, r))
+                if inside > 10.0 * near and dot(minus(corner, foot), n) < _RISES * inside:
                     reaches = True
             over = over and reaches
         if over:
@@ -150,15 +157,14 @@ def _pseudonormal(
     facet_edges: IntArray,
     edge_facets: IntArray,
     mean: FloatArray,
-) -> FloatArray:
+) -> Vector:
     """Direction whose scalar product with the arm from the foot tells outside from inside."""
     if feature == INSIDE:
-        return normal[row]
+        return at(normal, row)
     if feature >= VERTEX:
-        return mean[facets[f, feature - VERTEX]]
+        return at(mean, facets[f, feature - VERTEX])
     edge = facet_edges[f, feature - EDGE]
-    n = normals[edge_facets[edge, 0]] + normals[edge_facets[edge, 1]]
-    return n / np.sqrt(dot(n, n))
+    return unit(plus(at(normals, edge_facets[edge, 0]), at(normals, edge_facets[edge, 1])))
 
 
 @njit(cache=True)
@@ -212,6 +218,7 @@ def touched_facets(
     N, gap = np.empty((len(vertex), 3)), np.empty(len(vertex))
     usable, under = np.empty(len(vertex), dtype=np.bool_), np.empty(len(vertex), dtype=np.bool_)
     score = np.empty(len(vertex))
+    inwards, start = np.empty((_RIMS, 3)), np.empty((_RIMS, 3))
     for group in range(len(first) - 1):
         begin, end = first[group], first[group + 1]
         v, tol = vertex[begin], near[group]
@@ -224,9 +231,9 @@ def touched_facets(
         if distance[closest] > max(alert[group], depth[group]):  # nearer facets may not be in the list
             continue
         outward = _pseudonormal(closest, f, where, normal, normals, facets, facet_edges, edge_facets, mean)
-        arm = point[v].copy()
+        arm = at(point, v)
         for k in range(4):
-            arm -= weights[closest, k] * point[facets[f, k]]
+            arm = minus(arm, times(weights[closest, k], at(point, facets[f, k])))
         outside = dot(arm, outward) > 0.0 and distance[closest] > tol
         if outside and distance[closest] > alert[group]:
             continue
@@ -242,7 +249,7 @@ def touched_facets(
             else:
                 usable[row] = usable[row] and -depth[group] <= height[row] <= tol
             if usable[row]:
-                score[row] = _facing(v, normal[row], mean, point, facets, sides, normals, star, first_star)
+                score[row] = _facing(v, at(normal, row), mean, point, facets, sides, normals, star, first_star)
                 usable[row] = score[row] > FACING
         # 3. the least way out of the body (the nearest facet above it); of equal ones that which is faced most squarely
         best, deepest = -1, np.inf
@@ -256,8 +263,10 @@ def touched_facets(
                         best = row
             if best < 0:
                 break
-            foot = point[v] - height[best] * normal[best]
-            if _covers(v, facet[best], foot, normal[best], tol, point, normals, facets, sides, facet_edges, rim, star, first_star):
+            n = at(normal, best)
+            foot = minus(at(point, v), times(height[best], n))
+            surface = (point, normals, facets, sides, facet_edges, rim, star, first_star)
+            if _covers(v, facet[best], foot, n, tol, inwards, start, *surface):
                 break
             usable[best] = False
             deepest = min(deepest, abs(height[best]) + _ROLL * tol)  # where corners meet, the way out is none through a farther side
@@ -270,28 +279,31 @@ def touched_facets(
         if rolls and (best < 0 or distance[closest] < abs(height[best]) - tol):
             direction = outward
             if distance[closest] > _ROLL * tol:
-                direction = arm / distance[closest] if dot(arm, outward) > 0.0 else -arm / distance[closest]
+                direction = times((1.0 if dot(arm, outward) > 0.0 else -1.0) / distance[closest], arm)
             if _facing(v, direction, mean, point, facets, sides, normals, star, first_star) > FACING:
-                chosen[n_chosen], N[n_chosen], gap[n_chosen] = closest, direction, dot(arm, direction)
+                chosen[n_chosen], gap[n_chosen] = closest, dot(arm, direction)
+                N[n_chosen, 0], N[n_chosen, 1], N[n_chosen, 2] = direction
                 n_chosen += 1
                 continue
         if best < 0:
             continue
         # 5. that facet, and those that meet it in a concave corner
-        chosen[n_chosen], N[n_chosen], gap[n_chosen] = best, normal[best], height[best]
+        chosen[n_chosen], gap[n_chosen] = best, height[best]
+        N[n_chosen, 0], N[n_chosen, 1], N[n_chosen, 2] = at(normal, best)
         n_chosen += 1
         kept = n_chosen - 1
         for row in range(begin, end):
             if row == best or not (under[row] and -depth[group] <= height[row] <= alert[group]):
                 continue
-            if _facing(v, normal[row], mean, point, facets, sides, normals, star, first_star) <= FACING:
+            if _facing(v, at(normal, row), mean, point, facets, sides, normals, star, first_star) <= FACING:
                 continue
             concave = True
             for other in range(kept, n_chosen):
                 g, h = facet[chosen[other]], facet[row]
-                step = centres[h] - centres[g]
-                concave = concave and dot(step, normals[g]) > tol and -dot(step, normals[h]) > tol and dot(normals[g], normals[h]) < 0.7
+                step, ng, nh = minus(at(centres, h), at(centres, g)), at(normals, g), at(normals, h)
+                concave = concave and dot(step, ng) > tol and -dot(step, nh) > tol and dot(ng, nh) < 0.7
             if concave:
-                chosen[n_chosen], N[n_chosen], gap[n_chosen] = row, normal[row], height[row]
+                chosen[n_chosen], gap[n_chosen] = row, height[row]
+                N[n_chosen, 0], N[n_chosen, 1], N[n_chosen, 2] = at(normal, row)
                 n_chosen += 1
     return chosen[:n_chosen].copy(), N[:n_chosen].copy(), gap[:n_chosen].copy()

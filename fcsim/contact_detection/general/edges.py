@@ -43,6 +43,8 @@ def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexCo
     an end is inside the other body, a much shorter way out by that end in another direction shows that the edges only cross in passing:
     no contact.
     """
+    if skin.dimension == 2:  # the edges of a polygon are its vertices
+        near = near.take(np.zeros(len(near.bodies), dtype=bool))
     rows = near_edges(skin, shape, near)
     first, second, pair = np.ascontiguousarray(rows.T)
     limits = (near.alert[pair], near.depth[pair], near.near[pair])

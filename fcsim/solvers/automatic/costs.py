@@ -3,11 +3,12 @@
 d unknowns a contact, nc contacts, m = d nc; entries: those of W that are not zero.
 
     sweep (Gauss-Seidel)   W is read once; `ONE_CONTACT` operations a contact
-    Newton, dense          LU of A W + B: 2/3 m^3; W is read `PASSES` times: rows scaled, copied, eliminated, multiplied
-    Newton, sparse         LU by the elimination tree's count; the entries are gathered and scattered `SCATTERS` times
+    Newton, dense          LU of A W + B: 2/3 c^3 for the c unknowns of contacts that are not open, since those leave the system; W is read
+                           `PASSES` times: rows scaled, copied, eliminated, multiplied
+    Newton, sparse         LU by the elimination tree's count; the entries are gathered and scattered `SCATTERS` times; of both c / m
     Newton, joints         the same on large fronts, at the dense rate
     ADMM                   one Cholesky factor (half an LU), then solves that read the factor twice and W once an iteration
-    proximal Newton        Newton's iterations on the contacts that are not open, each with its own factor
+    proximal Newton        Newton's iterations, each with its own factor
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ ONE_CONTACT = 100 * SCALAR
 """Operations of a one-contact Newton solve in 3D: about an iteration of 150, and next to none where a contact stays open."""
 IRREGULAR = 2.0
 """Times the dense rate's time that an operation takes on the small fronts and indirect addresses of sparse elimination."""
-PASSES, SCATTERS = 8, 12
+PASSES, SCATTERS = 4, 12
 """How often Newton's system reads or writes W: dense, and entry by entry with its index."""
-NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 10, 30, 2
+NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 40, 150, 5
 """Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's."""
 SVD = 20
 """Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
-LP, LP_STEPS = 10, 100
+LP, LP_STEPS = 10, 1000
 """Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
 PADDING = 0.15
 """Zeros in the fronts that are counted (as block Cholesky has them)."""
@@ -51,6 +52,8 @@ def lu_flops(problem: LocalProblem) -> float:
     W, d = problem.W, problem.dimension
     if isinstance(W, np.ndarray):
         return 2 / 3 * problem.m**3
+    if problem.delassus.symmetric:
+        return problem.delassus.analysis[1].flops  # which ADMM's factor needs as well
     rows = W if W.format == "bsr" and W.blocksize == (d, d) else sp.bsr_array(W, blocksize=(d, d))
     pattern = sp.csr_array((np.ones(len(rows.indices), dtype=np.int8), rows.indices, rows.indptr), shape=(problem.nc, problem.nc))
     pattern = sp.csr_array(pattern + pattern.T + sp.eye_array(problem.nc, dtype=np.int8))
@@ -83,31 +86,47 @@ class Prices:
     def _gather(self) -> Work:
         """W brought into the storage that is eliminated."""
         if self.joints is not None:
-            return Work(bytes=SCATTERS * REAL * self.entries, steps=len(self.joints.tree))
+            return Work(bytes=SCATTERS * REAL * self.entries, steps=10 * len(self.joints.tree))
         if sp.issparse(self.problem.W):
             return Work(bytes=SCATTERS * 2 * REAL * self.entries)
         return Work(bytes=PASSES * REAL * self.problem.m**2)
 
-    @cached_property
-    def least(self) -> float:
-        """An iteration of Newton without its elimination, whose count takes time of its own: no iteration costs less."""
+    def least(self, closed: int) -> float:
+        """An iteration of Newton without its elimination, whose count takes time of its own: no iteration costs less.
+
+        closed: contact unknowns whose reaction is not zero; none: nothing is known of them.
+        """
         steps = SPARSE_STEPS if sp.issparse(self.problem.W) else NEWTON_STEPS
-        return self.machine.seconds(Work(steps=steps) + self._gather)
+        return self.machine.seconds(Work(steps=steps) + self._share(closed) * self._gather)
+
+    def newton(self, closed: int) -> float:
+        """An iteration of Newton or of proximal Newton."""
+        share = self._share(closed) ** (1 if sp.issparse(self.problem.W) else 3)
+        return self.least(closed) + self.machine.seconds(Work(share * self.flops))
+
+    def _share(self, closed: int) -> float:
+        return closed / self.problem.m if closed and self.joints is None else 1.0
 
     @cached_property
-    def newton(self) -> float:
-        """An iteration of Newton or of proximal Newton."""
-        return self.least + self.machine.seconds(Work(self.flops))
+    def least_admm(self) -> float:
+        """An iteration of ADMM whose factor fills in nothing."""
+        return self.machine.seconds(Work(bytes=REAL * self._reads(self.entries), steps=ADMM_STEPS))
 
     @cached_property
     def admm(self) -> float:
         """An iteration of ADMM."""
-        reads = 4 * self.entries if sp.issparse(self.problem.W) else 2 * self.problem.m**2
-        return self.machine.seconds(Work(bytes=REAL * reads, steps=ADMM_STEPS))
+        filled = 2 * self.entries
+        if self.joints is None and sp.issparse(self.problem.W) and self.problem.delassus.symmetric:
+            filled = self.problem.delassus.analysis[1].entries
+        return self.machine.seconds(Work(bytes=REAL * self._reads(filled), steps=ADMM_STEPS))
+
+    def _reads(self, factor: float) -> float:
+        """Numbers read by an iteration with a factor of so many entries."""
+        return 2 * factor + self.entries if sp.issparse(self.problem.W) else 2 * self.problem.m**2
 
     def splitting(self, iterations: int) -> float:
         """ADMM's factor and so many iterations."""
-        return self.machine.seconds(Work(0.5 * self.flops, steps=4) + self._gather) + iterations * self.admm
+        return self.machine.seconds(Work(0.5 * self.flops, steps=40) + self._gather) + iterations * self.admm
 
     def least_squares(self, closed: int) -> float:
         """An iteration of Levenberg-Marquardt: the singular values of the matrix of the unknowns of contacts that are not open."""

@@ -31,7 +31,7 @@ COLD_RHO = 8.0
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 OVERTAKEN = 0.1
-"""Share of its own error below which Gauss-Seidel takes up another method's iterate."""
+"""Share of its own error below which Gauss-Seidel and proximal Newton take up another method's iterate."""
 NEARBY_STARTS = 10
 """Proximal runs from near the best iterate."""
 
@@ -74,8 +74,18 @@ def splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 
 def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from the best iterate."""
-    return _proximal(race, monitor, race.best_r(), PATIENT)
+    """Proximal Newton from the best iterate; where another method is well ahead, from its iterate."""
+    while True:
+        run = _proximal(race, monitor, race.best_r(), PATIENT)
+        behind = False
+        while not behind:
+            try:
+                next(run)
+            except StopIteration as stop:
+                iterate: Iterate = stop.value
+                return iterate
+            yield
+            behind = race.best < OVERTAKEN * monitor.best
 
 
 def _proximal(race: Race, monitor: ShareOfMonitor, r: FloatArray, options: ProximalOptions) -> Turns:

@@ -32,8 +32,12 @@ NEAR = 1e-6
 """Error below which a solution is looked for nearby."""
 NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
 """What Newton needs from errors above and below `FAR`, about, in iterations."""
+PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
+"""Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
+STUCK = 100
+"""Iterations of proximal Newton after which it may be stuck."""
 PLATEAU = 50
 """Times `probe` sweeps after which Gauss-Seidel may be given up, where the last two thirds made the error no tenth smaller."""
 
@@ -58,7 +62,13 @@ def _closed(race: Race) -> int:
 def _dearer_than_newton(race: Race, cost: float) -> bool:
     """Whether this costs more than Newton from here; the elimination is counted only where that decides."""
     iterations = NEWTON_FROM_FAR if race.best > FAR else NEWTON_FROM_NEAR
-    return cost > iterations * race.prices.least and cost > iterations * race.prices.newton
+    closed = _closed(race)
+    return cost > iterations * race.prices.least(closed) and cost > iterations * race.prices.newton(closed)
+
+
+def _newton(race: Race) -> float:
+    """The price of an iteration of Newton from here."""
+    return race.prices.newton(_closed(race))
 
 
 def _swept(race: Race) -> float:
@@ -82,7 +92,8 @@ def _sweeps_are_cheap(race: Race) -> bool:
     if "sweeps" in race.options.without or not sp.issparse(race.problem.W):
         return False
     probe = race.options.probe * race.prices.sweep
-    return probe < race.prices.least or probe < race.prices.newton
+    closed = _closed(race)
+    return probe < race.prices.least(closed) or probe < race.prices.newton(closed)
 
 
 def _splitting_first(race: Race) -> bool:
@@ -90,7 +101,8 @@ def _splitting_first(race: Race) -> bool:
     if race.joints is None or race.warm or not race.options.splitting:
         return False
     prices = race.prices
-    return prices.splitting(JOINTS_SHARE) + NEWTON_FROM_NEAR * prices.newton < 0.7 * NEWTON_FROM_FAR * prices.newton
+    newton = prices.newton(0)
+    return prices.splitting(JOINTS_SHARE) + NEWTON_FROM_NEAR * newton < 0.7 * NEWTON_FROM_FAR * newton
 
 
 def _enter_splitting(race: Race) -> bool:
@@ -99,12 +111,14 @@ def _enter_splitting(race: Race) -> bool:
     if _splitting_first(race):
         return True
     cost, share = SLOWING * _swept(race), race.options.splitting
-    return cost > share * race.prices.admm and cost > race.prices.splitting(share)
+    return cost > share * race.prices.least_admm and cost > race.prices.splitting(share)
 
 
 def _on_track(race: Race, runner: Runner) -> bool:
-    """Each share of iterations brought the error down tenfold."""
-    return runner.decades() >= runner.monitor.iterations // _share(race)
+    """Each share of iterations brought the error down tenfold, and the last third of them down at all (in joints it swings longer)."""
+    if runner.decades() < runner.monitor.iterations // _share(race):
+        return False
+    return race.joints is not None or runner.monitor.iterations < 0.5 * _share(race) or runner.gain(1 / 3) > 1.0
 
 
 def _enter_sweeps(race: Race) -> bool:
@@ -123,6 +137,15 @@ def _enter_proximal(race: Race) -> bool:
     if "Newton" in race.runners or race.warm or race.joints is not None:
         return race.over("Newton")
     return race.over("Newton") and _dearer_than_newton(race, _swept(race))
+
+
+def _enter_least_squares(race: Race) -> bool:
+    """After proximal Newton, or where that has long made the error no tenth smaller and would go on."""
+    if race.best > FAR:
+        return False
+    runner = race.runners.get("proximal Newton")
+    stuck = runner is not None and runner.monitor.iterations > STUCK and runner.gain(0.5) < 1 / 0.9
+    return race.over("proximal Newton") or stuck
 
 
 def _plateau(race: Race, runner: Runner) -> bool:
@@ -158,15 +181,16 @@ STAGES: tuple[Stage, ...] = (
         "and leaves where a dozen iterations bring no better iterate or one throws the error up as only a rank-deficient W does.",
         enters=_enter_newton,
         turns=methods.newton,
-        price=lambda race: race.prices.newton,
+        price=_newton,
         alone=lambda race, runner: True,
     ),
     Stage(
         "proximal Newton",
-        "Enters after Newton. A regular W at each step, for problems where W is rank deficient.",
+        "Enters after Newton. A regular W at each step, for problems where W is rank deficient. Its first iterations are alone.",
         enters=_enter_proximal,
         turns=methods.proximal,
-        price=lambda race: race.prices.newton,
+        price=_newton,
+        alone=lambda race, runner: runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades(),
     ),
     Stage(
         "proof",
@@ -177,8 +201,9 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "least squares",
-        "Levenberg-Marquardt on the error. Enters after proximal Newton: where noise leaves no solution, or one that is nearly none.",
-        enters=lambda race: race.over("proximal Newton") and race.best <= FAR,
+        "Levenberg-Marquardt on the error. Enters after proximal Newton, or where that is stuck near a solution: where noise leaves "
+        "none, or one that is nearly none.",
+        enters=_enter_least_squares,
         turns=methods.least_squares,
         price=lambda race: race.prices.least_squares(_closed(race)),
     ),
@@ -187,7 +212,7 @@ STAGES: tuple[Stage, ...] = (
         "Short runs from perturbed copies of the best iterate, where its error is small already.",
         enters=lambda race: race.over("proximal Newton") and race.over("least squares") and race.best <= NEAR,
         turns=methods.nearby,
-        price=lambda race: race.prices.newton,
+        price=_newton,
     ),
 )
 

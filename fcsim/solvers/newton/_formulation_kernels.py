@@ -67,3 +67,23 @@ def split_compliances(W):
         for i in range(1, d):
             largest[a, i] = tangential
     return largest
+
+
+@njit(cache=True)
+def adapted_rho(rho, least, most, du, dr, split):
+    """rho (nc, d) of `scaling.adapt_rho` between least and most (nc, d), for the steps du, dr (nc, d)."""
+    nc, d = rho.shape
+    adapted = np.empty((nc, d))
+    for a in range(nc):
+        for begin, end in ((0, 1), (1, d)) if split else ((0, d), (d, d)):
+            u_size, r_size = 0.0, 0.0
+            for i in range(begin, end):
+                u_size += du[a, i] * du[a, i]
+                r_size += dr[a, i] * dr[a, i]
+            if begin == end:
+                continue
+            stretch, r_size = rho[a, begin] * np.sqrt(u_size), np.sqrt(r_size)
+            factor = 2.0 / 3.0 if stretch > 0.9 * r_size else 1.5 if stretch < 0.3 * r_size else 1.0
+            for i in range(begin, end):
+                adapted[a, i] = min(max(rho[a, i] * factor, least[a, i]), most[a, i])
+    return adapted

@@ -29,7 +29,8 @@ class ProximalOptions(Options):
     internal_error_ratio inner problems are solved to error / ratio
     patience             proximal steps without a better error before giving up
 
-    Whatever the rule, alpha is raised tenfold where the internal method fails, and stays there but for the adaptive rule.
+    Whatever the rule, alpha is raised tenfold where the internal method fails, and stays there but for the adaptive rule, which comes
+    down again and forgets step by step below which alpha it failed.
     """
 
     max_iterations: int = 1000
@@ -86,6 +87,8 @@ ALPHA_RULES: dict[str, Callable[[float, float, int, ProximalOptions], float]] = 
 
 RISE = 10.0
 """Factor of alpha where an inner problem fails."""
+FORGOTTEN = 0.7
+"""Share of the alpha that failed below which the adaptive rule tries anew after a step that succeeded, this share of a share after two."""
 
 
 @dataclass(frozen=True)
@@ -103,12 +106,13 @@ class Regularisation:
 
     def after_success(self, error: float, iterations: int, options: ProximalOptions) -> Regularisation:
         """After an inner problem that was solved within so many iterations."""
-        return replace(self, alpha=max(ALPHA_RULES[options.alpha_rule](self.alpha, error, iterations, options), self.least))
+        alpha = max(ALPHA_RULES[options.alpha_rule](self.alpha, error, iterations, options), self.least)
+        return Regularisation(alpha, max(FORGOTTEN * self.least, options.alpha_least) if options.alpha_rule == "adaptive" else self.least)
 
     def after_failure(self, options: ProximalOptions) -> Regularisation:
-        """After one that was not; the adaptive rule finds its way down again by itself."""
+        """After one that was not; the adaptive rule finds its way down again by itself, but not at once to what failed."""
         alpha = RISE * self.alpha
-        return Regularisation(alpha, self.least if options.alpha_rule == "adaptive" else alpha)
+        return Regularisation(alpha, self.alpha if options.alpha_rule == "adaptive" else alpha)
 
     def fallen(self, options: ProximalOptions) -> Regularisation:
         """The next one of Tikhonov's."""

@@ -1,8 +1,8 @@
-"""The small front door of `solve`: NSGS-AC, and `auto`'s first sweeps, on dense problems of few contacts.
+"""The small front door of `solve`: NSGS-AC, and `auto`'s first sweeps, on problems of few contacts.
 
 A call of the general way takes 0.1 ms and more around a method whose own time is some microseconds. What is answered here is answered as
-there: the same sweeps, errors, checks and statuses; what is not (other options, a memory, a time limit, contacts without compliance of
-their own) is left to the general way.
+there: the same sweeps, errors, checks and statuses; what is not (other options, a memory, a short limit of time, contacts without
+compliance of their own) is left to the general way.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from fcsim.solvers.base import Method, Result, Status
 from fcsim.solvers.gauss_seidel.sweeps import FULL_AT_LEAST_EVERY, GaussSeidelOptions, nsgs
 from fcsim.solvers.small import _gauss_seidel_kernels as kernels
 
+LEAST_LIMIT = 1.0
+"""Limit of time [s] from which it need not be looked at: what the door takes at the most is a fifth of this."""
 CONTACTS = 50
 """Contacts up to which the door is open: from there on the general way takes less than the sweeps."""
 AUTO_SWEEPS, AUTO_LOOK, AUTO_WATCHED = 10_000, 25, 50
@@ -39,7 +41,7 @@ def small(
     """
     if overridden or not isinstance(problem, LocalProblem) or not 0 < len(problem.mu) <= CONTACTS:
         return None
-    if problem.V is not None or not isinstance(problem.W, np.ndarray) or not (r is None or isinstance(r, np.ndarray)):
+    if problem.V is not None or not (r is None or isinstance(r, np.ndarray)):
         return None
     automatically = chosen.run is automatic
     if problem.dimension not in chosen.dimensions:
@@ -52,8 +54,9 @@ def small(
     if start.shape != q.shape or start.dtype != np.float64 or not np.isfinite(start).all():
         return None  # which says what is wrong
     rows = np.empty((min(ROWS, most + 1), 2))
+    W = problem.W if isinstance(problem.W, np.ndarray) else problem.W.toarray()
     ended, sweeps, noted, answer, u, scale, scaled, plain, found = kernels.solve_by_sweeps(
-        *(np.ascontiguousarray(x) for x in (problem.W, q, problem.mu, start)),  # others would be compiled for anew
+        *(np.ascontiguousarray(x) for x in (W, q, problem.mu, start)),  # others would be compiled for anew
         *(problem.dimension, error == "published", float(floor), float(tol), most),
         *(OPTIONS.local_tolerance, OPTIONS.local_iterations),
         *((AUTO_LOOK, AUTO_WATCHED) if automatically else (FULL_AT_LEAST_EVERY, 0)),

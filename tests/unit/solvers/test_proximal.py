@@ -10,9 +10,12 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
+from fcsim.bench import families
 from fcsim.errors import InputError
-from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem import GlobalProblem, LocalProblem, scaled_error
+from fcsim.problem.reduction import reduce
 from fcsim.solvers import SOLVERS, Status, solve
+from fcsim.solvers.proximal.options import ProximalOptions, Regularisation
 
 PPA = ["PPA-NSN-AC", "PPA-NSGS-AC"]
 
@@ -73,6 +76,32 @@ def test_steps_of_the_adaptive_rule() -> None:
     found = errors(pressed_contact(), alpha=1.0, sigma=3.0)
     alpha = 3.0 ** -np.arange(len(found) - 1.0)
     assert_allclose(found[1:], found[:-1] * alpha / (1 + alpha), rtol=1e-5, atol=1e-12)
+
+
+def test_what_failed_is_tried_again_step_by_step() -> None:
+    """After a failure at alpha the adaptive rule stays above it, then above 0.7 of it, 0.49 of it, down to the least of the options."""
+    options = ProximalOptions(alpha=1.0, sigma=5.0)
+    failed = Regularisation.first(1.0, options).after_failure(options)
+    assert (failed.alpha, failed.least) == (10.0, 1.0)
+    alphas, rule = [], failed
+    for _ in range(100):
+        rule = rule.after_success(1e-3, 1, options)
+        alphas.append(rule.alpha)
+    assert_allclose(alphas[:4], [2.0, 0.7, 0.7**2, 0.7**3])
+    assert alphas[-1] == options.alpha_least
+    constant = replace(options, alpha_rule="error")
+    assert Regularisation.first(1.0, constant).after_failure(constant).least == 10 * 5.0
+
+
+@pytest.mark.parametrize("name", ["PPA-NSN-AC", "PROX-NEWTON"])
+@pytest.mark.parametrize("which", [("frictions", 0), ("mass-ratios", 1)])
+def test_piles_on_which_alpha_falls_and_fails_in_turns(name: str, which: tuple[str, int]) -> None:
+    """Friction from 0 to 5, and masses from 1 to 1e8: without remembering what failed one of the two methods was lost on each."""
+    given = families.problems(which[0], 60, which[1])
+    p = given if isinstance(given, LocalProblem) else reduce(given).local
+    result = solve(p, name, tol=1e-8)
+    assert result.solved
+    assert scaled_error(p, result.r) <= 1e-8
 
 
 def test_steps_in_the_metric_of_the_compliances() -> None:

@@ -22,7 +22,7 @@ from fcsim.problem import Delassus
 from fcsim.problem.motion import Motion
 from fcsim.solvers.newton.systems._velocity_kernels import add_shares
 
-SPARSE_STEPS = 30
+SPARSE_STEPS = 300
 """Small steps of forming the sparse matrix by products of sparse ones."""
 
 

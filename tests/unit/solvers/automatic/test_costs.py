@@ -41,7 +41,34 @@ def test_a_sweep_costs_entries_and_contacts() -> None:
 def test_prices_are_in_the_order_of_what_is_done() -> None:
     problem = banded(2000)
     prices = Prices(problem, problem.W.nnz, None)
-    assert 0 < prices.sweep < prices.newton < prices.splitting(30) < prices.least_squares(6000)
+    assert 0 < prices.sweep < prices.newton(0) < prices.splitting(30) < prices.least_squares(6000)
     assert prices.splitting(31) - prices.splitting(30) == pytest.approx(prices.admm)
     quicker = Prices(problem, problem.W.nnz, None, Machine(2 * REFERENCE.flops, 2 * REFERENCE.bytes, 0.5 * REFERENCE.step))
-    assert quicker.newton == pytest.approx(0.5 * prices.newton)  # only ratios matter to the race
+    assert quicker.newton(0) == pytest.approx(0.5 * prices.newton(0))  # only ratios matter to the race
+
+
+@pytest.mark.parametrize("storage", [np.asarray, sp.bsr_array])
+def test_open_contacts_cost_newton_nothing(storage: type) -> None:
+    """They leave the system: LU of what is left, in 2/3 c^3 operations where W is dense; all closed costs what is not known."""
+    W = banded(100).W
+    problem = LocalProblem(W.toarray() if storage is np.asarray else W, np.ones(300), np.ones(100))
+    prices = Prices(problem, W.nnz, None, Machine(1.0, float("inf"), 0.0))
+    assert prices.newton(300) == prices.newton(0) > prices.newton(150) > prices.newton(30)
+    if storage is np.asarray:
+        assert prices.newton(30) == pytest.approx(2 / 3 * 30**3)
+
+
+def test_an_iteration_of_admm_reads_the_factor_twice() -> None:
+    """A tridiagonal matrix of blocks fills in nothing: half of its entries, and half of the diagonal blocks."""
+    problem = banded(50)
+    prices = Prices(problem, problem.W.nnz, None, Machine(float("inf"), 8.0, 0.0))
+    assert prices.admm >= problem.W.nnz + 2 * 9 * 99
+    assert prices.admm < prices.least_admm
+
+
+def test_the_analysis_that_is_counted_is_the_one_that_factors() -> None:
+    problem = banded(200)
+    assert lu_flops(problem) == problem.delassus.analysis[1].flops
+    factor = problem.delassus.factor(0.0, symmetric=True)
+    x = np.random.default_rng(0).standard_normal(600)
+    assert np.linalg.norm(factor.solve(problem.W @ x) - x) < 1e-10 * np.linalg.norm(x)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim.problem import LocalProblem, check
-from fcsim.solvers import Result, Status, method, solve
+from fcsim.solvers import Memory, Result, Status, method, solve
 from fcsim.solvers.small import door
 from fcsim.solvers.small.door import small
 
@@ -30,7 +31,7 @@ def by_the_door(
 
 
 def generally(p: LocalProblem, name: str = "NSGS-AC", r: np.ndarray | None = None, **keywords: Any) -> Result:
-    return solve(p, name, r, time_limit=1e9, **keywords)  # which the door does not know
+    return solve(p, name, r, memory=Memory.of(np.arange(p.nc)), **keywords)  # which the door does not know
 
 
 @pytest.mark.parametrize("error", ["scaled", "published"])
@@ -86,19 +87,37 @@ def test_infinite_iterates_end_the_sweeps() -> None:
 @pytest.mark.parametrize(
     "left",
     [
-        lambda p: (replace(p, W=sp.csr_array(p.W)), {}),
         lambda p: (p, {"max_iterations": 3}),
         lambda p: (p, {"shuffle": "once"}),
         lambda p: (problem(0, nc=door.CONTACTS + 1), {}),
         lambda p: (replace(p, W=np.pad(p.W[3:, 3:], ((3, 0), (3, 0)))), {}),  # a contact between held bodies
     ],
-    ids=["sparse", "iterations", "options", "many contacts", "a held contact"],
+    ids=["iterations", "options", "many contacts", "a held contact"],
 )
 def test_what_is_left_to_the_general_way(left: Any) -> None:
     p, options = left(problem(0))
     assert small(p, method("NSGS-AC"), bool(options), "NSGS-AC", None, 1e-8, "scaled", 0.0) is None
     result = solve(p, "NSGS-AC", **options)
     assert result.status in Status
+
+
+@pytest.mark.parametrize("kind", [sp.csr_array, sp.csc_array, sp.coo_array, sp.bsr_array])
+def test_the_storage_of_a_small_matrix_does_not_matter(kind: Any) -> None:
+    p = problem(4)
+    dense, sparse = by_the_door(p), by_the_door(replace(p, W=kind(p.W)))
+    assert dense is not None and sparse is not None
+    assert np.array_equal(dense.r, sparse.r) and dense.iterations == sparse.iterations
+
+
+@pytest.mark.parametrize("limit", [door.LEAST_LIMIT, 1e9])
+def test_a_limit_of_time_that_the_door_cannot_reach_leaves_it_open(limit: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise AssertionError("the general way")
+
+    monkeypatch.setattr(sys.modules["fcsim.solvers.solve"], "_solve", refused)  # the package has the function under that name
+    assert solve(problem(4), "NSGS-AC", time_limit=limit).solved
+    with pytest.raises(AssertionError, match="the general way"):
+        solve(problem(4), "NSGS-AC", time_limit=0.5 * door.LEAST_LIMIT)
 
 
 def test_a_starting_point_of_another_size_is_said_by_the_general_way() -> None:
