@@ -11,8 +11,8 @@ import numpy as np
 
 from fcsim import runtime
 from fcsim.arrays import FloatArray
-from fcsim.assembly import elasticity
-from fcsim.assembly.elasticity import QUADRATURE_DEGREE, Discretisation, discretise, lame
+from fcsim.assembly.discretisation import QUADRATURE_DEGREE, Discretisation, discretise, once_per_part
+from fcsim.assembly.elasticity import lame
 from fcsim.errors import InputError
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Part
@@ -116,7 +116,7 @@ class PartForms:
         return found
 
 
-@elasticity.once_per_part
+@once_per_part
 def _kept(part: Part) -> Discretisation:
     return discretise(part)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim import runtime
 from fcsim.arrays import FloatArray
-from fcsim.assembly.elasticity import discretise
+from fcsim.assembly.discretisation import discretise
 from fcsim.assembly.forms.part_of_mesh import own_mesh
 from fcsim.assembly.model import Model
 from fcsim.assembly.stress import stress_operator, von_mises

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.assembly.elasticity import once_per_part
+from fcsim.assembly.discretisation import once_per_part
 from fcsim.assembly.elements import VOIGT
 from fcsim.assembly.nonlinear._tangent_kernels import scatter_blocks, scatter_nodes
 from fcsim.assembly.nonlinear.cells import CellStrain, PartCells, cell_strain, part_cells
