@@ -17,6 +17,9 @@ from fcsim.problem.infeasible import Certificate
 from fcsim.problem.judge import relative
 from fcsim.solvers.memory import Memory
 
+ERRORS = ("scaled", "published")
+"""Which error decides, see `fcsim.problem`."""
+
 
 class Status(Enum):
     """Why a solver stopped; only SOLVED means that the full error was computed on the result and is at most `tol`."""
@@ -167,6 +170,14 @@ class Monitor:
         return Monitor(
             *(q, self.mu, self.dimension, tol), compliance=self.compliance, floor=floor, time_limit=self.time_limit, start=self.start
         )
+
+    def stopped(self, error: float, max_iterations: int) -> Status | None:
+        """Why a method whose error is above `tol` has to stop: it is no number, or iterations or time are used up; None: it may go on."""
+        if not math.isfinite(error):
+            return Status.DIVERGED
+        if self.iterations >= max_iterations:
+            return Status.MAX_ITERATIONS
+        return Status.TIME_LIMIT if self.out_of_time() else None
 
     def out_of_time(self) -> bool:
         return time.perf_counter() - self.start > self.time_limit

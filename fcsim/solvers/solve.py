@@ -17,13 +17,11 @@ from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
-from fcsim.solvers.base import Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
+from fcsim.solvers.base import ERRORS, Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.small.door import LEAST_LIMIT, small
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.solvers.table import method
-
-ERRORS = ("scaled", "published")
 
 
 def solve(

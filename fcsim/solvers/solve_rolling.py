@@ -20,10 +20,8 @@ from fcsim.problem.rolling import (
     natural_residual,
     reduce_rolling,
 )
-from fcsim.solvers.base import Iterate, Monitor, Options, Result, Run, Status, checked_limits, choice, override
+from fcsim.solvers.base import ERRORS, Iterate, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.table import method
-
-ERRORS = ("scaled", "published")
 
 
 class RollingMonitor(Monitor):
@@ -123,6 +121,8 @@ def _run(run: Run, local: LocalRollingProblem, r: FloatArray, monitor: Monitor, 
         iterate: Iterate = run(local, r, monitor, options)
     except SingularMatrix as singular:
         iterate = Iterate(r, Status.SINGULAR, str(singular))
+    except (OverflowError, ZeroDivisionError, FloatingPointError, np.linalg.LinAlgError) as beyond:  # numbers that no float holds
+        iterate = Iterate(r, Status.DIVERGED, f"{type(beyond).__name__}: {beyond}")
     if not iterate.status.solved and monitor.best_r is not None:
         return replace(iterate, r=monitor.best_r)
     return iterate

@@ -21,7 +21,6 @@ from fcsim.bench.workers.worker import Request, Settings, blank
 from fcsim.errors import InputError, MissingDependency
 from fcsim.runtime import THREAD_VARIABLES
 
-LAUNCHERS = ("local", "mpi")
 _MPI_VARIABLES = ("PMI", "PMIX", "MPI", "OMPI", "HYDRA", "HYDI", "MPIR", "MPICH")
 _LOCAL_RANK = ("MPI_LOCALRANKID", "OMPI_COMM_WORLD_LOCAL_RANK", "SLURM_LOCALID")
 _LOCAL_SIZE = ("MPI_LOCALNRANKS", "OMPI_COMM_WORLD_LOCAL_SIZE", "SLURM_NTASKS_PER_NODE")
