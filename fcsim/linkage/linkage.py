@@ -7,12 +7,14 @@ forces dir W l on the bodies have no resultant; G = B^T (W x dir), B the model's
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
 from fcsim.linkage.links import Ball, Bonded, Cable, Hinge, Link, Rod, Slider, SpringDamper, Tied
@@ -61,10 +63,10 @@ class Linkage:
             raise InputError(f"linkage: expected different names of links, none empty, got {', '.join(map(repr, self.names))}")
         self._pieces = [_found(model, link) for link in self.links if not isinstance(link, Cable)]
         self.cables = [_points(model, link) for link in self.links if isinstance(link, Cable)]
-        self._counts = [len(self._rows_of(piece, model.reference).gap) for piece in self._pieces]
-        of_row = [self.names.index(piece.link.name) for piece in self._pieces]
-        self.of_row: IntArray = np.repeat(np.array(of_row, dtype=np.int64), self._counts)
-        springs = {self.names.index(p.link.name): p.link for p in self._pieces if isinstance(p.link, SpringDamper)}
+        number = {name: k for k, name in enumerate(self.names)}
+        of_row = [number[piece.link.name] for piece in self._pieces]
+        self.of_row: IntArray = np.repeat(np.array(of_row, dtype=np.int64), [_count(piece, model) for piece in self._pieces])
+        springs = {number[p.link.name]: p.link for p in self._pieces if isinstance(p.link, SpringDamper)}
         self.stiffness: FloatArray = np.array([springs[k].stiffness if k in springs else np.inf for k in self.of_row.tolist()])
         self.damping: FloatArray = np.array([springs[k].damping if k in springs else 0.0 for k in self.of_row.tolist()])
 
@@ -81,34 +83,48 @@ class Linkage:
     def rows(self, x: FloatArray, like: Rows | None = None) -> Rows:
         """The rows in the configuration x (n_dofs,). like: those of another one, along whose directions hinges and sliders are measured,
         which have no directions of their own across their axis."""
-        model = self.model
-        positions = model.positions(x)
-        found = []
-        ends = np.cumsum([0, *self._counts]).tolist()
-        for piece, begin, end in zip(self._pieces, ends, ends[1:], strict=False):
-            found.append(self._rows_of(piece, positions, x, None if like is None else like.direction[begin:end]))
-        if not found:
-            return Rows(csr_array((0, model.n_nodes)), np.empty((0, model.dimension)), np.empty(0))
-        return Rows(
-            vstack([rows.weights for rows in found], format="csr"),
-            np.concatenate([rows.direction for rows in found]),
-            np.concatenate([rows.gap for rows in found]),
-        )
+        return self._rows(self.model.positions(x), x, like)
 
-    def _rows_of(
-        self, piece: _Points | _Surfaces, positions: FloatArray, x: FloatArray | None = None, along: FloatArray | None = None
-    ) -> Rows:
-        d = self.model.dimension
-        if isinstance(piece, _Surfaces):
-            offset = piece.offset if x is None else piece.offset @ _rotation(self.model, piece.body, x).T
-            gap = (piece.weights @ positions - offset).ravel()
-            repeated = csr_array(piece.weights[np.repeat(np.arange(piece.weights.shape[0]), d)])
-            return Rows(repeated, np.tile(np.eye(d), (len(offset), 1)), gap)
-        points = piece.weights @ positions + piece.ground
-        wanted: Asked = asked(piece.link, points, piece.rest)
-        direction = along if along is not None and isinstance(piece.link, Hinge | Slider) else wanted.direction
-        gap = np.einsum("kd,kd->k", direction, wanted.coefficients @ points) - wanted.length
-        return Rows(csr_array(csr_array(wanted.coefficients) @ piece.weights), direction, gap)
+    @cached_property
+    def _points(self) -> tuple[csr_array, FloatArray, IntArray]:
+        """All pieces' points: weights (K, n_nodes), ground (K, d), and where each piece's begin."""
+        if not self._pieces:
+            return csr_array((0, self.model.n_nodes)), np.empty((0, self.model.dimension)), np.zeros(1, dtype=np.int64)
+        counts = [piece.weights.shape[0] for piece in self._pieces]
+        ground = [np.zeros_like(p.offset) if isinstance(p, _Surfaces) else p.ground for p in self._pieces]
+        return vstack([piece.weights for piece in self._pieces], format="csr"), np.concatenate(ground), np.cumsum([0, *counts])
+
+    def _rows(self, positions: FloatArray, x: FloatArray | None = None, like: Rows | None = None) -> Rows:
+        """One sparse product for the rows of all links: their coefficients on all points."""
+        weights, ground, first = self._points
+        points, d = weights @ positions + ground, self.model.dimension
+        columns, values, counts = list[IntArray](), list[FloatArray](), list[IntArray]()
+        directions, lengths = list[FloatArray](), list[FloatArray]()
+        begin = 0
+        for piece, at, end in zip(self._pieces, first[:-1].tolist(), first[1:].tolist(), strict=True):
+            if isinstance(piece, _Surfaces):
+                offset = piece.offset if x is None else piece.offset @ _rotation(self.model, piece.body, x).T
+                column, value, count = np.repeat(np.arange(len(offset)), d), np.ones(offset.size), np.ones(offset.size, dtype=np.int64)
+                direction, length = np.tile(np.eye(d), (len(offset), 1)), offset.ravel()
+            else:
+                wanted: Asked = asked(piece.link, points[at:end], piece.rest)
+                there = wanted.coefficients != 0
+                column, value, count = np.nonzero(there)[1], wanted.coefficients[there], there.sum(axis=1)
+                keeps = like is not None and isinstance(piece.link, Hinge | Slider)
+                direction = like.direction[begin : begin + len(count)] if keeps and like is not None else wanted.direction
+                length = wanted.length
+            columns.append(at + column)
+            values.append(value)
+            counts.append(count)
+            directions.append(direction)
+            lengths.append(length)
+            begin += len(count)
+        if not columns:
+            return Rows(csr_array((0, self.model.n_nodes)), np.empty((0, d)), np.empty(0))
+        starts = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
+        C = csr_array((np.concatenate(values), np.concatenate(columns), starts), shape=(begin, weights.shape[0]))
+        direction = np.concatenate(directions)
+        return Rows(csr_array(C @ weights), direction, np.einsum("kd,kd->k", direction, C @ points) - np.concatenate(lengths))
 
     def matrix(self, rows: Rows, x: FloatArray) -> csr_array:
         """G (n_dofs, p) of the rows in the configuration x (n_dofs,)."""
@@ -130,10 +146,21 @@ class Linkage:
         return total
 
 
+def _count(piece: _Points | _Surfaces, model: Model) -> int:
+    """How many rows a link has."""
+    if isinstance(piece, _Surfaces):
+        return int(piece.offset.size)
+    return len(asked(piece.link, piece.weights @ model.reference + piece.ground, piece.rest).length)
+
+
 def _rotation(model: Model, body: int, x: FloatArray) -> FloatArray:
-    """The rotation (d, d) of a body; the identity for a linear one."""
+    """The rotation (d, d) of a body; the identity for one of small rotations."""
     if body >= len(model.deformable):
         return np.asarray(model.rigid_rotation(x)[body - len(model.deformable)])
+    for group in model.nonlinear.groups:
+        if body in group.members and group.rotates:
+            floating = FloatingGroup(group)
+            return np.asarray(floating.frames(floating.displacement(x)).rotation[group.members == body][0])
     elastic = model.elastic
     return np.asarray(elastic.rotation(elastic.at(x))[body]) if elastic.turning else np.eye(model.dimension)
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.running.folder import Instant, RunFolder
+from fcsim.view.framed import Framed
 from fcsim.view.standing_before import standing_before
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ class Survey:
     exaggeration  factor on displacements
     stress        (2,) [Pa] the range of colours: from 0 to the largest 99th percentile of an instant; None without blocks
     force         [N] the largest contact reaction
-    low, high     (3,) [m] corners of the box that holds every shown configuration
+    low, high     (3,) [m] corners of the box that pictures show, see `framed`
     planar        2D: seen along z
     last          the last instant with rigid bodies, None = none
     """
@@ -97,7 +98,7 @@ def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | 
     """Look through the instants once for the displacement factor (None: automatic), colours and size that suit all of them."""
     if exaggeration is not None and not (np.isfinite(exaggeration) and exaggeration > 0):
         raise InputError(f"exaggeration: expected a factor > 0, or none for an automatic one, got {exaggeration}")
-    boxes, moved, stress, force, reference = [], 0.0, [0.0], 0.0, []
+    framed, moved, stress, force = Framed(), 0.0, [0.0], 0.0
     for instant in instants:
         for path in (instant.blocks, instant.rigid):
             if path is None:
@@ -105,20 +106,16 @@ def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | 
             data = read(path)
             displacement = np.asarray(data["displacement"])
             moved = max(moved, float(np.linalg.norm(displacement, axis=1).max(initial=0.0)))
-            # the extremes of x + e u over the nodes are not linear in e: keep those of x and u, which bound them
-            reference.append([data.points.min(0), data.points.max(0)])
-            boxes.append([displacement.min(0), displacement.max(0)])
+            framed.see(data, rigid=path == instant.rigid)
             if "von_mises" in data.cell_data:
                 stress.append(float(np.percentile(data.cell_data["von_mises"], 99)))
         if instant.contacts is not None and len(reaction := np.asarray(read(instant.contacts)["reaction"])):
             force = max(force, float(np.linalg.norm(reaction, axis=1).max()))
-    if not boxes:
+    if not framed.boxes:
         raise InputError(f"{run.directory}: expected the blocks or the rigid bodies of at least one instant in vtk/, found none")
-    x, u = np.array(reference), np.array(boxes)
-    size = float((x[:, 1].max(0) - x[:, 0].min(0)).max())
-    factor = _automatic(size, moved) if exaggeration is None else float(exaggeration)
-    low, high = (x[:, 0] + factor * np.minimum(u[:, 0], 0)).min(0), (x[:, 1] + factor * np.maximum(u[:, 1], 0)).max(0)
-    planar = bool(np.ptp(x[:, :, 2]) == 0)
+    factor = _automatic(framed.size, moved) if exaggeration is None else float(exaggeration)
+    low, high = framed.box(factor)
+    planar = framed.planar
     has_stress = any(instant.blocks for instant in instants)
     last = next((instant for instant in reversed(instants) if instant.rigid is not None), None)
     return Survey(factor, (0.0, max(stress) or 1.0) if has_stress else None, force, low, high, planar, last)

@@ -24,6 +24,7 @@ from fcsim.linkage import (
     without_contact_of,
 )
 from fcsim.mesh import Body, Material, brick, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.material import neo_hooke
 from fcsim.solvers import solve
 
 G = 9.81
@@ -194,6 +195,57 @@ def test_bonded_parts_are_one_body() -> None:
         ends = [step.state.x.reshape(-1, 3)[np.argmin(np.linalg.norm(step.model.reference - place, axis=1))] for step in (one, two)]
         assert ends[1] == pytest.approx(ends[0], abs=5e-4)  # two frames for one: the strain is small, not zero
     assert two.energy.kinetic + two.energy.elastic == pytest.approx(one.energy.kinetic + one.energy.elastic, rel=1e-4)
+
+
+def test_bonded_parts_of_rubber_are_one_body() -> None:
+    """Nothing is approximated there: the halves have the strains of the whole, in free flight with spin, to the tolerance of the step."""
+    rubber = neo_hooke(1e8, 0.3, 1000.0)
+    whole = brick("w", (2.0, 0.2, 0.2), (8, 1, 1), rubber)
+    halves = [brick("h", (1.0, 0.2, 0.2), (4, 1, 1), rubber, origin=(x, 0, 0)) for x in (0.0, 1.0)]
+
+    def spun(model: fcsim.Model) -> Any:
+        x = model.reference - [1.0, 0.1, 0.1]
+        return np.asarray(np.cross([0.0, 2.0, 3.0], x) + np.array([0.1, 0, 0])).ravel()
+
+    one = moved([Body("w", whole)], [], fcsim.Theta(1e-2), 8, initial=spun)[-1]
+    two = moved([Body("a", halves[0]), Body("b", halves[1])], [Bonded("bond", "a", "b")], fcsim.Theta(1e-2), 8, initial=spun)[-1]
+    for place in ([0, 0, 0], [2, 0.2, 0.2], [1, 0.2, 0]):
+        ends = [step.state.x.reshape(-1, 3)[np.argmin(np.linalg.norm(step.model.reference - place, axis=1))] for step in (one, two)]
+        assert ends[1] == pytest.approx(ends[0], abs=1e-9)
+    assert abs(two.energy.residual) < 1e-9 * two.energy.kinetic
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("rubber", [True, False])
+def test_a_rigid_plate_glued_to_a_block(d: int, rubber: bool) -> None:
+    """The block's top stays as flat as the plate, which falls on it; both by linear elasticity and as rubber, the balance closed."""
+    material: Any = neo_hooke(1e6, 0.3, 1000.0) if rubber else Material(1e6, 0.3, 1000.0)
+    if d == 3:
+        block, plate = brick("b", (1.0,) * 3, (2, 2, 2), material), rigid_box("r", (1.0, 1.0, 0.2), (0.5, 0.5, 1.1), 200.0)
+    else:
+        block, plate = rectangle("b", (1.0,) * 2, (3, 3), material), rigid_rectangle("r", (1.0, 0.2), (0.5, 1.1), 200.0)
+    axis = "xyz"[d - 1]
+    tie, held = Tied("glue", ("b", f"{axis}+"), ("r", f"{axis}-")), fcsim.Support("b", tuple("xyz"[:d]), f"{axis}-")
+    steps = moved([Body("b", block), plate], [tie], fcsim.Theta(2e-3), 10, supports=[held])
+    model, x = steps[-1].model, steps[-1].model.positions(steps[-1].state.x)
+    top = np.flatnonzero(np.isclose(model.reference[: len(block.points), -1], 1.0))
+    assert np.ptp(x[top, -1]) < 1e-9 and x[top, -1].max() < 1 - 1e-3
+    assert np.diff(x[top], axis=0) == pytest.approx(np.diff(model.reference[top], axis=0), abs=1e-9)
+    assert steps[-1].link_force("glue")[-1] < 0
+    assert all(abs(step.energy.residual) < 1e-9 * steps[-1].energy.kinetic for step in steps)
+
+
+def test_a_chain_of_many_links_falls_freely_at_its_end() -> None:
+    """100 links, 300 rows: S is sparse there. Falling from level, the free end falls freely until the bend reaches it; no energy drifts."""
+    n, a = 100, 0.1
+    bodies: list[Any] = [rigid_box(f"c{k}", (a, 0.02, 0.02), ((k + 0.5) * a, 0.0, 0.0), 0.1) for k in range(n)]
+    links: list[Any] = [Ball(f"j{k}", f"c{k - 1}" if k else None, f"c{k}", (k * a, 0.0, 0.0)) for k in range(n)]
+    steps = moved(bodies, links, fcsim.Theta(1e-3), 10)
+    t, model = steps[-1].state.t, steps[-1].model
+    assert model.rigid_part(steps[-1].state.x)[-1, 2] == pytest.approx(-0.5 * G * t**2, rel=1e-6)
+    assert drift(steps) < 1e-5 * max(step.energy.kinetic for step in steps)  # the start from level is a jump of the forces: O(h^2)
+    held = steps[-1].linked
+    assert held is not None and np.abs(held.missing(model, steps[-1].scheme, steps[-1].state)).max() < 1e-9
 
 
 def test_a_cable_is_slack_then_taut() -> None:

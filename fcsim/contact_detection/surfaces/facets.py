@@ -140,3 +140,15 @@ def geometry(facets: Facets, positions: FloatArray) -> FacetGeometry:
         raise InputError(f"contact detection: expected facets of positive area, got area 0 at nodes {facets.nodes[bad].tolist()}")
     size = measure if facets.width == 2 else np.sqrt(measure)
     return FacetGeometry(corners, centre, radius, area / measure[:, None], size)
+
+
+def shape_gradients(phi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """phi_k,a (n, k, d-1) and phi_k,ab (k, d-1, d-1) of shape functions phi (n, k) of a segment, triangle or quadrilateral."""
+    n, k = phi.shape
+    if k == 4:
+        s, t = (phi[:, pair].sum(axis=1) for pair in ([1, 2], [2, 3]))
+        first = np.stack([np.stack([t - 1, 1 - t, t, -t], axis=1), np.stack([s - 1, -s, s, 1 - s], axis=1)], axis=2)
+        mixed = np.array([1.0, -1.0, 1.0, -1.0])
+        return first, mixed[:, None, None] * np.array([[0.0, 1.0], [1.0, 0.0]])
+    constant = np.vstack([-np.ones(k - 1), np.eye(k - 1)])
+    return np.broadcast_to(constant, (n, k, k - 1)), np.zeros((k, k - 1, k - 1))

@@ -76,8 +76,6 @@ class Linked:
 
 def refuse_linkage(linkage: Linkage | None, model: Model) -> None:
     """InputError for links of another model, or of bodies that they cannot hold."""
-    if linkage is not None and model.nonlinear:
-        raise InputError("linkage: expected bodies of linear materials, got nonlinear ones, which links do not hold yet")
     if linkage is not None and linkage.model.bodies != model.bodies:
         raise InputError("linkage: expected the links of the simulation's model, got those of another one")
 

@@ -13,6 +13,9 @@ from fcsim.assembly.compliance import SystemFactor
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 
+_MARGIN = 0.05
+"""Of A's own stiffness: what A + B keeps of it at least in every direction."""
+
 
 @dataclass(frozen=True, eq=False)
 class StepCompliance:
@@ -22,11 +25,14 @@ class StepCompliance:
     for each entry that is not zero, with C^-1 on the diagonal of M and 1 in H: so the problem that solvers and FCLIB files see is an
     ordinary one, and W = H^T M^-1 H + C.
     summed: W of this H where it is known already, from another right side of the step.
+    bent: the geometric stiffness B of contacts on the bodies' unknowns, None = none: M is A + B with A of the factor. With P the unknowns
+    that B touches, (A + B)^-1 = A^-1 - A^-1 P X P^T A^-1, X = (I + B_PP C)^-1 B_PP, C = P^T A^-1 P: A's factors stay the bodies' own.
     """
 
     factor: SystemFactor
     joint: FloatArray | None = None
     summed: Matrix | None = None
+    bent: sp.csr_array | None = None
 
     @cached_property
     def _soft(self) -> IntArray:
@@ -42,6 +48,8 @@ class StepCompliance:
     def matrix(self) -> sp.csr_array:
         """M of the problem."""
         matrix = self.factor.matrix()
+        if self.bent is not None:
+            matrix = sp.csr_array(matrix + self.bent)
         if self.joint is None:
             return matrix
         return sp.csr_array(sp.block_diag([matrix, sp.diags_array(1 / self.joint[self._soft])], format="csr"))
@@ -63,17 +71,65 @@ class StepCompliance:
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return M^-1 rhs for rhs (n,) of the problem's unknowns."""
-        if self.joint is None:
-            return self.factor.solve(rhs)
         own = len(rhs) - len(self._soft)
-        return np.concatenate([self.factor.solve(rhs[:own]), self.joint[self._soft] * rhs[own:]])
+        v = self.factor.solve(rhs[:own])
+        if self.bent is not None:
+            pushed = np.zeros(own)
+            pushed[self._touched] = self._correction @ v[self._touched]
+            v = v - self.factor.solve(pushed)
+        return v if self.joint is None else np.concatenate([v, self.joint[self._soft] * rhs[own:]])
+
+    @cached_property
+    def _touched(self) -> IntArray:
+        """The unknowns P."""
+        B = sp.coo_array(self.bent)
+        return np.union1d(B.row, B.col)
+
+    @cached_property
+    def _compliance_there(self) -> FloatArray:
+        """C (k, k)."""
+        d, k = self.factor.model.dimension, len(self._touched)
+        C = self._sum(_chosen(self._touched, self.unknowns - len(self._soft), d), d)
+        return (C if isinstance(C, np.ndarray) else C.toarray())[:k, :k]
+
+    @cached_property
+    def _correction(self) -> FloatArray:
+        """X (k, k)."""
+        assert self.bent is not None  # none is asked for else
+        B = self.bent[self._touched][:, self._touched].toarray()
+        X: FloatArray = np.linalg.solve(np.eye(len(B)) + B @ self._compliance_there, B)
+        return X
+
+    @property
+    def positive(self) -> bool:
+        """Whether the symmetric part of A + B is positive definite, as A is."""
+        if self.bent is None:
+            return True
+        B = self.bent[self._touched][:, self._touched].toarray()
+        try:
+            L = np.linalg.cholesky(self._compliance_there)
+            np.linalg.cholesky((1 - _MARGIN) * np.eye(len(B)) + 0.5 * (L.T @ (B + B.T) @ L))
+        except np.linalg.LinAlgError:
+            return False
+        return True
 
     def delassus(self, H: sp.sparray, dimension: int) -> Matrix:
         """Return W = H^T M^-1 H (m, m) for H (n, m) on the problem's unknowns."""
         if self.summed is not None:
             return self.summed
-        model = self.factor.model
         H = sp.csc_array(H if self.joint is None else sp.csr_array(H)[: H.shape[0] - len(self._soft)])
+        if self.bent is None:
+            matrix = self._sum(H, dimension)
+        else:
+            m, k = H.shape[1], len(self._touched)
+            wide = self._sum(sp.csc_array(sp.hstack([H, _chosen(self._touched, H.shape[0], dimension)])), dimension)
+            wide = wide if isinstance(wide, np.ndarray) else sp.csr_array(wide)
+            matrix = _corrected(wide[:m, :m], wide[:m, m : m + k], self._correction, wide[m : m + k, :m], dimension)
+        return matrix if self.joint is None else _with_diagonal(matrix, self.joint, dimension)
+
+    def _sum(self, H: sp.sparray, dimension: int) -> Matrix:
+        """H^T A^-1 H for H (n, m) on the bodies' unknowns, from their compliances."""
+        model = self.factor.model
         if model.driven == "eliminated":
             H = sp.csc_array((H.data, model.free_dofs[H.indices], H.indptr), shape=(model.n_dofs, H.shape[1]))
         if self.factor.rotation is not None:
@@ -81,8 +137,7 @@ class StepCompliance:
         W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
         for first, compliances, kind in self.factor.compliances():
             W.add(first, compliances, kind)
-        matrix = W.matrix()
-        return matrix if self.joint is None else _with_diagonal(matrix, self.joint, dimension)
+        return W.matrix()
 
     def _in_frames(self, H: sp.csc_array) -> sp.csc_array:
         """H along the supports' axes as they are in the axes of the bodies' compliances."""
@@ -96,6 +151,24 @@ class StepCompliance:
         indptr, indices, data = turned_rows(H.indptr, H.indices, H.data, body, self.factor.rotation)
         turned = sp.csc_array((data, indices, indptr), shape=H.shape)
         return turned if axes is None else sp.csc_array(axes @ turned)
+
+
+def _chosen(rows: IntArray, n: int, d: int) -> sp.csc_array:
+    """Columns of the identity (n, k), filled up to whole blocks of d."""
+    k = len(rows)
+    return sp.csc_array((np.ones(k), (rows, np.arange(k))), shape=(n, k + -k % d))
+
+
+def _corrected(W: Matrix, left: sp.sparray, X: FloatArray, right: sp.sparray, d: int) -> Matrix:
+    """W - left X right (m, m) for left (m, k), right (k, m), of which few rows and columns are not zero."""
+    if isinstance(W, np.ndarray):
+        corrected: FloatArray = W - left @ X @ right
+        return corrected
+    rows = np.flatnonzero(np.diff(sp.csr_array(left).indptr))
+    columns = np.flatnonzero(np.diff(sp.csc_array(right).indptr))
+    tile = left[rows].toarray() @ X @ right[:, columns].toarray()
+    places = np.repeat(rows, len(columns)), np.tile(columns, len(rows))
+    return sp.bsr_array(sp.csr_array(W) - sp.csr_array((tile.ravel(), places), shape=W.shape), blocksize=(d, d))
 
 
 def _with_diagonal(W: Matrix, diagonal: FloatArray, d: int) -> Matrix:

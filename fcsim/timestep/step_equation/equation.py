@@ -35,7 +35,8 @@ class Equation:
     """What a step's problems share: all but the elastic term of the right side.
 
     met: its contacts; factor: of the step's M; rest (n_dofs,): right side without the elastic term; driven: values of the driven
-    unknowns; share: of the whole step that it is; linked: the rows of its links
+    unknowns; share: of the whole step that it is; linked: the rows of its links; bent (n_dofs, n_dofs): geometric stiffness of contact that
+    is part of M, None = none
     """
 
     scheme: Scheme
@@ -48,6 +49,7 @@ class Equation:
     elastic: Linearisation
     share: float
     linked: Linked | None = None
+    bent: sp.csr_array | None = None
 
     @cached_property
     def _moved(self) -> FloatArray | None:
@@ -56,7 +58,8 @@ class Equation:
 
     @cached_property
     def compliance(self) -> StepCompliance | LinkedCompliance:
-        own = StepCompliance(self.factor, self.met.compliance)
+        bent = None if self.bent is None else self._on_unknowns(self._on_unknowns(self.bent).T).T
+        own = StepCompliance(self.factor, self.met.compliance, bent=bent if bent is None or not bent.nnz else sp.csr_array(bent))
         return own if self.linked is None else LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance)
 
     def _on_unknowns(self, H: sp.sparray) -> sp.csr_array:
@@ -84,7 +87,9 @@ class Equation:
         """What adhesion and driven dofs take from the load (n_dofs,)."""
         adhesive = self.met.adhesive_impulse
         given = np.zeros(self.model.n_dofs) if adhesive is None else adhesive
-        return given if self._moved is None else given + self.factor.apply(self._moved)
+        if self._moved is None:
+            return given
+        return given + self.factor.apply(self._moved) + (0.0 if self.bent is None else self.bent @ self._moved)
 
     def problem(self, load: FloatArray) -> GlobalProblem | GlobalRollingProblem:
         """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w."""

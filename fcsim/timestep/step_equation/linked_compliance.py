@@ -6,34 +6,47 @@ problem that solvers and files see has for each compliant row an unknown of its 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.timestep.step_equation.compliance import StepCompliance
+
+SPARSE_FROM, FILLED = 200, 0.1
+"""Rows from which S is factored sparse, where at most this share of its entries are not zero: chains, trusses."""
+
+PIVOT = 1e-10
+"""Of a scaled row: what the rows before it must leave of it, else rows are redundant."""
 
 REDUNDANT = 1e-11
 """Eigenvalues of the scaled S below this share of the largest are rows that others say already."""
 
 
 class _Inverse:
-    """S^-1 of a symmetric S >= 0, on its range where rows are redundant."""
+    """S^-1 of a symmetric S >= 0, dense or sparse, on its range where rows are redundant."""
 
-    def __init__(self, S: FloatArray) -> None:
-        scale = np.sqrt(np.diag(S))
+    def __init__(self, S: Matrix) -> None:
+        scale = np.sqrt(S.diagonal())
         self._scale = 1 / np.where(scale > 0, scale, 1.0)  # rows that nothing can move stay out
-        scaled = S * self._scale[:, None] * self._scale
-        self._factor = None
-        try:
-            factor = sla.cho_factor(scaled)
-            if np.diag(factor[0]).min() > 1e-5:  # its square: the share of a row that the ones before do not say
-                self._factor = factor
-        except np.linalg.LinAlgError:
-            pass
+        self._factor: Callable[[FloatArray], FloatArray] | None = None
+        if not isinstance(S, np.ndarray):
+            D = sp.diags_array(self._scale)
+            self._factor = _sparse_factor(D @ S @ D)
+            S = S if self._factor is not None else S.toarray()
+        if self._factor is None:
+            scaled = S * self._scale[:, None] * self._scale
+            try:
+                factor = sla.cho_factor(scaled)
+                if np.diag(factor[0]).min() ** 2 > PIVOT:
+                    self._factor = partial(sla.cho_solve, factor)
+            except np.linalg.LinAlgError:
+                pass
         if self._factor is None:
             values, self._vectors = np.linalg.eigh(scaled)
             kept = values > REDUNDANT * max(values.max(initial=0.0), 1.0)
@@ -43,7 +56,7 @@ class _Inverse:
         """S^-1 rhs for rhs (p,) or (p, k)."""
         scale = self._scale if rhs.ndim == 1 else self._scale[:, None]
         if self._factor is not None:
-            solved: FloatArray = scale * sla.cho_solve(self._factor, scale * rhs)
+            solved: FloatArray = scale * self._factor(scale * rhs)
             return solved
         values = self._values if rhs.ndim == 1 else self._values[:, None]
         found: FloatArray = scale * (self._vectors @ (values * (self._vectors.T @ (scale * rhs))))
@@ -101,10 +114,14 @@ class LinkedCompliance:
     def _inverse(self) -> _Inverse:
         d, p = self.base.factor.model.dimension, self.G.shape[1]
         wide = sp.csc_array(sp.hstack([self.G, sp.csr_array((self.G.shape[0], -p % d))], format="csc"))
-        S = _dense(replace(self.base, summed=None, joint=None).delassus(wide, d))[:p, :p]
-        S = 0.5 * (S + S.T)
-        S[np.diag_indices_from(S)] += self.compliance
-        return _Inverse(S)
+        S = replace(self.base, summed=None, joint=None).delassus(wide, d)
+        if isinstance(S, np.ndarray) or p < SPARSE_FROM or S.nnz > FILLED * p**2:
+            S = _dense(S)[:p, :p]
+            S = 0.5 * (S + S.T)
+            S[np.diag_indices_from(S)] += self.compliance
+            return _Inverse(S)
+        S = sp.csc_array(S)[:p, :p]
+        return _Inverse(0.5 * (S + S.T) + sp.diags_array(self.compliance))
 
     def _with_contacts(self, H: sp.sparray, d: int) -> Matrix:
         """[H, G]^T M^-1 [H, G] of the base in blocks of d, G filled up to whole blocks."""
@@ -144,6 +161,16 @@ class LinkedCompliance:
             return W
         rows, columns = np.repeat(touched, len(touched)), np.tile(touched, len(touched))
         return sp.bsr_array(sp.csr_array(W) - sp.csr_array((tile.ravel(), (rows, columns)), shape=(m, m)), blocksize=(dimension, dimension))
+
+
+def _sparse_factor(S: Matrix) -> Callable[[FloatArray], FloatArray] | None:
+    """The solve of a sparse S of unit diagonal; None where a pivot vanishes."""
+    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    try:
+        factor = spla.splu(sp.csc_matrix(S), **options)
+    except RuntimeError:
+        return None
+    return factor.solve if factor.U.diagonal().min() > PIVOT else None
 
 
 def _dense(A: Matrix) -> FloatArray:

@@ -8,8 +8,8 @@ At the iterate v_i with S_i = w dF/dv the problem A_i v = H r + f_i, A_i = B + S
 contact is a global problem like any other step's: the solver begins where it ended for v_i-1. Its answer (v, r) is where (1) is
 measured and linearised next, until R is below the tolerance and contact is where it was meant: quadratic where S_i is exact. Where R
 grows, or a body has no admissible state, (v, r) is gone only part of the way. In quasi-statics contacts are found anew at every iterate,
-with gaps
-brought back to the beginning of the step, so that u remains the increment over all of it; in dynamics they are those of the step.
+with gaps brought back to the beginning of the step, so that u remains the increment over all of it, and A_i has their geometric stiffness
+-d(H r)/dv (`contact_stiffness`); in dynamics they are those of the step.
 
 A_i must be positive definite: a body that has lost stiffness gets a share of its first one beside, and converges more slowly for it.
 Bodies keep their tangent and factor while that differs by less than `KEPT`.
@@ -32,6 +32,8 @@ from fcsim.solvers.memory import Kept
 from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.step import Attempt, Linearised
+from fcsim.timestep.step_equation.compliance import StepCompliance
+from fcsim.timestep.step_equation.contact_stiffness import contact_stiffness
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, longest_flight
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
@@ -45,6 +47,12 @@ SETTLED = 1e-8
 
 KEPT = 1e-5
 """A body's system matrix serves on while no entry differs by more than this share of the largest."""
+
+HELD = 30.0
+"""Stiffness that is given to pressed contacts, of the largest entry of their geometric stiffness."""
+
+STICKS = 1e-3
+"""By how much less than its limit the friction of a contact that sticks is."""
 
 MAX_ITERATIONS = 40
 
@@ -61,12 +69,13 @@ class KeptFactor(Kept):
 
 @dataclass(frozen=True, eq=False)
 class _Iterate:
-    """v (n_dofs,), r of the contacts `met`, the term there, and the residuals of the bodies relative to what is allowed."""
+    """v (n_dofs,), r of the contacts `met`, the term there, the residuals of the bodies relative to what is allowed, and l of the links."""
 
     v: FloatArray
     r: FloatArray
     term: Term
     residual: float
+    l: FloatArray
 
 
 def solve_nonlinear(
@@ -105,7 +114,7 @@ class _Newton:
         equation = self.equation
         lead = past.lead
         first = self.inner.first()
-        now = _Iterate(first, np.empty(0), self.inner.at(first, tangent=True), np.inf)
+        now = _Iterate(first, np.empty(0), self.inner.at(first, tangent=True), np.inf, np.empty(0))
         if now.term.inadmissible:
             return self._failed(f"body {now.term.inadmissible!r} has no admissible state where its velocity takes it", past)
         for _ in range(MAX_ITERATIONS):
@@ -114,8 +123,8 @@ class _Newton:
             except Indefinite as error:
                 name = equation.model.deformable[error.body].name
                 return self._failed(f"body {name!r} has lost its stiffness: it buckles, snaps or softens, which dynamics can follow", past)
-            equation = replace(equation, factor=factor)
-            load = self._load(equation, now)
+            equation, pushed = self._bent(replace(equation, factor=factor, bent=None), now)
+            load = self._load(equation, now) + pushed
             problem = equation.problem(load)
             assert isinstance(problem, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
             reduction = Reduction(problem, equation.compliance)
@@ -180,28 +189,56 @@ class _Newton:
     def _load(self, equation: Equation, now: _Iterate) -> FloatArray:
         return equation.rest - self._linear(now.v) - now.term.force + equation.factor.apply_tangents(now.v)
 
-    def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term) -> FloatArray:
-        """R(v, r) (n_dofs,), zero at driven dofs."""
+    def _bent(self, equation: Equation, now: _Iterate) -> tuple[Equation, FloatArray | float]:
+        """The equation with the geometric stiffness B of its contacts under the iterate's reactions, and what it adds to the right side; in
+        statics only, since contacts stay those of the step in dynamics.
+
+        Where B costs the matrix its positive definiteness, g H_a (H_a^T v + w_a) is added for the rows a of contacts that press or stick,
+        and nothing changes where they go on doing so; where that does not do either, B is left out."""
+        met = equation.met
+        if self.anew is None or not np.any(now.r) or met.compliance is not None or met.adhesive_impulse is not None:
+            return equation, 0.0
+        bent = contact_stiffness(equation.model, met.contacts, met.reaction(now.r), equation.model.advance(equation.state.x, now.v))
+        if bent is None:
+            return equation, 0.0
+        r = now.r.reshape(-1, met.rows)
+        sticks = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKS) * met.contacts.mu * r[:, 0]
+        kept = np.repeat(sticks[:, None], met.rows, axis=1)
+        kept[:, 0] = r[:, 0] > 0
+        pressed = np.flatnonzero(kept)
+        normal = met.scaled_H[:, pressed]
+        for held in (0.0, HELD * float(np.abs(bent.data).max())):
+            bending = replace(equation, bent=bent + held * (normal @ normal.T) if held else bent)
+            own = bending.compliance if isinstance(bending.compliance, StepCompliance) else bending.compliance.base
+            if own.bent is not None and bending.bent is not None and own.positive:
+                return bending, bending.bent @ now.v - held * (normal @ (normal.T @ now.v + met.w[pressed])) if held else bent @ now.v
+        return equation, 0.0
+
+    def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray) -> FloatArray:
+        """R(v, r) (n_dofs,), of the forces G l of links too, zero at driven dofs."""
         factor, met = equation.factor, equation.met
         R = factor.apply(v) - factor.apply_tangents(v) + term.force + self._linear(v) - equation.rest - met.impulse(r)
+        R = R if equation.linked is None else R - equation.linked.G @ l
         return R - equation.model.driven_share(R)
 
-    def _relative(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term) -> float:
+    def _relative(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray) -> float:
         """Largest residual of a body over what is allowed."""
         elastic = equation.elastic
         allowed = TOLERANCE / LINEAR_TOLERANCE * elastic.allowed(term.force, equation.rest)
-        return float((elastic.norms(self.residual(equation, v, r, term)) / allowed).max(initial=0.0))
+        return float((elastic.norms(self.residual(equation, v, r, term, l)) / allowed).max(initial=0.0))
 
     def _way(self, equation: Equation, now: _Iterate, v: FloatArray, result: Result) -> tuple[_Iterate, float] | None:
         """How far to go from the iterate towards the answer v (n_dofs,), r: all the way where the residual does not grow."""
         length, best = 1.0, None
         r0 = now.r if now.r.shape == result.r.shape else result.r
+        l1 = np.empty(0) if result.multiplier is None else result.multiplier
+        l0 = now.l if now.l.shape == l1.shape else l1
         while length >= _SHORTEST:
-            w, r = (v, result.r) if length == 1 else (now.v + length * (v - now.v), r0 + length * (result.r - r0))
+            w, r, l = (v, result.r, l1) if length == 1 else (a + length * (b - a) for a, b in ((now.v, v), (r0, result.r), (l0, l1)))
             term = self.inner.at(w)
             if not term.inadmissible:
-                size = self._relative(equation, w, r, term)
-                found = _Iterate(w, r, term, size), length
+                size = self._relative(equation, w, r, term, l)
+                found = _Iterate(w, r, term, size, l), length
                 if size <= max(1.0, now.residual):
                     return found
                 best = found if best is None or size < best[0].residual else best
@@ -212,7 +249,7 @@ class _Newton:
         """The iterate with its reactions at the contacts as they are found there, and the residual with these."""
         old = Reactions(earlier.contacts.identity, earlier.contacts.frame, new.r.reshape(-1, earlier.contacts.dimension))
         r = old.transfer(equation.met.contacts)
-        return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term))
+        return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l))
 
     def _settled(self, equation: Equation, met: Encounter, new: _Iterate) -> bool:
         """Whether contacts are where the last problem meant them: pressed ones at their gap, none closed that was not."""
