@@ -5,7 +5,7 @@
     python benchmarks/small.py --without-siconos
 
 Prints a table and what it sums up to. Ours: processor time of `solve` on arrays, the constructor of the problem included, the least of some
-turns of many calls each, and of the compiled sweeps alone (the seconds that the result reports). Siconos' as in against_siconos.py: every
+turns of many calls each, and of the compiled method alone (the seconds that the result reports). Siconos' as in against_siconos.py: every
 configuration, its tolerance tightened until this package's error is met, the time of its own solve alone, without Python.
 """
 
@@ -68,7 +68,7 @@ def chosen(sizes: list[int], seeds: list[int]) -> list[tuple[str, LocalProblem]]
 
 
 def ours(problem: LocalProblem, name: str, tol: float) -> tuple[float, float] | None:
-    """Seconds of a call from arrays, and of those the sweeps' own; None where it is not solved."""
+    """Seconds of a call from arrays, and of those the method's own; None where it is not solved."""
     arrays, d = (problem.W, problem.q, problem.mu), problem.dimension
     result = solve(problem, name, tol=tol)
     if not result.solved:
@@ -111,7 +111,8 @@ def main() -> None:
     options = parser.parse_args()
     version = None if options.without_siconos else siconos_version(options.siconos_python)
     found, rows = chosen(options.sizes, options.seeds), []
-    print(f"| problem | contacts | auto | of it sweeps | NSGS-AC | Siconos' best{f' ({version})' if version else ''} | auto / Siconos |")
+    whose = f"Siconos' best{f' ({version})' if version else ''}"
+    print(f"| problem | contacts | auto | of it the method | NSGS-AC | {whose} | auto / Siconos |")
     print("|---|---:|---:|---:|---:|---:|---:|")
     for name, problem in found:
         auto, sweeps = ours(problem, "auto", options.tol), ours(problem, "NSGS-AC", options.tol)

@@ -51,6 +51,29 @@ def error_of(starts, columns, blocks, q3, r3, mu, compliance, scale, r, u, d):
 
 
 @njit(cache=True, nogil=True)
+def judged(W, q, mu, compliance, r, d):
+    """u (m,) from r by the problem's own equation, whatever a method carried; the scaled and the published residual, and `violations`."""
+    u = np.empty_like(q)
+    for i in range(len(q)):
+        u[i] = q[i]
+        for j in range(len(q)):
+            u[i] += W[i, j] * r[j]
+    scaled = np.sqrt(squared_natural_residual(r, u, mu, compliance, d))
+    plain = np.sqrt(squared_natural_residual(r, u, mu, np.ones(len(mu)), d))
+    return u, scaled, plain, violations(r, u, q, mu, d)
+
+
+@njit(cache=True, nogil=True)
+def own_compliances(W, nc, d):
+    """tr(W_aa) / d (nc,)."""
+    compliance = np.zeros(nc)
+    for a in range(nc):
+        for i in range(d):
+            compliance[a] += W[d * a + i, d * a + i] / d
+    return compliance
+
+
+@njit(cache=True, nogil=True)
 def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_tolerance, local_iterations, rarely, watched, history):
     """Sweep from `start` (m,) until the error is at most tol; at most `most` sweeps, the full error at least every `rarely` ones.
 
@@ -61,14 +84,10 @@ def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_toler
     """
     nc = len(mu)
     zero, none = np.zeros_like(q), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    compliance, ones = np.empty(nc), np.ones(nc)
-    for a in range(nc):
-        compliance[a] = 0.0
-        for i in range(d):
-            compliance[a] += W[d * a + i, d * a + i] / d
-        if not compliance[a] > 0.0:
-            return NOT_HERE, 0, 0, zero, q, 0.0, 0.0, 0.0, none
-    weights = ones if published else compliance
+    compliance = own_compliances(W, nc, d)
+    if not np.all(compliance > 0.0):
+        return NOT_HERE, 0, 0, zero, q, 0.0, 0.0, 0.0, none
+    weights = np.ones(nc) if published else compliance
     scale = max(np.sqrt(np.sum(q * q)), floor)
     r, u, best = zero.copy(), q.copy(), zero
     sweeps, rows, ended = 0, 0, SOLVED
@@ -139,10 +158,5 @@ def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_toler
                 tau = min(0.5 * tau, max(light * tol / error, 1e-3 * tau))
         if ended != SOLVED:
             r = best
-    for i in range(len(q)):  # u from r by the problem's own equation, whatever the sweeps carried
-        u[i] = q[i]
-        for j in range(len(q)):
-            u[i] += W[i, j] * r[j]
-    scaled = np.sqrt(squared_natural_residual(r, u, mu, compliance, d))
-    plain = np.sqrt(squared_natural_residual(r, u, mu, ones, d))
-    return ended, sweeps, rows, r, u, scale, scaled, plain, violations(r, u, q, mu, d)
+    u, scaled, plain, found = judged(W, q, mu, compliance, r, d)
+    return ended, sweeps, rows, r, u, scale, scaled, plain, found

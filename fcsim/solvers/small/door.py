@@ -1,4 +1,4 @@
-"""The small front door of `solve`: NSGS-AC, and `auto`'s first sweeps, on problems of few contacts.
+"""The small front door of `solve`: NSGS-AC, and `auto`, on problems of few contacts.
 
 A call of the general way takes 0.1 ms and more around a method whose own time is some microseconds. What is answered here is answered as
 there: the same sweeps, errors, checks and statuses; what is not (other options, a memory, a short limit of time, contacts without
@@ -17,15 +17,17 @@ from fcsim.problem.judge import relative
 from fcsim.solvers.automatic.stages import automatic
 from fcsim.solvers.base import Method, Result, Status
 from fcsim.solvers.gauss_seidel.sweeps import FULL_AT_LEAST_EVERY, GaussSeidelOptions, nsgs
-from fcsim.solvers.small import _gauss_seidel_kernels as kernels
+from fcsim.solvers.small import _automatic_kernels, _gauss_seidel_kernels
 
 LEAST_LIMIT = 1.0
 """Limit of time [s] from which it need not be looked at: what the door takes at the most is a fifth of this."""
-CONTACTS = 50
-"""Contacts up to which the door is open: from there on the general way takes less than the sweeps."""
-AUTO_SWEEPS, AUTO_LOOK, AUTO_WATCHED = 10_000, 25, 50
-"""Sweeps over contacts after which `auto` is left to its race: a millisecond, what it takes to begin it. Every so many the error is looked
-at, and from so many on the race begins where at the rate so far they will not do."""
+CONTACTS = 64
+"""Contacts up to which the door is open: from there on LAPACK and sparse storage take less than what is compiled here."""
+AUTO_SWEEPS, AUTO_LOOK, AUTO_WATCHED = 250, 25, 25
+"""Sweeps of `auto` before Newton, about what that costs. Every so many the error is looked at, and from so many on Newton begins where at
+the rate so far they will not do."""
+AUTO_NEWTON = 150
+"""Newton's iterations from the sweeps' iterate, and from zero, after which `auto` is left to its race."""
 ROWS = 1000
 """Rows of the history that are kept."""
 STATUSES = (Status.SOLVED, Status.MAX_ITERATIONS, Status.STAGNATED, Status.DIVERGED)
@@ -48,21 +50,24 @@ def small(
         return None
     if not automatically and not (chosen.run is nsgs and chosen.options == OPTIONS):
         return None
-    q, most = problem.q, AUTO_SWEEPS // problem.nc if automatically else OPTIONS.max_iterations
+    q, most = problem.q, AUTO_SWEEPS if automatically else OPTIONS.max_iterations
     begun = time.perf_counter()
     start = np.zeros(len(q)) if r is None else r
     if start.shape != q.shape or start.dtype != np.float64 or not np.isfinite(start).all():
         return None  # which says what is wrong
-    rows = np.empty((min(ROWS, most + 1), 2))
+    rows = np.empty((min(ROWS, most + 3), 2))
     W = problem.W if isinstance(problem.W, np.ndarray) else problem.W.toarray()
-    ended, sweeps, noted, answer, u, scale, scaled, plain, found = kernels.solve_by_sweeps(
+    arguments = (
         *(np.ascontiguousarray(x) for x in (W, q, problem.mu, start)),  # others would be compiled for anew
         *(problem.dimension, error == "published", float(floor), float(tol), most),
         *(OPTIONS.local_tolerance, OPTIONS.local_iterations),
-        *((AUTO_LOOK, AUTO_WATCHED) if automatically else (FULL_AT_LEAST_EVERY, 0)),
-        rows,
     )
-    if ended == kernels.NOT_HERE or (automatically and ended != kernels.SOLVED):
+    if automatically:
+        out = _automatic_kernels.solve_automatically(*arguments, AUTO_LOOK, AUTO_WATCHED, rows, AUTO_NEWTON)
+    else:
+        out = _gauss_seidel_kernels.solve_by_sweeps(*arguments, FULL_AT_LEAST_EVERY, 0, rows)
+    ended, sweeps, noted, answer, u, scale, scaled, plain, found = out
+    if ended == _gauss_seidel_kernels.NOT_HERE or (automatically and ended != _gauss_seidel_kernels.SOLVED):
         return None
     errors = relative(scaled, scale), relative(plain, scale)
     deciding, status = errors[error == "published"], STATUSES[ended]
