@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     )
     from fcsim.errors import FcsimError, InputError
     from fcsim.export_fclib import read_fclib, write_fclib
-    from fcsim.linkage import Ball, Bonded, Cable, Hinge, Linkage, Rod, Slider, SpringDamper, Tied, WithCables, without_contact_of
+    from fcsim.linkage import Ball, Bonded, Cable, Control, Hinge, Linkage, Rod, Slider, SpringDamper, Tied, WithCables, without_contact_of
     from fcsim.mesh.material import Material
     from fcsim.mesh.part import Body, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
@@ -66,6 +66,7 @@ _HOME = {
     "Body": "mesh.part",
     "Bonded": "linkage",
     "Cable": "linkage",
+    "Control": "linkage",
     "Case": "running.case",
     "Cohesive": "contact_law",
     "Compliant": "contact_law",
@@ -152,6 +153,7 @@ __all__ = [
     "Compliant",
     "ContactSurface",
     "Contacts",
+    "Control",
     "Detector",
     "DrivenRotation",
     "Elliptic",

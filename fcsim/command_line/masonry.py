@@ -42,6 +42,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description="Print the load multiplier at which a structure begins to move and to fall, by limit analysis and by simulation.",
     )
     push.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    push.add_argument("--branch", action="store_true", help="the multiplier by displacement and its descending branch, not trials")
+    push.add_argument("--step", type=float, help="[m] of the displacement on the branch (default 2.5e-4 of the structure's extent)")
+    push.add_argument("--to", type=float, help="[m] displacement at which the branch ends (default half the structure's extent)")
     push.set_defaults(act=_push)
     for command in (limit, tilt, push):
         command.add_argument("model", type=Path, help="a masonry problem in JSON, or solids: .stl, .obj, .ply, .off, .3mf, .glb")
@@ -97,12 +100,50 @@ def _push(options: argparse.Namespace) -> int:
     _refuse_film_without_folder(options)
     if not problem.scaled:
         raise InputError(f"{options.model}: expected a load that the multiplier scales, or --direction, got none")
+    if options.branch:
+        return _branch(options, problem)
+    for name in ("step", "to"):
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name}: expected it with --branch, got it without")
     analysis = analyse(problem, options.tolerance)
     seen = _simulated(options, analysis)
     code = _report(options, analysis, seen)
     if options.film and seen is not None:
         _run_collapse(options, {"multiplier": f"{seen.fall[1] * 1.02:.8g}"}, _FALL)
     return code
+
+
+def _branch(options: argparse.Namespace, problem: MasonryProblem) -> int:
+    from fcsim.masonry import push_by_displacement
+    from fcsim.masonry.report import branch_summary, write_branch
+
+    if options.film or options.static:
+        raise InputError("--branch: expected it without --film and --static")
+    branch = push_by_displacement(problem, step=options.step, to=options.to)
+    name = problem.title or problem.name
+    if options.out is not None:
+        from fcsim.view.branch import draw_branch
+
+        write_branch(options.out, branch)
+        draw_branch(branch, options.out / "branch.png", name)
+    if options.json:
+        from fcsim.records import json_text
+
+        say(json_text(branch_summary(branch)).rstrip())
+        return EXIT_OK
+    count = len(branch.displacement)
+    rows = [(f"{1e3 * branch.displacement[k]:.4g}", f"{branch.multiplier[k]:.6g}") for k in range(0, count, max(count // 12, 1))]
+    print_table(("displacement [mm]", "multiplier"), rows)
+    say(f"{name}: set in motion at the multiplier {branch.multiplier[0]:.6g}, largest {branch.largest:.6g}")
+    if branch.end is not None:
+        say(f"falls by itself from a displacement of {1e3 * branch.end:.5g} mm on")
+    elif branch.held:
+        say(f"bears a multiplier still at {1e3 * branch.displacement[-1]:.5g} mm")
+    else:
+        say(f"a block comes off at {1e3 * branch.displacement[-1]:.5g} mm: the curve ends there")
+    if options.out is not None:
+        say(f"curve and picture: {options.out}")
+    return EXIT_OK
 
 
 _RISE, _FALL, _H = 2.0, 1.5, 5e-3

@@ -13,7 +13,6 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.linear._block_rows_kernels import block_rows_of_dense, product
 from fcsim.linear._elimination_tree_kernels import has_symmetric_pattern
-from fcsim.linear.block_rows import compressed_blocks
 from fcsim.linear.elimination_tree import EliminationTree, elimination_tree, joint_count
 from fcsim.linear.factors import SingularMatrix
 
@@ -75,11 +74,7 @@ def joint_rows(W: Matrix, d: int, earlier: Pattern | None = None) -> BlockRows |
     """Sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
     if isinstance(W, np.ndarray) or W.shape[0] < FRONTS_FROM:
         return None
-    if W.format == "bsr" and W.blocksize == (d, d):
-        rows = W
-    else:  # several times as quick as SciPy's conversions
-        indptr, column, blocks = compressed_blocks(W, d)
-        rows = sp.bsr_array((blocks, column.astype(np.int32), indptr.astype(np.int32)), shape=W.shape)
+    rows = sp.bsr_array(W, blocksize=(d, d))
     if earlier is not None and earlier.is_that_of(rows):
         return BlockRows(rows, d, earlier)
     nc = rows.shape[0] // d

@@ -14,6 +14,7 @@ from fcsim.contact_detection.detection import Detection
 from fcsim.contact_detection.frames import frames
 from fcsim.errors import InputError
 from fcsim.linkage.linkage import Linkage
+from fcsim.linkage.links import Cable
 
 _FIRST_IDENTITY = 1 << 61
 
@@ -50,6 +51,7 @@ class WithCables:
         normal = arm / length if length > 0 else np.eye(len(arm))[0]
         W = piece.weights.tocoo()
         row, node = W.coords
+        assert isinstance(piece.link, Cable)
         first, second = (None if body is None else model.number[body] for body in (piece.link.first, piece.link.second))
         slave = 0 if first is None else first
         return Contacts(

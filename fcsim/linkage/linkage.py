@@ -17,7 +17,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
-from fcsim.linkage.links import Ball, Bonded, Cable, Hinge, Link, Rod, Slider, SpringDamper, Tied
+from fcsim.linkage.links import Ball, Bonded, Cable, Control, Hinge, Link, Rod, Slider, SpringDamper, Tied
 from fcsim.linkage.points import weights_at
 from fcsim.linkage.rows import Asked, Jointed, asked
 from fcsim.linkage.surfaces import bonded_weights, offsets, tied_weights
@@ -53,7 +53,8 @@ class Linkage:
     """The links of a model, checked: names, places in the bodies, surfaces that meet.
 
     names: of all links; of_row (p,): which of them each row is of; stiffness (p,) [N/m], inf where the row is kept exactly, and damping
-    (p,) [N s/m]. Cables are no rows: `cables`, see `WithCables`.
+    (p,) [N s/m]; rate (p,) [m/s]: that of the gap, which is zero at t = 0, of what is driven. Cables are no rows: `cables`, see
+    `WithCables`.
     """
 
     def __init__(self, model: Model, links: Sequence[Link]) -> None:
@@ -69,6 +70,8 @@ class Linkage:
         springs = {number[p.link.name]: p.link for p in self._pieces if isinstance(p.link, SpringDamper)}
         self.stiffness: FloatArray = np.array([springs[k].stiffness if k in springs else np.inf for k in self.of_row.tolist()])
         self.damping: FloatArray = np.array([springs[k].damping if k in springs else 0.0 for k in self.of_row.tolist()])
+        rates = {self.names.index(p.link.name): p.link.rate for p in self._pieces if isinstance(p.link, Control)}
+        self.rate: FloatArray = np.array([rates.get(k, 0.0) for k in self.of_row.tolist()])
 
     @property
     def n_rows(self) -> int:
@@ -179,6 +182,8 @@ def _found(model: Model, link: Link) -> _Points | _Surfaces:
 def _points(model: Model, link: Jointed) -> _Points:
     """The link's points: at each of its places the first body's and the second's, of rods, cables and springs one at each end."""
     what = f"{type(link).__name__} {link.name!r}"
+    if isinstance(link, Control):
+        return _controlled(model, link, what)
     if isinstance(link, Hinge) and model.dimension == 2:
         raise InputError(f"{what}: expected a model in 3D, in 2D a Ball is a pin")
     if link.first == link.second:
@@ -204,6 +209,24 @@ def _points(model: Model, link: Jointed) -> _Points:
         entries.append((weights, np.full(len(nodes), k), nodes))
     values, rows, columns = (np.concatenate(column) for column in zip(*entries, strict=True))
     return _Points(link, csr_array((values, (rows, columns)), shape=(len(held), model.n_nodes)), ground, _rest(link, places, what))
+
+
+def _controlled(model: Model, link: Control, what: str) -> _Points:
+    """The points of a control, which have no fellows."""
+    weights = np.array([weight for _, _, weight in link.points], dtype=np.float64)
+    if not (len(weights) and np.all(np.isfinite(weights)) and weights.min() > 0):
+        raise InputError(f"{what}: expected points with weights > 0, got {weights.tolist()}")
+    along = _place(model, link.direction, f"{what}, direction")
+    if not (np.linalg.norm(along) > 0 and np.isfinite(link.rate) and link.rate):
+        raise InputError(f"{what}: expected a direction and a rate [m/s], not 0, got {along.tolist()} and {link.rate}")
+    entries = []
+    for k, (body, place, _) in enumerate(link.points):
+        nodes, shares = weights_at(model, body, _place(model, place, what), what)
+        entries.append((shares, np.full(len(nodes), k), nodes))
+    values, rows, columns = (np.concatenate(column) for column in zip(*entries, strict=True))
+    W = csr_array((values, (rows, columns)), shape=(len(weights), model.n_nodes))
+    begin = float(along / np.linalg.norm(along) @ (W @ model.reference).T @ (weights / weights.sum()))
+    return _Points(link, W, np.zeros((len(weights), model.dimension)), begin)
 
 
 def _place(model: Model, place: tuple[float, ...], what: str) -> FloatArray:

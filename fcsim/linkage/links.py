@@ -108,4 +108,18 @@ class Bonded:
     second: str
 
 
-Link = Ball | Hinge | Slider | Rod | Cable | SpringDamper | Tied | Bonded
+@dataclass(frozen=True)
+class Control:
+    """Points of bodies whose weighted mean goes along `direction` at the pace `rate` [m/s], by forces along it in the ratio of the weights:
+    a load whose amount is what its displacement takes, also where that falls (control by displacement).
+
+    points: (body, place, weight), weights > 0; only their ratio counts. Times are those of the simulation; a step of statics has h.
+    """
+
+    name: str
+    points: tuple[tuple[str, Place, float], ...]
+    direction: Place
+    rate: float
+
+
+Link = Ball | Hinge | Slider | Rod | Cable | SpringDamper | Tied | Bonded | Control

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.linkage.links import Ball, Cable, Hinge, Rod, Slider, SpringDamper
+from fcsim.linkage.links import Ball, Cable, Control, Hinge, Rod, Slider, SpringDamper
 
-Jointed = Ball | Hinge | Slider | Rod | Cable | SpringDamper
+Jointed = Ball | Hinge | Slider | Rod | Cable | SpringDamper | Control
 
 
 class Asked(NamedTuple):
@@ -24,7 +24,7 @@ class Asked(NamedTuple):
 def asked(link: Jointed, points: FloatArray, rest: float) -> Asked:
     """The rows of a link whose points stand at `points` (k, d): for each of its places the first body's point, then the second's.
 
-    rest [m]: the length of a rod, cable or spring.
+    rest [m]: the length of a rod, cable or spring, of a control where its points' mean begins.
     """
     if isinstance(link, Ball):
         return _together(points[:2], np.eye(points.shape[1]), 2, 0)
@@ -33,6 +33,9 @@ def asked(link: Jointed, points: FloatArray, rest: float) -> Asked:
         return Asked(*(np.concatenate(pair) for pair in zip(at, second, strict=True)))
     if isinstance(link, Slider):
         return _on_line(link, points)
+    if isinstance(link, Control):
+        weights, along = np.array([weight for _, _, weight in link.points]), np.asarray(link.direction, dtype=np.float64)
+        return Asked((weights / weights.sum())[None], (along / np.linalg.norm(along))[None], np.array([rest]))
     arm = points[0] - points[-1]
     length = float(np.linalg.norm(arm))
     direction = arm / length if length > 0 else np.eye(len(arm))[0]

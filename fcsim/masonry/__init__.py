@@ -1,5 +1,6 @@
 """Masonry: problems of blocks from files, their collapse loads by limit analysis and by simulation."""
 
+from fcsim.masonry.branch import Branch, push_by_displacement
 from fcsim.masonry.collapse import Bracket, Trial, bracket, trial
 from fcsim.masonry.json_file import read_masonry, write_masonry
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis, analyse
@@ -15,6 +16,7 @@ __all__ = [
     "Acceleration",
     "Block",
     "Bracket",
+    "Branch",
     "Expected",
     "Joint",
     "LimitAnalysis",
@@ -31,6 +33,7 @@ __all__ = [
     "joints_of",
     "limit_problem",
     "masonry_of_surfaces",
+    "push_by_displacement",
     "pushed",
     "read_masonry",
     "structure",

@@ -43,13 +43,25 @@ def outline(block: Block) -> tuple[FloatArray, float]:
     front, back = points[:, 1] < low + flat, points[:, 1] > high - flat
     if not (front ^ back).all() or front.sum() != back.sum():
         raise InputError(f"block {block.name!r}: expected a prism along y in a plane problem, got corners between its two ends")
-    for polygon in block.surface.polygons:
-        if front[list(polygon)].all():
-            corners = points[list(polygon)][:, [0, 2]]
-            x, z = corners.T
-            area = x @ np.roll(z, -1) - np.roll(x, -1) @ z
-            return (corners if area > 0 else corners[::-1]), float(high - low)
-    raise InputError(f"block {block.name!r}: expected one face at each end of a prism along y, got several")
+    ends = block.surface.triangles[front[block.surface.triangles].all(axis=1)].tolist()
+    corners = points[_around(ends, block.name)][:, [0, 2]]
+    x, z = corners.T
+    area = x @ np.roll(z, -1) - np.roll(x, -1) @ z
+    return (corners if area > 0 else corners[::-1]), float(high - low)
+
+
+def _around(faces: list[list[int]], name: str) -> list[int]:
+    """The corners around the triangles of one end, one after the other: the sides that belong to one triangle alone."""
+    sides = [side for face in faces for side in zip(face, face[1:] + face[:1], strict=True)]
+    following = {first: last for first, last in sides if (last, first) not in sides}
+    loop = [next(iter(following), -1)]
+    while len(loop) <= len(following) and following.get(loop[-1], -1) != loop[0]:
+        loop.append(following.get(loop[-1], -1))
+    if len(loop) != len(following) or -1 in loop:
+        raise InputError(
+            f"block {name!r}: expected one outline at each end of a prism along y, got {len(following)} sides that are not one"
+        )
+    return loop
 
 
 def force_and_moment(problem: MasonryProblem, load: PointForce, body: RigidBody) -> tuple[tuple[float, ...], tuple[float, ...]]:

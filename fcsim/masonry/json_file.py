@@ -117,7 +117,7 @@ def _block(given: object, where: str) -> Block:
 
 
 def _block_entry(block: Block) -> dict[str, object]:
-    entry: dict[str, object] = {"id": block.name, "vertices": block.surface.points, "faces": block.surface.triangles}
+    entry: dict[str, object] = {"id": block.name, "vertices": block.surface.points, "faces": block.surface.polygons}
     for key in ("density", "mass"):
         if getattr(block, key) is not None:
             entry[key] = getattr(block, key)

@@ -1,14 +1,15 @@
-"""An analysis as files: analysis.json, joints.csv, blocks.csv."""
+"""An analysis as files: analysis.json, joints.csv, blocks.csv; a branch as branch.csv."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from fcsim.files import replacing_for_good
+from fcsim.masonry.branch import Branch
 from fcsim.masonry.collapse import Bracket
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.masonry.openings import Opening
@@ -53,6 +54,20 @@ def write_analysis(directory: Path, analysis: LimitAnalysis, seen: Bracket | Non
     _write_csv(directory / "blocks.csv", ("block", *names), rows)
 
 
+def branch_summary(branch: Branch) -> Mapping[str, object]:
+    """A push by displacement in JSON's types."""
+    curve = {"displacement": branch.displacement.tolist(), "multiplier": branch.multiplier.tolist()}
+    return {"version": __version__, "largest": branch.largest, "end": branch.end, "held": branch.held, **curve}
+
+
+def write_branch(directory: Path, branch: Branch) -> None:
+    """Write the curve into a folder: branch.json, branch.csv."""
+    directory.mkdir(parents=True, exist_ok=True)
+    write_record(directory / "branch.json", branch_summary(branch))
+    rows = [(f"{1e3 * d:.9g}", f"{m:.9g}") for d, m in zip(branch.displacement, branch.multiplier, strict=True)]
+    _write_csv(directory / "branch.csv", ("displacement [mm]", "multiplier"), rows)
+
+
 def write_openings(path: Path, joints: tuple[Opening, ...]) -> None:
     """Write the openings of joints, the widest first."""
     rows: list[tuple[str, ...]] = [
@@ -62,6 +77,6 @@ def write_openings(path: Path, joints: tuple[Opening, ...]) -> None:
     _write_csv(path, ("block", "with", "opening [mm]", "slip [mm]"), rows)
 
 
-def _write_csv(path: Path, header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+def _write_csv(path: Path, header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
     with replacing_for_good(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows([header, *rows])

@@ -149,9 +149,18 @@ class Delassus:
         return compressed_blocks(self.matrix, self.dimension)
 
     @cached_property
+    def rows(self) -> sp.bsr_array:
+        """The matrix by block rows (bsr), itself where it is so stored."""
+        matrix, d = self.matrix, self.dimension
+        if not isinstance(matrix, np.ndarray) and matrix.format == "bsr" and matrix.blocksize == (d, d):
+            return matrix
+        indptr, column, blocks = self.blocks
+        return sp.bsr_array((blocks, column.astype(np.int32), indptr.astype(np.int32)), shape=self.W.shape)
+
+    @cached_property
     def joints(self) -> BlockRows | None:
         """A sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
-        return joint_rows(self.matrix, self.dimension) if self.is_sparse else None
+        return joint_rows(self.rows, self.dimension) if self.is_sparse else None
 
     @cached_property
     def elimination(self) -> Elimination:
@@ -168,10 +177,11 @@ class Delassus:
         W, d = self.W, self.dimension
         if not isinstance(W, np.ndarray) and W.format == "bsr" and W.blocksize == (d, d) and W.has_sorted_indices:
             return self
-        indptr, column, blocks = compressed_blocks(W, d)
-        # a copy even of block rows: sorting the caller's in place would change the last bits of later products
-        rows = sp.bsr_array((blocks.copy(), column.astype(np.int32), indptr.astype(np.int32)), shape=W.shape)
-        rows.sort_indices()
+        rows = self.rows if self.shift is None else Delassus(self.W, d).rows
+        if not rows.has_sorted_indices:
+            # a copy even of block rows: sorting the caller's in place would change the last bits of later products
+            rows = rows.copy()
+            rows.sort_indices()
         return self._of(rows)
 
     def _of(self, W: Matrix) -> Delassus:

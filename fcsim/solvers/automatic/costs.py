@@ -30,9 +30,9 @@ ONE_CONTACT = 100 * SCALAR
 """Operations of a one-contact Newton solve in 3D: about an iteration of 150, and next to none where a contact stays open."""
 IRREGULAR = 2.0
 """Times the dense rate's time that an operation takes on the small fronts and indirect addresses of sparse elimination."""
-PASSES, SCATTERS = 4, 12
+PASSES, SCATTERS = 4, 16
 """How often Newton's system reads or writes W: dense, and entry by entry with its index."""
-NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 40, 150, 5
+NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 40, 200, 5
 """Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's."""
 SVD = 20
 """Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""

@@ -31,7 +31,8 @@ FAR = 1e-3
 NEAR = 1e-6
 """Error below which a solution is looked for nearby."""
 NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
-"""What Newton needs from errors above and below `FAR`, about, in iterations."""
+PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR = 30, 15
+"""What Newton and proximal Newton need from errors above and below `FAR`, about, in iterations."""
 PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
@@ -59,9 +60,9 @@ def _closed(race: Race) -> int:
     return race.problem.dimension * int(np.count_nonzero(race.best_r().reshape(race.problem.nc, -1)[:, 0]))
 
 
-def _dearer_than_newton(race: Race, cost: float) -> bool:
+def _dearer_than_newton(race: Race, cost: float, from_far: int = NEWTON_FROM_FAR, from_near: int = NEWTON_FROM_NEAR) -> bool:
     """Whether this costs more than Newton from here; the elimination is counted only where that decides."""
-    iterations = NEWTON_FROM_FAR if race.best > FAR else NEWTON_FROM_NEAR
+    iterations = from_far if race.best > FAR else from_near
     closed = _closed(race)
     return cost > iterations * race.prices.least(closed) and cost > iterations * race.prices.newton(closed)
 
@@ -134,9 +135,11 @@ def _enter_newton(race: Race) -> bool:
 
 
 def _enter_proximal(race: Race) -> bool:
-    if "Newton" in race.runners or race.warm or race.joints is not None:
-        return race.over("Newton")
-    return race.over("Newton") and _dearer_than_newton(race, _swept(race))
+    if not race.over("Newton"):
+        return False
+    if race.warm or race.joints is not None or race.over("sweeps"):
+        return True
+    return _dearer_than_newton(race, _swept(race), PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR)
 
 
 def _enter_least_squares(race: Race) -> bool:

@@ -21,11 +21,11 @@ from fcsim.solvers.small import _automatic_kernels, _gauss_seidel_kernels
 
 LEAST_LIMIT = 1.0
 """Limit of time [s] from which it need not be looked at: what the door takes at the most is a fifth of this."""
-CONTACTS = 64
-"""Contacts up to which the door is open: from there on LAPACK and sparse storage take less than what is compiled here."""
-AUTO_SWEEPS, AUTO_LOOK, AUTO_WATCHED = 250, 25, 25
-"""Sweeps of `auto` before Newton, about what that costs. Every so many the error is looked at, and from so many on Newton begins where at
-the rate so far they will not do."""
+CONTACTS, NEWTON_CONTACTS = 128, 64
+"""Contacts up to which the door is open, to sweeps and to Newton: beyond, sparse storage and LAPACK take less than what stands here."""
+AUTO_SWEEPS, AUTO_SWEEPS_ALONE, AUTO_LOOK, AUTO_WATCHED = 250, 100, 25, 25
+"""Sweeps of `auto` before Newton, about what that costs, and where Newton is beyond the door. Every so many the error is looked at, and
+from so many on Newton or the race begins where at the rate so far they will not do."""
 AUTO_NEWTON = 150
 """Newton's iterations from the sweeps' iterate, and from zero, after which `auto` is left to its race."""
 ROWS = 1000
@@ -50,7 +50,8 @@ def small(
         return None
     if not automatically and not (chosen.run is nsgs and chosen.options == OPTIONS):
         return None
-    q, most = problem.q, AUTO_SWEEPS if automatically else OPTIONS.max_iterations
+    q, with_newton = problem.q, problem.nc <= NEWTON_CONTACTS
+    most = (AUTO_SWEEPS if with_newton else AUTO_SWEEPS_ALONE) if automatically else OPTIONS.max_iterations
     begun = time.perf_counter()
     start = np.zeros(len(q)) if r is None else r
     if start.shape != q.shape or start.dtype != np.float64 or not np.isfinite(start).all():
@@ -63,7 +64,7 @@ def small(
         *(OPTIONS.local_tolerance, OPTIONS.local_iterations),
     )
     if automatically:
-        out = _automatic_kernels.solve_automatically(*arguments, AUTO_LOOK, AUTO_WATCHED, rows, AUTO_NEWTON)
+        out = _automatic_kernels.solve_automatically(*arguments, AUTO_LOOK, AUTO_WATCHED, rows, AUTO_NEWTON if with_newton else 0)
     else:
         out = _gauss_seidel_kernels.solve_by_sweeps(*arguments, FULL_AT_LEAST_EVERY, 0, rows)
     ended, sweeps, noted, answer, u, scale, scaled, plain, found = out

@@ -32,13 +32,16 @@ from fcsim.timestep.state import State
 
 @dataclass(frozen=True, eq=False)
 class Linked:
-    """The rows of a step: G (n_dofs, p), b (p,) [m/s; quasi-statics: m], compliance (p,) C, 0 where a row is kept exactly."""
+    """The rows of a step: G (n_dofs, p), b (p,) [m/s; quasi-statics: m], compliance (p,) C, 0 where a row is kept exactly.
+
+    target (p,) [m]: the gap of a row that is kept, at x_m + L v; 0 but for what is driven."""
 
     linkage: Linkage
     rows: Rows
     G: sp.csr_array
     b: FloatArray
     compliance: FloatArray
+    target: FloatArray
 
     @property
     def kept(self) -> BoolArray:
@@ -48,7 +51,7 @@ class Linked:
     def missing(self, model: Model, scheme: Scheme, after: State) -> FloatArray:
         """How far the rows (p,) [m] are from kept where the next step will look; 0 for springs."""
         gap = self.linkage.rows(scheme.detection_configuration(model, after), self.rows).gap
-        return np.where(self.kept, gap, 0.0)
+        return np.where(self.kept, gap - self.target, 0.0)
 
     def bent(self, scheme: Scheme, missing: FloatArray) -> Linked:
         """The rows with what is missing in b, (1)."""
@@ -88,7 +91,9 @@ def linked(linkage: Linkage | None, model: Model, scheme: Scheme, state: State) 
     middle = scheme.detection_configuration(model, state)
     rows = linkage.rows(middle)
     G = linkage.matrix(rows, middle)
-    b = rows.gap / timing.length_per_u
+    at = state.t + timing.h * (2 - timing.theta)  # where the next step looks; in statics theta is 1
+    target = linkage.rate * at
+    b = (rows.gap - target) / timing.length_per_u
     compliance = np.zeros(len(b))
     springs = np.flatnonzero(np.isfinite(linkage.stiffness))
     if len(springs):  # (2)
@@ -99,4 +104,4 @@ def linked(linkage: Linkage | None, model: Model, scheme: Scheme, state: State) 
         stiff = (k * theta**2 * L + c * theta * L / timing.h) / phi
         pull = (k * (theta * rows.gap[springs] + (1 - theta) * now) + c * (1 - theta) * rate) / phi
         compliance[springs], b[springs] = 1 / stiff, pull / stiff
-    return Linked(linkage, rows, G, b, compliance)
+    return Linked(linkage, rows, G, b, compliance, target)

@@ -119,3 +119,19 @@ def test_hexahedra_in_vtks_order_are_solids(tmp_path: Path) -> None:
 def test_no_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.json"):
         read_masonry(tmp_path / "nowhere.json")
+
+
+def test_ends_of_a_plane_block_may_be_of_triangles(tmp_path: Path) -> None:
+    """The prism that they bound counts, not the first triangle: mass and centroid by hand."""
+    from fcsim.masonry.bodies import rigid_blocks
+
+    data = copy.deepcopy(PROBLEM)
+    for block in data["blocks"]:
+        quads = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+        block["faces"] = [[q[0], *pair] for q in quads for pair in ((q[1], q[2]), (q[2], q[3]))]
+    first = read_masonry(write(tmp_path, data))
+    write_masonry(tmp_path / "again.json", first)
+    for problem in (first, read_masonry(tmp_path / "again.json")):
+        _, block = rigid_blocks(problem)
+        assert block.mass == pytest.approx(2000.0)
+        np.testing.assert_allclose(block.centre, (0.5, 1.0), atol=1e-12)

@@ -1,0 +1,135 @@
+"""The push of a structure by displacement: how the load that it bears grows and falls away.
+
+The blocks upon which loads grow are moved at a pace, the mean of their displacements along the load weighted by the loads; the multiplier
+is what that takes (`fcsim.Control`). Statics step by step: between the maximum and the multiplier zero, beyond which the structure falls
+by itself, the curve is its descending branch, of one block about its toe tan(alpha - theta) with the angle theta by which it has turned.
+Floating blocks are regularised by a mass whose forces are 1e-5 of their weight; the work that they take is not counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.contact_detection import Everything
+from fcsim.errors import InputError
+from fcsim.linkage import Control, Linkage
+from fcsim.masonry.bodies import rigid_blocks, vector_of
+from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce
+from fcsim.masonry.structure import structure
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
+
+_SHARE = 1e-5  # of the weight: the regularising force of a block that moves with the load
+_NOTHING = 1e-4  # of the largest multiplier: what is less holds nothing
+_DROP, _SMALLEST = 0.02, 1e-3  # of it: what drops more in a step is looked at by shorter ones, down to a share of the step
+NAME = "push"
+
+
+@dataclass(frozen=True)
+class Branch:
+    """displacement (n,) [m], the mean along the load, and multiplier (n,); first the multiplier that sets the structure in motion.
+
+    held: whether blocks held on to each other to the end; False where one came off before, as a corner that passes another's
+    """
+
+    displacement: FloatArray
+    multiplier: FloatArray
+    held: bool = True
+
+    @property
+    def largest(self) -> float:
+        """The largest multiplier that was borne."""
+        return float(self.multiplier.max())
+
+    @property
+    def end(self) -> float | None:
+        """Displacement [m] at which nothing holds the structure back any more, the multiplier 0; None where the curve ends before it."""
+        after = np.flatnonzero((self.multiplier[1:] <= _NOTHING * self.largest) & (self.multiplier[:-1] > 0))
+        if not len(after):
+            return None
+        k = int(after[0])
+        (d0, d1), (m0, m1) = self.displacement[k : k + 2], self.multiplier[k : k + 2]
+        return float(d0 + (d1 - d0) * m0 / (m0 - m1))
+
+
+def push_by_displacement(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Branch:
+    """Return the curve of multiplier by displacement until the multiplier is zero, a block comes off, or the displacement is `to` [m].
+
+    step [m]: of the displacement, by default 1e-3 of the structure's extent; shorter where the multiplier drops. to: by default half its
+    extent. InputError where loads that grow have several directions.
+    """
+    steps = [(displacement, multiplier) for _, displacement, multiplier in branch_steps(problem, step=step, to=to)]
+    came_off = len(steps) > 1 and steps[-1][1] < -_DROP * max(multiplier for _, multiplier in steps)
+    curve = np.array(steps[:-1] if came_off else steps)
+    return Branch(curve[:, 0], curve[:, 1], not came_off)
+
+
+def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Iterator[tuple[Step, float, float]]:
+    """Yield the steps of `push_by_displacement`, each with its displacement [m] and multiplier.
+
+    The last multiplier may be below zero; it is far below where a block came off, which falls in that step as far as the regularising
+    mass lets it.
+    """
+    step = 2.5e-4 * problem.size if step is None else step
+    to = 0.5 * problem.size if to is None else to
+    if not (np.isfinite(step) and np.isfinite(to) and 0 < step <= to):
+        raise InputError(f"step, to: expected displacements in m with 0 < step <= to, got {step} and {to}")
+    model, _ = structure(problem)
+    control, load = _control(problem)
+    linkage, detector = Linkage(model, [control]), Everything(model, problem.friction)
+    along, largest, before = np.array(control.direction), 0.0, None
+    moment, h = None, step
+    while moment is None or moment.state.t < to:
+        # the control's pace is 1: times are displacements; eta h/h^2 = _SHARE g
+        scheme, number = QuasiStatic(h, _SHARE * GRAVITY * h), 0 if moment is None else moment.number
+        simulation = Simulation(model, detector, scheme, number + 1, SolverSettings(name="auto"), linkage=linkage, created=np.inf)
+        taken = next(iter(simulation.run(moment)))
+        multiplier = (float(taken.link_force(NAME) @ along) - _regularisation(taken) / h) / load
+        if before is not None and before - multiplier > _DROP * largest and h > _SMALLEST * step:
+            h *= 0.5
+            continue
+        largest, before = max(largest, multiplier), multiplier
+        yield taken, taken.previous.t, multiplier  # the forces are those of where the step begins
+        if multiplier < _NOTHING * largest:
+            return
+        moment, h = taken.moment, min(2 * h, step)
+
+
+def _regularisation(step: Step) -> float:
+    """Work [J] against the regularising mass in a step."""
+    scheme, model = step.scheme, step.model
+    assert isinstance(scheme, QuasiStatic)
+    dx = scheme.h * step.state.v
+    return scheme.eta / scheme.h**2 * float(dx @ model.apply_mass(dx, model.rigid_mass(step.previous.x)))
+
+
+def _control(problem: MasonryProblem) -> tuple[Control, float]:
+    """The control of the loads that grow, and their sum [N]."""
+    places: list[tuple[str, FloatArray, FloatArray]] = []
+    growing = problem.acceleration(scaled=True)
+    centres = {}
+    for block, body in zip(problem.blocks, rigid_blocks(problem), strict=True):
+        centres[block.name] = body.centre
+        if growing.any() and not block.support:
+            places.append((block.name, body.centre, body.mass * np.array(vector_of(problem, growing))))
+    for load in problem.loads:
+        if isinstance(load, PointForce) and load.scaled:
+            point = centres[load.block] if load.point is None else np.array(vector_of(problem, load.point))
+            places.append((load.block, point, np.array(vector_of(problem, load.value))))
+    if not places:
+        raise InputError(f"{problem.name!r}: expected a load that the multiplier scales, got none")
+    total = np.sum([force for *_, force in places], axis=0)
+    size = float(np.linalg.norm(total))
+    along = total / (size or 1.0)
+    weights = [float(force @ along) for *_, force in places]
+    off = max(float(np.linalg.norm(force - weight * along)) for (*_, force), weight in zip(places, weights, strict=True))
+    if not size or min(weights) <= 0 or off > 1e-9 * size:
+        raise InputError(f"{problem.name!r}: expected loads that grow in one direction to push by displacement, got several directions")
+    points = tuple((name, tuple(place.tolist()), weight) for (name, place, _), weight in zip(places, weights, strict=True))
+    return Control(NAME, points, tuple(along.tolist()), 1.0), size

@@ -1,0 +1,118 @@
+"""Pushes by displacement: the descending branch of a block about its toe, and of a rod that is let down."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim import Control, Linkage, Material, QuasiStatic, Simulation, Support, build_model
+from fcsim.contact_detection import Everything
+from fcsim.errors import InputError
+from fcsim.masonry import Acceleration, Block, MasonryProblem, PointForce, push_by_displacement, pushed, write_masonry
+from fcsim.mesh.blocks import brick
+from fcsim.mesh.part import Body
+from fcsim.mesh.solids.closed_surface import closed_surface
+
+CORNERS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+FACES = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+
+
+def block(name, low, high, **properties):
+    corners = [[(high if c else low)[k] for k, c in enumerate(corner)] for corner in CORNERS]
+    return Block(closed_surface(name, corners, FACES), **properties)
+
+
+def stone_on_floor(dimension, width, height, unit=1.0, **more):
+    floor = block("floor", (-5 * width * unit, 0.0, -unit), (5 * width * unit, 0.4 * unit, 0.0), support=True)
+    stone = block("stone", (0.0, 0.0, 0.0), (width * unit, 0.4 * unit, height * unit), density=2000.0)
+    return MasonryProblem("stone", dimension, (floor, stone), mu=more.pop("mu", 0.9), **more)
+
+
+@pytest.mark.parametrize(("dimension", "width", "height", "unit"), [(2, 0.4, 1.2, 1.0), (3, 0.5, 1.0, 0.01), (2, 1.0, 6.0, 10.0)])
+def test_branch_of_one_block_is_the_tangent(dimension, width, height, unit):
+    """Moments about the toe: multiplier = tan(alpha - theta); the centroid has gone R (sin alpha - sin(alpha - theta))."""
+    branch = push_by_displacement(pushed(stone_on_floor(dimension, width, height, unit), (1.0, 0.0, 0.0)), step=2e-3 * height * unit)
+    alpha, R = np.arctan2(width, height), 0.5 * unit * np.hypot(width, height)
+    left = np.arcsin(np.clip(np.sin(alpha) - branch.displacement / R, -1, 1))  # alpha - theta
+    assert_allclose(branch.multiplier, np.tan(left), atol=2e-3 * np.tan(alpha))
+    assert branch.multiplier[0] == pytest.approx(np.tan(alpha), rel=1e-6)
+    assert branch.end == pytest.approx(R * np.sin(alpha), rel=3e-3)
+    assert branch.held
+
+
+def test_a_block_that_slides_bears_its_friction_all_the_way():
+    branch = push_by_displacement(pushed(stone_on_floor(2, 1.0, 0.5, mu=0.3), (1.0, 0.0, 0.0)), step=0.01, to=0.2)
+    assert_allclose(branch.multiplier, 0.3, rtol=1e-6)
+    assert branch.end is None
+
+
+def test_force_at_a_point_goes_with_its_point():
+    """A force F at the top edge: F h' = W b' about the toe, with the lever arms of the turned block."""
+    weight = 2000.0 * 0.4 * 0.4 * 1.2 * 9.81
+    loads = (Acceleration((0.0, 0.0, -9.81)), PointForce("stone", (1.0, 0.0, 0.0), (0.0, 0.2, 1.2), scaled=True))
+    branch = push_by_displacement(stone_on_floor(2, 0.4, 1.2, loads=loads), step=1e-3, to=0.2)
+    turn = np.arange(0.0, 0.4, 1e-4)
+    c, s = np.cos(turn), np.sin(turn)
+    gone = (-0.4 * c + 1.2 * s) + 0.4  # of the upper left corner, about the lower right one
+    force = weight * (0.2 * c - 0.6 * s) / (1.2 * c + 0.4 * s)
+    assert_allclose(branch.multiplier, np.interp(branch.displacement, gone, force), atol=2e-3 * force[0])
+
+
+def test_loads_of_several_directions_are_refused_by_name():
+    loads = (Acceleration((0, 0, -9.81)), Acceleration((1.0, 0, 0), scaled=True), PointForce("stone", (0.0, 0.0, 5.0), scaled=True))
+    with pytest.raises(InputError, match="in one direction"):
+        push_by_displacement(stone_on_floor(2, 0.4, 1.2, loads=loads))
+    with pytest.raises(InputError, match="multiplier scales"):
+        push_by_displacement(stone_on_floor(2, 0.4, 1.2))
+    with pytest.raises(InputError, match="step, to"):
+        push_by_displacement(pushed(stone_on_floor(2, 0.4, 1.2), (1.0, 0.0, 0.0)), step=-1.0)
+
+
+def test_control_of_an_elastic_bar_takes_its_stiffness():
+    """A bar in tension, nu = 0, pulled at the four nodes of its end alike: F = E A d / l."""
+    part = brick("bar", (2.0, 0.5, 0.5), (4, 1, 1), Material(E=1e6, nu=0.0, density=1000.0))
+    model = build_model([Body("bar", part)], supports=[Support("bar", ("x", "y", "z"), "x-")])
+    end = model.reference[np.abs(model.reference[:, 0] - model.reference[:, 0].max()) < 1e-9]
+    points = tuple(("bar", tuple(place.tolist()), 3.0) for place in end)
+    linkage = Linkage(model, [Control("pull", points, (2.0, 0.0, 0.0), rate=1e-3)])
+    *_, last = Simulation(model, Everything(model, 0.0), QuasiStatic(1.0), 3, linkage=linkage)
+    assert len(end) == 4
+    assert last.link_force("pull") == pytest.approx([1e6 * 0.25 * 3e-3 / 2.0, 0.0, 0.0], rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("wrong", [{"rate": 0.0}, {"direction": (0.0, 0.0)}, {"points": ()}, {"points": (("stone", (0.1, 0.1), -1.0),)}])
+def test_control_refuses_what_moves_nothing(wrong):
+    from fcsim.masonry import structure
+
+    model, _ = structure(stone_on_floor(2, 0.4, 1.2))
+    given = {"points": (("stone", (0.2, 0.6), 1.0),), "direction": (1.0, 0.0), "rate": 1.0, **wrong}
+    with pytest.raises(InputError, match="Control 'push'"):
+        Linkage(model, [Control("push", **given)])
+
+
+def test_command_writes_the_curve(tmp_path):
+    path = tmp_path / "stone.json"
+    write_masonry(path, stone_on_floor(2, 0.4, 1.2))
+    command = [
+        sys.executable,
+        "-m",
+        "fcsim",
+        "push",
+        str(path),
+        "--direction",
+        "x",
+        "--branch",
+        "--step",
+        "0.01",
+        "--out",
+        str(tmp_path / "o"),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "falls by itself from a displacement of" in done.stdout
+    curve = json.loads((tmp_path / "o" / "branch.json").read_text())
+    rows = np.loadtxt(tmp_path / "o" / "branch.csv", delimiter=",", skiprows=1)
+    assert_allclose(rows[:, 1], curve["multiplier"], rtol=1e-8)
+    assert (tmp_path / "o" / "branch.png").stat().st_size > 5000
