@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
+from fcsim.assembly.locking import locking_parts
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector
 from fcsim.contact_detection.never_touching import never_touching
@@ -164,10 +165,9 @@ class Simulation:
         return replace(step, overlap=self.watch.look(step.state.x))
 
     def _opening(self, state: State) -> tuple[str, ...]:
-        """Remarks on the pairs of surfaces as a run begins."""
-        if not isinstance(self.detector, Detector):
-            return ()
-        return never_touching(self.detector.pairs, self.model.positions(state.x), [body.name for body in self.model.bodies])
+        """Remarks on elements that lock and on the pairs of surfaces as a run begins."""
+        found = self.detector.pairs if isinstance(self.detector, Detector) else ()
+        return (*locking_parts(self.model), *never_touching(found, self.model.positions(state.x), [b.name for b in self.model.bodies]))
 
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
         """Yield the steps after a moment (default: the initial state).

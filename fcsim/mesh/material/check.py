@@ -1,4 +1,4 @@
-"""A law held against itself: energy, stress and tangent by finite differences."""
+"""A law held against itself: energy, stress and tangent by finite differences; what is wrong from the first strain on is refused."""
 
 from __future__ import annotations
 
@@ -6,10 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.mesh.material.law import Circumstances, PointLaw, initial_variables
+
+TRIED = 1e-6
+"""Of the strains that are tried: below what yields, cracks or locks."""
+
+WRONG = 0.3
+"""Share of the stiffness by which the middle one of the tried tangents may differ from differences of the stress: a tangent need not be
+exact, and at kinks is none."""
+
+_UNSEEN = 1e-4
+"""Share of the stress that may depend on how a body is turned."""
 
 STEP = 1e-6
 """Of the differences: central, so that their error is about 1e-12 of the third derivative and 1e-10 of round-off."""
@@ -62,3 +73,63 @@ def _direction(k: int, l: int, finite: bool) -> FloatArray:
     unit = np.zeros((3, 3))
     unit[k, l] = 1.0
     return unit if finite else 0.5 * (unit + unit.T)
+
+
+def refuse_wrong(law: PointLaw, what: str) -> None:
+    """InputError for stress or tangent that is not finite at no strain, stress that is not symmetric (it would make angular momentum) or,
+    of finite strain, not the same in a turned body, and a tangent that is not the derivative of the stress."""
+    rest = np.eye(3)[None] if law.strain == "finite" else np.zeros((1, 3, 3))
+    stress, tangent = _asked(law, rest, what)
+    if not (np.all(np.isfinite(stress)) and np.all(np.isfinite(tangent))):
+        raise InputError(f"{what}: expected finite stress and tangent at no strain, got {_first_bad(stress, tangent)}")
+    noise = np.random.default_rng(3).uniform(-1, 1, (9, 3, 3))
+    noise = TRIED * (noise + noise.transpose(0, 2, 1))
+    stress, tangent = _asked(law, rest + noise, what)
+    size = np.abs(tangent).max() * TRIED
+    kirchhoff = stress @ (rest + noise).transpose(0, 2, 1) if law.strain == "finite" else stress
+    skew = float(np.abs(kirchhoff - kirchhoff.transpose(0, 2, 1)).max())
+    if skew > _UNSEEN * size:
+        name = "P F^T" if law.strain == "finite" else "sigma"
+        raise InputError(f"{what}: expected a symmetric stress {name}, got one whose halves differ by {skew / size:.2g} of it")
+    differences = np.stack([_slope(law, rest + noise, k, l, what) for k in range(3) for l in range(3)], axis=-1).reshape(tangent.shape)
+    off = np.median(np.abs(differences - tangent).max(axis=(1, 2, 3, 4)) / np.abs(differences).max())
+    if not off <= WRONG:
+        raise InputError(
+            f"{what}: expected the tangent to be the derivative of the stress, [i, j, k, l] = d stress_ij / d strain_kl, got one that "
+            f"differs from differences of the stress by {off:.2g} of the stiffness; check_law compares them at any strain"
+        )
+    if law.strain == "finite":
+        turned = Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix()
+        seen = float(np.abs(_asked(law, turned @ (rest + noise), what)[0] - turned @ stress).max())
+        if not seen <= _UNSEEN * size + 1e-9 * np.abs(tangent).max():
+            raise InputError(
+                f"{what}: expected a stress that turns with the body, P(Q F) = Q P(F) (an energy of F^T F), got one that sees a rotation "
+                f"by {seen / np.abs(tangent).max():.2g} of the stiffness"
+            )
+
+
+def _asked(law: PointLaw, strain: FloatArray, what: str) -> tuple[FloatArray, FloatArray]:
+    before = np.tile(initial_variables(law), (len(strain), 1))
+    try:
+        with np.errstate(all="ignore"):
+            answer = law.respond(strain, before, Circumstances(np.zeros((len(strain), 3)), 0.0, 0.0), True)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{what}: expected an answer to {len(strain)} points, it raised {type(error).__name__}: {error}") from error
+    assert answer.tangent is not None
+    return answer.stress, answer.tangent
+
+
+def _slope(law: PointLaw, strain: FloatArray, k: int, l: int, what: str) -> FloatArray:
+    unit = np.zeros((3, 3))
+    unit[k, l] = 1.0
+    step = 0.01 * TRIED * (unit if law.strain == "finite" else 0.5 * (unit + unit.T))
+    slope: FloatArray = (_asked(law, strain + step, what)[0] - _asked(law, strain - step, what)[0]) / (0.02 * TRIED)
+    return slope
+
+
+def _first_bad(stress: FloatArray, tangent: FloatArray) -> str:
+    name, values = ("stress", stress) if not np.all(np.isfinite(stress)) else ("tangent", tangent)
+    place = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0][1:])
+    return f"{name}[{', '.join(map(str, place))}] = {values[(0, *place)]}"

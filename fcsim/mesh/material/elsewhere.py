@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
+from fcsim.mesh.material.check import refuse_wrong
 from fcsim.mesh.material.law import Circumstances, Response, Variable, refuse_density
 
 
@@ -34,6 +35,7 @@ class PointFunction:
             raise InputError(f"PointFunction, strain: expected 'finite' or 'small', got {self.strain!r}")
         if not callable(self.function):
             raise InputError(f"PointFunction, function: expected a function of (strain, before, at), got {self.function!r}")
+        refuse_wrong(self, "PointFunction, function")
 
     def respond(self, strain: FloatArray, before: FloatArray, at: Circumstances, tangent: bool) -> Response:
         n = len(strain)

@@ -10,6 +10,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
+from fcsim.mesh.material.check import refuse_wrong
 from fcsim.mesh.material.compiled import CompiledEnergy, checked_numbers, compiled
 from fcsim.mesh.material.law import Circumstances, Response, Variable, refuse_density
 from fcsim.mesh.material.spectral import energy_of_stretches
@@ -37,6 +38,7 @@ class Hyperelastic:
         if not callable(self.energy):
             raise InputError(f"Hyperelastic, energy: expected a function of (F, p), got {self.energy!r}")
         _refuse_prestress("Hyperelastic", self)
+        refuse_wrong(self, "Hyperelastic, energy")
 
     @property
     def strain(self) -> Literal["finite", "small"]:

@@ -56,8 +56,14 @@ STICKS = 1e-3
 
 MAX_ITERATIONS = 40
 
+SLOWER = 0.25
+"""What an iteration with a stiffened body counts: its errors fall by a constant factor only."""
+
+CLOSER = 0.01
+"""Of the solver's tolerance where a body is stiffened: what the solver leaves open, times that stiffness, is in the residual."""
+
 _SHORTEST = 1 / 64
-_SHARES = (0.01, 0.04, 0.16, 0.64, 2.5)
+_SHARES = (0.01 / 1024, 0.01 / 256, 0.01 / 64, 0.01 / 16, 0.0025, 0.01, 0.04, 0.16, 0.64, 2.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,12 +123,14 @@ class _Newton:
         now = _Iterate(first, np.empty(0), self.inner.at(first, tangent=True), np.inf, np.empty(0))
         if now.term.inadmissible:
             return self._failed(f"body {now.term.inadmissible!r} has no admissible state where its velocity takes it", past)
-        for _ in range(MAX_ITERATIONS):
+        left = float(MAX_ITERATIONS)
+        while left > 0:
             try:
                 factor, share, past = self._factor(now.term, past)
             except Indefinite as error:
                 name = equation.model.deformable[error.body].name
                 return self._failed(f"body {name!r} has lost its stiffness: it buckles, snaps or softens, which dynamics can follow", past)
+            left -= SLOWER if share else 1.0
             equation, pushed = self._bent(replace(equation, factor=factor, bent=None), now)
             load = self._load(equation, now) + pushed
             problem = equation.problem(load)
@@ -138,6 +146,7 @@ class _Newton:
             )
             self.start = warm if self.start is None else self.start
             tol = self.settings.tol * min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
+            tol *= CLOSER if share else 1.0
             tried = len(self.attempts)
             result, serving = solve_chain(self.settings, reduction, warm, tol, equation.share, self.attempts, past.serving, lead)
             self.clock.lap("solve")

@@ -1,0 +1,65 @@
+"""Published contact problems of finite strain: B5, B11 of the reference list of issue 16."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.assembly.model import build_model
+from fcsim.assembly.supports import Support
+from fcsim.mesh.blocks import rigid_rectangle
+from fcsim.mesh.material import mooney_rivlin, neo_hooke
+from fcsim.mesh.part import Body
+from tests.analytic.references.loading import loaded, pair, support_force
+from tests.analytic.references.meshes import block, sector, spaced
+
+
+def quarter_disk(radius: float) -> object:
+    """[0, 1]^2 to a quarter of a disk: squares in the middle, circles at the rim."""
+
+    def at(p: np.ndarray) -> np.ndarray:
+        share, length = p.max(axis=1), np.linalg.norm(p, axis=1)
+        circle = np.divide(share, length, out=np.ones_like(share), where=length > 0)
+        return radius * p * (0.85 * (1 - share) + share * circle)[:, None]
+
+    return at
+
+
+@pytest.mark.parametrize(("n", "steps"), [(8, 10), pytest.param(16, 20, marks=pytest.mark.slow)])
+def test_B5_rubber_cylinder_between_plates(n: int, steps: int) -> None:
+    """VM201, T. Sussman and K. J. Bathe: R 200 mm, plane strain, C10 0.293, C01 0.177, K 1410 MPa, frictionless plates closed by 100 and
+    200 mm: 250 and 1400 N/mm, read off a figure."""
+    part = block("disk", [spaced(0, 1, n)] * 2, mooney_rivlin(0.293, 0.177, 1410.0, 1e-9), "Q1-bbar", quarter_disk(200.0))
+    model = build_model(
+        [Body("disk", part), rigid_rectangle("plate", (600.0, 50.0), (0.0, 225.0), 1.0)],
+        supports=[
+            Support("disk", ("x",), "x-"),
+            Support("disk", ("y",), "y-"),
+            Support("plate", ("x", "rz")),
+            Support("plate", ("y",), velocity=-100.0),
+        ],
+    )
+    pairs = [pair(model, ("disk", side), ("plate", "y-"), alert=50.0, rule="nodes") for side in ("y+", "x+")]
+    found = loaded(model, pairs, steps)
+    force = [2 * support_force(model, step, "disk")[:, 1].sum() for step in found]
+    assert_allclose([force[steps // 2 - 1], force[-1]], [250.0, 1400.0], rtol=0.05)
+
+
+@pytest.mark.slow
+def test_B11_ring_under_a_plate() -> None:
+    """A. F. Saleeb, code_aster ssnp501: a quarter of a ring of radii 4.15 and 6.35 cm, E 407 N/cm2, nu 0.48, under a plate that is lowered
+    by 2.225 cm: 8.008, 16.017, 24.025, 32.033 N at the quarters (their tolerances 10, 5, 2, 3 %). Plane strain: in plane stress, as the
+    list has it, all four are 1 - nu^2 = 0.77 of that."""
+    grid = [spaced(0, 1, 6), spaced(0, 1, 40)]
+    part = block("ring", grid, neo_hooke(407.0, 0.48, 1e-3), "Q1-bbar", sector(4.15, 6.35, 0.0, 0.5 * np.pi))
+    model = build_model(
+        [Body("ring", part), rigid_rectangle("plate", (30.0, 1.0), (0.0, 6.85), 1.0)],
+        supports=[
+            Support("ring", ("y",), "y-"),
+            Support("ring", ("x",), "y+"),
+            Support("plate", ("x", "rz")),
+            Support("plate", ("y",), velocity=-2.225),
+        ],
+    )
+    steps = loaded(model, [pair(model, ("ring", "x+"), ("plate", "y-"), alert=1.0, rule="nodes")], 16)
+    force = np.array([support_force(model, step, "ring")[:, 1].sum() for step in steps])[3::4]
+    assert np.all(np.abs(force / [8.008, 16.017, 24.025, 32.033] - 1) < [0.10, 0.05, 0.02, 0.03])
