@@ -1,4 +1,5 @@
-"""Loads: tractions and volume forces on deformable bodies, forces and moments on rigid ones, times functions of the time."""
+"""Loads: tractions and volume forces on deformable bodies, forces and moments on rigid ones, times functions of the time;
+and the areas by which a contact force is a pressure."""
 
 from __future__ import annotations
 
@@ -171,3 +172,19 @@ def turned(layout: BodyLayout, load: Follower, vector: FloatArray, rotations: Fl
     values, result = vector[own], np.zeros_like(vector)
     result[own] = np.concatenate([rotation @ values[:d], rotation @ values[d:] if d == 3 else values[d:]])
     return result
+
+
+def nodal_area(layout: BodyLayout, body: str, surface: str) -> FloatArray:
+    """Return A_a = integral of N_a over a deformable body's surface (n_nodes,) [m^2], by the model's node numbers, zero elsewhere.
+
+    N_a is the shape function of node a on the reference configuration (in 2D times the thickness). A contact force divided by it is
+    the nodal pressure, or traction, on that surface.
+    """
+    owner = layout.bodies[layout.body_number(body)]
+    if not isinstance(owner, Body):
+        raise InputError(f"nodal_area: expected a deformable body, got the rigid body {body!r}")
+    area = np.zeros(layout.n_nodes)
+    first = layout.node_offset[layout.number[body]]
+    along = np.eye(layout.dimension)[0]
+    area[first : first + len(owner.part.points)] = elasticity.traction(owner.part, surface, along)[:: layout.dimension]
+    return area

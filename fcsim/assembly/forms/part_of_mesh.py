@@ -53,7 +53,9 @@ def part_from_dolfinx(
     cells = _right_handed(points, cells, cell)
     regions: dict[str, IntArray] = {}
     given_material: AnyMaterial | ByRegion
-    if isinstance(material, Mapping):
+    if not isinstance(material, Mapping):
+        given_material = material
+    else:
         if cell_tags is None or cell_tags.dim != d:
             raise InputError(f"{what}: expected cell_tags, MeshTags of the cells, with a material for each tag")
         regions = {str(tag): np.asarray(cell_tags.find(tag), dtype=np.int64) for tag in material}
