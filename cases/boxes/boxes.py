@@ -36,12 +36,13 @@ GRAVITY = 9.81  # [m/s^2]
 @dataclass(frozen=True)
 class Parameters:
     """Every number of the case; SI units. across: boxes along an edge of the pile; gap: between boxes at the start, by their side;
-    turn: the largest angle by which boxes are turned about the vertical, at random [degrees]."""
+    turn: the largest angle about the vertical by which boxes are turned at random [degrees]; shift: of every second course by the pitch."""
 
     across: int = 10
     side: float = 0.1
     gap: float = 0.02
     turn: float = 0.5
+    shift: float = 0.25
     density: float = 2000.0
     mu: float = 0.5
     seed: int = 1
@@ -56,6 +57,8 @@ def build(p: Parameters) -> Case:
     """Return the case with the given parameters."""
     if p.across < 1 or not (p.side > 0 and p.gap >= 0.0 and 0.0 <= p.turn <= 45.0):
         raise InputError("boxes: expected across >= 1, side > 0, gap >= 0 and a turn between 0 and 45 degrees")
+    if not 0.0 <= p.shift <= 0.5:
+        raise InputError(f"boxes: expected a shift between 0 and 0.5 of the pitch, got {p.shift:g}")
     if 2 * np.sin(np.deg2rad(p.turn) / 2) > p.gap:
         raise InputError(f"boxes: expected a gap that boxes turned by {p.turn:g} degrees leave open, got {p.gap:g} of the side")
     model = boxes_model(p)
@@ -78,13 +81,13 @@ def build(p: Parameters) -> Case:
 
 
 def boxes_model(p: Parameters) -> Model:
-    """Courses of across x across cubes above a floor, every second one shifted by a quarter of a cube both ways."""
+    """Courses of across x across cubes above a floor, every second one shifted both ways."""
     rng = np.random.default_rng(p.seed)
     pitch, n = p.side * (1 + p.gap), p.across
     cube = rigid_box("cube", (p.side,) * 3, (0, 0, 0), p.density * p.side**3)
     bodies: list[RigidBody] = []
     for k, j, i in np.ndindex(n, n, n):
-        shift = 0.25 * (k % 2)  # by half a cube the outermost would stand on an edge under their centres
+        shift = p.shift * (k % 2)
         place = np.array([(i + shift - n / 2) * pitch, (j + shift - n / 2) * pitch, k * pitch + 0.5 * p.side + p.gap * p.side])
         R = Rotation.from_euler("z", rng.uniform(-p.turn, p.turn), degrees=True)
         bodies.append(RigidBody(f"box {k} {j} {i}", cube.mass, cube.inertia, place, R.apply(cube.points) + place, cube.surfaces))

@@ -1,4 +1,4 @@
-"""fcsim limit | tilt | push: what a structure of blocks bears, by limit analysis and by simulation."""
+"""fcsim limit | tilt | push | shake: what a structure of blocks bears, by limit analysis and by simulation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the commands `limit`, `tilt` and `push`."""
+    """Add the commands `limit`, `tilt`, `push` and `shake`."""
     limit = commands.add_parser(
         "limit",
         help="largest load of a masonry structure by limit analysis",
@@ -46,13 +46,27 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     push.add_argument("--step", type=float, help="[m] of the displacement on the branch (default 2.5e-4 of the structure's extent)")
     push.add_argument("--to", type=float, help="[m] displacement at which the branch ends (default half the structure's extent)")
     push.set_defaults(act=_push)
-    for command in (limit, tilt, push):
+    shake = commands.add_parser(
+        "shake",
+        help="what an earthquake or a pulse makes of a masonry structure",
+        description="Shake the ground by the model's base_acceleration or a record; print how far blocks move and which fall.",
+    )
+    shake.add_argument("--record", type=Path, help="CSV, columns 't [s]' and 'a [m/s^2]' or 'a [g]', in place of base_acceleration")
+    shake.add_argument("--direction", type=_direction, default=AXES["x"], help="of the record: x, 1,0.5,0 or =-x (default x)")
+    shake.add_argument("--factor", type=float, default=1.0, help="on the record's accelerations (default 1)")
+    shake.add_argument("--duration", type=float, help="[s] (default: the record's and 2 s)")
+    shake.add_argument(
+        "--h", type=float, help="[s] step (default: a hundredth of the time in which the smallest block falls by its extent)"
+    )
+    shake.set_defaults(act=_shake)
+    for command in (limit, tilt, push, shake):
         command.add_argument("model", type=Path, help="a masonry problem in JSON, or solids: .stl, .obj, .ply, .off, .3mf, .glb")
         command.add_argument("--density", type=float, default=2000.0, help="[kg/m^3] of the solids of a surface file (default 2000)")
         command.add_argument("--scale", type=float, help="metres to a unit of length of a surface file: 1e-3 for mm")
         command.add_argument("--support", action="append", default=[], metavar="NAME", help="solid that is held (default: a floor)")
         command.add_argument("--mu", type=float, help="friction coefficient of all joints, in place of the problem's")
-        command.add_argument("--tolerance", type=float, help="[m] blocks that are nearer touch (default 1e-4 of the smallest block)")
+        if command is not shake:
+            command.add_argument("--tolerance", type=float, help="[m] blocks that are nearer touch (default 1e-4 of the smallest block)")
         command.add_argument("--out", type=Path, help="folder for the analysis (JSON), its joints (CSV) and the picture of the mechanism")
         command.add_argument("--json", action="store_true", help="print JSON")
     for command in (tilt, push):
@@ -111,6 +125,42 @@ def _push(options: argparse.Namespace) -> int:
     if options.film and seen is not None:
         _run_collapse(options, {"multiplier": f"{seen.fall[1] * 1.02:.8g}"}, _FALL)
     return code
+
+
+def _shake(options: argparse.Namespace) -> int:
+    from fcsim.assembly.time_functions import read_acceleration_record
+    from fcsim.masonry import shake, shaken
+
+    problem = _read(options)
+    if options.record is not None:
+        problem = shaken(problem, options.direction, read_acceleration_record(options.record).scaled(options.factor))
+    elif options.factor != 1.0:
+        raise InputError("--factor: expected it with --record")
+    seen = shake(problem, duration=options.duration, h=options.h)
+    if options.out is not None:
+        from fcsim.masonry.report import write_shake
+        from fcsim.view.histories import draw_shake
+
+        write_shake(options.out, seen)
+        draw_shake(seen, options.out / "shake.png", problem.title or problem.name)
+    if options.json:
+        from fcsim.masonry.report import shake_summary
+        from fcsim.records import json_text
+
+        say(json_text(shake_summary(seen)).rstrip())
+        return EXIT_OK
+    rows = [
+        ("largest displacement of a corner", f"{1e3 * seen.displacement.max():.5g} mm", f"{seen.t[seen.displacement.argmax()]:.4g} s"),
+        ("largest turn of a block", f"{math.degrees(seen.turn.max()):.5g} degrees", f"{seen.t[seen.turn.argmax()]:.4g} s"),
+        ("displacement in the end", f"{1e3 * seen.displacement[-1]:.5g} mm", f"{seen.t[-1]:.4g} s"),
+    ]
+    say(f"{problem.title or problem.name}: {len(problem.blocks)} blocks, {seen.t[-1]:.4g} s in {len(seen.t)} steps")
+    print_table(("", "", "at"), rows, texts=1)
+    fell = ", ".join(seen.fallen[:8]) + (f" and {len(seen.fallen) - 8} more" if len(seen.fallen) > 8 else "")
+    say(f"fallen: {fell}" if fell else "nothing has fallen" + (", but it moves still" if seen.moving else ""))
+    if options.out is not None:
+        say(f"history and picture: {options.out}")
+    return EXIT_OK
 
 
 def _branch(options: argparse.Namespace, problem: MasonryProblem) -> int:

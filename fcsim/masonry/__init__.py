@@ -7,13 +7,15 @@ from fcsim.masonry.limit_analysis.analysis import LimitAnalysis, analyse
 from fcsim.masonry.limit_analysis.joints import Joint, joints_of
 from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
-from fcsim.masonry.problem import Acceleration, Block, Expected, MasonryProblem, PointForce
+from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce
 from fcsim.masonry.pushes import pushed, tilted
+from fcsim.masonry.shake import Shake, shake, shaken
 from fcsim.masonry.structure import Stone, structure
 from fcsim.masonry.surfaces import masonry_of_surfaces
 
 __all__ = [
     "Acceleration",
+    "BaseAcceleration",
     "Block",
     "Bracket",
     "Branch",
@@ -24,6 +26,7 @@ __all__ = [
     "LimitProblem",
     "MasonryProblem",
     "PointForce",
+    "Shake",
     "Stone",
     "Trial",
     "analyse",
@@ -36,6 +39,8 @@ __all__ = [
     "push_by_displacement",
     "pushed",
     "read_masonry",
+    "shake",
+    "shaken",
     "structure",
     "tilted",
     "trial",

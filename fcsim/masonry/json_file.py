@@ -4,27 +4,35 @@ dimension 2 (plane x, z; blocks are prisms along y) or 3
 blocks    [{id, vertices [[x, y, z], ...], faces [[vertex numbers], ...] (left out: a hexahedron in VTK's order), density or mass, support}]
 contact   {mu, mu_between [{between [id, id], mu}]}
 loads     [{kind "acceleration", value} | {kind "force", block, value, point}, each with scaled_by_multiplier]
-support_motion [{block, velocity}]; expected [{quantity, value, kind, bound, tolerance}]; name, title, question, source
+support_motion [{block, velocity}]
+initial_pose [{block, translation, rotation [rx, ry, rz] (vector, rad), about [x, y, z] (left out: the centroid)}]: where blocks begin
+base_acceleration [{direction, times, values} | {kind "half_sine" or "sine", value (amplitude and direction), duration, frequency}]
+expected [{quantity, value, kind, bound, tolerance}]; name, title, question, source
 
-Other keys are left aside, but for `initial_pose` and `base_acceleration`, which would change the problem and are refused.
+Other keys are left aside.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal, cast
+from typing import Any
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.errors import InputError
 from fcsim.files import note_read
-from fcsim.masonry.problem import Acceleration, Block, Expected, MasonryProblem, PointForce
+from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce
 from fcsim.mesh.solids.closed_surface import closed_surface
 from fcsim.records import from_json, read_json, write_record
 
 SCHEMA = "masonry-problem/1"
 HEXAHEDRON = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 """The faces of VTK's hexahedron."""
-_NOT_READ = ("initial_pose", "base_acceleration")
+_SAMPLES = 500  # of a half wave
 
 
 def read_masonry(path: str | Path) -> MasonryProblem:
@@ -37,32 +45,37 @@ def read_masonry(path: str | Path) -> MasonryProblem:
     note_read(path)
     where = str(path)
     if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
-        found = data.get("schema", "no schema") if isinstance(data, Mapping) else type(data).__name__
-        raise InputError(f'{where}: expected a masonry problem, schema "{SCHEMA}", got {found!r}')
-    refused = [key for key in _NOT_READ if data.get(key) is not None]
-    if refused:
-        raise InputError(f"{where}: {', '.join(refused)}: not read yet; expected blocks as their vertices say, on ground at rest")
+        schema = data.get("schema", "no schema") if isinstance(data, Mapping) else type(data).__name__
+        raise InputError(f'{where}: expected a masonry problem, schema "{SCHEMA}", got {schema!r}')
     blocks = _entries(data, "blocks", where)
     if not blocks:
         raise InputError(f"{where}, blocks: expected at least one, got none")
     contact = _mapping(data.get("contact"), f"{where}, contact")
     between = {}
-    for given in _entries(contact, "mu_between", f"{where}, contact"):
-        entry = _mapping(given, f"{where}, mu_between")
+    for entry in _entries(contact, "mu_between", f"{where}, contact"):
+        entry = _mapping(entry, f"{where}, mu_between")
         pair = _get(tuple[str, ...], entry, "between", f"{where}, mu_between")
         if len(pair) != 2:
             raise InputError(f"{where}, mu_between: expected the names of two blocks, got {pair}")
         between[pair[0], pair[1]] = _get(float, entry, "mu", f"{where}, mu_between {pair}")
+    poses = [_pose(entry, f"{where}, initial_pose") for entry in _one_or_more(data, "initial_pose", where)]
+    read = [_block(entry, where) for entry in blocks]
+    for name, moved in poses:
+        found = [k for k, block in enumerate(read) if block.name == name]
+        if not found:
+            raise InputError(f"{where}, initial_pose: expected the name of a block, got {name!r}")
+        read[found[0]] = moved(read[found[0]])
     return MasonryProblem(
-        name=_optional(str, data, "name", where, path.stem),
-        dimension=cast(Literal[2, 3], _get(int, data, "dimension", where)),
-        blocks=tuple(_block(entry, where) for entry in blocks),
+        name=_get(str, data, "name", where, path.stem),
+        dimension=_get(int, data, "dimension", where),
+        blocks=tuple(read),
         mu=_get(float, contact, "mu", f"{where}, contact"),
         loads=tuple(_load(entry, where) for entry in _entries(data, "loads", where)),
         between=between,
         motion=dict(_motion(entry, f"{where}, support_motion") for entry in _entries(data, "support_motion", where)),
-        title=_optional(str, data, "title", where, ""),
-        question=_optional(str, data, "question", where, ""),
+        shaking=tuple(_shaking(entry, f"{where}, base_acceleration") for entry in _one_or_more(data, "base_acceleration", where)),
+        title=_get(str, data, "title", where, ""),
+        question=_get(str, data, "question", where, ""),
         expected=tuple(_expected(entry, f"{where}, expected") for entry in _entries(data, "expected", where)),
         source=_source(data.get("source", []), where),
     )
@@ -87,17 +100,21 @@ def write_masonry(path: str | Path, problem: MasonryProblem) -> None:
     }
     if problem.motion:
         data["support_motion"] = [{"block": name, "velocity": velocity} for name, velocity in problem.motion.items()]
+    if problem.shaking:
+        data["base_acceleration"] = [
+            {"direction": shake.direction, "times": shake.record.times, "values": shake.record.values} for shake in problem.shaking
+        ]
     write_record(Path(path), data)
 
 
-def _block(given: object, where: str) -> Block:
-    entry = _mapping(given, f"{where}, blocks")
+def _block(entry: object, where: str) -> Block:
+    entry = _mapping(entry, f"{where}, blocks")
     name = _name(entry, "id", f"{where}, blocks")
     what = f"{where}, block {name!r}"
     vertices = _get(tuple[tuple[float, ...], ...], entry, "vertices", what)
     if any(len(vertex) != 3 for vertex in vertices):
         raise InputError(f"{what}, vertices: expected three coordinates each")
-    faces = _optional(tuple[tuple[int, ...], ...], entry, "faces", what, None)
+    faces = _get(tuple[tuple[int, ...], ...] | None, entry, "faces", what, None)
     if faces is None:
         if len(vertices) != 8:
             raise InputError(f"{what}: expected faces, or the 8 vertices of a hexahedron, got {len(vertices)} vertices")
@@ -106,14 +123,52 @@ def _block(given: object, where: str) -> Block:
         surface = closed_surface(name, vertices, faces)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    support = _optional(bool, entry, "support", what, False)
-    mass, density = _optional(float, entry, "mass", what, None), _optional(float, entry, "density", what, None)
+    support = _get(bool, entry, "support", what, False)
+    mass, density = _get(float | None, entry, "mass", what, None), _get(float | None, entry, "density", what, None)
     if mass is not None:  # a mass counts, whatever density stands beside it
         density = None
-    weight = mass if density is None else density
-    if not support and not (weight is not None and weight > 0):
+    given = mass if density is None else density
+    if not support and not (given is not None and given > 0):
         raise InputError(f"{what}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")
-    return Block(surface, density, mass, support) if weight else Block(surface, support=support)
+    return Block(surface, density, mass, support) if given else Block(surface, support=support)
+
+
+def _pose(entry: object, where: str) -> tuple[str, Callable[[Block], Block]]:
+    """The name of a block, and how it is moved to where it begins."""
+    entry = _mapping(entry, where)
+    name = _name(entry, "block", where)
+    translation, rotation = (_vector(entry, key, where) if key in entry else (0.0, 0.0, 0.0) for key in ("translation", "rotation"))
+    about = _vector(entry, "about", where) if entry.get("about") is not None else None
+
+    def moved(block: Block) -> Block:
+        centre = block.surface.moments()[1] if about is None else np.asarray(about)
+        points = Rotation.from_rotvec(rotation).apply(block.surface.points - centre) + centre + np.asarray(translation)
+        return replace(block, surface=replace(block.surface, points=points))
+
+    return name, moved
+
+
+def _shaking(entry: object, where: str) -> BaseAcceleration:
+    entry = _mapping(entry, where)
+    if "times" in entry:
+        times, values = (_get(tuple[float, ...], entry, key, where) for key in ("times", "values"))
+        return BaseAcceleration(_vector(entry, "direction", where), _record(times, values, where))
+    kind, value = _get(str, entry, "kind", where), _vector(entry, "value", where)
+    if kind not in ("half_sine", "sine"):
+        raise InputError(f'{where}: expected times and values, or the kind "half_sine" or "sine", got {kind!r}')
+    duration = _get(float, entry, "duration", where)
+    frequency = 0.5 / duration if kind == "half_sine" and duration > 0 else _get(float, entry, "frequency", where)
+    if not (duration > 0 and frequency > 0):
+        raise InputError(f"{where}: expected a duration [s] and a frequency [Hz] > 0, got {duration} and {frequency}")
+    times = np.linspace(0.0, duration, int(np.ceil(2 * frequency * duration)) * _SAMPLES + 1)
+    return BaseAcceleration(value, _record(times, np.linalg.norm(value) * np.sin(2 * np.pi * frequency * times), where))
+
+
+def _record(times: object, values: object, where: str) -> AccelerationRecord:
+    try:
+        return AccelerationRecord(np.asarray(times), np.asarray(values))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def _block_entry(block: Block) -> dict[str, object]:
@@ -124,11 +179,11 @@ def _block_entry(block: Block) -> dict[str, object]:
     return {**entry, "support": True} if block.support else entry
 
 
-def _load(given: object, where: str) -> Acceleration | PointForce:
-    entry = _mapping(given, f"{where}, loads")
+def _load(entry: object, where: str) -> Acceleration | PointForce:
+    entry = _mapping(entry, f"{where}, loads")
     kind = _get(str, entry, "kind", f"{where}, loads")
     what = f"{where}, load {kind!r}"
-    value, scaled = _vector(entry, "value", what), _optional(bool, entry, "scaled_by_multiplier", what, False)
+    value, scaled = _vector(entry, "value", what), _get(bool, entry, "scaled_by_multiplier", what, False)
     if kind == "acceleration":
         return Acceleration(value, scaled)
     if kind == "force":
@@ -144,18 +199,18 @@ def _load_entry(load: Acceleration | PointForce) -> dict[str, object]:
     return entry
 
 
-def _motion(given: object, where: str) -> tuple[str, tuple[float, float, float]]:
-    entry = _mapping(given, where)
+def _motion(entry: object, where: str) -> tuple[str, tuple[float, float, float]]:
+    entry = _mapping(entry, where)
     return _name(entry, "block", where), _vector(entry, "velocity", where)
 
 
-def _expected(given: object, where: str) -> Expected:
-    entry = _mapping(given, where)
+def _expected(entry: object, where: str) -> Expected:
+    entry = _mapping(entry, where)
     value = entry.get("value")
     if not isinstance(value, str):
         value = _get(float, entry, "value", where)
-    texts = {key: _optional(str, entry, key, where, "") for key in ("kind", "bound")}
-    return Expected(_get(str, entry, "quantity", where), value, **texts, tolerance=_optional(float, entry, "tolerance", where, None))
+    texts = {key: _get(str, entry, key, where, "") for key in ("kind", "bound")}
+    return Expected(_get(str, entry, "quantity", where), value, **texts, tolerance=_get(float | None, entry, "tolerance", where, None))
 
 
 def _source(value: object, where: str) -> tuple[str, ...]:
@@ -175,15 +230,13 @@ def _vector(entry: Mapping[str, object], key: str, where: str) -> tuple[float, f
     return values[0], values[1], values[2]
 
 
-def _get[T](kind: type[T], entry: Mapping[str, object], key: str, where: str) -> T:
+_MISSING = object()
+
+
+def _get(kind: Any, entry: Mapping[str, object], key: str, where: str, default: Any = _MISSING) -> Any:  # X | None is no type[X]
     if key not in entry:
-        raise InputError(f"{where}: expected the key {key!r}, got {', '.join(map(repr, entry)) or 'none'}")
-    return from_json(kind, entry[key], f"{where}, {key}")
-
-
-def _optional[T, D](kind: type[T], entry: Mapping[str, object], key: str, where: str, default: D) -> T | D:
-    """The value, or the default where there is none; null stands for a default of None."""
-    if key not in entry or (default is None and entry[key] is None):
+        if default is _MISSING:
+            raise InputError(f"{where}: expected the key {key!r}, got {', '.join(map(repr, entry)) or 'none'}")
         return default
     return from_json(kind, entry[key], f"{where}, {key}")
 
@@ -192,6 +245,12 @@ def _mapping(value: object, where: str) -> Mapping[str, object]:
     if not isinstance(value, Mapping):
         raise InputError(f"{where}: expected a record {{...}}, got {type(value).__name__}")
     return value
+
+
+def _one_or_more(data: Mapping[str, object], key: str, where: str) -> list[object]:
+    """A list of entries, or one of them alone."""
+    value = data.get(key) or []
+    return [value] if isinstance(value, Mapping) else _entries({key: value}, key, where)
 
 
 def _entries(data: Mapping[str, object], key: str, where: str) -> list[object]:

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.errors import InputError
 from fcsim.mesh.solids.closed_surface import ClosedSurface
 
@@ -49,6 +50,17 @@ class PointForce:
     scaled: bool = False
 
 
+@dataclass(frozen=True, eq=False)
+class BaseAcceleration:
+    """Acceleration of the ground along a direction (3,), of any length: record(t) [m/s^2] times its unit vector."""
+
+    direction: tuple[float, float, float]
+    record: AccelerationRecord
+
+    def __call__(self, t: float) -> FloatArray:
+        return self.record(t) * np.asarray(self.direction) / float(np.linalg.norm(self.direction))
+
+
 @dataclass(frozen=True)
 class Expected:
     """A number that the problem is held against: value, as a number or in words, of a quantity; tolerance relative."""
@@ -68,6 +80,7 @@ class MasonryProblem:
     mu, between: friction, of all pairs but those of `between` ((name, name): mu)
     loads: those that stay and, `scaled`, those that grow with the load multiplier
     motion: [m/s] velocities (3,) of supports that move
+    shaking: of the ground, in whose axes blocks are seen; of simulations alone
     """
 
     name: str
@@ -77,6 +90,7 @@ class MasonryProblem:
     loads: tuple[Acceleration | PointForce, ...] = (Acceleration((0.0, 0.0, -GRAVITY)),)
     between: Mapping[tuple[str, str], float] = field(default_factory=dict)
     motion: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    shaking: tuple[BaseAcceleration, ...] = ()
     title: str = ""
     question: str = ""
     expected: tuple[Expected, ...] = ()
@@ -105,6 +119,10 @@ class MasonryProblem:
                     raise InputError(f"{what}, load: expected three finite numbers, got {vector!r}")
             if self.dimension == 2 and load.value[1] != 0:
                 raise InputError(f"{what}, load: expected no component along y in a plane problem, got {load.value}")
+        for shake in self.shaking:
+            x, y, z = shake.direction
+            if not (np.isfinite(shake.direction).all() and np.any(shake.direction)) or (self.dimension == 2 and y != 0):
+                raise InputError(f"{what}, base_acceleration: expected a direction, in a plane problem in x and z, got {(x, y, z)}")
         for name in self.motion:
             if not self.blocks[names.index(name)].support:
                 raise InputError(f"{what}, support_motion: expected a support, got the free block {name!r}")
@@ -133,6 +151,10 @@ class MasonryProblem:
     def smallest(self) -> float:
         """Smallest of the free blocks' largest extents [m]."""
         return float(min(np.ptp(block.surface.points, axis=0).max() for block in self.blocks if not block.support))
+
+    def ground(self, t: float) -> FloatArray:
+        """Acceleration (3,) [m/s^2] of the ground."""
+        return np.sum([shake(t) for shake in self.shaking], axis=0) if self.shaking else np.zeros(3)
 
     def acceleration(self, *, scaled: bool) -> FloatArray:
         """Sum (3,) [m/s^2] of the body forces that the multiplier scales, or of the others."""

@@ -1,4 +1,4 @@
-"""An analysis as files: analysis.json, joints.csv, blocks.csv; a branch as branch.csv."""
+"""An analysis as files: analysis.json, joints.csv, blocks.csv; a branch as branch.csv, a shaking as shake.csv."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from fcsim.masonry.branch import Branch
 from fcsim.masonry.collapse import Bracket
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.masonry.openings import Opening
+from fcsim.masonry.shake import Shake
 from fcsim.records import write_record
 from fcsim.version import __version__
 
@@ -66,6 +67,22 @@ def write_branch(directory: Path, branch: Branch) -> None:
     write_record(directory / "branch.json", branch_summary(branch))
     rows = [(f"{1e3 * d:.9g}", f"{m:.9g}") for d, m in zip(branch.displacement, branch.multiplier, strict=True)]
     _write_csv(directory / "branch.csv", ("displacement [mm]", "multiplier"), rows)
+
+
+def shake_summary(seen: Shake) -> Mapping[str, object]:
+    """A shaking in JSON's types."""
+    largest = {"displacement": float(seen.displacement.max()), "turn": float(seen.turn.max())}
+    end = {"t": float(seen.t[-1]), "displacement": float(seen.displacement[-1]), "turn": float(seen.turn[-1])}
+    return {"version": __version__, "largest": largest, "end": end, "fallen": seen.fallen, "moving": seen.moving}
+
+
+def write_shake(directory: Path, seen: Shake) -> None:
+    """Write the histories into a folder: shake.json, shake.csv."""
+    directory.mkdir(parents=True, exist_ok=True)
+    write_record(directory / "shake.json", shake_summary(seen))
+    columns = seen.t, 1e3 * seen.displacement, np.degrees(seen.turn)
+    rows = [tuple(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
+    _write_csv(directory / "shake.csv", ("t [s]", "displacement [mm]", "turn [degrees]"), rows)
 
 
 def write_openings(path: Path, joints: tuple[Opening, ...]) -> None:

@@ -41,7 +41,8 @@ def structure(
     multiplier: TimeFunction = lambda t: 0.0,
     staying: TimeFunction = lambda t: 1.0,
 ) -> tuple[Model, tuple[str, ...]]:
-    """Return the model of a problem and remarks on it; its loads are staying(t) times those that stay, multiplier(t) times the others.
+    """Return the model of a problem and remarks on it; its loads are staying(t) times those that stay, multiplier(t) times the others,
+    and where the ground shakes the inertia of blocks that are seen from it.
 
     "mixed": every second block is deformable. Supports, blocks of a given mass and blocks with a force upon them are rigid always. Blocks
     that are equal but for their place are one part, meshed once.
@@ -63,7 +64,8 @@ def structure(
     still, growing = (np.array(vector_of(problem, problem.acceleration(scaled=scaled))) for scaled in (False, True))
 
     def gravity(t: float) -> FloatArray:
-        return staying(t) * still + multiplier(t) * growing
+        steady = staying(t) * still + multiplier(t) * growing
+        return steady - np.array(vector_of(problem, problem.ground(t))) if problem.shaking else steady
 
     loads: list[Load] = []
     for load in problem.loads:

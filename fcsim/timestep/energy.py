@@ -27,7 +27,8 @@ class Energy:
     numerical_dissipation    of the time scheme; zero for the theta scheme at theta = 1/2
     material_dissipation     of the materials: plastic flow, viscosity
     normal_dissipation       minus the work of the normal reactions: what impacts lose
-    tangential_dissipation   minus the work of the tangential reactions
+    tangential_dissipation   minus the work of the tangential reactions on the mean velocity; friction is a law of the velocity at the end,
+                             so where other forces turn u_T within a step it may give a little back, less the shorter the step
     friction_dissipation     -sum r_T . u_T (and -sum r_R . u_R of rolling moments) with the velocity u_T at the end of the step, of which
                              Coulomb's law speaks: never negative.
                              It differs from tangential_dissipation while u_T changes within the step, and is no term of the balance

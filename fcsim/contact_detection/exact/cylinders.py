@@ -1,9 +1,8 @@
-"""Cylinders with each other and with capsules: sides across sides, rims on sides, ends on ends.
+"""Cylinders with each other and with capsules: sides across sides, rims on sides, ends on ends, rims across rims.
 
 Two cylinders that cross touch at one point of their sides. Elsewhere a rim of one touches: along the other's side, where the rim is nearest
 to its axis (a cylinder lies on another by its two rims, or by one of either), or flat on its end, by three points of the rim, the lowest
-first, and where the rims cross. A rim touches in the directions between its radius and its axis only. Rims that cross in space, neither on
-a side nor flat on an end, are not found.
+first, and where the rims cross. A rim touches in the directions between its radius and its axis only. Rims that cross in space: see `rims`.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.exact.pairs import near_pairs_of
+from fcsim.contact_detection.exact.rims import rims_in_space
 from fcsim.contact_detection.exact.solids import Placed, Touch, joined, leaves_by_its_side, rim_points, touch_of_solids
 from fcsim.mesh.exact_shape import across
 
@@ -34,6 +34,7 @@ def cylinders_with_cylinders(now: Placed, alert: float) -> Touch:
         _rims_on_sides(now, np.concatenate([a, mixed[0]]), np.concatenate([b, mixed[1]]), alert),
         _rims_on_ends(now, a, b, alert),
         _rims_across_rims(now, among[0], among[1], alert),
+        rims_in_space(now, among[0], among[1], alert),
     ]
     return joined(
         [touch._replace(identity=touch.identity + (kind << 52)) for kind, touch in enumerate(found)]  # codes of each within a pair

@@ -1,4 +1,4 @@
-"""Cylinders with meshed bodies, beside what their sides share with capsules: rims on faces, and ends on vertices and edges."""
+"""Cylinders with meshed bodies, beside what their sides share with capsules: rims on faces and edges, and ends on vertices and edges."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
+from fcsim.contact_detection.exact.rims_on_edges import crossings_of_rims
 from fcsim.contact_detection.exact.solids import Placed, Touch, joined, rim_points
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
@@ -19,7 +20,7 @@ _FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is 
 def cylinders_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> Touch:
     """Contacts of the rims and ends of cylinders with meshed bodies at node positions x (n_nodes, 3) [m]."""
     cylinders, normal = now.solids.of("cylinder"), normals(skin, x)
-    return joined([f(now, skin, x, normal, cylinders, alert) for f in (_rims_on_faces, _ends_on_vertices, _ends_on_edges)])
+    return joined([f(now, skin, x, normal, cylinders, alert) for f in (_rims_on_faces, _ends_on_vertices, _ends_on_edges, _rims_on_edges)])
 
 
 def _reach(now: Placed, cylinders: IntArray) -> float:
@@ -129,6 +130,14 @@ def _ends_on_edges(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
         facet = skin.edge_facets[edge, 0]
         found.append(_touch(now, skin, k[keep], n, at + gap[keep, None] * n, at, nodes, weights, facet, 6 * i[keep] + 1 + turn, feature))
     return joined(found)
+
+
+def _rims_on_edges(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArray, cylinders: IntArray, alert: float) -> Touch:
+    """Where the rims cross edges in space."""
+    i, edge, N, point, foot, share, code = crossings_of_rims(now, skin, x, normal, cylinders, alert)
+    nodes = np.column_stack([skin.edges[edge], np.full(len(edge), -1)])
+    weights = np.column_stack([1 - share, share, np.zeros(len(edge))])
+    return _touch(now, skin, cylinders[i], N, point, foot, nodes, weights, skin.edge_facets[edge, 0], 6 * i + code, len(skin.facets) + edge)
 
 
 def _touch(

@@ -41,6 +41,8 @@ def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) ->
     tolerance [m]: blocks that are nearer are in contact; by default 1e-4 of the smallest block's extent. InputError names blocks that
     overlap, as the witness sees them.
     """
+    if problem.shaking:
+        raise InputError(f"limit analysis of {problem.name!r}: expected ground at rest, got base_acceleration: see `fcsim shake`")
     bodies = rigid_blocks(problem)
     model = build_model(bodies, supports=supports(problem))
     begin(Witness(), model, np.zeros(model.n_dofs))

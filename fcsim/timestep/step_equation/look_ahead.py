@@ -11,6 +11,10 @@ enters the law, 0 <= g + b + h u_N ⊥ r_N >= 0; those that are new are brought 
 nothing is deeper. A contact that lasts then has u_N = -b/h at the beginning of each step and +b/h at its end, and its reaction does no
 work at theta = 1/2, where without b it does work of the order of b. What does not turn or meet anything is not looked at, and nothing in
 its step changes.
+
+Bodies that turn away from each other within a step end it apart by R (omega h)^2 / 2 although they were held as if they touched: such b > 0
+is left out where none was given before. Twelve tumbling rocks end their contacts up to 1.2 % of a rock apart at h = 5 ms, 0.15 % at 2 ms.
+With it they ended less than 0.1 % apart, but then overlapped between the places of detection, by 0.12 % and 0.04 %, where now none do.
 """
 
 from __future__ import annotations

@@ -1,0 +1,80 @@
+"""A structure on ground that shakes: what moves, how far, and whether it falls.
+
+Blocks are seen from the ground, whose acceleration acts as their inertia. Impacts are inelastic (Moreau's law, e = 0): a block that rocks
+loses what Housner's angular momentum about the new toe says (G. W. Housner, Bull. Seismol. Soc. Am. 53, 1963).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.time_functions import AccelerationRecord
+from fcsim.contact_detection import Everything
+from fcsim.errors import InputError
+from fcsim.masonry.problem import GRAVITY, BaseAcceleration, MasonryProblem
+from fcsim.masonry.structure import structure
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.theta import Theta
+
+DOWN = 0.1
+"""Share of its extent by which the centroid of a block that falls comes down."""
+_STEPS = 100  # in the time in which the smallest block falls by its own extent
+_AFTER = 2.0  # [s] watched after the record
+
+
+@dataclass(frozen=True, eq=False)
+class Shake:
+    """Histories (n,): t [s], the largest displacement of a corner [m], the largest turn of a block from where it began [rad].
+
+    fallen: the names of the blocks that came down by more than `DOWN` of their extent; moving: whether corners moved faster than a
+    hundredth of the structure's extent a second in the end
+    """
+
+    t: FloatArray
+    displacement: FloatArray
+    turn: FloatArray
+    fallen: tuple[str, ...]
+    moving: bool
+
+
+def shaken(problem: MasonryProblem, direction: tuple[float, float, float], record: AccelerationRecord) -> MasonryProblem:
+    """Return the problem on ground that accelerates along a direction (3,) by the record [m/s^2], in place of its own shaking."""
+    return replace(problem, shaking=(BaseAcceleration(direction, record),))
+
+
+def shake(problem: MasonryProblem, *, duration: float | None = None, h: float | None = None, theta: float = 0.5) -> Shake:
+    """Return what the ground's shaking makes of rigid blocks.
+
+    duration [s]: by default the record's and two seconds; h [s]: the step, by default a hundredth of the time in which the smallest block
+    falls by its extent. InputError where no ground shakes and no block begins moved.
+    """
+    if duration is None:
+        if not problem.shaking:
+            raise InputError(f"{problem.name!r}: expected base_acceleration or a duration, got neither")
+        duration = max(float(each.record.times[-1]) for each in problem.shaking) + _AFTER
+    h = float(np.sqrt(2 * problem.smallest / GRAVITY)) / _STEPS if h is None else h
+    if not (np.isfinite(duration) and np.isfinite(h) and 0 < h <= duration):
+        raise InputError(f"duration, h: expected times in s with 0 < h <= duration, got {duration} and {h}")
+    model, _ = structure(problem)
+    simulation = Simulation(
+        model, Everything(model, problem.friction), Theta(h, theta), int(np.ceil(duration / h)), SolverSettings(name="auto"), created=np.inf
+    )
+    free = np.array([not problem.blocks[problem.number[body.name]].support for body in model.bodies])
+    corners = np.repeat(free, np.diff(model.node_offset))
+    d = model.dimension
+    t, displacement, turn, speed = [], [], [], 0.0
+    drop = np.zeros(len(free))
+    for step in simulation:
+        rows = model.rigid_part(step.state.x)[free]
+        t.append(step.state.t)
+        displacement.append(float(np.linalg.norm(model.node_displacement(step.state.x)[corners], axis=1).max()))
+        turn.append(float(np.linalg.norm(rows[:, d:], axis=1).max()))
+        drop[free] = -rows[:, d - 1]
+        speed = float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[corners], axis=1).max())
+    extents = np.array([np.ptp(block.surface.points, axis=0).max() for block in problem.blocks])
+    fallen = tuple(body.name for body, by, extent in zip(model.bodies, drop, extents, strict=True) if by > DOWN * extent)
+    return Shake(np.array(t), np.array(displacement), np.array(turn), fallen, speed > 0.01 * problem.size)
