@@ -62,8 +62,9 @@ class Springs:
         remembered = meeting.recall("stretch", np.zeros_like(meeting.before))
         return meeting.in_frame(np.nan_to_num(remembered))[:, 1:]
 
-    def after(self, meeting: Meeting, outcome: Outcome) -> tuple[FloatArray, float]:
-        """The stretch (nc, d) [m] at the end of the step in the world axes, and the energy [J] of all springs."""
+    def after(self, meeting: Meeting, outcome: Outcome, crack: FloatArray | None = None) -> tuple[FloatArray, float]:
+        """The stretch (nc, d) [m] at the end of the step in the world axes, and the energy [J] of all springs; crack (nc,) [m]: the
+        opening of joints under tension that is none of the springs'."""
         timing = meeting.timing
         theta, L = timing.theta, timing.length_per_u
         mean = theta * outcome.after + (1 - theta) * meeting.before
@@ -74,11 +75,7 @@ class Springs:
         r = outcome.r if outcome.terms.adhesion is None else outcome.r - outcome.terms.adhesion
         # the normal spring at the end of the step, as the state stands: x = x_m + theta L u where contacts are detected at x_m
         deep = np.where(touching | (r[:, 0] != 0), meeting.contacts.gap + theta * L * outcome.after[:, 0], 0.0)
-        if outcome.terms.adhesion is None:
-            deep = np.minimum(deep, 0.0)
-        else:  # a joint under tension is stretched by no more than its strength holds
-            longest = np.abs(timing.force_per_reaction * outcome.terms.adhesion[:, 0]) / (self.normal * meeting.area)
-            deep = np.minimum(deep, longest)
+        deep = np.minimum(deep, 0.0) if crack is None else np.where(deep > 0, np.maximum(deep - crack, 0.0), deep)
         energy = 0.5 * meeting.area * (self.normal * deep**2 + self.tangential * np.einsum("ai,ai->a", stretch, stretch))
         return meeting.in_space(stretch), float(energy.sum())
 

@@ -62,7 +62,9 @@ class Velocity:
     A contact that separates, u_N^- > 0, and that the step would close again: 0 <= theta u_N + (1-theta) u_N^- ⊥ r_N >= 0. Its gap does not
     shrink over the step and its reaction does no work; with u_N >= 0 instead, the reaction would add energy. The normal reactions'
     work is then never positive for theta <= 1/(1+e), and zero for e = 1 at theta = 1/2 (generalised alpha: as theta = 1/2).
-    A penetration is not taken back: it does not grow. friction: as in `Gap`.
+    A penetration is not taken back: it does not grow. What approaches is struck once it touches where contacts are detected, so bodies
+    overlap by up to the way of one step, h |u_N^-|, and keep that: choose h by the overlap that matters, or the law `Gap`, which lets
+    nothing in but has no restitution. friction: as in `Gap`.
     """
 
     restitution: float = 0.0

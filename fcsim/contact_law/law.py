@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -42,11 +42,13 @@ class Timing:
 
 @dataclass(frozen=True, eq=False)
 class Variables:
-    """What laws remember by contact: identity (k,) ascending; values by name, each (k,) or (k, c); stored [J], what joints hold."""
+    """What laws remember by contact: identity (k,) ascending; values by name, each (k,) or (k, c); stored [J], what joints hold; breaking,
+    of the step that ended, see `Breaking`."""
 
     identity: IntArray
     values: Mapping[str, FloatArray]
     stored: float = 0.0
+    breaking: Breaking | None = None
 
     def of(self, name: str, identity: IntArray, fresh: FloatArray) -> FloatArray:
         """The variable of the contacts (nc,) or (nc, c); that of unknown contacts is taken from `fresh`, of the same shape."""
@@ -56,7 +58,7 @@ class Variables:
         known = self.identity[place] == identity
         return np.where(known.reshape(-1, *[1] * (fresh.ndim - 1)), self.values[name][place], fresh)
 
-    def merged(self, identity: IntArray, values: Mapping[str, FloatArray], stored: float) -> Variables:
+    def merged(self, identity: IntArray, values: Mapping[str, FloatArray], stored: float, breaking: Breaking | None = None) -> Variables:
         """These with the contacts' new values; contacts that are not met keep theirs, missing variables are NaN."""
         absent = ~np.isin(self.identity, identity)
         everyone = np.concatenate([self.identity[absent], identity])
@@ -68,7 +70,20 @@ class Variables:
             old = np.full((len(self.identity), *shape), np.nan) if old is None else old
             new = np.full((len(identity), *shape), np.nan) if new is None else new
             joined[name] = np.concatenate([old[absent], new])[order]
-        return Variables(everyone[order], joined, stored)
+        return Variables(everyone[order], joined, stored, breaking)
+
+
+@dataclass(frozen=True)
+class Breaking:
+    """What joints that break did in a step [J]: fractured, their fracture energies times the area that broke; normal, tangential: by how
+    much more their reactions took in each direction, the scheme's error on a strength that falls within the step."""
+
+    fractured: float = 0.0
+    normal: float = 0.0
+    tangential: float = 0.0
+
+    def __add__(self, other: Breaking) -> Breaking:
+        return Breaking(self.fractured + other.fractured, self.normal + other.normal, self.tangential + other.tangential)
 
 
 NOTHING = Variables(np.empty(0, dtype=np.int64), {})
@@ -87,6 +102,7 @@ class Meeting:
     proportions of the bodies
     bend (nc,) [m] by how much gaps change over the step beside length_per_u u_N, since bodies turn and feet move on; None = not at all, see
     `fcsim.timestep.step_equation.look_ahead`
+    trial       what an implicit law takes for the end of the step, see `Implicit`; None = it is asked for the first time
     """
 
     contacts: Contacts
@@ -97,6 +113,7 @@ class Meeting:
     variables: Variables | None
     proportions: Proportions
     bend: FloatArray | None = None
+    trial: Variables | None = None
 
     def __len__(self) -> int:
         return len(self.contacts)
@@ -114,6 +131,10 @@ class Meeting:
     def recall(self, name: str, fresh: FloatArray) -> FloatArray:
         """A variable of the contacts (nc,) or (nc, c); of contacts that are new, `fresh`."""
         return fresh if self.variables is None else self.variables.of(name, self.contacts.identity, fresh)
+
+    def tried(self, name: str, fresh: FloatArray) -> FloatArray:
+        """A trial value of the contacts (nc,); where there is none yet, `fresh`."""
+        return fresh if self.trial is None else self.trial.of(name, self.contacts.identity, fresh)
 
     def in_space(self, local: FloatArray) -> FloatArray:
         """Vectors (nc, d) of the contacts' frames in the world axes: how vectors are remembered, since frames turn."""
@@ -134,6 +155,7 @@ class Meeting:
             self.variables,
             self.proportions,
             None if self.bend is None else self.bend[chosen],
+            self.trial,
         )
 
 
@@ -176,10 +198,12 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Remembered:
-    """What a law keeps of a step: values by name, each (nc,) or (nc, c); stored [J] what its joints hold at the end of the step."""
+    """What a law keeps of a step: values by name, each (nc,) or (nc, c); stored [J] what its joints hold at the end of the step; breaking:
+    what breaking them took."""
 
     values: Mapping[str, FloatArray] = field(default_factory=dict)
     stored: float = 0.0
+    breaking: Breaking | None = None
 
 
 class Law(Protocol):
@@ -195,4 +219,24 @@ class Law(Protocol):
 
     def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
         """Return what the law keeps of the step; variables of contacts that are not met again stay as they are."""
+        ...
+
+
+class Demand(NamedTuple):
+    """A value that the terms of a step were made of, each (nc,) and of the order of 1: what was taken, what should have been, and between
+    what it may lie; most, where finite, is its value at the beginning of the step."""
+
+    tried: FloatArray
+    wanted: FloatArray
+    least: FloatArray
+    most: FloatArray
+
+
+@runtime_checkable
+class Implicit(Protocol):
+    """A law whose terms depend on the end of the step: it is solved again until what the law took for that, `Meeting.trial`, is what it
+    finds."""
+
+    def demands(self, meeting: Meeting, outcome: Outcome) -> Mapping[str, Demand]:
+        """Return by name what the terms were made of; nothing where they cannot change."""
         ...

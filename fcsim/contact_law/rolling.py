@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from fcsim.arrays import BoolArray
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.coulomb import Gap
-from fcsim.contact_law.law import Law, Meeting, Outcome, Remembered, Terms, Variables
+from fcsim.contact_law.law import Demand, Implicit, Law, Meeting, Outcome, Remembered, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
 
@@ -25,8 +26,9 @@ class Rolling:
     Acary, Bourrier, European Journal of Mechanics A/Solids 85, 2021. In 2D there is one rolling moment, about z. Steps are solved by the
     methods for cones of five dimensions (ROLLING-NSGS, -EG, -FP) and written as FCLIB's rolling problems.
 
-    Not covered: spinning resistance about the normal, and deformable bodies, whose surfaces have no rotation of their own: their contacts
-    are refused; give these another law (`laws_of_bodies`).
+    Not covered: spinning resistance about the normal, for which contacts would need a sixth unknown that neither FCLIB's rolling problems
+    nor the methods for their cone have; and deformable bodies, whose surfaces have no rotation of their own: their contacts are refused,
+    give these another law (`laws_of_bodies`).
     """
 
     resistance: float
@@ -49,3 +51,7 @@ class Rolling:
     def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
         """As the other law."""
         return self.law.remember(meeting, outcome)
+
+    def demands(self, meeting: Meeting, outcome: Outcome) -> Mapping[str, Demand]:
+        """As the other law."""
+        return self.law.demands(meeting, outcome) if isinstance(self.law, Implicit) else {}

@@ -11,7 +11,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detector
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.law import Law, Meeting, Outcome, Remembered, Terms, Variables
+from fcsim.contact_law.law import Breaking, Demand, Implicit, Law, Meeting, Outcome, Remembered, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
 
@@ -61,14 +61,28 @@ class LawTable:
     def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
         number = self.number_of(meeting.contacts)
         values: dict[str, FloatArray] = {}
-        stored = 0.0
+        stored, breaking = 0.0, Breaking()
         for k, law in enumerate(self.laws):
             own = number == k
             kept = law.remember(self._part(meeting, number, k), _part_of(outcome, own))
             stored += kept.stored
+            breaking += kept.breaking or Breaking()
             for name, value in kept.values.items():
                 values.setdefault(name, np.full((len(meeting), *value.shape[1:]), np.nan))[own] = value
-        return Remembered({**values, "law": number.astype(np.float64)} if values else {}, stored)
+        return Remembered({**values, "law": number.astype(np.float64)} if values else {}, stored, breaking)
+
+    def demands(self, meeting: Meeting, outcome: Outcome) -> dict[str, Demand]:
+        """Those of its implicit laws; 0 at the contacts of others."""
+        number, demands = self.number_of(meeting.contacts), dict[str, Demand]()
+        for k, law in enumerate(self.laws):
+            own = number == k
+            if not (isinstance(law, Implicit) and own.any()):
+                continue
+            for name, demand in law.demands(self._part(meeting, number, k), _part_of(outcome, own)).items():
+                whole = demands.setdefault(name, Demand(*np.zeros((4, len(number)))))
+                for all_of_it, part in zip(whole, demand, strict=True):
+                    all_of_it[own] = part
+        return demands
 
     @staticmethod
     def _part(meeting: Meeting, number: IntArray, k: int) -> Meeting:

@@ -118,6 +118,7 @@ COLUMNS: dict[str, tuple[str, Callable[[Step], object]]] = {
     "normal_dissipation": ("J", lambda step: step.energy.normal_dissipation),
     "tangential_dissipation": ("J", lambda step: step.energy.tangential_dissipation),
     "friction_dissipation": ("J", lambda step: step.energy.friction_dissipation),
+    "fracture_dissipation": ("J", lambda step: step.energy.fracture_dissipation),
     "link_work": ("J", lambda step: step.energy.link_work),
     "link_energy": ("J", lambda step: step.energy.links),
     "contact_energy": ("J", lambda step: step.energy.contact),

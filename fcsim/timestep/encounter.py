@@ -29,6 +29,7 @@ class Encounter:
     H         (n_dofs, d nc) contact matrix of the forces over all dofs, driven ones included
     meeting   what the law was told
     terms     what it gave
+    left      the contacts that the law leaves out, None where it takes all
     moments   (n_dofs, 2 nc) contact matrix of rolling moments, None without rolling resistance, see `rolling_rows`
     passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
     """
@@ -39,6 +40,7 @@ class Encounter:
     terms: Terms
     passing: Contacts | None = None
     moments: sp.csc_array | None = None
+    left: Contacts | None = None
 
     @property
     def rows(self) -> int:
@@ -94,15 +96,24 @@ class Encounter:
         """The law's velocity (m,) in the contacts' frames for the problem's u = S ..."""
         return u if self.terms.scale is None else u / self._of_rows(self.terms.scale, 1.0)
 
+    def outcome(self, u: FloatArray, r: FloatArray, v: FloatArray) -> Outcome:
+        """What the law is told of the problem's u, r (m,) and the velocity v (n_dofs,)."""
+        return Outcome(self.terms, self.forces(u), self.forces(r), (self.H.T @ v).reshape(self.terms.w.shape))
+
+    def tried(self, law: Law, trial: Variables) -> Encounter:
+        """The same contacts under a law that is told `trial`, see `Implicit`."""
+        meeting = replace(self.meeting, trial=trial)
+        terms = law.terms(meeting)
+        return replace(self, contacts=replace(self.contacts, mu=terms.mu), meeting=meeting, terms=terms)
+
     def remember(self, law: Law, u: FloatArray, r: FloatArray, v: FloatArray) -> Variables | None:
         """The law's variables after the step with the problem's u, r (m,) and the velocity v (n_dofs,) at its end."""
-        shape = self.terms.w.shape
-        outcome = Outcome(self.terms, self.forces(u), self.forces(r), (self.H.T @ v).reshape(shape))
+        outcome = self.outcome(u, r, v)
         kept = law.remember(self.meeting, outcome)
         earlier = self.meeting.variables or NOTHING
         if not kept.values:
-            return replace(earlier, stored=kept.stored)
-        return earlier.merged(self.contacts.identity, kept.values, kept.stored)
+            return replace(earlier, stored=kept.stored, breaking=kept.breaking)
+        return earlier.merged(self.contacts.identity, kept.values, kept.stored, kept.breaking)
 
 
 def encounter(
@@ -123,6 +134,7 @@ def met_on_the_way(
     v: FloatArray,
     proportions: Proportions,
     variables: Variables | None,
+    trial: Variables | None = None,
 ) -> Encounter:
     """The contacts of a step of statics as they are found at its iterate v (n_dofs,) [m], for increments from its beginning.
 
@@ -135,7 +147,7 @@ def met_on_the_way(
     found = detection(positions)
     H = model.contact_matrix(contact_matrix(found, model.n_nodes), x)
     back = found.gap - (H.T @ v).reshape(len(found), -1)[:, 0] if len(found) else found.gap
-    met = under_law(model, scheme, state, replace(found, gap=back), positions, proportions, variables, configuration=x)
+    met = under_law(model, scheme, state, replace(found, gap=back), positions, proportions, variables, configuration=x, trial=trial)
     return replace(met, contacts=replace(met.contacts, gap=found.gap[np.searchsorted(found.identity, met.contacts.identity)]))
 
 
@@ -149,24 +161,25 @@ def under_law(
     variables: Variables | None,
     bend: FloatArray | None = None,
     configuration: FloatArray | None = None,
+    trial: Variables | None = None,
 ) -> Encounter:
-    """Ask the law about contacts at `positions` (n_nodes, d) [m]; bend (nc,) [m], see `Meeting`; configuration (n_dofs,): where rigid
-    bodies
-    stand, None = as they are detected."""
+    """Ask the law about contacts at `positions` (n_nodes, d) [m]; bend (nc,) [m] and trial: see `Meeting`; configuration (n_dofs,):
+    where rigid bodies stand, None = as they are detected."""
     law = scheme.law
     configuration = scheme.detection_configuration(model, state) if configuration is None else configuration
     chosen = law.select(contacts, proportions, variables)
-    through = None
+    through = left = None
     if not chosen.all():
+        left = contacts.take(~chosen)
         way = scheme.way(model, state)
         if way is not None:
             moved = model.positions(model.advance(configuration, way)) - positions
-            through = passing(contacts.take(~chosen), moved, proportions)
+            through = passing(left, moved, proportions)
         contacts, bend = contacts.take(chosen), None if bend is None else bend[chosen]
     H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
     shape = (len(contacts), contacts.dimension)
     before = (H.T @ scheme.velocity_before(model, state)).reshape(shape) if scheme.timing.moving else np.zeros(shape)
-    meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend)
+    meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, trial)
     terms = law.terms(meeting)
     if terms.frame is not None and not np.array_equal(terms.frame, contacts.frame):
         H, meeting = _turned(H, meeting, terms.frame)
@@ -174,7 +187,7 @@ def under_law(
     if terms.mu is not contacts.mu:
         contacts = replace(contacts, mu=terms.mu)
     moments = None if terms.rolling is None else moment_matrix(model, contacts, terms.rolling)
-    return Encounter(contacts, H, meeting, terms, through, moments)
+    return Encounter(contacts, H, meeting, terms, through, moments, left)
 
 
 def passing(left: Contacts, moved: FloatArray, proportions: Proportions) -> Contacts | None:

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
+from fcsim.contact_law.law import Breaking
 from fcsim.timestep.state import State
 
 
@@ -24,7 +25,7 @@ class Energy:
     load_work                work of gravity and loads
     support_work             work of the supports that drive degrees of freedom
     damping_dissipation      of the Rayleigh damping
-    numerical_dissipation    of the time scheme; zero for the theta scheme at theta = 1/2
+    numerical_dissipation    of the time scheme; zero for the theta scheme at theta = 1/2 (joints that break: see `Cohesive`)
     material_dissipation     of the materials: plastic flow, viscosity
     normal_dissipation       minus the work of the normal reactions: what impacts lose
     tangential_dissipation   minus the work of the tangential reactions on the mean velocity; friction is a law of the velocity at the end,
@@ -34,6 +35,7 @@ class Energy:
                              It differs from tangential_dissipation while u_T changes within the step, and is no term of the balance
     contact_gain             what contacts gave that no joint held: the work of all reactions less what `contact` lost. Friction and impacts
                              make it negative; what is positive was created. No term of the balance
+    fracture_dissipation     fracture energy times area of what broke: part of the two above, no term of the balance
     residual                 change of kinetic + elastic - load_work - support_work - link_work + the dissipations but the last: round-off
 
     The docstring of each scheme's `energy` has its identity.
@@ -54,11 +56,21 @@ class Energy:
     material_dissipation: float = 0.0
     link_work: float = 0.0
     links: float = 0.0
+    fracture_dissipation: float = 0.0
 
-    def with_joints(self, before: float, after: float) -> Energy:
-        """The balance where joints held `before` [J] at the beginning and `after` at the end."""
-        gain = -self.normal_dissipation - self.tangential_dissipation + after - before
-        return replace(self, contact=after, contact_gain=gain)
+    def with_joints(self, before: float, after: float, breaking: Breaking) -> Energy:
+        """The balance where joints held `before` [J] at the beginning and `after` at the end, and some broke."""
+        normal, tangential = self.normal_dissipation - breaking.normal, self.tangential_dissipation - breaking.tangential
+        return replace(
+            self,
+            contact=after,
+            contact_gain=after - before - normal - tangential,
+            normal_dissipation=normal,
+            tangential_dissipation=tangential,
+            friction_dissipation=self.friction_dissipation - breaking.tangential,
+            numerical_dissipation=self.numerical_dissipation + breaking.normal + breaking.tangential,
+            fracture_dissipation=breaking.fractured,
+        )
 
     @property
     def at_beginning(self) -> float:

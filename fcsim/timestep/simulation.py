@@ -33,10 +33,11 @@ from fcsim.timestep.state import State, at_rest, refuse_misplaced
 from fcsim.timestep.step import Attempt, Moment, Step
 from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
-from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
-from fcsim.timestep.step_equation.newton import solve_nonlinear
+from fcsim.timestep.step_equation.penetration import penetration_at_end
+from fcsim.timestep.step_equation.settling import solve_settled
 from fcsim.timestep.warm_start import MEMORY
 from fcsim.witness import Watch, Witness, begin, penetration_seen
 
@@ -252,12 +253,6 @@ class Simulation:
             refuse_going_through(self.model, scheme, met.passing, f"step {start.number}, t = {start.state.t:.6g} s")
         return None
 
-    def _solved(self, equation: Equation, past: Past, attempts: list[Attempt], clock: Clock, start: Moment) -> tuple[Answer | None, Past]:
-        """The answer of a step's equation, None where there is none, and the past of the next."""
-        if not self.model.nonlinear:
-            return solve_equation(equation, self.solver, self._extent, past, attempts, clock)
-        return solve_nonlinear(equation, self.solver, self._extent, past, attempts, clock, self._anew(equation.scheme, start))
-
     def _support_impulse(self, scheme: Scheme, answer: Answer, impulse: FloatArray, rigid_mass: FloatArray, after: State) -> FloatArray:
         """The supports' impulses (n_dofs,), from what is left of A v - f - H r."""
         residual = answer.factor.apply(answer.v) - answer.load - impulse
@@ -266,12 +261,13 @@ class Simulation:
         support = scheme.support_impulse(self.model, residual, impulse)
         return support + turning_impulse(self.model, answer.v, rigid_mass, after) if scheme.timing.moving else support
 
-    def _anew(self, scheme: Scheme, start: Moment) -> Callable[[FloatArray], Encounter] | None:
+    def _anew(self, start: Moment, equation: Equation) -> Callable[[FloatArray], Encounter] | None:
         """What finds contacts at the iterates of a step of statics; None in dynamics."""
-        if scheme.timing.moving:
+        if equation.scheme.timing.moving:
             return None
-        return partial(
-            met_on_the_way, self.model, self.detector, scheme, start.state, proportions=self._proportions, variables=start.variables
+        model, state, trial = self.model, start.state, equation.met.meeting.trial
+        return lambda v: met_on_the_way(
+            model, self.detector, equation.scheme, state, v, proportions=self._proportions, variables=start.variables, trial=trial
         )
 
     def _updated(self, state: State, after: State) -> State:
@@ -303,7 +299,7 @@ class Simulation:
         looks, links = 0, Closing(linked(self.linkage, model, scheme, state), self._extent)
         while True:
             equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts, links.rows)
-            answer, past = self._solved(equation, past, attempts, clock, start)
+            answer, past = solve_settled(equation, self.solver, self._extent, past, attempts, clock, partial(self._anew, start))
             if kept is not None and past.serving is not None:
                 kept[cuts] = past.serving
             if answer is None:
@@ -347,4 +343,5 @@ class Simulation:
             lead=past.lead,
             linearised=answer.linearised,
             linked=links.rows,
+            penetration=penetration_at_end(model, self.detector, met, after),
         )

@@ -15,7 +15,7 @@ from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.functions.of_bodies import Field, body_function
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.law import Variables
+from fcsim.contact_law.law import NOTHING, Breaking, Variables
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, contact_status
 from fcsim.problem.reduction import Reduction
@@ -144,6 +144,7 @@ class Step:
     linked            the rows of its links, None where there are none
     linearised        with nonlinear bodies: the problems that led to the last one, see `Linearised`; of the last sub-step
     remarks           what is to be known of the run from this step on, see `Limits`
+    penetration       deepest [m] at the end of the step, as detection sees it, at least 0; see `penetration_at_end`
     overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
     """
 
@@ -175,6 +176,7 @@ class Step:
     remarks: tuple[str, ...] = ()
     linearised: tuple[Linearised, ...] = ()
     linked: Linked | None = None
+    penetration: float = 0.0
 
     @property
     def memory(self) -> tuple[Reactions, ...]:
@@ -211,9 +213,9 @@ class Step:
         met, result = self.encounter, self.result
         acting = Acting(met.acting_H, met.reaction(result.r), met.velocity(result.u), met.rows)
         own = self.scheme.energy(self.model, self.previous, self.state, acting, self.support_impulse)
-        held = self.encounter.meeting.variables
-        own = own.with_joints(held.stored if held else 0.0, self.variables.stored if self.variables else 0.0)
         own = own if self.linked is None else self._with_links(own, self.linked)
+        before, after = self.encounter.meeting.variables or NOTHING, self.variables or NOTHING
+        own = own.with_joints(before.stored, after.stored, after.breaking or Breaking())
         return own if self.before is None else self.before.then(own)
 
     def _with_links(self, own: Energy, linked: Linked) -> Energy:
@@ -295,8 +297,3 @@ class Step:
     def friction_dissipation(self) -> float:
         """-sum r_T . u_T [J; quasi-statics: J], never negative."""
         return self.energy.friction_dissipation
-
-    @property
-    def penetration(self) -> float:
-        """Deepest overlap [m] in the configuration where the step detected its contacts, at least 0."""
-        return float(np.maximum(-self.contacts.gap, 0).max(initial=0.0))

@@ -174,6 +174,27 @@ def test_a_problem_with_springs_is_an_ordinary_one_in_files(tmp_path: Any) -> No
     assert_allclose(W, local if isinstance(local, np.ndarray) else local.toarray(), rtol=1e-9, atol=1e-12 * np.abs(W).max())
 
 
+@pytest.mark.parametrize(("size", "mass"), [((0.4, 0.4), 2.0), ((400.0, 100.0), 2e-9)])
+def test_a_plate_that_spins_on_its_corners_slows_down_linearly(size: tuple[float, float], mass: float) -> None:
+    """Each corner carries friction across its arm, half the diagonal D: I d(omega)/dt = - mu m g D / 2, whatever share each carries; of a
+    square 1.85 times the torque of uniform pressure, mu m g times 0.3826 sides."""
+    (a, b), mu, gravity = size, 0.3, 9.81 * size[0] / 0.4
+    plate, floor = rigid_box("plate", (a, b, 0.1 * a), (0, 0, 0.05 * a), mass), rigid_box("floor", (9 * a, 9 * a, a), (0, 0, -a / 2), 1.0)
+    supports = [Support("floor", ("x", "y", "z", "rx", "ry", "rz"))]
+    model = build_model([plate, floor], supports=supports, gravity=lambda t: (0, 0, -gravity))
+    pair = SurfacePair(contact_surface(model, [("plate", "z-")]), contact_surface(model, [("floor", "z+")]), mu, 0.05 * a)
+    D, start, h, n = np.hypot(a, b), at_rest(model), 1e-3, 40
+    start.v[5] = 6.0
+    settings = SolverSettings(tol=1e-10, floor=1e-9 * a)
+    *_, last = Simulation(model, Detector([pair], model.n_nodes), Theta(h, law=Gap()), n, settings, initial=start)
+    slowed = mu * mass * gravity * D / 2 / (mass / 12 * D**2) * n * h
+    assert 0.2 < slowed < 5
+    assert_allclose(last.state.v[5], 6.0 - slowed, rtol=2e-4)
+    if a == b:
+        x = (np.arange(400) + 0.5) / 400 - 0.5
+        assert D / 2 / a / np.hypot(*np.meshgrid(x, x)).mean() == pytest.approx(1.85, abs=0.005)
+
+
 def test_refusals() -> None:
     for wrong, message in (
         (lambda: SlipWeakening(-0.1, 0.2, 0.1), "static: expected"),

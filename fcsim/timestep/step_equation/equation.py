@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
@@ -36,7 +36,7 @@ class Equation:
 
     met: its contacts; factor: of the step's M; rest (n_dofs,): right side without the elastic term; driven: values of the driven
     unknowns; share: of the whole step that it is; linked: the rows of its links; bent (n_dofs, n_dofs): geometric stiffness of contact that
-    is part of M, None = none
+    is part of M, None = none; summed: W where it is known, see `StepCompliance`
     """
 
     scheme: Scheme
@@ -50,6 +50,7 @@ class Equation:
     share: float
     linked: Linked | None = None
     bent: sp.csr_array | None = None
+    summed: Matrix | None = None
 
     @cached_property
     def _moved(self) -> FloatArray | None:
@@ -59,8 +60,11 @@ class Equation:
     @cached_property
     def compliance(self) -> StepCompliance | LinkedCompliance:
         bent = None if self.bent is None else self._on_unknowns(self._on_unknowns(self.bent).T).T
-        own = StepCompliance(self.factor, self.met.compliance, bent=bent if bent is None or not bent.nnz else sp.csr_array(bent))
-        return own if self.linked is None else LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance)
+        bent = bent if bent is None or not bent.nnz else sp.csr_array(bent)
+        own = StepCompliance(self.factor, self.met.compliance, self.summed, bent)
+        if self.linked is None:
+            return own
+        return LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance, summed=self.summed)
 
     def _on_unknowns(self, H: sp.sparray) -> sp.csr_array:
         """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out."""

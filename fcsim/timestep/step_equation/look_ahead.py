@@ -70,7 +70,9 @@ def looked_ahead(
     order = np.argsort(every.identity, kind="stable")
     meeting = met.meeting
     bent = np.concatenate([bend, np.zeros(len(new))])[order]
-    again = under_law(model, scheme, state, every.take(order), meeting.positions, meeting.proportions, meeting.variables, bent)
+    again = under_law(
+        model, scheme, state, every.take(order), meeting.positions, meeting.proportions, meeting.variables, bent, trial=meeting.trial
+    )
     same = len(again.contacts) == len(held) and np.array_equal(again.terms.w, met.terms.w)
     return None if same else again  # a law that does not ask for gaps
 
