@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.masonry_histories import push_by_displacement, shake_ground
 from fcsim.command_line.terminal import print_table, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
 
@@ -26,6 +27,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "upper bound, and the least one at which Coulomb's friction allows a mechanism.",
     )
     limit.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    limit.add_argument(
+        "--friction", action="store_true", help="the factor by which all friction could be reduced, in place of the multiplier"
+    )
+    limit.add_argument("--multiplier", type=float, default=0.0, help="of the loads that grow, with --friction (default 0)")
     limit.set_defaults(act=_limit)
     tilt = commands.add_parser(
         "tilt",
@@ -58,7 +63,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     shake.add_argument(
         "--h", type=float, help="[s] step (default: a hundredth of the time in which the smallest block falls by its extent)"
     )
-    shake.set_defaults(act=_shake)
+    shake.set_defaults(act=lambda options: shake_ground(options, _read(options)))
     for command in (limit, tilt, push, shake):
         command.add_argument("model", type=Path, help="a masonry problem in JSON, or solids: .stl, .obj, .ply, .off, .3mf, .glb")
         command.add_argument("--density", type=float, default=2000.0, help="[kg/m^3] of the solids of a surface file (default 2000)")
@@ -102,7 +107,33 @@ def _limit(options: argparse.Namespace) -> int:
     from fcsim.masonry import analyse, pushed
 
     problem = _read(options)
-    return _report(options, analyse(problem if options.direction is None else pushed(problem, options.direction), options.tolerance), None)
+    problem = problem if options.direction is None else pushed(problem, options.direction)
+    if options.friction:
+        return _friction(options, problem)
+    if options.multiplier:
+        raise InputError("--multiplier: expected it with --friction")
+    return _report(options, analyse(problem, options.tolerance), None)
+
+
+def _friction(options: argparse.Namespace, problem: MasonryProblem) -> int:
+    from fcsim.masonry import friction_factor, limit_problem
+
+    factor = friction_factor(limit_problem(problem, tolerance=options.tolerance), options.multiplier)
+    if options.out is not None:
+        raise InputError("--out: expected it without --friction, whose answer is one number")
+    if options.json:
+        from fcsim.records import json_text
+
+        say(json_text({"name": problem.name, "multiplier": options.multiplier, "friction_factor": factor}).rstrip())
+        return EXIT_OK
+    if factor == 0:
+        said = "no friction holds it"
+    elif factor == math.inf:
+        said = "it needs no friction"
+    else:
+        said = f"factor of safety by reduction of friction {factor:.5g}: it needs mu {problem.mu / factor:.5g} of {problem.mu:g}"
+    say(f"{problem.title or problem.name}: {said}")
+    return EXIT_OK
 
 
 def _push(options: argparse.Namespace) -> int:
@@ -115,7 +146,7 @@ def _push(options: argparse.Namespace) -> int:
     if not problem.scaled:
         raise InputError(f"{options.model}: expected a load that the multiplier scales, or --direction, got none")
     if options.branch:
-        return _branch(options, problem)
+        return push_by_displacement(options, problem)
     for name in ("step", "to"):
         if getattr(options, name) is not None:
             raise InputError(f"--{name}: expected it with --branch, got it without")
@@ -125,75 +156,6 @@ def _push(options: argparse.Namespace) -> int:
     if options.film and seen is not None:
         _run_collapse(options, {"multiplier": f"{seen.fall[1] * 1.02:.8g}"}, _FALL)
     return code
-
-
-def _shake(options: argparse.Namespace) -> int:
-    from fcsim.assembly.time_functions import read_acceleration_record
-    from fcsim.masonry import shake, shaken
-
-    problem = _read(options)
-    if options.record is not None:
-        problem = shaken(problem, options.direction, read_acceleration_record(options.record).scaled(options.factor))
-    elif options.factor != 1.0:
-        raise InputError("--factor: expected it with --record")
-    seen = shake(problem, duration=options.duration, h=options.h)
-    if options.out is not None:
-        from fcsim.masonry.report import write_shake
-        from fcsim.view.histories import draw_shake
-
-        write_shake(options.out, seen)
-        draw_shake(seen, options.out / "shake.png", problem.title or problem.name)
-    if options.json:
-        from fcsim.masonry.report import shake_summary
-        from fcsim.records import json_text
-
-        say(json_text(shake_summary(seen)).rstrip())
-        return EXIT_OK
-    rows = [
-        ("largest displacement of a corner", f"{1e3 * seen.displacement.max():.5g} mm", f"{seen.t[seen.displacement.argmax()]:.4g} s"),
-        ("largest turn of a block", f"{math.degrees(seen.turn.max()):.5g} degrees", f"{seen.t[seen.turn.argmax()]:.4g} s"),
-        ("displacement in the end", f"{1e3 * seen.displacement[-1]:.5g} mm", f"{seen.t[-1]:.4g} s"),
-    ]
-    say(f"{problem.title or problem.name}: {len(problem.blocks)} blocks, {seen.t[-1]:.4g} s in {len(seen.t)} steps")
-    print_table(("", "", "at"), rows, texts=1)
-    fell = ", ".join(seen.fallen[:8]) + (f" and {len(seen.fallen) - 8} more" if len(seen.fallen) > 8 else "")
-    say(f"fallen: {fell}" if fell else "nothing has fallen" + (", but it moves still" if seen.moving else ""))
-    if options.out is not None:
-        say(f"history and picture: {options.out}")
-    return EXIT_OK
-
-
-def _branch(options: argparse.Namespace, problem: MasonryProblem) -> int:
-    from fcsim.masonry import push_by_displacement
-    from fcsim.masonry.report import branch_summary, write_branch
-
-    if options.film or options.static:
-        raise InputError("--branch: expected it without --film and --static")
-    branch = push_by_displacement(problem, step=options.step, to=options.to)
-    name = problem.title or problem.name
-    if options.out is not None:
-        from fcsim.view.branch import draw_branch
-
-        write_branch(options.out, branch)
-        draw_branch(branch, options.out / "branch.png", name)
-    if options.json:
-        from fcsim.records import json_text
-
-        say(json_text(branch_summary(branch)).rstrip())
-        return EXIT_OK
-    count = len(branch.displacement)
-    rows = [(f"{1e3 * branch.displacement[k]:.4g}", f"{branch.multiplier[k]:.6g}") for k in range(0, count, max(count // 12, 1))]
-    print_table(("displacement [mm]", "multiplier"), rows)
-    say(f"{name}: set in motion at the multiplier {branch.multiplier[0]:.6g}, largest {branch.largest:.6g}")
-    if branch.end is not None:
-        say(f"falls by itself from a displacement of {1e3 * branch.end:.5g} mm on")
-    elif branch.held:
-        say(f"bears a multiplier still at {1e3 * branch.displacement[-1]:.5g} mm")
-    else:
-        say(f"a block comes off at {1e3 * branch.displacement[-1]:.5g} mm: the curve ends there")
-    if options.out is not None:
-        say(f"curve and picture: {options.out}")
-    return EXIT_OK
 
 
 _RISE, _FALL, _H = 2.0, 1.5, 5e-3

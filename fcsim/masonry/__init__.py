@@ -4,6 +4,7 @@ from fcsim.masonry.branch import Branch, push_by_displacement
 from fcsim.masonry.collapse import Bracket, Trial, bracket, trial
 from fcsim.masonry.json_file import read_masonry, write_masonry
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis, analyse
+from fcsim.masonry.limit_analysis.friction_reduction import friction_factor
 from fcsim.masonry.limit_analysis.joints import Joint, joints_of
 from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
@@ -33,6 +34,7 @@ __all__ = [
     "associative_limit",
     "bracket",
     "coulomb_limit",
+    "friction_factor",
     "joints_of",
     "limit_problem",
     "masonry_of_surfaces",

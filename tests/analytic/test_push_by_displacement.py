@@ -116,3 +116,21 @@ def test_command_writes_the_curve(tmp_path):
     rows = np.loadtxt(tmp_path / "o" / "branch.csv", delimiter=",", skiprows=1)
     assert_allclose(rows[:, 1], curve["multiplier"], rtol=1e-8)
     assert (tmp_path / "o" / "branch.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(("angle", "mu"), [(20.0, 0.5), (30.0, 0.4), (10.0, 0.9)])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_friction_factor_of_a_block_on_a_slope(angle, mu, dimension):
+    """mu / tan(angle) for a flat block, above 1 where it stands; one that tips is held by no friction."""
+    from fcsim.masonry import friction_factor, limit_problem
+
+    tangent = np.tan(np.radians(angle))
+    loads = (Acceleration((9.81 * tangent, 0.0, -9.81)),)
+    flat = limit_problem(stone_on_floor(dimension, 1.0, 0.2, mu=mu, loads=loads))
+    assert friction_factor(flat) == pytest.approx(mu / tangent, rel=3e-4)
+    assert friction_factor(limit_problem(stone_on_floor(dimension, 0.1, 1.2, mu=mu, loads=loads))) == 0.0
+    level = limit_problem(stone_on_floor(dimension, 1.0, 0.2, mu=mu))
+    assert friction_factor(level) == np.inf
+    assert friction_factor(limit_problem(pushed(stone_on_floor(dimension, 1.0, 0.2, mu=mu), (1.0, 0, 0))), tangent) == pytest.approx(
+        mu / tangent, rel=3e-4
+    )

@@ -15,6 +15,7 @@ _FLUSH, _DESCENDS = 0.9, 0.01  # cosine between a facet around a vertex and one 
 _RISES = 1.2  # tangent of the slope up to which a facet lies over another one, rather than beside it
 _SAME_PLANE = 1.0 - 1e-10  # cosine
 _RIMS = 16
+_TIGHT = 1e-4  # of half a facet: what overlaps a face by more lies on its rim only where it is as near to that
 _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it is round-off: its mean normal is taken
 
 
@@ -55,6 +56,7 @@ def _rims(
     foot: Vector,
     n: Vector,
     near: float,
+    beside: float,
     inwards: FloatArray,
     start: FloatArray,
     point: FloatArray,
@@ -66,7 +68,8 @@ def _rims(
     star: IntArray,
     first_star: IntArray,
 ) -> int:
-    """How many rims of the facet f the foot lies on; writes their directions inwards (_RIMS, 3) and points on them, start (_RIMS, 3).
+    """How many rims of the facet f the foot lies on, nearer than `beside`; writes their directions inwards (_RIMS, 3) and points on them,
+    start (_RIMS, 3).
 
     At a corner, the rims there of all facets in that plane: a face may be cut into triangles.
     """
@@ -95,7 +98,7 @@ def _rims(
                     continue
                 inward = cross(n, minus(at(point, facets[g, following]), a))
             inward = unit(inward)
-            if dot(minus(foot, a), inward) < 2.0 * near:
+            if dot(minus(foot, a), inward) < beside:
                 inwards[count, 0], inwards[count, 1], inwards[count, 2] = inward
                 start[count, 0], start[count, 1], start[count, 2] = a
                 count += 1
@@ -109,6 +112,7 @@ def _covers(
     foot: Vector,
     n: Vector,
     near: float,
+    beside: float,
     inwards: FloatArray,
     start: FloatArray,
     point: FloatArray,
@@ -125,7 +129,7 @@ def _covers(
     or, at any angles, in a dome, do not hold each other; one that rocks on the rim is held.)
 
     inwards, start (_RIMS, 3): what `_rims` writes in."""
-    count = _rims(f, foot, n, near, inwards, start, point, normals, facets, sides, facet_edges, rim, star, first_star)
+    count = _rims(f, foot, n, near, beside, inwards, start, point, normals, facets, sides, facet_edges, rim, star, first_star)
     if count == 0:
         return True
     for k in range(first_star[v], first_star[v + 1]):
@@ -266,7 +270,9 @@ def touched_facets(
             n = at(normal, best)
             foot = minus(at(point, v), times(height[best], n))
             surface = (point, normals, facets, sides, facet_edges, rim, star, first_star)
-            if _covers(v, facet[best], foot, n, tol, inwards, start, *surface):
+            tight = min(2.0 * tol, _TIGHT * depth[group])  # flush sides of elastic bodies do not stay flush; edges that overlap are held
+            beside = tight if height[best] < -tight else 2.0 * tol
+            if _covers(v, facet[best], foot, n, tol, beside, inwards, start, *surface):
                 break
             usable[best] = False
             deepest = min(deepest, abs(height[best]) + _ROLL * tol)  # where corners meet, the way out is none through a farther side

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
@@ -285,3 +286,17 @@ def test_shallow_ridges_that_cross_hold_each_other(degrees: float, gap: float) -
     assert np.abs(found.point[nearest]).max() < 1e-4
     assert abs(found.frame[nearest, 0, 2]) > np.cos(np.deg2rad(degrees))
     assert np.sort(found.gap)[1:].min(initial=1.0) > 0
+
+
+@pytest.mark.parametrize("degrees", [20.0, 40.0, 50.0, 55.0, 65.0, 75.0])
+@pytest.mark.parametrize("overlap", [1e-3, 3e-4, 1e-4])
+def test_elastic_blocks_that_overlap_with_parallel_edges_hold_each_other(degrees: float, overlap: float) -> None:
+    """The edge of a turned block of the same depth, its ends flush, within that of another by so little that elastic bodies count it as
+    on the rim: in a hinge that has opened wide nothing held there, and voussoirs went into each other by 1e-3 of their size."""
+    part = brick("block", (0.2, 0.3, 0.2), (1, 1, 1), Material(1e9, 0.2, 2000.0))
+    model = build_model([Body("lower", part), Body("upper", part)])
+    x = model.reference.copy()
+    R = Rotation.from_euler("y", -degrees, degrees=True).as_matrix()
+    x[8:] = x[8:] @ R.T + np.array([0.2, 0.0, 0.2]) - overlap * 0.2 * np.array([1.0, 0.0, 1.0])
+    found = Everything(model, 0.5)(x)
+    assert -1.5 * overlap * 0.2 < found.gap.min(initial=0.0) < -0.5 * overlap * 0.2

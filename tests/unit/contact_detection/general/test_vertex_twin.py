@@ -43,7 +43,7 @@ class Twin:
             return -1.0
         return float(max(-cosine.min(), -self.mean[v] @ n))
 
-    def rims(self, f: int, foot: np.ndarray, n: np.ndarray, near: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    def rims(self, f: int, foot: np.ndarray, n: np.ndarray, near: float, beside: float) -> list[tuple[np.ndarray, np.ndarray]]:
         """Points on the rims under the foot and the directions inwards."""
         at = [c for c in self.corners(f) if np.linalg.norm(foot - self.point[c]) < 2 * near]
         plane = [g for g in self.around(at[-1]) if g == f or self.normals[g] @ n >= 1 - 1e-10] if at else [f]
@@ -58,12 +58,12 @@ class Twin:
                 along = self.point[b] - self.point[a]
                 inwards = along if len(k) == 2 else np.cross(n, along)  # in the plane the rim is the end a, and b the other end
                 inwards /= np.linalg.norm(inwards)
-                if (foot - self.point[a]) @ inwards < 2 * near:
+                if (foot - self.point[a]) @ inwards < beside:
                     found.append((self.point[a], inwards))
         return found
 
-    def covers(self, v: int, f: int, foot: np.ndarray, n: np.ndarray, near: float) -> bool:
-        rims = self.rims(f, foot, n, near)
+    def covers(self, v: int, f: int, foot: np.ndarray, n: np.ndarray, near: float, beside: float) -> bool:
+        rims = self.rims(f, foot, n, near, beside)
         for g in self.around(v):
             if self.normals[g] @ n >= -0.1:
                 continue
@@ -122,7 +122,9 @@ class Twin:
                 if way[c] < way[best] - tol or (way[c] <= way[best] + tol and score[c] > score[best] + 1e-9):
                     best = c
             n = self.normal[rows[best]]
-            if self.covers(v, self.facet[rows[best]], self.point[v] - height[best] * n, n, tol):
+            tight = min(2 * tol, 1e-4 * depth)
+            beside = tight if height[best] < -tight else 2 * tol
+            if self.covers(v, self.facet[rows[best]], self.point[v] - height[best] * n, n, tol, beside):
                 break
             usable[best], limit, best = False, min(limit, way[best] + 10 * tol), -1
         f, feature = self.facet[closest], self.feature[closest]
