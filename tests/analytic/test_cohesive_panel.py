@@ -27,10 +27,10 @@ def test_what_a_sheared_panel_dissipates_is_the_fracture_energy_of_what_broke() 
     work_1, work_2 = last["work_1"].sum(), last["work_2"].sum()
     assert_allclose(took, work_1 + work_2, rtol=1e-12)
     shares = (last["work_1"] / p.mode_1 + last["work_2"] / p.mode_2) / area
-    assert np.all(shares <= W * (1 + 1e-9)) and shares @ area > 0.9 * W @ area
+    assert np.all(shares <= W * (1 + 1e-9)) and shares @ area > 0.8 * W @ area  # the ends slide under tension
     bed = p.width * p.brick[0] * p.thickness
     assert W @ area > 0.98 * bed and work_2 > 0.85 * p.mode_2 * bed
     for step in found:
         assert abs(step.energy.residual) < 1e-7
     force = [abs(float(step.contact_force_on(len(simulation.model.bodies) - 1)[0])) for step in found[-20:]]
-    assert_allclose(np.mean(force), p.mu * p.pressure * bed, rtol=0.03)
+    assert_allclose(np.mean(force), p.mu * p.pressure * bed, rtol=1e-3)

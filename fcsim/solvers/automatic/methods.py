@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
 from fcsim.problem.infeasible import certificate
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
@@ -17,7 +16,7 @@ from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
 from fcsim.solvers.newton.iterations import local_turns
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt_turns
 from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.solvers.proximal.options import PROXIMAL_NEWTON, ProximalOptions
+from fcsim.solvers.proximal.options import PROXIMAL_NEWTON
 from fcsim.solvers.proximal.steps import proximal_turns
 from fcsim.solvers.turns import Turns
 from fcsim.solvers.variational.admm import AdmmOptions, split_turns
@@ -32,15 +31,11 @@ WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 OVERTAKEN = 0.1
 """Share of its own error below which Gauss-Seidel and proximal Newton take up another method's iterate."""
-NEARBY_STARTS = 10
-"""Proximal runs from near the best iterate."""
 
 SWEEPS = GaussSeidelOptions()
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT)
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
-PATIENT = PROXIMAL_NEWTON
-SHORT = replace(PROXIMAL_NEWTON, alpha=1e-3, patience=15)
 
 
 def sweeps(race: Race, monitor: ShareOfMonitor) -> Turns:
@@ -75,8 +70,9 @@ def splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
     """Proximal Newton from the best iterate; where another method is well ahead, from its iterate."""
+    options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
     while True:
-        run = _proximal(race, monitor, race.best_r(), PATIENT)
+        run = proximal_turns(race.problem, race.best_r(), monitor, options)
         behind = False
         while not behind:
             try:
@@ -86,24 +82,6 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
                 return iterate
             yield
             behind = race.best < OVERTAKEN * monitor.best
-
-
-def _proximal(race: Race, monitor: ShareOfMonitor, r: FloatArray, options: ProximalOptions) -> Turns:
-    return proximal_turns(race.problem, r, monitor, replace(options, max_iterations=race.options.max_iterations))
-
-
-def nearby(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Short proximal runs from copies of the best iterate in which one contact in fifty, at least three, has another reaction."""
-    random, nc = np.random.default_rng(0), race.problem.nc
-    iterate = Iterate(race.best_r(), Status.STAGNATED)
-    for _ in range(NEARBY_STARTS):
-        start = race.best_r().reshape(nc, -1).copy()
-        few = random.choice(nc, min(nc, max(3, nc // 50)), replace=False)
-        start[few] *= random.uniform(0.0, 1.5, (len(few), 1))
-        iterate = yield from _proximal(race, monitor, start.ravel(), SHORT)
-        if iterate.status is not Status.STAGNATED:
-            break
-    return iterate
 
 
 def least_squares(race: Race, monitor: ShareOfMonitor) -> Turns:

@@ -28,8 +28,6 @@ from fcsim.solvers.base import Iterate, Monitor, Status
 
 FAR = 1e-3
 """Error above which ADMM is tried, and Newton takes long."""
-NEAR = 1e-6
-"""Error below which a solution is looked for nearby."""
 NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
 PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR = 30, 15
 """What Newton and proximal Newton need from errors above and below `FAR`, about, in iterations."""
@@ -209,13 +207,6 @@ STAGES: tuple[Stage, ...] = (
         enters=_enter_least_squares,
         turns=methods.least_squares,
         price=lambda race: race.prices.least_squares(_closed(race)),
-    ),
-    Stage(
-        "nearby starts",
-        "Short runs from perturbed copies of the best iterate, where its error is small already.",
-        enters=lambda race: race.over("proximal Newton") and race.over("least squares") and race.best <= NEAR,
-        turns=methods.nearby,
-        price=_newton,
     ),
 )
 

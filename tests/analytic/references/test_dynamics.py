@@ -1,20 +1,22 @@
-"""Published and closed problems of dynamics: D1 and D6 of the reference list of issue 16."""
+"""Published and closed problems of dynamics: D1, D2, D3 and D6 of the reference list of issue 16."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from fcsim.assembly.model import build_model
-from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector
+from fcsim.assembly.supports import DrivenRotation, Support
+from fcsim.contact_detection import Detector, ExactContacts
 from fcsim.linkage import Linkage, SpringDamper
 from fcsim.mesh.blocks import rectangle, rigid_rectangle
-from fcsim.mesh.material import Material
+from fcsim.mesh.exact.rigid_shapes import rigid_plane
+from fcsim.mesh.material import FinitePlastic, LinearHardening, Material, saint_venant_kirchhoff
 from fcsim.mesh.part import Body
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State
 from fcsim.timestep.theta import Theta
-from tests.analytic.references.loading import ANY, contact_force, held, pair
+from tests.analytic.references.loading import ANY, contact_force, displacement, held, pair
+from tests.analytic.references.meshes import block, meridian, spaced, wedge
 
 
 def test_D1_rod_against_a_wall() -> None:
@@ -51,6 +53,35 @@ def test_D1_rod_against_a_wall() -> None:
 
 
 @pytest.mark.slow
+def test_D3_spin_up_beam() -> None:
+    """J. C. Simo and L. Vu-Quoc, VM258, as a body of plane stress (h 0.0774597, E 3.61478e8, nu 1/6, rho 15.4919): in the turning frame the
+    tip is at least at u_x = -0.019, u_y = -0.575 near t = 6.7; then it turns steadily, stretched by 5.143e-4. Of finite strain: the
+    frequency of turning is above the beam's own, and what keeps it straight is the tension, which small strains leave out."""
+    L, thick, E, nu, rho = 10.0, 0.0774597, 3.61478e8, 1 / 6, 15.4919
+    law = saint_venant_kirchhoff(E, nu, rho)
+    part = rectangle("beam", (L, thick), (10, 1), law, plane="stress", elements="Q2", origin=(0.0, -0.5 * thick))
+
+    def angle(t: float) -> float:
+        if t < 15:
+            return 6 / 15 * (t**2 / 2 + (15 / (2 * np.pi)) ** 2 * (np.cos(2 * np.pi * t / 15) - 1))
+        return 6 * t - 45
+
+    far = rigid_rectangle("far", (1, 1), (1e3, 0), 1.0)
+    model = build_model([Body("beam", part), far], supports=[held("far", 2), DrivenRotation("beam", angle, (0.0, 0.0), surface="x-")])
+    tip = int(np.argmin(np.linalg.norm(part.points - [L, 0.0], axis=1)))
+    joint = pair(model, ("beam", "x+"), ("far", "x-"), alert=1e-3, rule="nodes")
+    found = []
+    for step in Simulation(model, Detector([joint], model.n_nodes), Theta(0.04, 0.5), 450, limits=ANY, witness=None):
+        a = angle(step.state.t)
+        turn = np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]])
+        found.append([step.state.t, *(turn @ (part.points[tip] + displacement(model, step, "beam")[tip]) - [L, 0.0])])
+    t, u, v = np.array(found).T
+    assert_allclose([u.min(), v.min()], [-0.019, -0.575], rtol=0.04)
+    assert_allclose([t[u.argmin()], t[v.argmin()]], [6.7, 6.85], atol=0.2)
+    assert_allclose(u[t > 15.5].mean(), 5.143e-4, rtol=0.05)
+
+
+@pytest.mark.slow
 def test_D6_coulomb_block_on_a_spring() -> None:
     """A block on a spring with friction: its amplitude falls by 2 mu N / k each half cycle, and it stops inside mu N / k."""
     m, k, mu, g, x0 = 2.0, 800.0, 0.1, 9.81, 0.0235
@@ -73,3 +104,29 @@ def test_D6_coulomb_block_on_a_spring() -> None:
     expected = [(-1) ** k * (x0 - k * loss) for k in range(5)]
     assert_allclose(turns, expected, atol=2e-3 * x0)
     assert abs(x[-1]) < 0.5 * loss and abs(x[-1] - x[-100]) < 1e-6 * x0
+
+
+@pytest.mark.slow
+def test_D2_taylor_bar() -> None:
+    """code_aster sdnv103: a bar of copper, R 3.2 and L 32.4 mm, thrown at 227 m/s against a smooth wall: 21.21 mm long after 80 us,
+    its foot 7.07 mm in radius (mm, N, t, s). A wedge of four degrees around a hole of a hundredth of the radius."""
+    L, R, v, law = 32.4, 3.2, 227e3, FinitePlastic(117e3, 0.35, 8.93e-9, LinearHardening(400.0, 100.0))
+    angle = np.radians(4.0)
+    grid = [spaced(0.01 * R, R, 5), spaced(0, L, 28, 1.04), spaced(0, 1, 1)]
+    part = block("bar", grid, law, "Q1-bbar", wedge(angle))
+    supports = [Support("bar", ("y",), side, axes=meridian(angle, sign)) for side, sign in (("z-", 1), ("z+", -1))]
+    model = build_model(
+        [Body("bar", part), rigid_plane("wall", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), size=4 * R)],
+        supports=[*supports, Support("bar", ("x", "y"), "x-"), held("wall", 3)],
+    )
+    start = State(0.0, np.zeros(model.n_dofs), np.zeros(model.n_dofs))
+    start.v[2 : model.n_elastic : 3] = -v
+    steps = 160
+    run = Simulation(
+        model, ExactContacts(model, 0.0, alert=0.05 * R), Theta(80e-6 / steps, 0.6), steps, initial=start, limits=ANY, witness=None
+    )
+    *_, last = run
+    x = part.points + displacement(model, last, "bar")
+    top = np.isclose(part.points[:, 2], L)
+    assert_allclose(x[top, 2].mean(), 21.21, rtol=0.03)
+    assert_allclose(np.linalg.norm(x[:, :2], axis=1).max(), 7.07, rtol=0.05)

@@ -86,6 +86,7 @@ def test_small_problems_that_sweeps_do_not_solve_are_answered_at_the_door(family
         found = door.small(p, method("auto"), False, "auto", None, 1e-8, "scaled", 0.0)
         assert found is not None and found.status is Status.SOLVED
         assert scaled_error(p, found.r) <= 1.001e-8
+        assert found.checks.cone <= 1e-13  # Newton's reactions are brought back to it
         assert found.history[-1][0] == found.iterations and found.history[-1][2] <= 1.01e-8
 
 
