@@ -4,7 +4,7 @@ The public names are loaded when first used, so that the core (FCLIB files, solv
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fcsim import runtime as _runtime
 from fcsim.version import __version__ as __version__
@@ -15,9 +15,8 @@ _runtime.writable_caches()
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
     from fcsim.assembly.forms import forms_of, part_from_dolfinx
-    from fcsim.assembly.loads import FormLoad, NodalForces
+    from fcsim.assembly.loads import FormLoad, NodalForces, nodal_area
     from fcsim.assembly.model import Model, build_model
-    from fcsim.assembly.nodal_area import nodal_area
     from fcsim.assembly.supports import DrivenRotation, Support
     from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
     from fcsim.command_line.main import main
@@ -128,7 +127,7 @@ _HOME = {
     "laws_of_pairs": "contact_law",
     "load_case": "running.case",
     "main": "command_line.main",
-    "nodal_area": "assembly.nodal_area",
+    "nodal_area": "assembly.loads",
     "part_from_dolfinx": "assembly.forms",
     "read_acceleration_record": "assembly.time_functions",
     "read_fclib": "export_fclib",
@@ -224,7 +223,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'fcsim' has no attribute {name!r}")
     return getattr(import_module(f"fcsim.{_HOME[name]}"), name)

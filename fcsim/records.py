@@ -14,26 +14,31 @@ import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
+from fcsim.arrays import Json
 from fcsim.errors import InputError
 from fcsim.files import replacing_for_good
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 LARGEST = 64 * 2**20
 """[bytes] No record is as large; a file that is will not be loaded."""
 
 
 @functools.cache
-def _hints(kind: type) -> dict[str, Any]:
+def _hints(kind: type) -> dict[str, type]:
     return typing.get_type_hints(kind)
 
 
-def read_json(path: Path) -> Any:
+def read_json(path: Path) -> Json:
     """The content of a JSON file; InputError where it is none, too large, or no UTF-8 text."""
     try:
         if path.stat().st_size > LARGEST:
             raise InputError(f"{path}: expected a description of at most {LARGEST} bytes, got {path.stat().st_size}")
-        return json.loads(path.read_text(encoding="utf-8"))
+        content: Json = json.loads(path.read_text(encoding="utf-8"))
+        return content
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
@@ -45,18 +50,18 @@ def read_record[T](kind: type[T], path: Path) -> T:
     return from_json(kind, read_json(path), str(path))
 
 
-def write_record(path: Path, record: Any) -> None:
+def write_record(path: Path, record: object) -> None:
     """Write a dataclass as JSON, whole or not at all."""
     with replacing_for_good(path) as temporary:
         temporary.write_text(json_text(record), encoding="utf-8")
 
 
-def json_text(record: Any) -> str:
+def json_text(record: object) -> str:
     """A dataclass, or another value, as indented JSON."""
     return json.dumps(to_json(record), indent=1, allow_nan=False) + "\n"
 
 
-def to_json(value: Any) -> Any:
+def to_json(value: object) -> Json:
     """The value in JSON's types: tuples as lists, paths and what JSON lacks (infinity, enumerations) as text."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: to_json(getattr(value, field.name)) for field in dataclasses.fields(value)}
@@ -73,22 +78,24 @@ def to_json(value: Any) -> Any:
     return str(value)
 
 
-def from_json(kind: Any, value: Any, where: str) -> Any:
+def from_json[T](kind: type[T], value: object, where: str) -> T:
     """The JSON value as a value of type `kind`: of str, int, float (finite), bool, X | None, tuples, mappings and dataclasses of these.
 
     Keys that a dataclass does not know are left aside, so that newer files are read; fields without default must be there.
     """
+    return typing.cast(T, _value(kind, value, where))
+
+
+def _value(kind: type, value: object, where: str) -> object:
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
-    if kind is Any:
-        return value
     if origin in (typing.Union, types.UnionType):
-        return None if value is None else from_json(next(a for a in arguments if a is not types.NoneType), value, where)
+        return None if value is None else _value(next(a for a in arguments if a is not types.NoneType), value, where)
     if origin is tuple:
-        return tuple(from_json(arguments[0], entry, f"{where}, entry {k + 1}") for k, entry in enumerate(_of(list, value, where)))
+        return tuple(_value(arguments[0], entry, f"{where}, entry {k + 1}") for k, entry in enumerate(_of(list, value, where)))
     if origin is not None and issubclass(origin, Mapping):
-        return {key: from_json(arguments[1], entry, f"{where}, {key!r}") for key, entry in _of(dict, value, where).items()}
+        return {key: _value(arguments[1], entry, f"{where}, {key!r}") for key, entry in _of(dict, value, where).items()}
     if dataclasses.is_dataclass(kind):
-        return _dataclass(typing.cast(type, kind), _of(dict, value, where), where)
+        return _dataclass(kind, _of(dict, value, where), where)
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
         if not math.isfinite(value):
             raise InputError(f"{where}: expected a finite number, got {value}")
@@ -101,17 +108,17 @@ def from_json(kind: Any, value: Any, where: str) -> Any:
 NAMES = {dict: "an object", list: "a list", str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
 
 
-def _of(kind: type, value: Any, where: str) -> Any:
+def _of[T](kind: type[T], value: object, where: str) -> T:
     if not isinstance(value, kind):
         raise InputError(f"{where}: expected {NAMES.get(kind, kind.__name__)}, got {str(value)[:60]!r}")
     return value
 
 
-def _dataclass(kind: type, content: dict[str, Any], where: str) -> Any:
+def _dataclass[T: DataclassInstance](kind: type[T], content: dict[str, object], where: str) -> T:
     values = {}
     for field in dataclasses.fields(kind):
         if field.name in content:
-            values[field.name] = from_json(_hints(kind)[field.name], content[field.name], f"{where}, {field.name!r}")
+            values[field.name] = _value(_hints(kind)[field.name], content[field.name], f"{where}, {field.name!r}")
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise InputError(f"{where}: expected the key {field.name!r}, found {', '.join(map(repr, list(content)[:8])) or 'none'}")
     try:

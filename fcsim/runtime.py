@@ -25,7 +25,6 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from threadpoolctl import LibController, ThreadpoolController
 
@@ -147,7 +146,7 @@ def dolfinx() -> ModuleType:
     return package
 
 
-def petsc() -> Any:
+def petsc() -> ModuleType:
     """Return petsc4py.PETSc, initialised; MissingDependency where it is absent."""
     try:
         return _import("petsc4py.PETSc")
@@ -161,7 +160,7 @@ def has_petsc() -> bool:
 
 
 @contextmanager
-def gmsh_model(name: str) -> Iterator[Any]:
+def gmsh_model(name: str) -> Iterator[ModuleType]:
     """Yield the gmsh module with a new, empty model; gmsh is finalised however the block ends.
 
     gmsh's own signal handlers and terminal output are off: errors come as exceptions.

@@ -13,18 +13,24 @@ import types
 import typing
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING
 
 from fcsim.errors import InputError
 from fcsim.files import replacing_for_good
 
-EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+type Kind = type[bool] | type[int] | type[float] | type[str]
+"""What a cell holds."""
+
+EXPECTED: dict[Kind, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
 
 @functools.cache
-def columns(kind: Any) -> dict[str, tuple[type, bool]]:
+def columns(kind: type[DataclassInstance]) -> dict[str, tuple[Kind, bool]]:
     """The columns of a row of type `kind`: their types, and whether a cell may be empty."""
-    found: dict[str, tuple[type, bool]] = {}
+    found: dict[str, tuple[Kind, bool]] = {}
     for name, hint in typing.get_type_hints(kind).items():
         if name not in {field.name for field in dataclasses.fields(kind)}:
             continue
@@ -33,12 +39,12 @@ def columns(kind: Any) -> dict[str, tuple[type, bool]]:
     return found
 
 
-def cells(row: Any) -> list[str]:
+def cells(row: DataclassInstance) -> list[str]:
     """The texts of a row."""
     return [cell(getattr(row, field.name)) for field in dataclasses.fields(row)]
 
 
-def cell(value: Any) -> str:
+def cell(value: object) -> str:
     """A value as the text of its cell, on one line."""
     if value is None:
         return ""
@@ -49,14 +55,14 @@ def cell(value: Any) -> str:
     return " ".join(str(value).splitlines())
 
 
-def line(values: Iterable[Any]) -> str:
+def line(values: Iterable[object]) -> str:
     """One line of CSV with its end."""
     file = io.StringIO()
     csv.writer(file, lineterminator="\n").writerow(values)
     return file.getvalue()
 
 
-def read_cell(kind: type, text: str) -> Any:
+def read_cell(kind: Kind, text: str) -> bool | int | float | str:
     """The text as a value; ValueError for what is none."""
     if kind is bool:
         if text.lower() not in ("true", "false"):
@@ -65,7 +71,7 @@ def read_cell(kind: type, text: str) -> Any:
     return kind(text)
 
 
-def write_table(path: Path, kind: type, rows: Iterable[Any]) -> Path:
+def write_table(path: Path, kind: type[DataclassInstance], rows: Iterable[DataclassInstance]) -> Path:
     """Write rows with their header, whole or not at all."""
     with replacing_for_good(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         file.write(line(columns(kind)))
@@ -84,26 +90,26 @@ def read_rows(path: Path) -> list[list[str]]:
         raise InputError(f"{path}: expected a table as UTF-8 text ({error})") from None
 
 
-def read_table[T](path: Path, kind: type[T], rows: list[list[str]] | None = None) -> list[T]:
+def read_table[T: DataclassInstance](path: Path, kind: type[T], rows: list[list[str]] | None = None) -> list[T]:
     """Read a table of rows of type `kind`; `rows` where the cells are there already. InputError with file, line and column.
 
     Columns whose fields have a default may be missing at the right, as in tables of earlier versions.
     """
     given = read_rows(path) if rows is None else rows
-    names = tuple(columns(cast(Any, kind)))
-    required = sum(field.default is dataclasses.MISSING for field in dataclasses.fields(cast(Any, kind)))
+    names = tuple(columns(kind))
+    required = sum(field.default is dataclasses.MISSING for field in dataclasses.fields(kind))
     header = tuple(given[0]) if given else ()
     if not required <= len(header) <= len(names) or header != names[: len(header)]:
         raise InputError(f"{path}: expected the columns {','.join(names)}; got {','.join(header)[:500] or 'nothing'}")
     return [_row(kind, header, cells, f"{path}, line {number}") for number, cells in enumerate(given[1:], 2)]
 
 
-def _row[T](kind: type[T], header: tuple[str, ...], texts: list[str], where: str) -> T:
+def _row[T: DataclassInstance](kind: type[T], header: tuple[str, ...], texts: list[str], where: str) -> T:
     if len(texts) != len(header):
         raise InputError(f"{where}: expected {len(header)} columns, got {len(texts)}")
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for name, text in zip(header, texts, strict=True):
-        of, optional = columns(cast(Any, kind))[name]
+        of, optional = columns(kind)[name]
         try:
             values[name] = None if optional and not text else read_cell(of, text)
         except ValueError:

@@ -1,9 +1,8 @@
 """From parts with materials to one model: mass, damping, stiffness, supports and loads."""
 
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
-from fcsim.assembly.loads import BodyForce, FollowerForce, FollowerPressure, Force, FormLoad, Load, NodalForces, Traction
+from fcsim.assembly.loads import BodyForce, FollowerForce, FollowerPressure, Force, FormLoad, Load, NodalForces, Traction, nodal_area
 from fcsim.assembly.model import Model, build_model
-from fcsim.assembly.nodal_area import nodal_area
 from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, Ramp, Table, read_acceleration_record, read_table
 

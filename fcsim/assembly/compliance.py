@@ -9,7 +9,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -71,7 +70,7 @@ class SystemFactor:
     def _set_rigid_mass(self, rigid_mass: FloatArray) -> None:
         self.rigid_mass = rigid_mass
         self._rigid_inverse = self.model.rigid_inverse(self.mass * rigid_mass)
-        self._matrix: Any = None
+        self._matrix: sp.csr_array | None = None
 
     def with_rigid_mass(self, rigid_mass: FloatArray) -> SystemFactor:
         """The factor with the rigid bodies' mass matrices (nr, k, k) of another configuration; all else is shared. See `rigid_mass`
@@ -116,7 +115,7 @@ class SystemFactor:
         """The bodies of nonlinear materials, group by group."""
         return tuple(group for group in self._groups if isinstance(group, BodyFactors))
 
-    def matrix(self) -> Any:
+    def matrix(self) -> sp.csr_array:
         """A as one csr_array on the problems' unknowns: (n_free, n_free), or (n_dofs, n_dofs) with identity rows. Made once."""
         if self._matrix is None:
             plain = self.rotation is None and not self.nonlinear_groups
@@ -127,7 +126,7 @@ class SystemFactor:
         """The blocks of A of the bodies of nonlinear groups, by the group's number."""
         return {k: group.matrices for k, group in enumerate(self._groups) if isinstance(group, BodyFactors)}
 
-    def _rigid_block(self) -> Any:
+    def _rigid_block(self) -> sp.csr_array:
         model, k = self.model, self.rigid_mass.shape[-1]
         free = model.rigid_free
         blocks = self.mass * turned_matrices(model.rigid_axes, self.rigid_mass)
@@ -203,7 +202,7 @@ class _ElasticMatrix:
     def __init__(self, model: Model, mass: float, stiffness: float) -> None:
         self._model, self._mass, self._stiffness = model, mass, stiffness
 
-    def at(self, rotation: FloatArray | None, blocks: Mapping[int, FloatArray]) -> Any:
+    def at(self, rotation: FloatArray | None, blocks: Mapping[int, FloatArray]) -> sp.csr_array:
         """The block with the bodies turned by rotation (n_deformable, d, d), None: not, and the blocks of nonlinear groups."""
         A = self._own.at(rotation, blocks)
         return A if self._axes is None else self._restricted(self._axes @ A @ self._axes.T)
@@ -217,7 +216,7 @@ class _ElasticMatrix:
         return TurnedMatrix(model.groups, self._mass, self._stiffness, np.ones_like(self._free), False)
 
     @cached_property
-    def _axes(self) -> Any:
+    def _axes(self) -> sp.csr_array | None:
         axes = self._model.held.axes
         return None if axes is None else axes.matrix(0, self._model.n_elastic)
 
@@ -228,12 +227,12 @@ class _ElasticMatrix:
         return free
 
     @cached_property
-    def block(self) -> Any:
+    def block(self) -> sp.csr_array:
         n = self._model.n_elastic
         A = self._model.matrix(self._mass, self._stiffness)[:n, :n]
         return self._restricted(A if self._axes is None else self._axes @ A @ self._axes.T)
 
-    def _restricted(self, A: Any) -> Any:
+    def _restricted(self, A: sp.csr_array) -> sp.csr_array:
         free = self._free.astype(float)
         if self._model.driven == "eliminated":
             return sp.csr_array(A[free > 0][:, free > 0])
@@ -242,7 +241,7 @@ class _ElasticMatrix:
         return A
 
 
-def _joined(first: Any, second: Any) -> Any:
+def _joined(first: sp.csr_array, second: sp.csr_array) -> sp.csr_array:
     """diag(first, second) of two csr_arrays as one."""
     n = first.shape[0]
     return sp.csr_array(

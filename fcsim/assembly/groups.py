@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -40,8 +39,8 @@ class Group:
     first: IntArray
     nodes: IntArray
     rotation: FloatArray
-    K: Any
-    M: Any
+    K: sp.csr_array
+    M: sp.csr_array
     lumped: FloatArray | None
     nodal_volume: FloatArray
     driven: NDArray[np.bool_]
@@ -65,7 +64,7 @@ class Group:
         return len(self.driven)
 
     @cached_property
-    def axes_matrix(self) -> Any:
+    def axes_matrix(self) -> sp.csr_array | None:
         """T (n_part, n_part): along the supports' axes from world axes; None where all are the world's."""
         if self.axes is None:
             return None
@@ -95,7 +94,7 @@ class Group:
         return self.first[:, None] + np.arange(self.size)
 
 
-def rotated(operator: Any, rotation: FloatArray) -> Any:
+def rotated(operator: sp.csr_array, rotation: FloatArray) -> sp.csr_array:
     """Return T K T^T for a matrix of a part placed by `rotation`."""
     d = len(rotation)
     if np.array_equal(rotation, np.eye(d)):

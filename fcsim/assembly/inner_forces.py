@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -112,7 +111,7 @@ def mass_blocks(group: Group) -> FloatArray:
     """The group's M as blocks (nblocks, d, d) on the graph of its nodes."""
     assert group.laws is not None
     graph, d = group.laws.graph, len(group.rotation)
-    M: Any = group.M.tocoo()
+    M = group.M.tocoo()
     blocks = np.zeros((len(graph.indices), d, d))
     rows: IntArray = np.repeat(np.arange(len(graph.indptr) - 1), np.diff(graph.indptr))
     keys = rows * (len(graph.indptr) - 1) + graph.indices

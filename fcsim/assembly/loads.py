@@ -1,10 +1,11 @@
-"""Loads: tractions and volume forces on deformable bodies, forces and moments on rigid ones, times functions of the time."""
+"""Loads: tractions and volume forces on deformable bodies, forces and moments on rigid ones, times functions of the time;
+and the areas by which a contact force is a pressure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from fcsim.assembly.supports import TimeFunction
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
+
+if TYPE_CHECKING:
+    from ufl import Form
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ class FormLoad:
     """
 
     body: str
-    form: Callable[[PartForms], Any]
+    form: Callable[[PartForms], Form]
     factor: TimeFunction = field(default=lambda t: 1.0)
 
 
@@ -176,3 +180,19 @@ def turned(layout: BodyLayout, load: Follower, vector: FloatArray, rotations: Fl
     values, result = vector[own], np.zeros_like(vector)
     result[own] = np.concatenate([rotation @ values[:d], rotation @ values[d:] if d == 3 else values[d:]])
     return result
+
+
+def nodal_area(layout: BodyLayout, body: str, surface: str) -> FloatArray:
+    """Return A_a = integral of N_a over a deformable body's surface (n_nodes,) [m^2], by the model's node numbers, zero elsewhere.
+
+    N_a is the shape function of node a on the reference configuration (in 2D times the thickness). A contact force divided by it is
+    the nodal pressure, or traction, on that surface.
+    """
+    owner = layout.bodies[layout.body_number(body)]
+    if not isinstance(owner, Body):
+        raise InputError(f"nodal_area: expected a deformable body, got the rigid body {body!r}")
+    area = np.zeros(layout.n_nodes)
+    first = layout.node_offset[layout.number[body]]
+    along = np.eye(layout.dimension)[0]
+    area[first : first + len(owner.part.points)] = elasticity.traction(owner.part, surface, along)[:: layout.dimension]
+    return area

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -77,7 +77,7 @@ class Model(BodyLayout):
         return x if self.held.axes is None else self.held.axes.world(x)
 
     @cached_property
-    def axes_matrix(self) -> Any:
+    def axes_matrix(self) -> sp.csr_array | None:
         """T (n_dofs, n_dofs), `along` = T x; None where all axes are the world's."""
         return None if self.held.axes is None else self.held.axes.matrix(0, self.n_dofs)
 
@@ -159,10 +159,10 @@ class Model(BodyLayout):
                 y[dofs] = (getattr(group, operator) @ x[dofs].T).T
         return y
 
-    def matrix(self, mass: float, stiffness: float) -> Any:
+    def matrix(self, mass: float, stiffness: float) -> sp.csr_array:
         """Return mass M + stiffness K as one csr_array (n_dofs, n_dofs), M in the reference configuration."""
         count = len(self.deformable)
-        blocks: list[Any] = [None] * (count + len(self.rigid))
+        blocks: list[sp.csr_array | None] = [None] * (count + len(self.rigid))
         for group in self.groups:
             block = mass * group.M + stiffness * group.K
             for first in group.first:
@@ -172,17 +172,17 @@ class Model(BodyLayout):
         return sp.block_diag(blocks, format="csr")
 
     @property
-    def mass(self) -> Any:
+    def mass(self) -> sp.csr_array:
         """M (n_dofs, n_dofs) [kg] in the reference configuration."""
         return self.matrix(1.0, 0.0)
 
     @property
-    def stiffness(self) -> Any:
+    def stiffness(self) -> sp.csr_array:
         """K (n_dofs, n_dofs) [N/m]."""
         return self.matrix(0.0, 1.0)
 
     @property
-    def damping(self) -> Any:
+    def damping(self) -> sp.csr_array:
         """C = alpha M + beta K (n_dofs, n_dofs) [N s/m]."""
         return self.matrix(self.alpha, self.beta)
 
@@ -261,12 +261,12 @@ class Model(BodyLayout):
         self.rigid_part(kept)[:, d:] += np.einsum("aij,aj->ai", turned_matrices(back, inverse), change)
         return kept
 
-    def node_operator(self, x: FloatArray) -> Any:
+    def node_operator(self, x: FloatArray) -> sp.csr_array:
         """Return B (d n_nodes, n_dofs): node velocities = B v; identity on deformable bodies, v + omega x (p - c) on rigid ones."""
         identity = sp.eye_array(self.n_elastic, format="csr")
         return sp.block_diag([identity, self.rigid_bodies.node_operator(self.rigid_part(x))], format="csr") if self.rigid else identity
 
-    def contact_matrix(self, nodal: Any, x: FloatArray) -> Any:
+    def contact_matrix(self, nodal: sp.sparray, x: FloatArray) -> sp.csr_array:
         """Return H (n_dofs, m) from the nodal contact matrix (d n_nodes, m) in the configuration x: B^T times it."""
         if not self.rigid:
             return sp.csr_array(nodal)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -114,7 +113,7 @@ class RigidBodies:
             return of_body[:, :3] + np.cross(of_body[:, 3:], arm)
         return of_body[:, :2] + of_body[:, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
 
-    def node_operator(self, q: FloatArray) -> Any:
+    def node_operator(self, q: FloatArray) -> sp.csr_array:
         """B (d np, k nr), sparse: the points' velocities v + omega x (p - c) = B (v, omega) in the configuration q."""
         d, k = self.dimension, self.size
         arm = np.einsum("aij,aj->ai", self.rotation(q)[self._body], self._arm)

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from fcsim.arrays import FloatArray
-from fcsim.assembly.elasticity import elasticity_matrix, once_per_part
+from fcsim.assembly.discretisation import once_per_part
+from fcsim.assembly.elasticity import elasticity_matrix
 from fcsim.assembly.elements import strain_blocks
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib
 from fcsim.problem import GlobalProblem, Judge, LocalProblem
@@ -22,7 +22,7 @@ class FclibProblem:
     problem: GlobalProblem | LocalProblem
 
     @property
-    def description(self) -> dict[str, Any]:
+    def description(self) -> dict[str, str | int]:
         problem = self.problem
         n = problem.n if isinstance(problem, GlobalProblem) else problem.m
         return {"problem": self.name, "form": self.form, "dimension": problem.dimension, "nc": problem.nc, "n": n}
@@ -37,7 +37,7 @@ class FclibProblem:
         """||q||, q the velocity without reactions."""
         return self.judge.scale
 
-    def error(self, r: Any) -> float:
+    def error(self, r: FloatArray) -> float:
         """The published error, which tables compare: ||r - P_K(r - (u + g(u)))|| / ||q||, inf where r is not finite."""
         return self.judge.error(r)
 

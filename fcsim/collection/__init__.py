@@ -10,7 +10,7 @@ The names are loaded when first used: selecting and checking need neither dolfin
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fcsim.collection.build import Built, build_collection
@@ -51,7 +51,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'fcsim.collection' has no attribute {name!r}")
     return getattr(import_module(f"fcsim.collection.{_HOME[name]}"), name)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -114,18 +113,19 @@ def _check_content(path: Path, place: str, content: FclibFile, entry: Entry | No
         said = parse_name(path.stem, problem.nc).iterations
         if said != entry.iterations:
             failures.append(f"iterations: the name has {said}, the manifest states {entry.iterations}")
-    row: dict[str, Any] = {"place": place, **sizes, "n": n, "stated": None if entry is None else entry.error}
+    stated = None if entry is None else entry.error
+    row = Checked(place, content.form, problem.dimension, problem.nc, n, problem.m, stated=stated)
     if not isinstance(problem, GlobalProblem | LocalProblem):
-        return Checked(**row, note="rolling friction: read, not judged", failures=tuple(failures))
+        return replace(row, note="rolling friction: read, not judged", failures=tuple(failures))
     if solution is None:
         if entry is not None and entry.error is not None:
             failures.append("no /solution, the manifest states its error")
-        return Checked(**row, note="no solution", failures=tuple(failures))
+        return replace(row, note="no solution", failures=tuple(failures))
     try:
         judge = Judge(problem)
         error = judge.error(solution.r)
     except SingularMatrix as singular:
-        return Checked(**row, failures=(*failures, f"the stored solution cannot be judged: {singular}"))
+        return replace(row, failures=(*failures, f"the stored solution cannot be judged: {singular}"))
     cone = check(solution.r, solution.u, problem.mu, problem.dimension).cone
     equations = _equations(problem, solution, judge.scale)
     at_rest = entry is not None and entry.status == AT_REST
@@ -137,22 +137,22 @@ def _check_content(path: Path, place: str, content: FclibFile, entry: Entry | No
             failures.append(f"error of the stored solution: {error:.3e}, the manifest states {entry.error:.3e}")
         if entry.source == "" and not equations <= EQUATIONS_UP_TO:  # copies hold what others stored
             failures.append(f"stored solution: v, u, l do not follow from r, relative residual {equations:.1e}")
-    return Checked(**row, error=error, cone=cone, equations=equations, note=note, failures=tuple(failures))
+    return replace(row, error=error, cone=cone, equations=equations, note=note, failures=tuple(failures))
 
 
 def _equations(problem: GlobalProblem | LocalProblem, solution: Solution, scale: float) -> float:
     """Largest relative residual of the equations of motion, kinematics and constraints at a stored solution; `scale` = ||q||."""
     p, u, r, v, l = problem, solution.u, solution.r, solution.v, solution.l
-    residuals: list[tuple[FloatArray, tuple[FloatArray, ...]]]
+    residuals: list[tuple[FloatArray, tuple[FloatArray, ...]]] = []
     if isinstance(p, LocalProblem):
-        bound = p.W @ r if p.V is None else p.W @ r + p.V @ l
+        bound = p.W @ r if p.V is None or l is None else p.W @ r + p.V @ l
         residuals = [(u - bound - p.q, (p.q,))]
-        if p.V is not None and p.R is not None and p.s is not None:
+        if p.V is not None and p.R is not None and p.s is not None and l is not None:
             residuals.append((p.V.T @ r + p.R @ l + p.s, (p.s, p.V.T @ r, p.R @ l)))
-    else:
+    elif v is not None:
         momentum, load = p.M @ v, p.H @ r + p.f
         residuals = [(u - p.H.T @ v - p.w, (u, np.array([scale])))]
-        if p.G is not None and p.b is not None:
+        if p.G is not None and p.b is not None and l is not None:
             load = load + p.G @ l
             residuals.append((p.G.T @ v + p.b, (p.b, p.G.T @ v)))
         residuals.append((momentum - load, (p.f, p.H @ r)))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fcsim.arrays import FloatArray
 from fcsim.collection.manifest import Entry
 from fcsim.collection.readme import one_a_problem
 from fcsim.view.style import BLUE, GREY, RED, STYLE, figure, matplotlib, save
@@ -39,7 +40,7 @@ def write_distributions(entries: Sequence[Entry], path: Path) -> Path:
         return save(drawing, path)
 
 
-def _histogram(axes: Axes, values: Any, name: str) -> None:
+def _histogram(axes: Axes, values: FloatArray, name: str) -> None:
     axes.set(xlabel=name, ylabel="problems")
     axes.yaxis.set_major_locator(matplotlib().ticker.MaxNLocator(integer=True))
     if not len(values):

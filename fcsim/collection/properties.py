@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.linalg import eigvalsh, svdvals
 
 from fcsim.linear.storage import SUM_UP_TO
@@ -70,16 +69,15 @@ def properties(problem: GlobalProblem | LocalProblem, local: LocalProblem, spect
     All eigenvalues (LAPACK syevd) of a symmetric W, all singular values (gesdd) of another: of order m^3, 0.8 s at m = 2064.
     """
     W, m = local.W, local.m
-    sparse = sp.issparse(W)
     largest = float(abs(W).max()) if m else 0.0
     asymmetry = float(abs(W - W.T).max()) / largest if largest else 0.0
     rank = condition = None
     if m <= spectrum_up_to:
-        dense = W.toarray() if sparse else W
+        dense = W if isinstance(W, np.ndarray) else W.toarray()
         values = np.abs(eigvalsh(dense)) if asymmetry <= SYMMETRIC_UP_TO else svdvals(dense)
         kept = values[values > m * np.finfo(float).eps * values.max(initial=0.0)]
         rank, condition = len(kept), float(kept.max() / kept.min()) if len(kept) else None
-    nonzero = W.count_nonzero() if sparse else np.count_nonzero(W)
+    nonzero = np.count_nonzero(W) if isinstance(W, np.ndarray) else W.count_nonzero()
     mu = problem.mu if problem.nc else np.zeros(1)
     return Properties(
         dimension=problem.dimension,

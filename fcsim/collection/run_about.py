@@ -7,7 +7,6 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from fcsim.collection.manifest import AT_REST, Entry
 from fcsim.running.description import Description
@@ -21,7 +20,7 @@ class RunAbout:
     title: str
     description: str
     software: str
-    parameters: Mapping[str, Any]
+    parameters: Mapping[str, object]
     run: Description
 
     @classmethod

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, positive, read_assignments
 from fcsim.command_line.terminal import say
@@ -55,7 +55,8 @@ def _solve(options: argparse.Namespace) -> int:
     content = read_fclib(options.file)
     problem = content.problem
     start = _start(content, options.start)
-    result = solve(problem, options.solver, start, tol=options.tol, error=options.error, time_limit=options.time_limit, **overrides)
+    solved: Callable[..., Result] = solve  # which checks the overrides
+    result = solved(problem, options.solver, start, tol=options.tol, error=options.error, time_limit=options.time_limit, **overrides)
     if options.write_solution is not None:
         _write(options.write_solution, content, problem, result)
     if options.json:
@@ -65,15 +66,15 @@ def _solve(options: argparse.Namespace) -> int:
     return EXIT_OK if result.solved else EXIT_NOT_CONVERGED
 
 
-def solver_options(name: str, texts: Sequence[str]) -> dict[str, Any]:
+def solver_options(name: str, texts: Sequence[str]) -> dict[str, bool | int | float | str]:
     """Read `name=value` texts as the types of the solver's options; InputError for what is no value of the type."""
     from fcsim.running.parameters import read_value
     from fcsim.solvers import method
 
     defaults = method(name).options
-    values: dict[str, Any] = {}
+    values: dict[str, bool | int | float | str] = {}
     for option, text in read_assignments(texts).items():
-        kind: type[Any] = type(getattr(defaults, option, ""))
+        kind = type(getattr(defaults, option, ""))
         if kind not in (int, float, str, bool):
             raise InputError(f"--set {option}={text}: this option of {name} is set from Python only")
         try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -61,7 +60,7 @@ class Detector:
     n_nodes: int
     edge_tolerance: float = 1e-2
     penetration: float = 0.5
-    methods: tuple[Any, ...] = field(init=False, repr=False)
+    methods: tuple[NodeToSegment | SegmentPoints | Mortar, ...] = field(init=False, repr=False)
     numbers: tuple[IntArray, ...] = field(init=False, repr=False)
     first_identity: IntArray = field(init=False, repr=False)
 
@@ -142,8 +141,7 @@ class Detector:
     def _at(self, x: FloatArray) -> Contacts:
         found, pair_of_contact = [], []
         for method, numbers in zip(self.methods, self.numbers, strict=True):
-            now = method.configuration(x)
-            contacts, pair = method.contacts(now, *method.search(now))
+            contacts, pair = method.at(x)
             pair_of_contact.append(numbers[pair])
             found.append(replace(contacts, identity=contacts.identity + self.first_identity[numbers[pair]]))
         if len(found) == 1:

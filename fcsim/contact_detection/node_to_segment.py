@@ -70,6 +70,11 @@ class NodeToSegment:
         self._n_bodies = 1 + int(self.masters.bodies.max(initial=0))
         self.identities = np.array(counts) * self._n_bodies
 
+    def at(self, x: FloatArray) -> tuple[Contacts, IntArray]:
+        """Contacts at positions x (n_nodes, d) [m], and their pairs."""
+        now = self.configuration(x)
+        return self.contacts(now, *self.search(now))
+
     def contacts(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[Contacts, IntArray]:
         """Contacts among the possible pairs, sorted by (pair, candidate, master body), and their pairs."""
         feet = self._truly(now, self._once_per_body(now, *self._plausible(now, candidate, facet)))

@@ -5,8 +5,6 @@ In 2D there is no T2 and one moment, R1 about z: the rows of the others are zero
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -18,7 +16,7 @@ from fcsim.errors import InputError
 ROWS = 5
 
 
-def moment_matrix(model: Model, contacts: Contacts, resistance: FloatArray) -> Any:
+def moment_matrix(model: Model, contacts: Contacts, resistance: FloatArray) -> sp.csc_array:
     """H_R (n_dofs, 2 nc): (omega_slave - omega_master) . T1, T2 = H_R^T v [rad/s] of rigid bodies, moments H_R r_R [N m s] from r_R.
 
     InputError where a contact with resistance > 0 (nc,) is one of a deformable body, or the model has nonlinear ones.
@@ -47,7 +45,7 @@ def moment_matrix(model: Model, contacts: Contacts, resistance: FloatArray) -> A
     return sp.csc_array(sp.coo_array(entries, shape=(model.n_dofs, 2 * nc)))
 
 
-def five_rows(H: Any, moments: Any, dimension: int) -> Any:
+def five_rows(H: sp.sparray, moments: sp.sparray, dimension: int) -> sp.csc_array:
     """The matrix (n_dofs, 5 nc) of all unknowns from that of forces H (n_dofs, d nc) and of moments (n_dofs, 2 nc)."""
     nc = moments.shape[1] // 2
     nothing = sp.csc_array((H.shape[0], 1))

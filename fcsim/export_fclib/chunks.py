@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from typing import Any
 
 import h5py
 import numpy as np
@@ -29,7 +28,7 @@ class Compressor:
     def __init__(self) -> None:
         self._known: dict[str, dict[bytes, bytes]] = {}
 
-    def write(self, group: h5py.Group, name: str, values: NDArray[Any]) -> None:
+    def write(self, group: h5py.Group, name: str, values: NDArray[np.generic]) -> None:
         """Write values (size,), size > 0, as the data set `name` of their type."""
         size = min(len(values), ENTRIES)
         dataset = group.create_dataset(
@@ -47,7 +46,7 @@ class Compressor:
         self._known[dataset.name] = now
 
 
-def _compressed(chunk: NDArray[Any], size: int) -> bytes:
+def _compressed(chunk: NDArray[np.generic], size: int) -> bytes:
     """A chunk as HDF5 stores it: filled up with zeros to its size, the first bytes of all entries, then the second ones, ..., deflated."""
     whole = np.zeros(size, chunk.dtype)
     whole[: len(chunk)] = chunk

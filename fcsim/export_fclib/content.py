@@ -10,6 +10,7 @@ from typing import Literal
 from fcsim.arrays import FloatArray
 from fcsim.brief import brief
 from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem.problem import GlobalForm
 from fcsim.problem.rolling import GlobalRollingProblem
 
 Problem = GlobalProblem | LocalProblem | GlobalRollingProblem
@@ -93,7 +94,7 @@ class FclibFile:
     __repr__ = brief
 
 
-def solution_sizes(problem: Problem) -> dict[str, int]:
+def solution_sizes(problem: GlobalForm | LocalProblem) -> dict[str, int]:
     """Return the length of each vector that a solution of `problem` consists of."""
     sizes = {"u": problem.m, "r": problem.m}
     multiplier = problem.s if isinstance(problem, LocalProblem) else problem.b

@@ -7,9 +7,10 @@ UTF-8, and missing info, solution or guesses; attributes are ignored.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,7 +20,7 @@ from fcsim.apart import Array, Group, Link, opened_apart
 from fcsim.errors import InputError
 from fcsim.export_fclib.content import FORMS, FclibFile, Info, MatrixInfo, Problem, Solution, Storage, solution_sizes
 
-COMPRESSED: dict[int, tuple[Storage, Any]] = {-1: ("csc", sp.csc_array), -2: ("csr", sp.csr_array)}
+COMPRESSED: dict[int, tuple[Storage, type[sp.csc_array] | type[sp.csr_array]]] = {-1: ("csc", sp.csc_array), -2: ("csr", sp.csr_array)}
 
 
 def read_fclib(path: str | PathLike[str]) -> FclibFile:
@@ -58,8 +59,8 @@ def _read(path: Path, file: Group) -> FclibFile:
         letter: _matrix(_group(group, letter), (len(arrays[row]), len(arrays[column])), f"({row}, {column})")
         for letter, (row, column) in {**form.matrices, **(form.optional_matrices if constrained else {})}.items()
     }
-    parts: dict[str, Any] = {**{letter: matrix for letter, (matrix, _) in matrices.items()}, **arrays}
-    problem = form.problem(**parts, dimension=spacedim)
+    made: Callable[..., Problem] = form.problem
+    problem = made(**{letter: matrix for letter, (matrix, _) in matrices.items()}, **arrays, dimension=spacedim)
 
     return FclibFile(
         path=path,
@@ -100,7 +101,7 @@ def _group(parent: Group, name: str) -> Group:
     return group
 
 
-def _array(group: Group, name: str, kinds: str, what: str, count: int | None = None) -> NDArray[Any]:
+def _array(group: Group, name: str, kinds: str, what: str, count: int | None = None) -> NDArray[np.generic]:
     """The array of this name, of a vector the first `count` entries."""
     dataset = _entry(group, name)
     if not isinstance(dataset, Array):
@@ -115,19 +116,20 @@ def _place(group: Group, name: str) -> str:
     return f"{str(group.name).rstrip('/')}/{name}"
 
 
-def _scalar(group: Group, name: str, kinds: str, what: str) -> Any:
+def _scalar(group: Group, name: str, kinds: str, what: str) -> NDArray[np.generic]:
+    """A data set of one value (), whose `item` gives that as one of Python's own."""
     array = _array(group, name, kinds, what)
     if array.size != 1:
         raise InputError(f"{_place(group, name)}: expected {what}, got an array of shape {array.shape}")
-    return array.reshape(())[()]
+    return array.reshape(())
 
 
 def _integer(group: Group, name: str) -> int:
-    return int(_scalar(group, name, "iu", "an integer"))
+    return int(_scalar(group, name, "iu", "an integer").item())
 
 
 def _text(group: Group, name: str) -> str:
-    text = _scalar(group, name, "SO", "a text")
+    text = _scalar(group, name, "SO", "a text").item()
     return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
 
 
@@ -140,11 +142,11 @@ def _vector(group: Group, name: str, size: int | None = None) -> NDArray[np.floa
     return vector
 
 
-def _indices(group: Group, name: str, count: int) -> NDArray[Any]:
-    return _head(group, name, count, "iu", "a vector of integers")
+def _indices(group: Group, name: str, count: int) -> NDArray[np.integer]:
+    return cast(NDArray[np.integer], _head(group, name, count, "iu", "a vector of integers"))
 
 
-def _head(group: Group, name: str, count: int, kinds: str, what: str) -> NDArray[Any]:
+def _head(group: Group, name: str, count: int, kinds: str, what: str) -> NDArray[np.generic]:
     """Return the first `count` entries of a dataset that may be longer."""
     array = _array(group, name, kinds, what, count)
     if array.ndim != 1 or len(array) < count:
@@ -152,7 +154,7 @@ def _head(group: Group, name: str, count: int, kinds: str, what: str) -> NDArray
     return array
 
 
-def _in_range(indices: NDArray[Any], size: int, group: Group, name: str) -> None:
+def _in_range(indices: NDArray[np.integer], size: int, group: Group, name: str) -> None:
     if indices.size and (indices.min() < 0 or indices.max() >= size):
         raise InputError(f"{_place(group, name)}: expected indices 0 ... {size - 1}, got {indices.min()} ... {indices.max()}")
 
@@ -198,8 +200,8 @@ def _matrix(group: Group, shape: tuple[int, int], vectors: str) -> tuple[sp.csc_
         storage=storage,
         nzmax=nzmax,
         comment=_text(group, "comment") if "comment" in group else None,
-        conditioning=float(_scalar(group, "conditioning", "fiu", "a number")) if known else None,
-        determinant=float(_scalar(group, "determinant", "fiu", "a number")) if known and "determinant" in group else None,
+        conditioning=float(_scalar(group, "conditioning", "fiu", "a number").item()) if known else None,
+        determinant=float(_scalar(group, "determinant", "fiu", "a number").item()) if known and "determinant" in group else None,
         rank=_integer(group, "rank") if known and "rank" in group else None,
     )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -14,16 +13,17 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
-from fcsim.export_fclib.content import FORMS, Problem, Solution, Storage, solution_sizes
+from fcsim.export_fclib.content import FORMS, Solution, Storage, solution_sizes
 from fcsim.files import replacing_hdf5
-from fcsim.problem import Matrix
+from fcsim.problem import LocalProblem, Matrix
+from fcsim.problem.problem import GlobalForm
 
 INT_MAX = np.iinfo(np.int32).max
 
 
 def write_fclib(
     path: str | PathLike[str],
-    problem: Problem,
+    problem: GlobalForm | LocalProblem,
     *,
     solution: Solution | None = None,
     guesses: Sequence[Solution] = (),
@@ -81,7 +81,7 @@ def file_name(collection: str, iterations: int, nc: int, step: int) -> str:
     return f"{collection}-i{iterations:05d}-{nc}-{step:05d}.hdf5"
 
 
-def _write_array(group: h5py.Group, name: str, values: NDArray[Any], compressor: Compressor | None) -> None:
+def _write_array(group: h5py.Group, name: str, values: NDArray[np.generic], compressor: Compressor | None) -> None:
     values = values.astype(np.int32 if values.dtype.kind in "iu" else np.float64, copy=False)
     if compressor is None or not len(values):
         group.create_dataset(name, data=values)
@@ -123,7 +123,7 @@ def _write_info(group: h5py.Group, texts: dict[str, str | None]) -> None:
             info.create_dataset(name, data=np.bytes_(text), dtype=f"S{len(text) + 1}")
 
 
-def _write_solution(group: h5py.Group, solution: Solution, problem: Problem, compressor: Compressor | None) -> None:
+def _write_solution(group: h5py.Group, solution: Solution, problem: GlobalForm | LocalProblem, compressor: Compressor | None) -> None:
     for name, size in solution_sizes(problem).items():
         vector = getattr(solution, name)
         if vector is None:

@@ -7,9 +7,8 @@ Beside SuperLU it halves the operations, and beside MUMPS it spares the conversi
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.linear import _block_cholesky_kernels as kernels
@@ -26,7 +25,7 @@ class Analysis:
     flops: operations of an LU (twice those of the Cholesky factor); entries: those of the factor.
     """
 
-    def __init__(self, A: Any) -> None:
+    def __init__(self, A: sp.bsr_array) -> None:
         """A (m, m) symmetric, by square blocks (bsr), every diagonal block stored; of two mirror images the values of one are read."""
         self.indptr, self.indices = A.indptr.astype(np.int64), A.indices.astype(np.int64)
         self.size, self.dimension = A.shape[0], A.blocksize[0]

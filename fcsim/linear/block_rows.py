@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.linear._block_rows_kernels import block_rows_of_columns, block_rows_of_dense, block_rows_of_rows
 
 
-def compressed_blocks(W: Any, dimension: int) -> tuple[IntArray, IntArray, FloatArray]:
+def compressed_blocks(W: Matrix, dimension: int) -> tuple[IntArray, IntArray, FloatArray]:
     """Return W by block rows: indptr (nc + 1,), block columns, blocks (nnz, d, d); blocks of zeros are left out of a dense W.
 
     Block rows that W has already are not copied.
@@ -28,7 +26,7 @@ def compressed_blocks(W: Any, dimension: int) -> tuple[IntArray, IntArray, Float
     return block_rows_of_rows(W.indptr, W.indices, W.data, d)
 
 
-def block_rows(W: Any, dimension: int) -> tuple[IntArray, IntArray, FloatArray]:
+def block_rows(W: Matrix, dimension: int) -> tuple[IntArray, IntArray, FloatArray]:
     """Return `compressed_blocks` with blocks (nnz, 3, 3).
 
     A 2D problem is embedded: its second tangent gets a unit compliance and no velocity, so its reaction stays zero.

@@ -6,16 +6,18 @@ Small matrices are factored dense (LAPACK), larger ones by MUMPS where petsc4py 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, Protocol
+from types import ModuleType
+from typing import Protocol
 
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numba import njit
+from numpy.typing import DTypeLike, NDArray
 
 from fcsim import runtime
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.errors import FcsimError
 from fcsim.linear import storage
 
@@ -40,7 +42,7 @@ class DenseCholesky:
 
     name = "dense Cholesky (LAPACK)"
 
-    def __init__(self, A: FloatArray, overwrite: bool = False, dtype: Any = None) -> None:
+    def __init__(self, A: FloatArray, overwrite: bool = False, dtype: DTypeLike | None = None) -> None:
         """overwrite: a Fortran-ordered A is factored in place; dtype: the precision in which L is kept, that of A where not given."""
         potrf = sla.lapack.get_lapack_funcs("potrf", (A,))
         L, info = potrf(A, lower=True, clean=False, overwrite_a=overwrite)
@@ -93,7 +95,7 @@ class DenseLU:
 
     name = "dense LU (LAPACK)"
 
-    def __init__(self, A: Any, overwrite: bool = False) -> None:
+    def __init__(self, A: NDArray[np.floating], overwrite: bool = False) -> None:
         getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), (A,))
         self._lu, self._pivots, info = getrf(A, overwrite_a=overwrite)
         if info != 0:
@@ -118,13 +120,11 @@ class SuperLU:
 
     name = "SuperLU (SciPy)"
 
-    def __init__(self, A: Any, symmetric_pattern: bool = False) -> None:
+    def __init__(self, A: sp.sparray, symmetric_pattern: bool = False) -> None:
         """symmetric_pattern: order on the graph of A + A^T and prefer the diagonal as pivot, for matrices like a stiffness or W."""
-        options: dict[str, Any] = {}
-        if symmetric_pattern:
-            options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
+        pattern = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
         try:
-            self._factor = spla.splu(sp.csc_matrix(A), **options)
+            self._factor = spla.splu(sp.csc_matrix(A), **(pattern if symmetric_pattern else {}))
         except RuntimeError as error:
             raise SingularMatrix(f"matrix of size {A.shape[0]} is singular: {error}") from None
 
@@ -149,7 +149,7 @@ class Mumps:
     name = "MUMPS (PETSc)"
     _count = 0
 
-    def __init__(self, A: Any, ordering: int = 7, *, positive_definite: bool = False, compression: float = 0.0) -> None:
+    def __init__(self, A: sp.sparray, ordering: int = 7, *, positive_definite: bool = False, compression: float = 0.0) -> None:
         PETSc = runtime.petsc()
         self._shape, self._positive_definite = A.shape, positive_definite
         Mumps._count += 1
@@ -180,7 +180,7 @@ class Mumps:
             for key in chosen:
                 options.delValue(key)
 
-    def _rows(self, A: Any) -> tuple[tuple[Any, Any, FloatArray], int]:
+    def _rows(self, A: sp.sparray) -> tuple[tuple[NDArray[np.integer], NDArray[np.integer], FloatArray], int]:
         """Row starts, columns, values in PETSc's types, and the size of their blocks."""
         integer = runtime.petsc().IntType
         if self._positive_definite and getattr(A, "format", "") == "bsr" and A.blocksize[0] == A.blocksize[1]:
@@ -192,7 +192,7 @@ class Mumps:
         A.sort_indices()
         return (A.indptr.astype(integer), A.indices.astype(integer), A.data), 1
 
-    def _set_up(self, PETSc: Any) -> None:
+    def _set_up(self, PETSc: ModuleType) -> None:
         try:
             self._solver.setUp()
         except PETSc.Error as error:
@@ -206,7 +206,7 @@ class Mumps:
         if self._positive_definite and factor.getMumpsInfog(12) > 0:  # MUMPS itself goes on
             raise SingularMatrix(f"matrix of size {self._shape[0]} is not positive definite: {factor.getMumpsInfog(12)} negative pivots")
 
-    def refactor(self, A: Any) -> None:
+    def refactor(self, A: sp.sparray) -> None:
         """Factor new values on the pattern given at construction."""
         PETSc = runtime.petsc()
         rows, _ = self._rows(A)
@@ -248,11 +248,11 @@ class Mumps:
                 handle.destroy()
 
 
-def factorise(A: Any, *, positive_definite: bool = False) -> Factor:
+def factorise(A: Matrix, *, positive_definite: bool = False) -> Factor:
     """Factor a square matrix A (sparse or dense) by the method that fits its size; `SingularMatrix` where that fails."""
     n = A.shape[0]
-    if n <= storage.BLOCK_UP_TO or not sp.issparse(A):
-        dense = A.toarray() if sp.issparse(A) else np.asarray(A)
+    if n <= storage.BLOCK_UP_TO or isinstance(A, np.ndarray):
+        dense = A if isinstance(A, np.ndarray) else A.toarray()
         return DenseCholesky(dense) if positive_definite else DenseLU(dense)
     return Mumps(A, positive_definite=positive_definite) if runtime.has_petsc() else SuperLU(A)
 
@@ -275,7 +275,7 @@ def probes(size: int) -> FloatArray:
     return np.random.default_rng(0).standard_normal((2, size))
 
 
-def is_symmetric(W: Any) -> bool:
+def is_symmetric(W: Matrix) -> bool:
     """Whether y.W x = x.W y for random x and y, to round-off: an asymmetry would have to be orthogonal to both to hide."""
     x, y = probes(W.shape[0])
     Wx, Wy = W @ x, W @ y  # no product with W^T, for which block rows would be transposed

@@ -13,10 +13,10 @@ Sources: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9, 1983; J. W. H. Liu, 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
+from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear._front_kernels import extend_add, extend_add_upper, fill, fill_symmetric
@@ -34,9 +34,9 @@ class _Assembly:
         self.contacts = tree.order[taking_part[tree.order]]
         self._number = np.empty(len(taking_part), dtype=np.int64)
         self._number[self.contacts] = np.arange(len(self.contacts))
-        self._waiting: dict[int, list[tuple[IntArray, Any]]] = {}
+        self._waiting: dict[int, list[tuple[IntArray, NDArray[np.floating]]]] = {}
 
-    def __iter__(self) -> Iterator[tuple[int, IntArray, IntArray, IntArray, list[tuple[IntArray, Any]]]]:
+    def __iter__(self) -> Iterator[tuple[int, IntArray, IntArray, IntArray, list[tuple[IntArray, NDArray[np.floating]]]]]:
         """Yield for each front: the number of its first contact, own and border contacts, the latter's numbers, and the children's
         complements with the places of their rows among own and border."""
         begin = 0
@@ -50,7 +50,7 @@ class _Assembly:
             yield begin, own, border, beyond, children
             begin += n
 
-    def pass_on(self, complement: Any) -> None:
+    def pass_on(self, complement: NDArray[np.floating]) -> None:
         """Leave the present front's complement for its parent."""
         if len(self._beyond):
             self._waiting.setdefault(self._parent, []).append((self._beyond, complement))
@@ -61,7 +61,7 @@ class Multifrontal:
 
     They are filled by rows of W, without gaps, and LAPACK, for which matrices are stored by columns, factors their transposes."""
 
-    def __init__(self, rows: BlockRows, A: FloatArray, B: FloatArray, active: BoolArray, dtype: Any = np.float64) -> None:
+    def __init__(self, rows: BlockRows, A: FloatArray, B: FloatArray, active: BoolArray, dtype: DTypeLike = np.float64) -> None:
         d = A.shape[1]
         getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), dtype=dtype)
         gemm = sla.blas.get_blas_funcs("gemm", dtype=dtype)
@@ -87,7 +87,7 @@ class Multifrontal:
                 self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), lu, pivots, F21, F12))
             assembly.pass_on(F22)
 
-    def solve(self, rhs: FloatArray) -> FloatArray:
+    def solve(self, rhs: FloatArray) -> NDArray[np.floating]:
         """Return x (k, d) of the active contacts for rhs (k, d), both in the order of `contacts`."""
         x = rhs.astype(self._dtype).ravel()
         for own, border, _, _, left, _ in self._fronts:
@@ -103,7 +103,7 @@ class MultifrontalCholesky:
     conditioning: the least pivot over the largest.
     """
 
-    def __init__(self, rows: BlockRows, held: BoolArray, dtype: Any = np.float64) -> None:
+    def __init__(self, rows: BlockRows, held: BoolArray, dtype: DTypeLike = np.float64) -> None:
         d = rows.blocks.shape[1]
         potrf = sla.lapack.get_lapack_funcs("potrf", dtype=dtype)
         self._trsm, self._trsv, syrk = sla.blas.get_blas_funcs(("trsm", "trsv", "syrk"), dtype=dtype)

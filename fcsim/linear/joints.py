@@ -6,12 +6,11 @@ Contacts of one joint (the same pair of bodies) are coupled with the same contac
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.linear._block_rows_kernels import block_rows_of_dense, product
 from fcsim.linear._elimination_tree_kernels import has_symmetric_pattern
 from fcsim.linear.elimination_tree import EliminationTree, elimination_tree, joint_count
@@ -31,7 +30,7 @@ class Pattern:
     indices: IntArray
     tree: EliminationTree
 
-    def is_that_of(self, rows: Any) -> bool:
+    def is_that_of(self, rows: sp.bsr_array) -> bool:
         """Whether block rows (bsr) have this pattern."""
         return np.array_equal(rows.indptr, self.indptr) and np.array_equal(rows.indices, self.indices)
 
@@ -39,7 +38,7 @@ class Pattern:
 class BlockRows:
     """W by sorted block rows with the elimination tree of its pattern; SingularMatrix where the pattern is not symmetric."""
 
-    def __init__(self, W: Any, d: int, earlier: Pattern | None = None) -> None:
+    def __init__(self, W: Matrix, d: int, earlier: Pattern | None = None) -> None:
         """W: dense or sparse; earlier: where W has this pattern, it is not analysed again."""
         if isinstance(W, np.ndarray):
             indptr, indices, blocks = block_rows_of_dense(W, d)
@@ -71,9 +70,9 @@ class BlockRows:
         return product(self.indptr, self.indices, self.blocks, np.zeros_like(blocks), blocks).ravel()
 
 
-def joint_rows(W: Any, d: int, earlier: Pattern | None = None) -> BlockRows | None:
+def joint_rows(W: Matrix, d: int, earlier: Pattern | None = None) -> BlockRows | None:
     """Sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
-    if not sp.issparse(W) or W.shape[0] < FRONTS_FROM:
+    if isinstance(W, np.ndarray) or W.shape[0] < FRONTS_FROM:
         return None
     rows = sp.bsr_array(W, blocksize=(d, d))
     if earlier is not None and earlier.is_that_of(rows):

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.linear._equilibration_kernels import equilibrating_scale
 from fcsim.linear.factors import Factor, SingularMatrix, probes
 
 
-def refuse_singular(block: Any, factor: Factor) -> None:
+def refuse_singular(block: sp.sparray, factor: Factor) -> None:
     """Raise SingularMatrix where the factor does not find a known solution of the matrix (csr or csc) again.
 
     Round-off hides the zero pivot of most singular matrices, such as the stiffness of a body without supports. The known solution

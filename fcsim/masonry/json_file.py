@@ -45,8 +45,8 @@ def read_masonry(path: str | Path) -> MasonryProblem:
     note_read(path)
     where = str(path)
     if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
-        found = data.get("schema", "no schema") if isinstance(data, Mapping) else type(data).__name__
-        raise InputError(f'{where}: expected a masonry problem, schema "{SCHEMA}", got {found!r}')
+        schema = data.get("schema", "no schema") if isinstance(data, Mapping) else type(data).__name__
+        raise InputError(f'{where}: expected a masonry problem, schema "{SCHEMA}", got {schema!r}')
     blocks = _entries(data, "blocks", where)
     if not blocks:
         raise InputError(f"{where}, blocks: expected at least one, got none")
@@ -83,10 +83,10 @@ def read_masonry(path: str | Path) -> MasonryProblem:
 
 def write_masonry(path: str | Path, problem: MasonryProblem) -> None:
     """Write a masonry problem; `read_masonry` reads it again."""
-    contact: dict[str, Any] = {"mu": problem.mu}
+    contact: dict[str, object] = {"mu": problem.mu}
     if problem.between:
         contact["mu_between"] = [{"between": pair, "mu": mu} for pair, mu in problem.between.items()]
-    data: dict[str, Any] = {
+    data: dict[str, object] = {
         "schema": SCHEMA,
         "name": problem.name,
         "title": problem.title,
@@ -107,7 +107,7 @@ def write_masonry(path: str | Path, problem: MasonryProblem) -> None:
     write_record(Path(path), data)
 
 
-def _block(entry: Any, where: str) -> Block:
+def _block(entry: object, where: str) -> Block:
     entry = _mapping(entry, f"{where}, blocks")
     name = _name(entry, "id", f"{where}, blocks")
     what = f"{where}, block {name!r}"
@@ -133,7 +133,7 @@ def _block(entry: Any, where: str) -> Block:
     return Block(surface, density, mass, support) if given else Block(surface, support=support)
 
 
-def _pose(entry: Any, where: str) -> tuple[str, Callable[[Block], Block]]:
+def _pose(entry: object, where: str) -> tuple[str, Callable[[Block], Block]]:
     """The name of a block, and how it is moved to where it begins."""
     entry = _mapping(entry, where)
     name = _name(entry, "block", where)
@@ -148,7 +148,7 @@ def _pose(entry: Any, where: str) -> tuple[str, Callable[[Block], Block]]:
     return name, moved
 
 
-def _shaking(entry: Any, where: str) -> BaseAcceleration:
+def _shaking(entry: object, where: str) -> BaseAcceleration:
     entry = _mapping(entry, where)
     if "times" in entry:
         times, values = (_get(tuple[float, ...], entry, key, where) for key in ("times", "values"))
@@ -164,22 +164,22 @@ def _shaking(entry: Any, where: str) -> BaseAcceleration:
     return BaseAcceleration(value, _record(times, np.linalg.norm(value) * np.sin(2 * np.pi * frequency * times), where))
 
 
-def _record(times: Any, values: Any, where: str) -> AccelerationRecord:
+def _record(times: object, values: object, where: str) -> AccelerationRecord:
     try:
         return AccelerationRecord(np.asarray(times), np.asarray(values))
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
 
 
-def _block_entry(block: Block) -> dict[str, Any]:
-    entry: dict[str, Any] = {"id": block.name, "vertices": block.surface.points, "faces": block.surface.polygons}
+def _block_entry(block: Block) -> dict[str, object]:
+    entry: dict[str, object] = {"id": block.name, "vertices": block.surface.points, "faces": block.surface.polygons}
     for key in ("density", "mass"):
         if getattr(block, key) is not None:
             entry[key] = getattr(block, key)
     return {**entry, "support": True} if block.support else entry
 
 
-def _load(entry: Any, where: str) -> Acceleration | PointForce:
+def _load(entry: object, where: str) -> Acceleration | PointForce:
     entry = _mapping(entry, f"{where}, loads")
     kind = _get(str, entry, "kind", f"{where}, loads")
     what = f"{where}, load {kind!r}"
@@ -192,19 +192,19 @@ def _load(entry: Any, where: str) -> Acceleration | PointForce:
     raise InputError(f'{where}, loads: expected the kind "acceleration" or "force", got {kind!r}')
 
 
-def _load_entry(load: Acceleration | PointForce) -> dict[str, Any]:
-    entry: dict[str, Any] = {"kind": "acceleration", "value": load.value, "scaled_by_multiplier": load.scaled}
+def _load_entry(load: Acceleration | PointForce) -> dict[str, object]:
+    entry: dict[str, object] = {"kind": "acceleration", "value": load.value, "scaled_by_multiplier": load.scaled}
     if isinstance(load, PointForce):
         entry |= {"kind": "force", "block": load.block} | ({} if load.point is None else {"point": load.point})
     return entry
 
 
-def _motion(entry: Any, where: str) -> tuple[str, tuple[float, float, float]]:
+def _motion(entry: object, where: str) -> tuple[str, tuple[float, float, float]]:
     entry = _mapping(entry, where)
     return _name(entry, "block", where), _vector(entry, "velocity", where)
 
 
-def _expected(entry: Any, where: str) -> Expected:
+def _expected(entry: object, where: str) -> Expected:
     entry = _mapping(entry, where)
     value = entry.get("value")
     if not isinstance(value, str):
@@ -213,17 +213,17 @@ def _expected(entry: Any, where: str) -> Expected:
     return Expected(_get(str, entry, "quantity", where), value, **texts, tolerance=_get(float | None, entry, "tolerance", where, None))
 
 
-def _source(value: Any, where: str) -> tuple[str, ...]:
+def _source(value: object, where: str) -> tuple[str, ...]:
     return (value,) if isinstance(value, str) else from_json(tuple[str, ...], value, f"{where}, source")
 
 
-def _name(entry: Mapping[str, Any], key: str, where: str) -> str:
+def _name(entry: Mapping[str, object], key: str, where: str) -> str:
     """A block's name; a number counts as its digits."""
     value = entry.get(key)
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else _get(str, entry, key, where)
 
 
-def _vector(entry: Mapping[str, Any], key: str, where: str) -> tuple[float, float, float]:
+def _vector(entry: Mapping[str, object], key: str, where: str) -> tuple[float, float, float]:
     values = _get(tuple[float, ...], entry, key, where)
     if len(values) != 3:
         raise InputError(f"{where}, {key}: expected three numbers, got {len(values)}")
@@ -233,7 +233,7 @@ def _vector(entry: Mapping[str, Any], key: str, where: str) -> tuple[float, floa
 _MISSING = object()
 
 
-def _get(kind: Any, entry: Mapping[str, Any], key: str, where: str, default: Any = _MISSING) -> Any:
+def _get(kind: Any, entry: Mapping[str, object], key: str, where: str, default: Any = _MISSING) -> Any:  # X | None is no type[X]
     if key not in entry:
         if default is _MISSING:
             raise InputError(f"{where}: expected the key {key!r}, got {', '.join(map(repr, entry)) or 'none'}")
@@ -241,19 +241,19 @@ def _get(kind: Any, entry: Mapping[str, Any], key: str, where: str, default: Any
     return from_json(kind, entry[key], f"{where}, {key}")
 
 
-def _mapping(value: Any, where: str) -> Mapping[str, Any]:
+def _mapping(value: object, where: str) -> Mapping[str, object]:
     if not isinstance(value, Mapping):
         raise InputError(f"{where}: expected a record {{...}}, got {type(value).__name__}")
     return value
 
 
-def _one_or_more(data: Mapping[str, Any], key: str, where: str) -> list[Any]:
+def _one_or_more(data: Mapping[str, object], key: str, where: str) -> list[object]:
     """A list of entries, or one of them alone."""
     value = data.get(key) or []
     return [value] if isinstance(value, Mapping) else _entries({key: value}, key, where)
 
 
-def _entries(data: Mapping[str, Any], key: str, where: str) -> list[Any]:
+def _entries(data: Mapping[str, object], key: str, where: str) -> list[object]:
     value = data.get(key, [])
     if not isinstance(value, list):
         raise InputError(f"{where}, {key}: expected a list, got {type(value).__name__}")

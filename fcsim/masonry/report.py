@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from fcsim.records import write_record
 from fcsim.version import __version__
 
 
-def summary(analysis: LimitAnalysis, seen: Bracket | None) -> Mapping[str, Any]:
+def summary(analysis: LimitAnalysis, seen: Bracket | None) -> Mapping[str, object]:
     """What is known of the collapse load, in JSON's types."""
     found = {
         limit.law.lower(): {"outcome": limit.outcome, "multiplier": limit.multiplier, "rounds": limit.rounds, "span": limit.span}
@@ -56,7 +55,7 @@ def write_analysis(directory: Path, analysis: LimitAnalysis, seen: Bracket | Non
     _write_csv(directory / "blocks.csv", ("block", *names), rows)
 
 
-def branch_summary(branch: Branch) -> Mapping[str, Any]:
+def branch_summary(branch: Branch) -> Mapping[str, object]:
     """A push by displacement in JSON's types."""
     curve = {"displacement": branch.displacement.tolist(), "multiplier": branch.multiplier.tolist()}
     return {"version": __version__, "largest": branch.largest, "end": branch.end, "held": branch.held, **curve}
@@ -70,7 +69,7 @@ def write_branch(directory: Path, branch: Branch) -> None:
     _write_csv(directory / "branch.csv", ("displacement [mm]", "multiplier"), rows)
 
 
-def shake_summary(seen: Shake) -> Mapping[str, Any]:
+def shake_summary(seen: Shake) -> Mapping[str, object]:
     """A shaking in JSON's types."""
     largest = {"displacement": float(seen.displacement.max()), "turn": float(seen.turn.max())}
     end = {"t": float(seen.t[-1]), "displacement": float(seen.displacement[-1]), "turn": float(seen.turn[-1])}

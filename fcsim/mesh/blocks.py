@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from types import ModuleType
+from typing import Literal
 
 import numpy as np
 
@@ -24,7 +25,7 @@ BYTES_PER_CELL = 1200.0
 
 
 def part_from_gmsh(
-    gmsh: Any,
+    gmsh: ModuleType,
     name: str,
     material: AnyMaterial | ByRegion,
     *,
@@ -138,7 +139,9 @@ def _box(
     cell: str,
     origin: Sequence[float] | FloatArray,
     dimension: int,
-    **plane_and_thickness: Any,
+    *,
+    plane: Literal["strain", "stress"] = "strain",
+    thickness: float = 1.0,
 ) -> NamedMesh:
     """Extrude a point along x, y and z with gmsh, so that the mesh is structured; cut into simplices unless gmsh recombines."""
     size, origin = _check_numbers(name, "size", size, dimension), _check_numbers(name, "origin", origin, dimension)
@@ -169,14 +172,14 @@ def _box(
         for label, face in sorted(zip(_face_labels(gmsh, faces, origin + size / 2, size), faces, strict=True), key=_minus_first):
             gmsh.model.addPhysicalGroup(face[0], [face[1]], name=label)
         gmsh.model.mesh.generate(dimension)
-        return from_gmsh(gmsh, repr(name), **plane_and_thickness)
+        return from_gmsh(gmsh, repr(name), plane=plane, thickness=thickness)
 
 
-def _minus_first(labelled: tuple[str, Any]) -> tuple[str, bool]:
+def _minus_first(labelled: tuple[str, tuple[int, int]]) -> tuple[str, bool]:
     return labelled[0][0], labelled[0][1] == "+"
 
 
-def _face_labels(gmsh: Any, faces: Sequence[tuple[int, int]], centre: FloatArray, size: FloatArray) -> list[str]:
+def _face_labels(gmsh: ModuleType, faces: Sequence[tuple[int, int]], centre: FloatArray, size: FloatArray) -> list[str]:
     """ "x-" ... "z+" for each face, from where the middle of its bounding box lies."""
     boxes = np.array([gmsh.model.getBoundingBox(*face) for face in faces])
     offset = ((boxes[:, :3] + boxes[:, 3:])[:, : len(size)] / 2 - centre) / size

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -166,7 +165,13 @@ def _inside(d: int, simplex: bool, order: int) -> FloatArray:
 
 
 def _second_order(
-    name: str, first: CellType, middles: tuple[tuple[int, ...], ...], facet_type: str, numbers: tuple[int, int], meshio: str, **more: Any
+    name: str,
+    first: CellType,
+    middles: tuple[tuple[int, ...], ...],
+    facet_type: str,
+    numbers: tuple[int, int],
+    meshio: str,
+    from_gmsh: tuple[int, ...] = (),
 ) -> CellType:
     """The cell of second order on the corners of a first-order one; its facets: corners, middles of the edges around, and the face's."""
     nodes = np.concatenate([first.nodes, [first.nodes[list(corners)].mean(axis=0) for corners in middles]])
@@ -179,7 +184,9 @@ def _second_order(
     d = first.dimension
     powers = _products(d, 2)
     powers = powers[powers.sum(axis=1) <= 2] if first.simplex else powers
-    return _cell(name, nodes, powers, facet_type, np.array(facets), numbers, meshio, basix=first.basix, middles=middles, **more)
+    return _cell(
+        name, nodes, powers, facet_type, np.array(facets), numbers, meshio, basix=first.basix, middles=middles, from_gmsh=from_gmsh
+    )
 
 
 _HEXAHEDRON = _cell(

@@ -8,7 +8,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Literal, cast
 from urllib.parse import unquote
 
 import numpy as np
@@ -18,6 +18,9 @@ from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.cell_type import FROM_MESHIO
 from fcsim.mesh.named_mesh import Block, NamedMesh, from_gmsh, named_mesh
 from fcsim.runtime import gmsh_model
+
+if TYPE_CHECKING:
+    from meshio import Mesh
 
 SURFACE = "surface:"
 TAGS = ("gmsh:physical", "medit:ref", "cell_tags")
@@ -50,7 +53,7 @@ def main(path: str, out: str, plane: str, thickness: str) -> int:
     def read() -> None:
         mesh = _read(Path(path), cast(Literal["strain", "stress"], plane), float(thickness))
         about = {"cell_type": mesh.cell_type, "volumes": list(mesh.volumes), "surfaces": list(mesh.surfaces), "ungrouped": mesh.ungrouped}
-        arrays: dict[str, Any] = {f"volume {k}": cells for k, cells in enumerate(mesh.volumes.values())}
+        arrays = {f"volume {k}": cells for k, cells in enumerate(mesh.volumes.values())}
         arrays |= {f"surface {k}": facets for k, facets in enumerate(mesh.surfaces.values())}
         np.savez(out, allow_pickle=False, points=mesh.points, about=np.array(json.dumps(about)), **arrays)
 
@@ -72,7 +75,7 @@ def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> N
     return named_mesh(str(path), mesh.points, blocks, plane=plane, thickness=thickness)
 
 
-def _read_meshio(path: Path) -> Any:
+def _read_meshio(path: Path) -> Mesh:
     meshio = meshio_package()
     if path.suffix not in meshio.extension_to_filetypes:
         raise InputError(f"{path}: expected the extension of a mesh file (as .msh, .vtu, .vtk, .xdmf), got {path.suffix!r}")
@@ -92,7 +95,7 @@ def quietly[T](path: Path, expected: str, call: Callable[[], T]) -> T:
         raise InputError(f"{path}: expected {expected}, got: {message}") from None
 
 
-def _blocks(mesh: Any) -> list[Block]:
+def _blocks(mesh: Mesh) -> list[Block]:
     """The elements of a meshio mesh, once for each group that they are in, and those that are in none."""
     names = {int(values[0]): name for name, values in mesh.field_data.items() if np.size(values) == 2}
     blocks = []

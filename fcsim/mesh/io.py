@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 from urllib.parse import quote
 
 import numpy as np
@@ -145,5 +145,5 @@ def _write_meshio(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> N
         of_surface = np.repeat(np.arange(len(surfaces)), [len(facets) for facets in surfaces.values()])
         none = np.zeros(len(part.cells), dtype=np.int32)
         data = {SURFACE + quote(name): [none, (of_surface == i).astype(np.int32)] for i, name in enumerate(surfaces)}
-    options: dict[str, Any] = {"data_format": "XML"} if path.suffix == ".xdmf" else {}  # one file, which can be renamed whole
+    options = {"data_format": "XML"} if path.suffix == ".xdmf" else {}  # one file, which can be renamed whole
     quietly(path, "a mesh that this format can hold", lambda: meshio.Mesh(points, cells, cell_data=data).write(path, **options))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from types import ModuleType
+from typing import Literal
 
 import numpy as np
 
@@ -217,7 +218,7 @@ def _by_group(blocks: Sequence[Block]) -> dict[str, IntArray]:
     return {group: np.concatenate(elements).astype(np.int64) for group, elements in collected.items()}
 
 
-def from_gmsh(gmsh: Any, source: str, **plane_and_thickness: Any) -> NamedMesh:
+def from_gmsh(gmsh: ModuleType, source: str, *, plane: Literal["strain", "stress"] = "strain", thickness: float = 1.0) -> NamedMesh:
     """Read the current gmsh model, meshed: its physical groups are the volumes and surfaces (a group without a name: its number)."""
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(tags)
@@ -240,4 +241,4 @@ def from_gmsh(gmsh: Any, source: str, **plane_and_thickness: Any) -> NamedMesh:
             grouped.add((dimension, abs(int(entity))))
     for rest in sorted(set(gmsh.model.getEntities()) - grouped):
         add(rest, UNGROUPED)
-    return named_mesh(source, points, blocks, **plane_and_thickness)
+    return named_mesh(source, points, blocks, plane=plane, thickness=thickness)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, TypeVar
+from typing import Literal, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,7 +29,6 @@ from fcsim.problem.motion import Motion
 from fcsim.problem.shifted_factor import plus_diagonal, rows_with_diagonal, shifted_factor
 
 Elimination = Literal["dense", "fronts", "sparse"]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +44,7 @@ class Delassus:
     dimension: int = 3
     shift: FloatArray | None = None
     motion: Motion | None = None
-    _made: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False)
+    _made: dict[Hashable, object] = field(default_factory=dict, init=False, repr=False)
 
     __repr__ = brief
 
@@ -61,7 +60,7 @@ class Delassus:
 
     @property
     def is_sparse(self) -> bool:
-        return bool(sp.issparse(self.W))
+        return not isinstance(self.W, np.ndarray)
 
     def shifted(self, shift: FloatArray | float) -> Delassus:
         """The operator of the same W with diag(shift), one number a contact (nc,) or one for all, in the place of its own."""
@@ -92,14 +91,14 @@ class Delassus:
         W = self.W
         if self.shift is not None:
             return self @ x + q
-        if sp.issparse(W) and W.format == "bsr" and W.blocksize == (3, 3):  # twice as quick as SciPy's product for any size of block
+        if not isinstance(W, np.ndarray) and W.format == "bsr" and W.blocksize == (3, 3):  # twice as quick as SciPy's for any block
             return product(W.indptr, W.indices, W.data, q.reshape(-1, 3), x.reshape(-1, 3)).ravel()
         return W @ x + q
 
     @cached_property
     def entries(self) -> int:
         """Entries of W that are not zero."""
-        return int(np.count_nonzero(self.W.data if self.is_sparse else self.W))
+        return int(np.count_nonzero(self.W if isinstance(self.W, np.ndarray) else self.W.data))
 
     @property
     def density(self) -> float:
@@ -158,10 +157,11 @@ class Delassus:
         return compressed_blocks(self.matrix, self.dimension)
 
     @cached_property
-    def rows(self) -> Matrix:
+    def rows(self) -> sp.bsr_array:
         """The matrix by block rows (bsr), itself where it is so stored."""
-        if self.is_sparse and self.matrix.format == "bsr" and self.matrix.blocksize == (self.dimension, self.dimension):
-            return self.matrix
+        matrix, d = self.matrix, self.dimension
+        if not isinstance(matrix, np.ndarray) and matrix.format == "bsr" and matrix.blocksize == (d, d):
+            return matrix
         indptr, column, blocks = self.blocks
         return sp.bsr_array((blocks, column.astype(np.int32), indptr.astype(np.int32)), shape=self.W.shape)
 
@@ -187,13 +187,13 @@ class Delassus:
     def _is_so_stored(self) -> bool:
         if self.elimination == "dense":
             return not self.is_sparse
-        d = self.dimension
-        return bool(self.is_sparse and self.W.format == "bsr" and self.W.blocksize == (d, d) and self.W.has_sorted_indices)
+        W, d = self.W, self.dimension
+        return bool(not isinstance(W, np.ndarray) and W.format == "bsr" and W.blocksize == (d, d) and W.has_sorted_indices)
 
     @cached_property
     def _restored(self) -> Delassus:
         if self.elimination == "dense":
-            return self._of(self.W.toarray())
+            return self if isinstance(self.W, np.ndarray) else self._of(self.W.toarray())
         rows = self.rows if self.shift is None else Delassus(self.W, self.dimension).rows
         if not rows.has_sorted_indices:
             # a copy even of block rows: sorting the caller's in place would change the last bits of later products
@@ -211,25 +211,24 @@ class Delassus:
         return shifted_factor(self.matrix, self.dimension, rho, symmetric, lambda: self.analysis)
 
     @cached_property
-    def analysis(self) -> tuple[Matrix, Analysis]:
+    def analysis(self) -> tuple[sp.bsr_array, Analysis]:
         """A sparse symmetric W by block rows with every diagonal block, and what their pattern alone decides of a factor."""
         rows = rows_with_diagonal(self.matrix, self.dimension)
         return rows, Analysis(rows)
 
-    def derived(self, make: Callable[..., T], *arguments: Hashable) -> T:
+    def derived[T](self, make: Callable[..., T], *arguments: Hashable) -> T:
         """What make(self, *arguments) derives from this operator, made once."""
         key = (make, *arguments)
         if key not in self._made:
             self._made[key] = make(self, *arguments)
-        made: T = self._made[key]
-        return made
+        return cast(T, self._made[key])
 
 
 def diagonal_blocks(W: Matrix, d: int) -> FloatArray:
     """The blocks W_aa (nc, d, d) of W (m, m), dense or sparse."""
     nc = W.shape[0] // d
     index = np.arange(nc)
-    if not sp.issparse(W):
+    if isinstance(W, np.ndarray):
         return W.reshape(nc, d, nc, d)[index, :, index, :]
     if W.format == "bsr" and W.blocksize == (d, d):
         row = np.repeat(index, np.diff(W.indptr))

@@ -6,12 +6,10 @@ block in W.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.linear import storage
 from fcsim.problem._delassus_kernels import add_bodies, add_diagonal_bodies, entries_by_body, union_of_neighbours
 
@@ -19,7 +17,7 @@ from fcsim.problem._delassus_kernels import add_bodies, add_diagonal_bodies, ent
 class DelassusSum:
     """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`)."""
 
-    def __init__(self, H: Any, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
+    def __init__(self, H: sp.sparray, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
         unknown of its body's compliance it is. Both are read only where H has entries."""
         H = H.tocsc()
@@ -44,7 +42,7 @@ class DelassusSum:
         """Add the shares of the bodies from `begin` on whose compliances are diagonal: C[group[k]:group[k + 1]] that of the k-th."""
         add_diagonal_bodies(*self._rows, self._values, *self._bodies, begin, C, group, self._axes, self._nc)
 
-    def matrix(self) -> Any:
+    def matrix(self) -> Matrix:
         """W, a dense array or a bsr_array."""
         d, m = len(self._axes), self._m
         if self._dense:

@@ -28,7 +28,7 @@ class Elimination:
         self._touched = np.flatnonzero(np.diff(V.indptr))  # the contact unknowns that the constraints meet
         self._V: FloatArray = V[self._touched].toarray()
         rhs = np.column_stack([self._V.T, problem.s])
-        R = problem.R.toarray() if sp.issparse(problem.R) else problem.R
+        R = problem.R if isinstance(problem.R, np.ndarray) else problem.R.toarray()
         solved = _solve_consistent(R, rhs)
         self._RV, self._Rs = solved[:, :-1], solved[:, -1]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,7 +21,7 @@ from fcsim.problem.delassus import Delassus
 from fcsim.problem.motion import Motion
 
 
-def as_vector(values: Any, what: str) -> FloatArray:
+def as_vector(values: object, what: str) -> FloatArray:
     try:
         vector = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -33,28 +33,30 @@ def as_vector(values: Any, what: str) -> FloatArray:
     return vector
 
 
-def as_matrix(values: Any, what: str, shape: tuple[int, int]) -> Matrix:
+def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
+    matrix: Matrix
     if not sp.issparse(values):
         try:
-            values = np.asarray(values, dtype=np.float64)
+            matrix = np.asarray(values, dtype=np.float64)
         except (TypeError, ValueError):
             raise InputError(f"{what}: expected a matrix of numbers, got {type(values).__name__} of something else") from None
-    elif not isinstance(values, sp.sparray) or values.format not in ("csr", "csc", "bsr", "coo"):
-        values = sp.csr_array(values)
-    if tuple(values.shape) != shape:
-        raise InputError(f"{what}: expected shape {shape}, got {tuple(values.shape)}")
-    entries = values.data if sp.issparse(values) else values
+    else:
+        kept = isinstance(values, sp.sparray) and values.format in ("csr", "csc", "bsr", "coo")
+        matrix = cast(Matrix, values) if kept else sp.csr_array(values)
+    if tuple(matrix.shape) != shape:
+        raise InputError(f"{what}: expected shape {shape}, got {tuple(matrix.shape)}")
+    entries = matrix if isinstance(matrix, np.ndarray) else matrix.data
     with np.errstate(over="ignore", invalid="ignore"):
         finite = np.isfinite(entries.sum())  # no array of booleans as large as the matrix
     if not finite and not np.all(np.isfinite(entries)):
         raise InputError(f"{what}: expected finite numbers, got NaN or infinity")
-    return values
+    return matrix
 
 
-def _friction(mu: Any, m: int, dimension: int) -> FloatArray:
+def _friction(values: object, m: int, dimension: int) -> FloatArray:
     if dimension not in (2, 3):
         raise InputError(f"dimension: expected 2 or 3, got {dimension}")
-    mu = as_vector(mu, "mu")
+    mu = as_vector(values, "mu")
     if len(mu) * dimension != m:
         raise InputError(f"mu: expected {m // dimension} friction coefficients for {m} contact unknowns in {dimension}D, got {len(mu)}")
     if np.any(mu < 0):
@@ -111,6 +113,7 @@ class GlobalForm:
     mu: FloatArray
     G: Matrix | None
     b: FloatArray | None
+    dimension: int
 
     def _check_vectors(self) -> None:
         """Make the vectors arrays of floats; InputError for what is none."""

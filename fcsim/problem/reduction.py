@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,7 +27,7 @@ from fcsim.problem.delassus import diagonal_blocks, own_compliance
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.elimination import Elimination
 from fcsim.problem.motion import Motion
-from fcsim.problem.problem import Answer, GlobalProblem, LocalProblem, Reduced
+from fcsim.problem.problem import Answer, GlobalForm, GlobalProblem, LocalProblem, Reduced
 
 CONTACTS_AT_ONCE = 1000
 """Contacts whose own blocks of W are computed together where W as a whole is not wanted."""
@@ -42,7 +42,7 @@ class MassFactor(Protocol):
 
     def solve(self, rhs: FloatArray) -> FloatArray: ...
 
-    def delassus(self, H: Any, dimension: int) -> Any: ...
+    def delassus(self, H: sp.sparray, dimension: int) -> Matrix: ...
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class BlockFactor:
     a factor too, and `solve` then corrects x by the residual of A itself.
     """
 
-    def __init__(self, A: Any, touched: BoolArray | None = None) -> None:
+    def __init__(self, A: Matrix, touched: BoolArray | None = None) -> None:
         """touched (n,): degrees of freedom on which A^-1 will be asked for by `delassus`; it is the cheaper for knowing them."""
-        if getattr(A, "format", "") not in ("csr", "csc"):
+        if isinstance(A, np.ndarray) or A.format not in ("csr", "csc"):
             A = sp.csr_array(A)
         if not A.has_sorted_indices:
             A = A.sorted_indices()
@@ -101,7 +101,7 @@ class BlockFactor:
             x[block.dofs] = block.factor.solve(stacked).T.reshape(copies, -1, size).transpose(0, 2, 1)
         return x.reshape(rhs.shape)
 
-    def delassus(self, H: Any, dimension: int) -> Any:
+    def delassus(self, H: sp.sparray, dimension: int) -> Matrix:
         """Return W = H^T A^-1 H (m, m) for sparse H (n, m)."""
         H, d = H.tocsc(), dimension
         touched = np.zeros(self.n, dtype=bool)
@@ -135,7 +135,7 @@ class BlockFactor:
         return W.matrix()
 
 
-def _diagonal(A: Any, single: IntArray) -> FloatArray:
+def _diagonal(A: sp.sparray, single: IntArray) -> FloatArray:
     """The diagonal of the matrix A (csr or csc) on unknowns that it couples to nothing; SingularMatrix where it is zero."""
     first = A.indptr[single]
     diagonal = A.data[first] if np.array_equal(A.indptr[single + 1], first + 1) else A.diagonal()[single]
@@ -144,7 +144,7 @@ def _diagonal(A: Any, single: IntArray) -> FloatArray:
     return diagonal
 
 
-def _factor(block: Any) -> Factor:
+def _factor(block: sp.sparray) -> Factor:
     try:
         factor = _fitting_factor(block)
     except SingularMatrix as error:
@@ -153,7 +153,7 @@ def _factor(block: Any) -> Factor:
     return factor
 
 
-def _fitting_factor(block: Any) -> Factor:
+def _fitting_factor(block: sp.sparray) -> Factor:
     if block.shape[0] > storage.BLOCK_UP_TO:
         return factorise(block)
     dense = block.toarray(order="C" if block.format == "csr" else "F")
@@ -170,13 +170,13 @@ def _fitting_factor(block: Any) -> Factor:
 class Reduction:
     """A global problem with what stands for its M^-1: its local form, and v, l from r."""
 
-    problem: GlobalProblem
+    problem: GlobalForm
     factor: MassFactor
 
     __repr__ = brief
 
     @cached_property
-    def _H(self) -> Any:
+    def _H(self) -> sp.sparray:
         p = self.problem
         H = p.H if sp.issparse(p.H) else sp.csr_array(p.H)
         return H if p.G is None else sp.csr_array(sp.vstack([H, sp.csr_array((p.G.shape[1], p.m))]))
@@ -215,7 +215,7 @@ class Reduction:
         """tr(W_aa) / d (nc,), see `Delassus.compliance`."""
         return own_compliance(np.einsum("aii->a", self.diagonal_blocks) / self.dimension)
 
-    def delassus(self, rows: int) -> Any:
+    def delassus(self, rows: int) -> Matrix:
         """The Delassus operator W (m, m), formed by blocks of 1, 2 or 3 rows: a contact's, or single ones."""
         return self.factor.delassus(self._H, rows)
 
@@ -240,29 +240,29 @@ class Reduction:
         """Return ||M v - H r - G l - f|| / ||f||."""
         p = self.problem
         residual = p.M @ v - p.H @ r - p.f
-        if p.G is not None:
+        if p.G is not None and multiplier is not None:
             residual = residual - p.G @ multiplier
         scale = float(np.linalg.norm(p.f))
         return float(np.linalg.norm(residual)) / (scale or 1.0)
 
 
-def _motion(problem: GlobalProblem, W: Matrix) -> Motion | None:
+def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
     """H and M behind W, where degrees of freedom are few and no equality constraints couple them."""
     if problem.G is not None or not 0 < problem.n <= FEW * problem.m:
         return None
     return Motion(sp.csr_array(sp.csr_array(problem.H).T), sp.csr_array(problem.M), W)
 
 
-def _touched(H: Any) -> BoolArray:
+def _touched(H: Matrix) -> BoolArray:
     """Which rows of H (n, m), dense or sparse, have entries (n,)."""
-    if getattr(H, "format", "") == "csc":
+    if not isinstance(H, np.ndarray) and H.format == "csc":
         touched = np.zeros(H.shape[0], dtype=bool)
         touched[H.indices] = True
         return touched
     return np.diff(sp.csr_array(H).indptr) > 0
 
 
-def reduce(problem: GlobalProblem, factor: MassFactor | None = None) -> Reduction:
+def reduce(problem: GlobalForm, factor: MassFactor | None = None) -> Reduction:
     """Return the reduction of a global problem; `factor` is given by a simulation that has factored its parts already."""
     if factor is None:
         matrix = problem.M

@@ -46,7 +46,7 @@ class ShiftedInverse:
 
 def plus_diagonal(W: Matrix, shift: FloatArray, d: int) -> Matrix:
     """Return W + diag(shift), shift (nc,) one number a contact: dense for a dense W, by block rows for a sparse one."""
-    if not sp.issparse(W):
+    if isinstance(W, np.ndarray):
         shifted = W.copy()
         shifted.flat[:: len(W) + 1] += np.repeat(shift, d)
         return shifted
@@ -60,7 +60,7 @@ def plus_diagonal(W: Matrix, shift: FloatArray, d: int) -> Matrix:
     return sp.bsr_array(sp.csr_array(W) + sp.diags_array(np.repeat(shift, d), format="csr"), blocksize=(d, d))
 
 
-def rows_with_diagonal(W: Matrix, d: int) -> Matrix:
+def rows_with_diagonal(W: sp.sparray, d: int) -> sp.bsr_array:
     """Sparse W by block rows with every diagonal block, W itself where it is so stored."""
     if W.format == "bsr" and W.blocksize == (d, d):
         row = np.repeat(np.arange(len(W.indptr) - 1), np.diff(W.indptr))
@@ -70,12 +70,12 @@ def rows_with_diagonal(W: Matrix, d: int) -> Matrix:
     return sp.bsr_array((blocks, column, indptr), shape=W.shape)
 
 
-def shifted_factor(W: Matrix, d: int, rho: float, symmetric: bool, analysed: Callable[[], tuple[Matrix, Analysis]]) -> Factor:
+def shifted_factor(W: Matrix, d: int, rho: float, symmetric: bool, analysed: Callable[[], tuple[sp.bsr_array, Analysis]]) -> Factor:
     """The factor of W + rho I: Cholesky where symmetric and positive definite, LU otherwise; SingularMatrix where that fails.
 
     analysed: gives a sparse W by block rows with every diagonal block, and the analysis of that pattern.
     """
-    if not sp.issparse(W):
+    if isinstance(W, np.ndarray):
         shifted = W + rho * np.eye(len(W))
         if symmetric:
             try:

@@ -5,18 +5,21 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict
 
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.files import plain_name, sha256
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,15 @@ class History:
         plain_name(self.name, "history")
 
 
+class PlotWishes(TypedDict, total=False):
+    """What `fcsim render` is to plot of a case; columns among those of its sensors."""
+
+    imposed: str
+    reaction: tuple[str, ...]
+    bound: tuple[float, str]
+    histories: tuple[History, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
     """What a case script's `build(parameters)` returns.
@@ -54,7 +66,7 @@ class Case:
     title: str
     simulation: Simulation
     sensors: tuple[Sensor, ...] = ()
-    plots: Mapping[str, Any] = field(default_factory=dict)
+    plots: PlotWishes = field(default_factory=PlotWishes)
     fclib_set: str = "FCSIM"
     description: str = ""
 
@@ -65,7 +77,7 @@ class Case:
         twice = sorted({column for column in columns if columns.count(column) > 1})
         if twice:
             raise InputError(f"case {self.name!r}, sensors: expected different columns, got {', '.join(twice)} more than once")
-        histories: tuple[History, ...] = self.plots.get("histories", ())
+        histories = self.plots.get("histories", ())
         plotted = [*([self.plots["imposed"]] if "imposed" in self.plots else []), *self.plots.get("reaction", ())]
         for history in histories:
             plotted += [*history.columns, *([] if history.against == "t" else [history.against])]
@@ -86,8 +98,8 @@ class CaseScript:
 
     name: str
     path: Path
-    parameters: type
-    build: Callable[[Any], Case]
+    parameters: type[DataclassInstance]
+    build: Callable[..., Case]
     sha256: str
 
 
@@ -117,7 +129,7 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
         raise InputError(f"case script {script}: expected a dataclass Parameters and a function build(parameters)")
 
     @wraps(build)
-    def built(values: Any) -> Case:
+    def built(values: DataclassInstance) -> Case:
         """The case; numbers that its script cannot compute with (a length of 0, a step of 1e-320) are the parameters' fault."""
         try:
             return build(values)

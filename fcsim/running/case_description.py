@@ -6,7 +6,7 @@ import platform
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import TYPE_CHECKING
 
 from fcsim.running.case import Case, CaseScript, History, Sensor
 from fcsim.running.description import FORMAT, Bound, Column, Description, HistoryPlot, Plots
@@ -15,11 +15,19 @@ from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
 from fcsim.version import __version__
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 PACKAGES = ("numpy", "scipy", "numba", "fenics-dolfinx", "dolfinx-solver-real", "gmsh")
 
 
 def describe(
-    case: Case, script: CaseScript, parameters: Any, assignments: Mapping[str, str], options: Mapping[str, Any], read: Mapping[str, str]
+    case: Case,
+    script: CaseScript,
+    parameters: DataclassInstance,
+    assignments: Mapping[str, str],
+    options: Mapping[str, object],
+    read: Mapping[str, str],
 ) -> Description:
     """What run.json holds, apart from the status; `read`: the meshes and tables that the case read, with their digests."""
     simulation = case.simulation

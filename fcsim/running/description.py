@@ -6,11 +6,10 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from fcsim.errors import InputError
 from fcsim.files import plain_name
-from fcsim.records import json_text, read_json, read_record, write_record
+from fcsim.records import from_json, json_text, read_json, read_record, write_record
 
 FILE = "run.json"
 FORMAT = "fcsim run"
@@ -81,7 +80,7 @@ class Description:
     case: str = ""
     title: str = ""
     description: str = ""
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
     assignments: Mapping[str, str] = field(default_factory=dict)
     scheme: str = ""
     notes: tuple[str, ...] = ()
@@ -90,7 +89,7 @@ class Description:
     solver: str = ""
     tol: float | None = None
     fclib_set: str = ""
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     plots: Plots = field(default_factory=Plots)
     versions: Mapping[str, str] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
@@ -120,7 +119,7 @@ def is_a_run(directory: Path) -> bool:
         content = read_json(directory / FILE)
         wanted = {"format", "case", "scheme", "versions"}
         given = {key: content[key] for key in wanted if key in content} if isinstance(content, dict) else {}
-        return isinstance(given.get("versions", {}), dict) and Description(**given).is_a_runs
+        return isinstance(given.get("versions", {}), dict) and from_json(Description, given, FILE).is_a_runs
     except (InputError, OSError):
         return False
 

@@ -8,27 +8,30 @@ import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from fcsim.errors import InputError
 from fcsim.running.case import CaseScript
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 SWITCHES = {"on": True, "true": True, "yes": True, "1": True, "off": False, "false": False, "no": False, "0": False}
 
 
-def read_value[T: (int, float, str, bool)](text: str, kind: type[T]) -> T:
-    """The text as a value of the type; ValueError for what is none: a switch misspelt, not a number."""
+def read_value(text: str, kind: type) -> bool | int | float | str:
+    """The text as a value of the type bool, int, float or str; ValueError for what is none: a switch misspelt, not a number."""
     if kind is bool:
         if text.lower() not in SWITCHES:
             raise ValueError(text)
-        return kind(SWITCHES[text.lower()])
-    value = kind(text)
+        return SWITCHES[text.lower()]
+    value: int | float | str = kind(text)
     if isinstance(value, float) and math.isnan(value):
         raise ValueError(text)
     return value
 
 
-def parse_parameters(script: CaseScript, assignments: Mapping[str, str]) -> Any:
+def parse_parameters(script: CaseScript, assignments: Mapping[str, str]) -> DataclassInstance:
     """Return the case's Parameters with `name=value` texts read as the fields' types; unknown names and bad values are refused."""
     kinds = typing.get_type_hints(script.parameters)
     known = {f.name: f for f in dataclasses.fields(script.parameters)}
@@ -40,7 +43,7 @@ def parse_parameters(script: CaseScript, assignments: Mapping[str, str]) -> Any:
     return script.parameters(**values)
 
 
-def _parse(name: str, text: str, kind: Any, case: str) -> Any:
+def _parse(name: str, text: str, kind: type, case: str) -> object:
     refused = InputError(f"--set {name}={text}: case {case} expects {_kind_name(kind)}")
     if typing.get_origin(kind) is tuple:
         items = [item for item in text.strip("()").split(",") if item.strip()]
@@ -67,7 +70,7 @@ def _parse(name: str, text: str, kind: Any, case: str) -> Any:
         raise refused from None
 
 
-def _kind_name(kind: Any) -> str:
+def _kind_name(kind: type) -> str:
     if typing.get_origin(kind) is typing.Literal:
         return "one of " + ", ".join(map(str, typing.get_args(kind)))
     if typing.get_origin(kind) is tuple:

@@ -7,7 +7,6 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -85,11 +84,11 @@ def write_hdf5(table: Path, path: Path, sensors: Sequence[Sensor]) -> None:
                 content[name].attrs["label"] = labels[name]
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     return f"{value:.12g}" if isinstance(value, float | np.floating) else str(value)
 
 
-COLUMNS: dict[str, tuple[str, Callable[[Step], Any]]] = {
+COLUMNS: dict[str, tuple[str, Callable[[Step], object]]] = {
     "step": ("", lambda step: step.number),
     "t": ("s", lambda step: step.state.t),
     "nc": ("", lambda step: len(step.contacts)),

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +18,15 @@ from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material.by_region import is_linear
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.running.folder import read_collection, write_collection
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPointSet, vtkPolyData, vtkUnstructuredGrid
+
+    from fcsim.assembly.model import Model
+    from fcsim.timestep.links.linked import Linked
+    from fcsim.timestep.state import State
+    from fcsim.timestep.step import Step
 
 # Level 1: three quarters of the size at a third of the time of level 6 more; zlib because meshio and other readers know no LZ4.
 COMPRESSION_LEVEL = 1
@@ -47,17 +56,17 @@ class _VTK:
         finally:
             self.core.vtkObject.SetGlobalWarningDisplay(shown)
 
-    def array(self, name: str, values: NDArray) -> Any:
+    def array(self, name: str, values: NDArray) -> vtkDataArray:
         array = self.support.numpy_to_vtk(np.ascontiguousarray(values), deep=True)
         array.SetName(name)
         return array
 
-    def points(self, coordinates: NDArray) -> Any:
+    def points(self, coordinates: NDArray) -> vtkPoints:
         points = self.core.vtkPoints()
         points.SetData(self.support.numpy_to_vtk(_in_space(coordinates), deep=True))
         return points
 
-    def cells(self, offsets: NDArray, connectivity: NDArray) -> Any:
+    def cells(self, offsets: NDArray, connectivity: NDArray) -> vtkCellArray:
         cells = self.data.vtkCellArray()
         cells.SetData(
             self.support.numpy_to_vtkIdTypeArray(offsets.astype(np.int64), deep=True),
@@ -65,7 +74,7 @@ class _VTK:
         )
         return cells
 
-    def write(self, dataset: Any, path: Path, t: float) -> None:
+    def write(self, dataset: vtkPointSet, path: Path, t: float) -> None:
         dataset.GetFieldData().AddArray(self.array("TimeValue", np.array([t])))
         writer = getattr(self.io, "vtkXMLPolyDataWriter" if path.suffix == ".vtp" else "vtkXMLUnstructuredGridWriter")()
         writer.SetInputData(dataset)
@@ -106,7 +115,7 @@ class SeriesWriter:
     Raises MissingDependency without VTK, OSError where a file cannot be written.
     """
 
-    def __init__(self, directory: str | Path, model: Any) -> None:
+    def __init__(self, directory: str | Path, model: Model) -> None:
         self.directory = Path(directory)
         self.directory.mkdir(parents=True, exist_ok=True)
         self._model = model
@@ -123,7 +132,7 @@ class SeriesWriter:
         if (path := self.directory / "links.pvd").is_file():
             self._entries["links"] = read_collection(path)
 
-    def write(self, step: Any) -> None:
+    def write(self, step: Step) -> None:
         """Write the three data sets of a step and take them up in the collections.
 
         Reads step.number; step.state.t, .x, .v; step.contacts; step.contact_force (nc, d) [N] in the frame (N, T1[, T2]);
@@ -141,7 +150,7 @@ class SeriesWriter:
             datasets["rigid"] = (self._rigid.dataset(displacement, velocity), "vtp")
         if step.linked is not None:
             self._entries.setdefault("links", [])
-            datasets["links"] = (_link_points(self._vtk, step), "vtp")
+            datasets["links"] = (_link_points(self._vtk, step, step.linked), "vtp")
         files = {name: f"{name}_{step.number:05d}.{suffix}" for name, (_, suffix) in datasets.items()}
         for name, (dataset, _) in datasets.items():
             self._vtk.write(dataset, self.directory / files[name], t)
@@ -150,7 +159,7 @@ class SeriesWriter:
             write_collection(self.directory / f"{name}.pvd", self._entries[name])
 
 
-def _body_nodes(model: Any, numbers: list[int]) -> tuple[NDArray, NDArray]:
+def _body_nodes(model: Model, numbers: list[int]) -> tuple[NDArray, NDArray]:
     """Return the global nodes of the bodies, one after the other, and where each body begins among them (nbodies + 1,)."""
     first, last = np.asarray(model.node_offset)[numbers], np.asarray(model.node_offset)[np.array(numbers) + 1]
     return np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)]), np.concatenate([[0], np.cumsum(last - first)])
@@ -159,11 +168,11 @@ def _body_nodes(model: Any, numbers: list[int]) -> tuple[NDArray, NDArray]:
 class _Blocks:
     """The unstructured grid of the deformable bodies; bodies of the same part share one stress operator and one product with it."""
 
-    def __init__(self, vtk: _VTK, model: Any, numbers: list[int]) -> None:
+    def __init__(self, vtk: _VTK, model: Model, numbers: list[int]) -> None:
         from fcsim.assembly.stress import stress_operator, von_mises
 
         self._vtk, self._von_mises, self._model = vtk, von_mises, model
-        bodies: list[Body] = [model.bodies[k] for k in numbers]
+        bodies = [body for k in numbers if isinstance(body := model.bodies[k], Body)]
         self._nodes, node_begin = _body_nodes(model, numbers)
         count = np.array([len(body.part.cells) for body in bodies])
         cell_begin = np.concatenate([[0], np.cumsum(count)])
@@ -191,7 +200,7 @@ class _Blocks:
         self._grid.SetCells(vtk.support.numpy_to_vtk(kinds, deep=True), vtk.cells(np.concatenate([[0], np.cumsum(width)]), connectivity))
         self._grid.GetCellData().AddArray(vtk.array("body", np.repeat(np.array(numbers, dtype=np.int32), count)))
 
-    def dataset(self, displacement: NDArray, velocity: NDArray, strained: NDArray, state: Any) -> Any:
+    def dataset(self, displacement: NDArray, velocity: NDArray, strained: NDArray, state: State) -> vtkUnstructuredGrid:
         point_data, cell_data = self._grid.GetPointData(), self._grid.GetCellData()
         point_data.AddArray(self._vtk.array("displacement", _in_space(displacement[self._nodes])))
         point_data.AddArray(self._vtk.array("velocity", _in_space(velocity[self._nodes])))
@@ -201,7 +210,7 @@ class _Blocks:
         cell_data.AddArray(self._vtk.array("von_mises", stress))
         return self._grid
 
-    def _nonlinear(self, von_mises: NDArray, state: Any) -> dict[str, NDArray]:
+    def _nonlinear(self, von_mises: NDArray, state: State) -> dict[str, NDArray]:
         """Put the von Mises stress of bodies of nonlinear materials in its place; their internal variables by name, (ncells,) or
         (ncells, c), means of the cells' points, nan where a material has none of that name."""
         found: dict[str, NDArray] = {}
@@ -234,18 +243,18 @@ class _RigidSurfaces:
     one closed line is the polygon within, another one its segments. Exact shapes are drawn by the mesh that they have for it: its points
     move with the body's nodes by their affine weights."""
 
-    def __init__(self, vtk: _VTK, model: Any, numbers: list[int]) -> None:
+    def __init__(self, vtk: _VTK, model: Model, numbers: list[int]) -> None:
         self._vtk = vtk
         self._nodes, _ = _body_nodes(model, numbers)
         lines: list[tuple[int, list[int]]] = []
         polygons: list[tuple[int, list[int]]] = []
-        weights: list[Any] = []
-        many = sum(model.bodies[number].shape is not None for number in numbers) > _MANY
+        weights: list[sp.csr_array] = []
+        bodies = [(number, body) for number in numbers if isinstance(body := model.bodies[number], RigidBody)]
+        many = sum(body.shape is not None for _, body in bodies) > _MANY
         first = 0
-        for number in numbers:
-            body = model.bodies[number]
+        for number, body in bodies:
             if body.shape is None:
-                surfaces = body.surfaces.values()
+                surfaces = list(body.surfaces.values())
                 weights.append(sp.eye_array(len(body.points), format="csr"))
             else:
                 local, facets = body.shape.display(_COARSE if many else _FINE)
@@ -266,7 +275,7 @@ class _RigidSurfaces:
         # VTK numbers the lines before the polygons
         self._surface.GetCellData().AddArray(vtk.array("body", np.array([number for number, _ in lines + polygons], dtype=np.int32)))
 
-    def dataset(self, displacement: NDArray, velocity: NDArray) -> Any:
+    def dataset(self, displacement: NDArray, velocity: NDArray) -> vtkPolyData:
         self._surface.GetPointData().AddArray(self._vtk.array("displacement", _in_space(self._drawn @ displacement[self._nodes])))
         self._surface.GetPointData().AddArray(self._vtk.array("velocity", _in_space(self._drawn @ velocity[self._nodes])))
         return self._surface
@@ -282,22 +291,22 @@ def _closed_line(segments: Iterable[Sequence[int]]) -> list[int] | None:
     return line if node == line[0] and len(line) == len(pairs) > 0 else None
 
 
-def _link_points(vtk: _VTK, step: Any) -> Any:
+def _link_points(vtk: _VTK, step: Step, linked: Linked) -> vtkPolyData:
     """A point for each row, where the weights of its first body are: the mean of the nodes of positive weight."""
-    linked, model = step.linked, step.model
-    rows = linked.rows
+    model, rows, multiplier = step.model, linked.rows, step.result.multiplier
+    assert multiplier is not None  # a step with links has one
     positive = rows.weights.multiply(rows.weights > 0).tocsr()
     total = np.asarray(positive.sum(axis=1)).ravel()
     points = vtk.data.vtkPolyData()
     points.SetPoints(vtk.points((positive @ model.positions(step.state.x)) / np.where(total > 0, total, 1.0)[:, None]))
     points.SetVerts(vtk.cells(np.arange(len(total) + 1), np.arange(len(total))))
-    forces = step.force_per_reaction * step.result.multiplier[:, None] * rows.direction
+    forces = step.force_per_reaction * multiplier[:, None] * rows.direction
     for name, values in {"force": _in_space(forces), "link": linked.linkage.of_row.astype(np.int32), "gap": rows.gap}.items():
         points.GetPointData().AddArray(vtk.array(name, values))
     return points
 
 
-def _contact_points(vtk: _VTK, step: Any, displacement: NDArray) -> Any:
+def _contact_points(vtk: _VTK, step: Step, displacement: NDArray) -> vtkPolyData:
     contacts, nc = step.contacts, len(step.contacts)
     force = np.asarray(step.contact_force).reshape(nc, contacts.dimension)
     sliding = np.asarray(step.result.u).reshape(nc, -1 if nc else contacts.dimension)[:, 1 : contacts.dimension]

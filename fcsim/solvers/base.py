@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,9 @@ from fcsim.problem import Checks, natural_map_residual
 from fcsim.problem.infeasible import Certificate
 from fcsim.problem.judge import relative
 from fcsim.solvers.memory import Memory
+
+ERRORS = ("scaled", "published")
+"""Which error decides, see `fcsim.problem`."""
 
 
 class Status(Enum):
@@ -47,7 +49,7 @@ class Options:
             raise InputError(f"max_iterations: expected an integer >= 0, got {self.max_iterations}")
 
 
-def override(options: Any, overrides: dict[str, Any]) -> Any:
+def override[O: Options](options: O, overrides: Mapping[str, object]) -> O:
     """Return the frozen options with the given fields replaced; an unknown name is an InputError that lists the known ones."""
     if not overrides:
         return options
@@ -56,7 +58,8 @@ def override(options: Any, overrides: dict[str, Any]) -> Any:
         if name not in known:
             raise InputError(f"option {name!r}: expected one of {', '.join(known)}")
         _refuse_other_types(name, value, str(getattr(known[name].type, "__name__", known[name].type)), getattr(options, name))
-    return replace(options, **overrides)
+    changed: Callable[..., O] = replace  # the names and types are checked above
+    return changed(options, **overrides)
 
 
 LARGEST = 2**53
@@ -69,7 +72,7 @@ EXPECTED = {
 }
 
 
-def _refuse_other_types(name: str, value: Any, kind: str, now: Any = None) -> None:
+def _refuse_other_types(name: str, value: object, kind: str, now: object = None) -> None:
     """Refuse what is not of the option's declared type: a method would stumble over it somewhere, or take a text for True."""
     kind, optional = kind.removesuffix(" | None"), kind.endswith(" | None")
     if kind not in EXPECTED and isinstance(now, tuple | Mapping) and not isinstance(value, tuple if isinstance(now, tuple) else Mapping):
@@ -102,7 +105,7 @@ def checked_limits(tol: float, floor: float, time_limit: float) -> None:
         raise InputError(f"time_limit: expected a number of seconds, got {time_limit}")
 
 
-def choice(name: str, value: str, known: dict[str, Any] | tuple[str, ...]) -> None:
+def choice(name: str, value: str, known: Collection[str]) -> None:
     """Refuse an option value that is not among the known ones."""
     if value not in known:
         raise InputError(f"option {name}: expected one of {', '.join(map(repr, known))}, got {value!r}")
@@ -169,6 +172,14 @@ class Monitor:
             *(q, self.mu, self.dimension, tol), compliance=self.compliance, floor=floor, time_limit=self.time_limit, start=self.start
         )
 
+    def stopped(self, error: float, max_iterations: int) -> Status | None:
+        """Why a method whose error is above `tol` has to stop: it is no number, or iterations or time are used up; None: it may go on."""
+        if not math.isfinite(error):
+            return Status.DIVERGED
+        if self.iterations >= max_iterations:
+            return Status.MAX_ITERATIONS
+        return Status.TIME_LIMIT if self.out_of_time() else None
+
     def out_of_time(self) -> bool:
         return time.perf_counter() - self.start > self.time_limit
 
@@ -187,8 +198,8 @@ class Iterate:
     __repr__ = brief
 
 
-Run = Callable[[Any, FloatArray, Monitor, Any], Iterate]
-"""On a `LocalProblem`; with dimension 5 on a `LocalRollingProblem`."""
+Run = Callable[..., Iterate]
+"""run(problem, r, monitor, options): on a `LocalProblem`, with dimension 5 on a `LocalRollingProblem`; options: the method's own class."""
 
 
 @dataclass(frozen=True)
@@ -202,13 +213,13 @@ class Method:
     """
 
     run: Run
-    options: Any
+    options: Options
     family: str
     source: str
     siconos: str = ""
     dimensions: tuple[int, ...] = (2, 3)
-    run_global: Any = None
-    run_mixed: Any = None
+    run_global: Run | None = None
+    run_mixed: Run | None = None
     limits: str = ""
 
 

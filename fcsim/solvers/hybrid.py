@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import chain, repeat
-from typing import Any
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
@@ -18,7 +17,7 @@ class Stage:
     """One stage: a run function and its options, whose max_iterations counts within the stage."""
 
     run: Run
-    options: Any
+    options: Options
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -82,12 +82,8 @@ def rolling_sweeps(problem: LocalRollingProblem, r: FloatArray, monitor: Monitor
         error = monitor.record(r.ravel(), _velocity(operator, r, p.q))
         if error <= monitor.tol:
             return Iterate(r.ravel(), Status.SOLVED)
-        if not np.isfinite(error):
-            return Iterate(r.ravel(), Status.DIVERGED)
-        if monitor.iterations >= options.max_iterations:
-            return Iterate(r.ravel(), Status.MAX_ITERATIONS)
-        if monitor.out_of_time():
-            return Iterate(r.ravel(), Status.TIME_LIMIT)
+        if (stopped := monitor.stopped(error, options.max_iterations)) is not None:
+            return Iterate(r.ravel(), stopped)
         before = r.copy()
         sweep(rows, own, q, p.mu, p.mu_r, r, rho, options.local_iterations)
         monitor.iterations += 1

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -17,13 +17,11 @@ from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
-from fcsim.solvers.base import Iterate, Method, Monitor, Result, Status, checked_limits, choice, override
+from fcsim.solvers.base import ERRORS, Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.small.door import LEAST_LIMIT, small
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.solvers.table import method
-
-ERRORS = ("scaled", "published")
 
 
 def solve(
@@ -36,7 +34,7 @@ def solve(
     floor: float = 0.0,
     time_limit: float = float("inf"),
     memory: Memory | None = None,
-    **overrides: Any,
+    **overrides: object,
 ) -> Result:
     """Solve a frictional contact problem by the named method and check the answer.
 
@@ -74,7 +72,7 @@ def _solve(
     floor: float,
     time_limit: float,
     memory: Memory | None,
-    overrides: dict[str, Any],
+    overrides: Mapping[str, object],
 ) -> Result:
     """`solve` by the general way."""
     if isinstance(problem, GlobalRollingProblem):
@@ -135,7 +133,7 @@ def _judged(
     )
 
 
-def _way(chosen: Method, solver: str, options: Any, given: Reduced) -> tuple[Any, Any]:
+def _way(chosen: Method, solver: str, options: Options, given: Reduced) -> tuple[Run, LocalProblem | Reduced]:
     """The method's run function and the form of the problem that it takes: local, or as it is where linear="kkt" asks for that."""
     if given.dimension not in chosen.dimensions:
         known = "problems with rolling friction" if chosen.dimensions == (5,) else " and ".join(f"{d}D" for d in chosen.dimensions)
@@ -183,7 +181,7 @@ class _Answers:
         return self.of(r).u
 
 
-def _run(run: Any, problem: Any, q: FloatArray, r: FloatArray, monitor: Monitor, options: Any) -> Iterate:
+def _run(run: Run, problem: LocalProblem | Reduced, q: FloatArray, r: FloatArray, monitor: Monitor, options: Options) -> Iterate:
     """Run the method; where it stops unsolved, hand back the best iterate seen."""
     zero = np.zeros_like(r)
     # r = 0 answers a problem without contacts, and one at rest up to round-off (see `floor`)

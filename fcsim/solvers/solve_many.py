@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
@@ -23,7 +22,7 @@ def solve_many(
     starts: Sequence[FloatArray | None] | None = None,
     *,
     threads: int = 1,
-    **options: Any,
+    **options: object,
 ) -> list[Result]:
     """The results of `solve(problem, solver, start, **options)` for each problem, in their order, whatever the threads.
 
@@ -44,9 +43,11 @@ def solve_many(
         raise InputError(f"starts: expected one for each of {len(problems)} problems, got {len(given)}")
     method(solver)  # an unknown one is said before anything is solved
 
+    one: Callable[..., Result] = solve  # which checks the options, too
+
     def answer(k: int) -> Result:
         try:
-            return solve(problems[k], solver, given[k], **options)
+            return one(problems[k], solver, given[k], **options)
         except InputError as error:
             raise InputError(f"problems[{k}]: {error}") from error
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,11 +12,16 @@ from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Checks
 from fcsim.problem.judge import relative
-from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction, modified_velocity, natural_residual, reduce_rolling
-from fcsim.solvers.base import Iterate, Monitor, Result, Status, checked_limits, choice, override
+from fcsim.problem.rolling import (
+    GlobalRollingProblem,
+    LocalRollingProblem,
+    RollingReduction,
+    modified_velocity,
+    natural_residual,
+    reduce_rolling,
+)
+from fcsim.solvers.base import ERRORS, Iterate, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.table import method
-
-ERRORS = ("scaled", "published")
 
 
 class RollingMonitor(Monitor):
@@ -26,11 +30,20 @@ class RollingMonitor(Monitor):
     published: the natural map in the units of the file, as programs print it; else in r', z = s r' with the contacts' compliances s.
     """
 
-    def __init__(self, reduction: RollingReduction, tol: float, published: bool, **arguments: Any) -> None:
+    def __init__(self, reduction: RollingReduction, tol: float, published: bool, floor: float, time_limit: float, start: float) -> None:
         local = reduction.local
         self._reduction, self._published = reduction, published
         compliance = None if published else local.delassus.compliance
-        super().__init__(reduction.reduction.q if published else local.q, local.mu, 5, tol, compliance=compliance, **arguments)
+        super().__init__(
+            reduction.reduction.q if published else local.q,
+            local.mu,
+            5,
+            tol,
+            compliance=compliance,
+            floor=floor,
+            time_limit=time_limit,
+            start=start,
+        )
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         given, scale = self._reduction, self._reduction.scale
@@ -50,7 +63,7 @@ def solve_rolling(
     error: str = "scaled",
     floor: float = 0.0,
     time_limit: float = float("inf"),
-    **overrides: Any,
+    **overrides: object,
 ) -> Result:
     """Solve a problem with rolling friction, or its reduction where that is known; arguments, errors and result as `solve`.
     "auto" is ROLLING-NSGS.
@@ -100,7 +113,7 @@ def solve_rolling(
     )
 
 
-def _run(run: Any, local: Any, r: FloatArray, monitor: Monitor, options: Any) -> Iterate:
+def _run(run: Run, local: LocalRollingProblem, r: FloatArray, monitor: Monitor, options: Options) -> Iterate:
     zero = np.zeros_like(r)
     if monitor.error(zero, local.q) <= monitor.tol:
         return Iterate(zero, Status.SOLVED)
@@ -108,6 +121,8 @@ def _run(run: Any, local: Any, r: FloatArray, monitor: Monitor, options: Any) ->
         iterate: Iterate = run(local, r, monitor, options)
     except SingularMatrix as singular:
         iterate = Iterate(r, Status.SINGULAR, str(singular))
+    except (OverflowError, ZeroDivisionError, FloatingPointError, np.linalg.LinAlgError) as beyond:  # numbers that no float holds
+        iterate = Iterate(r, Status.DIVERGED, f"{type(beyond).__name__}: {beyond}")
     if not iterate.status.solved and monitor.best_r is not None:
         return replace(iterate, r=monitor.best_r)
     return iterate

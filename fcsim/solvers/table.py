@@ -5,7 +5,7 @@ Names: Acary, Brémond, Huber, "On solving contact problems with Coulomb frictio
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 from fcsim.errors import InputError
 from fcsim.solvers.automatic.stages import AutomaticOptions, automatic
@@ -54,14 +54,13 @@ def _newton(formulation: str, source: str, siconos: str, rho: str = "split spect
     return Method(newton, options, "Newton", source, siconos, run_global=newton_global, run_mixed=newton_mixed)
 
 
-def _nsgs(one_contact: str, source: str, siconos: str = "", **options: Any) -> Method:
+def _nsgs(one_contact: str, source: str, siconos: str = "", options: GaussSeidelOptions = GaussSeidelOptions()) -> Method:  # noqa: B008
     siconos = siconos or ONE_CONTACT[one_contact].siconos
-    own = GaussSeidelOptions(one_contact=one_contact, **options)
-    return Method(nsgs, own, "Gauss-Seidel", source, f"NSGS + {siconos}" if siconos else "")
+    return Method(nsgs, replace(options, one_contact=one_contact), "Gauss-Seidel", source, f"NSGS + {siconos}" if siconos else "")
 
 
-def _hybrid(stages: tuple[Stage, ...], siconos: str, **options: Any) -> Method:
-    return Method(hybrid, HybridOptions(stages=stages, **options), "hybrid", _BOOK, siconos)
+def _hybrid(stages: tuple[Stage, ...], siconos: str, cycles: int = 1, first: tuple[Stage, ...] = ()) -> Method:
+    return Method(hybrid, HybridOptions(stages=stages, cycles=cycles, first=first), "hybrid", _BOOK, siconos)
 
 
 _SWEEPS = Stage(nsgs, GaussSeidelOptions(max_iterations=100))
@@ -93,13 +92,13 @@ SOLVERS: dict[str, Method] = {
     "NSGS-AC-GP": _nsgs("AC-GP", _BOOK),
     "NSGS-JM-GP": _nsgs("JM-GP", _BOOK),
     "NSGS-FP-DS-ONE": _nsgs("FP-DS-ONE", "De Saxcé, Feng 1998"),
-    "NSGS-FP-DS": _nsgs("FP-DS", "De Saxcé, Feng 1998", local_iterations=1000),
-    "NSGS-FP-VI-UPK": _nsgs("FP-VI-UPK", _BOOK, local_iterations=1000),
-    "NSGS-PC-REG": _nsgs("FP-DS-ONE", _BOOK, siconos="ONECONTACT_ProjectionOnConeWithRegularization", regularisation=0.1),
+    "NSGS-FP-DS": _nsgs("FP-DS", "De Saxcé, Feng 1998", options=GaussSeidelOptions(local_iterations=1000)),
+    "NSGS-FP-VI-UPK": _nsgs("FP-VI-UPK", _BOOK, options=GaussSeidelOptions(local_iterations=1000)),
+    "NSGS-PC-REG": _nsgs("FP-DS-ONE", _BOOK, "ONECONTACT_ProjectionOnConeWithRegularization", GaussSeidelOptions(regularisation=0.1)),
     "NSGS-PC-DIAG": _nsgs("PC-DIAG", _BOOK),
     "NSGS-CYL": _nsgs("CYL", _BOOK),
     "NSGS-EXACT": _nsgs("EXACT", "Bonnefon, Daviet 2011"),
-    "NSGS-NCP": _nsgs("NCP-FB", "Glocker 1999", local_iterations=100),
+    "NSGS-NCP": _nsgs("NCP-FB", "Glocker 1999", options=GaussSeidelOptions(local_iterations=100)),
     "NNCG": Method(nncg, SweepOptions(), "Gauss-Seidel", "Silcowitz-Hansen, Niebe, Erleben 2010"),
     "NSGSV": Method(nsgsv, VelocityOptions(), "Gauss-Seidel", _BOOK, "NSGSV"),
     "PPA-NSN-AC": Method(
@@ -168,9 +167,9 @@ SOLVERS: dict[str, Method] = {
     "2D-CPG": Method(conjugated_projected_gradient, ConjugateGradientOptions(), "2D", "Renouf, Alart 2005", "FRICTION_2D_CPG", (2,)),
     "2D-LEMKE": Method(planar_lemke, LemkeOptions(), "2D", "Lemke 1965", "FRICTION_2D_LEMKE", (2,)),
     "2D-ENUM": Method(planar_enumeration, EnumerationOptions(), "2D", "Murty 1988", "FRICTION_2D_ENUM", (2,)),
-    "ROLLING-NSGS": Method(rolling_sweeps, RollingSweepOptions(), "rolling", _ROLLING, "ROLLING_FRICTION_3D_NSGS", (5,), "G"),
-    "ROLLING-FP": Method(rolling_fixed_point, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5,), "G"),
-    "ROLLING-EG": Method(rolling_extragradient, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5,), "G"),
+    "ROLLING-NSGS": Method(rolling_sweeps, RollingSweepOptions(), "rolling", _ROLLING, "ROLLING_FRICTION_3D_NSGS", (5,)),
+    "ROLLING-FP": Method(rolling_fixed_point, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5,)),
+    "ROLLING-EG": Method(rolling_extragradient, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5,)),
 }
 
 ALIASES: dict[str, str] = {"NSN-JM-NLS": "NSN-JM", "NSN-NM-NLS": "NSN-NM", "NSN-AC-NLS-HYBRID": "NSN-AC-HYBRID", "FP": "FP-DS"}

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -32,7 +31,7 @@ class SolverSettings:
     name: str = "auto"
     tol: float = 1e-8
     floor: float = 1e-3
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     fallback: tuple[str, ...] = ("NSN-AC", "NSN-NM", "NSN-AC-HYBRID", "auto")
 
     def __post_init__(self) -> None:
@@ -60,15 +59,16 @@ def solve_chain(
     warm (m,): where the first link begins; share: of the step that is solved; kept: what the problem before left; lead: who
     begins. What was tried is added to `attempts`.
     """
-    chain: list[tuple[str, str, Mapping[str, Any]]] = [(settings.name, "previous steps", settings.options)]
+    chain: list[tuple[str, str, Mapping[str, object]]] = [(settings.name, "previous steps", settings.options)]
     if lead.steps:
         chain.insert(0, (lead.solver, "previous steps", {}))
     if np.any(warm):
         chain.append((settings.name, "zero", settings.options))
     chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
+    solved: Callable[..., Result] = solve  # which checks the options
     for k, (name, start, options) in enumerate(chain):
         r = warm if start == "previous steps" else None
-        result = solve(reduction, name, r, tol=tol, floor=settings.floor, memory=kept, **options)
+        result = solved(reduction, name, r, tol=tol, floor=settings.floor, memory=kept, **options)
         kept = result.memory
         attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol, k == 0 and lead.steps > 0))
         if result.solved:
@@ -76,7 +76,7 @@ def solve_chain(
     return None, kept
 
 
-ROLLING: tuple[tuple[str, dict[str, Any]], ...] = (
+ROLLING: tuple[tuple[str, Mapping[str, object]], ...] = (
     ("ROLLING-NSGS", {"max_iterations": 300}),
     ("ROLLING-EG", {"max_iterations": 3000}),
     ("ROLLING-NSGS", {}),
@@ -94,10 +94,11 @@ def solve_rolling_chain(
     where the one before ended, the long ones from zero."""
     own = [(settings.name, dict(settings.options))] if 5 in method(settings.name).dimensions else []
     r, start = warm, "previous steps" if np.any(warm) else "zero"
+    solved: Callable[..., Result] = solve_rolling  # which checks the options
     for name, options in (*own, *ROLLING):
         if not options and name != settings.name:
             r, start = np.zeros_like(warm), "zero"
-        result = solve_rolling(reduction, name, r, tol=tol, floor=settings.floor, **options)
+        result = solved(reduction, name, r, tol=tol, floor=settings.floor, **options)
         attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol))
         if result.solved:
             return result

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,7 +13,7 @@ from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.law import NOTHING, Meeting, Outcome, Terms, Variables
+from fcsim.contact_law.law import NOTHING, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, five_rows, moment_matrix, widened
 from fcsim.timestep.scheme import Scheme
@@ -37,11 +36,11 @@ class Encounter:
     """
 
     contacts: Contacts
-    H: Any
+    H: sp.csc_array
     meeting: Meeting
     terms: Terms
     passing: Contacts | None = None
-    moments: Any = None
+    moments: sp.csc_array | None = None
     left: Contacts | None = None
 
     __repr__ = brief
@@ -52,7 +51,7 @@ class Encounter:
         return self.contacts.dimension if self.moments is None else ROWS
 
     @cached_property
-    def acting_H(self) -> Any:
+    def acting_H(self) -> sp.csc_array:
         """(n_dofs, m) of all unknowns, forces and rolling moments."""
         return self.H if self.moments is None else five_rows(self.H, self.moments, self.contacts.dimension)
 
@@ -61,7 +60,7 @@ class Encounter:
         return (values if self.moments is None else widened(values, fill)).ravel()
 
     @cached_property
-    def scaled_H(self) -> Any:
+    def scaled_H(self) -> sp.csc_array:
         """H S, the problem's."""
         scale = self.terms.scale
         return self.acting_H if scale is None else sp.csc_array(self.acting_H @ sp.diags_array(self._of_rows(scale, 1.0)))
@@ -104,13 +103,13 @@ class Encounter:
         """What the law is told of the problem's u, r (m,) and the velocity v (n_dofs,)."""
         return Outcome(self.terms, self.forces(u), self.forces(r), (self.H.T @ v).reshape(self.terms.w.shape))
 
-    def tried(self, law: Any, trial: Variables) -> Encounter:
+    def tried(self, law: Law, trial: Variables) -> Encounter:
         """The same contacts under a law that is told `trial`, see `Implicit`."""
         meeting = replace(self.meeting, trial=trial)
         terms = law.terms(meeting)
         return replace(self, contacts=replace(self.contacts, mu=terms.mu), meeting=meeting, terms=terms)
 
-    def remember(self, law: Any, u: FloatArray, r: FloatArray, v: FloatArray) -> Variables | None:
+    def remember(self, law: Law, u: FloatArray, r: FloatArray, v: FloatArray) -> Variables | None:
         """The law's variables after the step with the problem's u, r (m,) and the velocity v (n_dofs,) at its end."""
         outcome = self.outcome(u, r, v)
         kept = law.remember(self.meeting, outcome)
@@ -203,7 +202,7 @@ def passing(left: Contacts, moved: FloatArray, proportions: Proportions) -> Cont
     return left.take(deep) if deep.any() else None
 
 
-def _turned(H: Any, meeting: Meeting, frame: FloatArray) -> tuple[Any, Meeting]:
+def _turned(H: sp.csc_array, meeting: Meeting, frame: FloatArray) -> tuple[sp.csc_array, Meeting]:
     """H and the meeting in other frames (nc, d, d)."""
     old, nc, d = meeting.contacts, len(meeting), meeting.contacts.dimension
     turn = np.einsum("aij,akj->aik", frame, old.frame)  # new components from old ones

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
@@ -214,7 +214,7 @@ class Acting:
     """What acted at the contacts of a step: H (n_dofs, m) of all unknowns, r (m,) and the contact law's u (m,); rows a contact: normal
     force, tangential forces, rolling moments."""
 
-    H: Any
+    H: sp.csc_array
     r: FloatArray
     u: FloatArray
     rows: int

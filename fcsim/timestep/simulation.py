@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
@@ -108,7 +108,7 @@ class Simulation:
         return self._system(self.scheme)
 
     @property
-    def matrix(self) -> Any:
+    def matrix(self) -> sp.csr_array:
         """The problems' M in the reference configuration; one object for all steps that are not cut unless rigid bodies' inertia turns."""
         return self.factor.matrix()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,6 +29,9 @@ from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.warm_start import Reactions
 from fcsim.witness import Overlap
+
+if TYPE_CHECKING:
+    from dolfinx.fem import Function
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,7 @@ class Step:
     previous: State
     state: State
     contacts: Contacts
-    H: Any
+    H: sp.csc_array
     problem: GlobalProblem | GlobalRollingProblem
     result: Result
     reduction: Reduction
@@ -273,7 +276,7 @@ class Step:
         nothing = {name: np.full((len(self.contacts), *values.shape[1:]), np.nan) for name, values in self.variables.values.items()}
         return {name: self.variables.of(name, self.contacts.identity, fresh) for name, fresh in nothing.items()}
 
-    def function(self, body: str, field: Field = "displacement") -> Any:
+    def function(self, body: str, field: Field = "displacement") -> Function:
         """A field of a deformable body at the end of the step as a dolfinx function, see `body_function`."""
         return body_function(self.model, body, self.state.x, self.state.v, field)
 

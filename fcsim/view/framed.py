@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from pyvista import DataSet
 
 _WIDE = 1.5  # times as long as what moves: a body that stands still is cut off there
 _AROUND = 0.1  # of the largest extent of what moves
@@ -22,7 +25,7 @@ class Framed:
 
     boxes: dict[int, FloatArray] = field(default_factory=dict)
 
-    def see(self, data: Any, rigid: bool) -> None:
+    def see(self, data: DataSet, rigid: bool) -> None:
         """Take in the data set of an instant's blocks or rigid bodies."""
         if not data.n_points:
             return

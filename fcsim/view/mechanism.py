@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -106,7 +106,7 @@ def _draw_solids(analysis: LimitAnalysis, path: Path) -> Path:
     model = analysis.limit.model
     speed = np.linalg.norm(model.node_velocity(analysis.coulomb.v), axis=1)
     most = max(float(speed.max(initial=0.0)), 1e-300)
-    plotter: Any = pv.Plotter(off_screen=True, window_size=(1400, 1050))
+    plotter = pv.Plotter(off_screen=True, window_size=(1400, 1050))
     plotter.enable_anti_aliasing("ssaa")
     limits = []
     for number, (corners, body) in enumerate(zip(_moved(analysis), model.rigid, strict=True)):

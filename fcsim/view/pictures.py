@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcsim.running.folder import Instant, RunFolder
 from fcsim.view.scene import Scene, Survey, colour_map, read
 from fcsim.view.style import BLUE, GREY, RED, STYLE, figure, matplotlib, prefixed, save
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 WIDTH = 10.0  # of every page [inch], whatever the resolution
@@ -89,12 +91,23 @@ def contact_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
     for kind in (0, 1, 2):
         name, colour = STATUS[kind]
         of_kind = points[status == kind]
-        marker: dict[str, Any] = {"marker": "o", "markersize": 4.2, "linestyle": "none", "color": colour}
-        marker |= (
-            {"markerfacecolor": "white", "markeredgewidth": 1.0} if kind == 0 else {"markeredgecolor": "white", "markeredgewidth": 0.4}
+        face, edge, width = ("white", colour, 1.0) if kind == 0 else (colour, "white", 0.4)
+        dots = axes.plot(of_kind[:, 0], of_kind[:, 1], "o", markersize=4.2, color=colour, markerfacecolor=face)[0]
+        dots.set(markeredgecolor=edge, markeredgewidth=width)
+        handles.append(
+            Line2D(
+                [],
+                [],
+                marker="o",
+                linestyle="none",
+                markersize=7,
+                color=colour,
+                markerfacecolor=face,
+                markeredgecolor=edge,
+                markeredgewidth=width,
+                label=f"{name} ({len(of_kind)})",
+            )
         )
-        axes.plot(of_kind[:, 0], of_kind[:, 1], **marker)
-        handles.append(Line2D([], [], label=f"{name} ({len(of_kind)})", **(marker | {"markersize": 7})))
     scale, unit = prefixed("N", largest)
     handles.append(Line2D([], [], color=GREY, linewidth=1.6, label=f"reaction (longest of the run: {largest / scale:.3g} {unit})"))
     page.drawing.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.02), ncols=4, handletextpad=0.5, columnspacing=1.8)
@@ -148,7 +161,7 @@ class _Page:
         self.drawing.text(left, 1 - 0.34 / self.height, title, fontsize=14, fontweight="bold", va="center")
         self.drawing.text(left, 1 - 0.60 / self.height, subtitle, fontsize=11, color=GREY, va="center")
 
-    def image(self, pixels: Any, place: int = 0, caption: str = "") -> Any:
+    def image(self, pixels: NDArray[np.uint8], place: int = 0, caption: str = "") -> Axes:
         row, column = divmod(place, self.columns)
         bottom = BOTTOM + (self.rows - 1 - row) * (self.cell_height + self.caption)
         axes = self.drawing.add_axes((column / self.columns, bottom / self.height, 1 / self.columns, self.cell_height / self.height))

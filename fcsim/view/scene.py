@@ -10,7 +10,7 @@ import sys
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,12 @@ from fcsim.errors import InputError, MissingDependency
 from fcsim.running.folder import Instant, RunFolder
 from fcsim.view.framed import Framed
 from fcsim.view.standing_before import standing_before
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from matplotlib.colors import Colormap
+    from pyvista import DataSet
 
 # Automatic exaggeration: the largest displacement is shown as at most this share of the size of the whole, with a round factor.
 # The factors below differ by at most 1.5, so it is at least two thirds of it.
@@ -34,7 +40,7 @@ w = vtkRenderWindow(); w.SetOffScreenRendering(1); w.AddRenderer(vtkRenderer());
 
 
 @functools.cache
-def offscreen() -> Any:
+def offscreen() -> ModuleType:
     """Return pyvista, ready to render without a display; MissingDependency where it, or every OpenGL library, is absent.
 
     VTK ends the process where it finds no OpenGL, so a child process tries EGL, OSMesa and VTK's own choice first.
@@ -79,7 +85,7 @@ class Survey:
     last: Instant | None = None
 
 
-def read(path: Path) -> Any:
+def read(path: Path) -> DataSet:
     """Return the data set of a .vtu or .vtp file."""
     with warnings.catch_warnings(action="ignore", category=UserWarning):  # of VTK's reader: the error below says it
         data = offscreen().read(path)
@@ -129,7 +135,7 @@ def _left_out(last: Instant, toward: NDArray[np.float64]) -> NDArray[np.int64]:
     return standing_before(read(last.rigid), None if last.blocks is None else read(last.blocks), toward)
 
 
-def colour_map() -> Any:
+def colour_map() -> Colormap:
     """Return the colours of the stress, from 0 to the top of the range."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
@@ -187,7 +193,7 @@ class Scene:
             [self.width / 2 + self.pixel_per_metre * (relative @ self.right), self.height / 2 - self.pixel_per_metre * (relative @ self.up)]
         )
 
-    def shown(self, data: Any) -> NDArray[np.float64]:
+    def shown(self, data: DataSet) -> NDArray[np.float64]:
         """Return the points of a data set with the exaggerated displacement (n, 3) [m]; contacts are stored displaced once already."""
         times = self.survey.exaggeration - ("reaction" in data.point_data)
         return np.asarray(data.points) + times * np.asarray(data["displacement"])
@@ -202,14 +208,14 @@ class Scene:
             self._add(rigid, color="#8c8c8c" if rigid.n_lines else "#c9c9c9" if coloured else "#dedede")
         if instant.blocks is not None:
             blocks = read(instant.blocks)
-            colours: dict[str, Any] = {"color": "#f4f1ea"}
+            colours: dict[str, object] = {"color": "#f4f1ea"}
             if coloured:
                 colours = {"scalars": "von_mises", "clim": self.survey.stress, "cmap": colour_map(), "show_scalar_bar": False}
             self._add(blocks, edges=coloured, **colours)
         self._plotter.render()
         return np.asarray(self._plotter.image)
 
-    def _add(self, data: Any, edges: bool = False, **colours: Any) -> None:
+    def _add(self, data: DataSet, edges: bool = False, **colours: object) -> None:
         data.points = self.shown(data)
         surface = data.extract_surface(algorithm="dataset_surface") if hasattr(data, "celltypes") else data
         fine = self.width / 1500

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from pyvista import DataSet
 
 _TOWARDS = 0.1  # cosine: sides of the scene that face the camera less are not before it
 _HIDES = 0.5  # share of the side that a body covers before it is left out
 
 
-def standing_before(rigid: Any, blocks: Any | None, toward: NDArray[np.float64]) -> NDArray[np.int64]:
+def standing_before(rigid: DataSet, blocks: DataSet | None, toward: NDArray[np.float64]) -> NDArray[np.int64]:
     """Numbers of the rigid bodies that do not move and cover more than half of what moves, on a side of it that faces the camera.
 
     rigid, blocks: the data sets of the last instant; toward (3,): to the camera. A floor is below and covers nothing.

@@ -13,6 +13,8 @@ from fcsim.errors import MissingDependency
 from fcsim.files import replacing
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from matplotlib.figure import Figure
 
 # Okabe and Ito's palette, which colour-blind readers tell apart (https://jfly.uni-koeln.de/color)
@@ -51,7 +53,7 @@ PREFIXES = {
 LEAST = {"m": 0.0999, "Pa": 0.0999}  # 0.36 mm and 0.45 MPa rather than 360 µm and 450 kPa
 
 
-def matplotlib() -> Any:
+def matplotlib() -> ModuleType:
     """Return the matplotlib package; MissingDependency where it is absent."""
     try:
         import matplotlib
@@ -61,7 +63,7 @@ def matplotlib() -> Any:
     return matplotlib
 
 
-def figure(width: float, height: float, dpi: float = 100.0, **options: Any) -> Figure:
+def figure(width: float, height: float, dpi: float = 100.0, **options: object) -> Figure:
     """Return a figure of width x height [inch], owned by the caller alone (pyplot knows nothing of it)."""
     return matplotlib().figure.Figure(figsize=(width, height), dpi=dpi, **options)
 

@@ -5,17 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fcsim import runtime
 from fcsim.arrays import FloatArray
-from fcsim.assembly import elasticity
-from fcsim.assembly.elasticity import QUADRATURE_DEGREE, Discretisation, discretise, lame
+from fcsim.assembly.discretisation import QUADRATURE_DEGREE, Discretisation, discretise, once_per_part
+from fcsim.assembly.elasticity import lame
 from fcsim.errors import InputError
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Part
+
+if TYPE_CHECKING:
+    from dolfinx.fem import FunctionSpace
+    from dolfinx.mesh import Mesh
+    from scipy.sparse import csr_array
+    from ufl import Argument, FacetNormal, Form, Measure, SpatialCoordinate
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,46 +35,46 @@ class PartForms:
     discrete: Discretisation
 
     @property
-    def mesh(self) -> Any:
+    def mesh(self) -> Mesh:
         return self.discrete.mesh
 
     @property
-    def space(self) -> Any:
+    def space(self) -> FunctionSpace:
         return self.discrete.vector_space
 
     @cached_property
-    def x(self) -> Any:
+    def x(self) -> SpatialCoordinate:
         import ufl
 
         return ufl.SpatialCoordinate(self.mesh)
 
     @cached_property
-    def u(self) -> Any:
+    def u(self) -> Argument:
         import ufl
 
         return ufl.TrialFunction(self.space)
 
     @cached_property
-    def v(self) -> Any:
+    def v(self) -> Argument:
         import ufl
 
         return ufl.TestFunction(self.space)
 
     @property
-    def dx(self) -> Any:
+    def dx(self) -> Measure:
         """The measure of the cells."""
         import ufl
 
         return ufl.Measure("dx", domain=self.mesh)
 
     @cached_property
-    def normal(self) -> Any:
+    def normal(self) -> FacetNormal:
         """The outward normal, for forms on surfaces."""
         import ufl
 
         return ufl.FacetNormal(self.mesh)
 
-    def ds(self, surface: str) -> Any:
+    def ds(self, surface: str) -> Measure:
         """The measure of one of the part's surfaces."""
         import ufl
 
@@ -76,7 +82,7 @@ class PartForms:
         return ufl.Measure("ds", domain=self.mesh, subdomain_data=tags, subdomain_id=1)
 
     @property
-    def stiffness(self) -> Any:
+    def stiffness(self) -> Form:
         """The bilinear form int sigma(u) : eps(v), as assembled for elements whose strain is that of their displacements."""
         import ufl
 
@@ -90,7 +96,7 @@ class PartForms:
         )
 
     @property
-    def mass(self) -> Any:
+    def mass(self) -> Form:
         """The bilinear form int density u . v."""
         import ufl
 
@@ -100,17 +106,17 @@ class PartForms:
         density = self.discrete.constant(self.part.material.density)
         return density * ufl.inner(self.u, self.v) * self.dx(metadata={"quadrature_degree": degree})
 
-    def matrix(self, form: Any) -> Any:
+    def matrix(self, form: Form) -> csr_array:
         """The matrix (d nn, d nn) of a bilinear form of u and v in the part's numbering, times the thickness in 2D."""
         return self.part.thickness * self.discrete.matrix(form, self.space)
 
-    def vector(self, form: Any) -> FloatArray:
+    def vector(self, form: Form) -> FloatArray:
         """The nodal values (d nn,) of a linear form of v in the part's numbering, times the thickness in 2D."""
         found: FloatArray = self.part.thickness * self.discrete.vector(form, self.space)
         return found
 
 
-@elasticity.once_per_part
+@once_per_part
 def _kept(part: Part) -> Discretisation:
     return discretise(part)
 
@@ -120,7 +126,7 @@ def forms_of(part: Part) -> PartForms:
     return PartForms(part, _kept(part))
 
 
-def form_forces(part: Part, form: Callable[[PartForms], Any], what: str) -> FloatArray:
+def form_forces(part: Part, form: Callable[[PartForms], Form], what: str) -> FloatArray:
     """Nodal forces (nn, d) [N] in the part's axes of a linear form of v; InputError for what is no such form."""
     forms = forms_of(part)
     try:

@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcsim import runtime
-from fcsim.arrays import IntArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.cell_type import CELL_TYPES, CellType
 from fcsim.mesh.facets import orient_facets
 from fcsim.mesh.material import AnyMaterial, ByRegion
 from fcsim.mesh.part import Part
 
-_MESHES: WeakKeyDictionary[Part, Any] = WeakKeyDictionary()
+if TYPE_CHECKING:
+    from dolfinx.mesh import Mesh, MeshTags
+
+_MESHES: WeakKeyDictionary[Part, Mesh] = WeakKeyDictionary()
 
 
 def part_from_dolfinx(
     name: str,
-    mesh: Any,
+    mesh: Mesh,
     material: AnyMaterial | Mapping[int, AnyMaterial],
     *,
-    cell_tags: Any = None,
-    facet_tags: Any = None,
+    cell_tags: MeshTags | None = None,
+    facet_tags: MeshTags | None = None,
     surfaces: Mapping[str, int | tuple[int, ...]] | None = None,
     plane: Literal["strain", "stress"] = "strain",
     thickness: float = 1.0,
@@ -49,8 +52,10 @@ def part_from_dolfinx(
     points = np.array(mesh.geometry.x[:, :d], dtype=np.float64)
     cells = _right_handed(points, cells, cell)
     regions: dict[str, IntArray] = {}
-    given_material: Any = material
-    if isinstance(material, Mapping):
+    given_material: AnyMaterial | ByRegion
+    if not isinstance(material, Mapping):
+        given_material = material
+    else:
         if cell_tags is None or cell_tags.dim != d:
             raise InputError(f"{what}: expected cell_tags, MeshTags of the cells, with a material for each tag")
         regions = {str(tag): np.asarray(cell_tags.find(tag), dtype=np.int64) for tag in material}
@@ -62,19 +67,24 @@ def part_from_dolfinx(
             )
         given_material = ByRegion({str(tag): own for tag, own in material.items()})
     named = _surfaces(mesh, facet_tags, surfaces, cells, cell.name, what)
-    options: dict[str, Any] = {"plane": plane, "thickness": thickness, "elements": elements, "regions": regions}
-    part = Part(name, points, cells, cell.name, named, given_material, **options)
+    part = Part(
+        *(name, points, cells, cell.name, named, given_material),
+        plane=plane,
+        thickness=thickness,
+        elements=elements,  # type: ignore[arg-type] # None: those of the cells, which the part says from then on
+        regions=regions,
+    )
     if part.cell_type == cell.name:
         _MESHES[part] = mesh
     return part
 
 
-def own_mesh(part: Part) -> Any | None:
+def own_mesh(part: Part) -> Mesh | None:
     """The mesh that a part was made of, as long as its cells are that mesh's; None of others."""
     return _MESHES.get(part)
 
 
-def _cell(mesh: Any, what: str) -> Any:
+def _cell(mesh: Mesh, what: str) -> CellType:
     name, degree = mesh.topology.cell_name(), mesh.geometry.cmaps[0].degree
     found = [c for c in CELL_TYPES.values() if c.basix == name and c.order == degree and c.dimension == mesh.geometry.dim]
     if not found or mesh.geometry.dofmaps[0].shape[1] != found[0].size:
@@ -86,7 +96,7 @@ def _cell(mesh: Any, what: str) -> Any:
     return found[0]
 
 
-def _right_handed(points: Any, cells: IntArray, cell: Any) -> IntArray:
+def _right_handed(points: FloatArray, cells: IntArray, cell: CellType) -> IntArray:
     """The cells with positive Jacobians: dolfinx numbers cells either way."""
     corners = points[cells]
     J = np.einsum("cai,aj->cij", corners, cell.gradient(cell.centre)[0])
@@ -96,7 +106,7 @@ def _right_handed(points: Any, cells: IntArray, cell: Any) -> IntArray:
     return turned
 
 
-def _mirror(cell: Any) -> IntArray:
+def _mirror(cell: CellType) -> IntArray:
     """Places of the nodes of a cell in its mirror image: of simplices two corners exchanged, else the first axis turned round."""
     image = cell.nodes.copy()
     if cell.simplex:
@@ -107,7 +117,7 @@ def _mirror(cell: Any) -> IntArray:
 
 
 def _surfaces(
-    mesh: Any, tags: Any, surfaces: Mapping[str, int | tuple[int, ...]] | None, cells: IntArray, cell_type: str, what: str
+    mesh: Mesh, tags: MeshTags | None, surfaces: Mapping[str, int | tuple[int, ...]] | None, cells: IntArray, cell_type: str, what: str
 ) -> dict[str, IntArray]:
     """The facets of tags by their names, outwards, in the nodes' order of `Part`."""
     if tags is None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
 from fcsim import runtime
 from fcsim.arrays import FloatArray
-from fcsim.assembly.elasticity import discretise
+from fcsim.assembly.discretisation import discretise
 from fcsim.assembly.forms.part_of_mesh import own_mesh
 from fcsim.assembly.model import Model
 from fcsim.assembly.stress import stress_operator, von_mises
@@ -16,10 +16,13 @@ from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Body
 
+if TYPE_CHECKING:
+    from dolfinx.fem import Function
+
 Field = Literal["displacement", "velocity", "stress", "von_mises"]
 
 
-def body_function(model: Model, body: str, x: FloatArray, v: FloatArray, field: Field = "displacement") -> Any:
+def body_function(model: Model, body: str, x: FloatArray, v: FloatArray, field: Field = "displacement") -> Function:
     """Return a field of a deformable body as a `dolfinx.fem.Function`, on the mesh that its part was made of, else on the part's own.
 
     displacement [m], velocity [m/s]: of the elements' order, components along the world axes; stress (3, 3) [Pa] in the axes of the

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -34,7 +33,7 @@ class TurnedMatrix:
             self._blocks.append(A.data.reshape(-1, d * d).T.copy())
         self._indptr, self._indices, self._source, self._size = _pattern(np.concatenate(rows), np.concatenate(columns), free, eliminated)
 
-    def at(self, Q: FloatArray | None, matrices: Mapping[int, FloatArray]) -> Any:
+    def at(self, Q: FloatArray | None, matrices: Mapping[int, FloatArray]) -> sp.csr_array:
         """The matrix as a csr_array with the rotations Q (n_deformable, d, d) of the bodies (None: none turns), and of the bodies of
         nonlinear
         groups, by the group's number, their blocks (nb, nblocks, d, d)."""

@@ -26,7 +26,7 @@ from typing import Protocol
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.assembly.elasticity import once_per_part
+from fcsim.assembly.discretisation import once_per_part
 from fcsim.assembly.elements import quadrature, refuse_inverted
 from fcsim.assembly.nonlinear._tangent_kernels import cell_tangents
 from fcsim.errors import InputError

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.assembly.elasticity import once_per_part
+from fcsim.assembly.discretisation import once_per_part
 from fcsim.assembly.elements import VOIGT
 from fcsim.assembly.nonlinear._tangent_kernels import scatter_blocks, scatter_nodes
-from fcsim.assembly.nonlinear.cells import PartCells, cell_strain, part_cells
+from fcsim.assembly.nonlinear.cells import CellStrain, PartCells, cell_strain, part_cells
 from fcsim.assembly.nonlinear.mean_strain import respond_between
 from fcsim.assembly.nonlinear.strain_measures import InStrain, PlaneStress
 from fcsim.mesh.material.by_region import ByRegion, as_law
@@ -40,7 +39,7 @@ class NodeGraph:
     indices: IntArray
     place: IntArray
 
-    def matrix(self, blocks: FloatArray) -> Any:
+    def matrix(self, blocks: FloatArray) -> sp.csr_array:
         """Blocks (nblocks, d, d) as one csr_array; entries of no block are left out, zeros within are kept."""
         n = len(self.indptr) - 1
         d = blocks.shape[-1]
@@ -95,7 +94,7 @@ class Region:
 
     numbers: IntArray
     law: PointLaw
-    strain: Any
+    strain: type[CellStrain]
     rotates: bool
     reference: FloatArray
     first: FloatArray
@@ -272,6 +271,7 @@ class _Points:
         """P + F beta C : dE/dt, its derivative as far as it is symmetric, and the power [W] of the damping; C of the reference: no stress
         from rotation, never negative, and beta K v where strains are small."""
         F = self._strain.F if self._region.rotates else np.broadcast_to(np.eye(3), self._strain.F.shape)
+        assert self._rate is not None  # the instant of a damped body has velocities
         dE = np.swapaxes(F, -1, -2) @ self._rate
         dE = 0.5 * (dE + np.swapaxes(dE, -1, -2))
         C = instant.beta * self._region.reference

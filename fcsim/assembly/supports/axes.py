@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,7 +37,7 @@ class DofAxes:
         x[dofs] = np.einsum("kij,ki->kj", self.frame, y[dofs])
         return x
 
-    def matrix(self, begin: int, end: int) -> Any:
+    def matrix(self, begin: int, end: int) -> sp.csr_array:
         """The rows and columns begin ... end - 1 of T as a csr_array; no triple may lie across these bounds."""
         own = (self.first >= begin) & (self.first < end)
         dofs, frame, size, d = self._dofs[own] - begin, self.frame[own], end - begin, self.frame.shape[-1]

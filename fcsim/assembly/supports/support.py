@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -85,7 +84,7 @@ def finite(value: float | TimeFunction, t: float, what: str, expected: str) -> f
     return number
 
 
-def _rotation(axes: Any, what: str) -> tuple[tuple[float, ...], ...]:
+def _rotation(axes: object, what: str) -> tuple[tuple[float, ...], ...]:
     try:
         R: FloatArray = np.array(axes, dtype=np.float64)
     except (TypeError, ValueError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,28 +16,43 @@ if TYPE_CHECKING:
 
 WINE, OLIVE = "#882255", "#7F7F1A"  # two more, after Paul Tol's muted scheme (https://personal.sron.nl/~pault/)
 COLOURS = (BLACK, BLUE, RED, GREEN, PURPLE, ORANGE, SKY, GREY, WINE, OLIVE)
-DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (7, 1.6, 1.4, 1.6)), (0, (4, 1.2, 1.2, 1.2, 1.2, 1.2)))
+Dashes = str | tuple[int, tuple[float, ...]]
+DASHES: tuple[Dashes, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (7, 1.6, 1.4, 1.6)), (0, (4, 1.2, 1.2, 1.2, 1.2, 1.2)))
 MARKERS = "os^DvPX<>*p"
+
+
+class Look(TypedDict, total=False):
+    """What matplotlib is told of a line and its markers."""
+
+    color: str
+    linestyle: Dashes
+    linewidth: float
+    marker: str
+    markersize: float
+    markerfacecolor: str
+    markeredgecolor: str
+    markeredgewidth: float
 
 
 @dataclass(frozen=True)
 class CurveStyle:
     colour: str
-    dashes: Any
+    dashes: Dashes
     marker: str
     hollow: bool
     scale: float = 1.0
 
     @property
-    def line(self) -> dict[str, Any]:
+    def line(self) -> Look:
         return {"color": self.colour, "linestyle": self.dashes, "linewidth": 1.6 * self.scale}
 
     @property
-    def points(self) -> dict[str, Any]:
+    def points(self) -> Look:
         face = "white" if self.hollow else self.colour
         size = self.scale * (5.0 if self.marker in "sD" else 6.2)
-        look = {"marker": self.marker, "markersize": size, "markerfacecolor": face, "markeredgecolor": self.colour, "markeredgewidth": 1.2}
-        return {"linestyle": "none", **look}
+        return Look(
+            linestyle="none", marker=self.marker, markersize=size, markerfacecolor=face, markeredgecolor=self.colour, markeredgewidth=1.2
+        )
 
 
 def curve_styles(number: int) -> list[CurveStyle]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
@@ -36,11 +36,6 @@ class Profile:
     def solved(self) -> FloatArray:
         """(solvers,) rho_s(infinity): the fraction of the problems that each solver solved."""
         return np.isfinite(self.ratios).sum(axis=0) / max(self.problems, 1)
-
-    @property
-    def wins(self) -> NDArray[np.int64]:
-        """(solvers,) |P| rho_s(1): problems on which no solver was faster; a tie is won by all that share it."""
-        return (self.ratios == 1).sum(axis=0)
 
     @property
     def largest(self) -> float:

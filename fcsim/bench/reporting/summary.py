@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,9 +98,8 @@ def summarize(table: TimeTable, reference: str | None = None, *, resolution: flo
             won=int((ratios == 1).sum()),
             ratio=geometric_mean(ratios),
             common_ratio=geometric_mean(times[common, s] / fastest[common]),
-            **({} if reference_index is None else _speedup(table, times, reference_index, s)),
         )
-        rows.append(row)
+        rows.append(row if reference_index is None else _with_speedup(row, table, times, reference_index, s))
     return Summary(
         tol=table.tol,
         clock=table.clock,
@@ -138,17 +136,18 @@ def _deviation(values: FloatArray) -> float:
     return float(values.std()) if len(values) else math.nan
 
 
-def _speedup(table: TimeTable, times: FloatArray, reference: int, s: int) -> dict[str, Any]:
+def _with_speedup(row: SolverSummary, table: TimeTable, times: FloatArray, reference: int, s: int) -> SolverSummary:
     of_reference = times[:, reference]
     both = np.isfinite(of_reference) & np.isfinite(times[:, s])
     bound = np.where(stopped_at_limit(table)[:, reference], table.limits[:, reference], of_reference)
     bounded = np.isfinite(bound) & np.isfinite(times[:, s])
-    return {
-        "speedup": geometric_mean(of_reference[both] / times[both, s]),
-        "both": int(both.sum()),
-        "speedup_bound": geometric_mean(bound[bounded] / times[bounded, s]),
-        "bounded": int(bounded.sum()),
-    }
+    return replace(
+        row,
+        speedup=geometric_mean(of_reference[both] / times[both, s]),
+        both=int(both.sum()),
+        speedup_bound=geometric_mean(bound[bounded] / times[bounded, s]),
+        bounded=int(bounded.sum()),
+    )
 
 
 def number(value: float | None, unit: str = "") -> str:

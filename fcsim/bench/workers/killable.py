@@ -9,6 +9,7 @@ allocation with a crash that nothing tells from any other. Between two looks a c
 memory run out all the same, the kernel is told to end the child rather than its parent.
 """
 
+# ruff: noqa: UP046, UP047 - the Python of another program, an older one maybe, reads this file too
 from __future__ import annotations
 
 import ctypes
@@ -19,7 +20,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
-from typing import Any
+from multiprocessing.context import ForkProcess
+from typing import Any, Generic, TypeVar
+
+K = TypeVar("K")
+I = TypeVar("I")
+Row = dict[str, Any]  # JSON between processes, one of which knows nothing of fcsim: each reader knows its own keys
 
 FINISHED = "finished"
 TIME_LIMIT = "time limit"
@@ -30,33 +36,34 @@ PR_SET_PDEATHSIG = 1
 
 
 @dataclass
-class Task:
+class Task(Generic[K, I]):
     """Items made one after the other in a child; each, the first included, may take `limit` seconds. Items are pickled.
 
     memory: MiB of resident memory beyond what the child inherits, None for no limit.
     """
 
-    key: Any
-    items: Callable[[], Iterator[Any]]
+    key: K
+    items: Callable[[], Iterator[I]]
     limit: float
     memory: float | None = None
 
 
 @dataclass
-class Ended:
+class Ended(Generic[K, I]):
     """What a task gave before it ended: FINISHED, TIME_LIMIT, MEMORY_LIMIT, or in words how it failed."""
 
-    key: Any
-    items: list[Any] = field(default_factory=list)
+    key: K
+    items: list[I] = field(default_factory=list)
     how: str = FINISHED
 
 
 @dataclass
-class _Child:
-    task: Task
-    process: Any
+class _Child(Generic[K, I]):
+    task: Task[K, I]
+    process: ForkProcess
+    pid: int
     deadline: float
-    ended: Ended
+    ended: Ended[K, I]
     inherited: float = 0.0
 
 
@@ -90,7 +97,7 @@ def _settle(parent: int) -> None:
         return
 
 
-def _work(items: Callable[[], Iterator[Any]], pipe: Connection, quiet: bool, parent: int) -> None:
+def _work(items: Callable[[], Iterator[object]], pipe: Connection, quiet: bool, parent: int) -> None:
     _settle(parent)
     if quiet:
         null = os.open(os.devnull, os.O_WRONLY)
@@ -108,10 +115,10 @@ def _work(items: Callable[[], Iterator[Any]], pipe: Connection, quiet: bool, par
         pipe.send(("end", f"exit code {leaving.code}"))
 
 
-def run_killable(tasks: Iterable[Task], jobs: int = 1, quiet: bool = False) -> Iterator[Ended]:
+def run_killable(tasks: Iterable[Task[K, I]], jobs: int = 1, quiet: bool = False) -> Iterator[Ended[K, I]]:
     """Run the tasks in at most `jobs` children at a time and yield each as it ends. `quiet` silences the children's output."""
     fork = multiprocessing.get_context("fork")
-    waiting, running = iter(tasks), dict[Connection, _Child]()
+    waiting, running = iter(tasks), dict[Connection, _Child[K, I]]()
     exhausted = False
     try:
         while True:
@@ -126,7 +133,7 @@ def run_killable(tasks: Iterable[Task], jobs: int = 1, quiet: bool = False) -> I
                 sender.close()
                 assert process.pid is not None
                 inherited = resident(process.pid)
-                running[receiver] = _Child(task, process, time.monotonic() + task.limit, Ended(task.key), inherited)
+                running[receiver] = _Child(task, process, process.pid, time.monotonic() + task.limit, Ended(task.key), inherited)
             if not running:
                 return
             patience = min(child.deadline for child in running.values()) - time.monotonic()
@@ -139,7 +146,7 @@ def run_killable(tasks: Iterable[Task], jobs: int = 1, quiet: bool = False) -> I
                     kind, value = pipe.recv()
                 except (EOFError, OSError):
                     child.process.join()
-                    code = child.process.exitcode
+                    code = child.process.exitcode or 0
                     kind, value = "end", f"killed by signal {-code}" if code < 0 else f"exit code {code}"
                 if kind == "item":
                     child.ended.items.append(value)
@@ -158,19 +165,19 @@ def run_killable(tasks: Iterable[Task], jobs: int = 1, quiet: bool = False) -> I
             _kill(child)
 
 
-def _too_large(child: _Child) -> bool:
-    return child.task.memory is not None and resident(child.process.pid) - child.inherited > child.task.memory
+def _too_large(child: _Child[K, I]) -> bool:
+    return child.task.memory is not None and resident(child.pid) - child.inherited > child.task.memory
 
 
-def _kill(child: _Child) -> None:
+def _kill(child: _Child[K, I]) -> None:
     child.process.kill()
     try:
-        os.killpg(child.process.pid, signal.SIGKILL)  # what the child started itself
+        os.killpg(child.pid, signal.SIGKILL)  # what the child started itself
     except (ProcessLookupError, PermissionError):
         return
 
 
-def _reap(running: dict[Connection, _Child], pipe: Connection) -> Ended:
+def _reap(running: dict[Connection, _Child[K, I]], pipe: Connection) -> Ended[K, I]:
     child = running.pop(pipe)
     _kill(child)
     child.process.join()

@@ -7,20 +7,20 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any
+from typing import IO, cast
 
 from fcsim.bench.results import Measurement
+from fcsim.bench.workers.killable import Row
 from fcsim.bench.workers.worker import Request, Settings, blank
 from fcsim.errors import InputError, MissingDependency
 from fcsim.runtime import THREAD_VARIABLES
 
-LAUNCHERS = ("local", "mpi")
 _MPI_VARIABLES = ("PMI", "PMIX", "MPI", "OMPI", "HYDRA", "HYDI", "MPIR", "MPICH")
 _LOCAL_RANK = ("MPI_LOCALRANKID", "OMPI_COMM_WORLD_LOCAL_RANK", "SLURM_LOCALID")
 _LOCAL_SIZE = ("MPI_LOCALNRANKS", "OMPI_COMM_WORLD_LOCAL_SIZE", "SLURM_NTASKS_PER_NODE")
@@ -52,7 +52,7 @@ class WorkerProcess:
     def __init__(self, settings: Settings, pinned: tuple[int, ...]) -> None:
         self.settings, self.pinned = settings, pinned
         self._process: subprocess.Popen[str] | None = None
-        self._said: Any = None
+        self._said: IO[str] | None = None
 
     def _start(self) -> subprocess.Popen[str]:
         environment = {key: value for key, value in os.environ.items() if key.partition("_")[0] not in _MPI_VARIABLES}
@@ -73,7 +73,7 @@ class WorkerProcess:
         self._ask({**asdict(self.settings), "cores": self.pinned})
         return process
 
-    def _ask(self, question: dict[str, Any]) -> dict[str, Any] | None:
+    def _ask(self, question: Mapping[str, object]) -> Row | None:
         """The reply, None where the worker ended instead."""
         process = self._process
         assert process is not None and process.stdin is not None and process.stdout is not None
@@ -83,7 +83,7 @@ class WorkerProcess:
         except OSError:
             return None
         line = process.stdout.readline()
-        reply: dict[str, Any] | None = json.loads(line) if line.endswith("\n") else None
+        reply: Row | None = json.loads(line) if line.endswith("\n") else None
         if reply is not None and "input_error" in reply:
             raise InputError(reply["input_error"])
         return reply
@@ -102,6 +102,7 @@ class WorkerProcess:
         return blank(request, self.settings, status.rstrip())
 
     def _last_words(self) -> str:
+        assert self._said is not None
         self._said.seek(0)
         lines = str(self._said.read()).split("\n")
         return next((f"({line.strip()})" for line in reversed(lines) if line.strip()), "")
@@ -171,7 +172,7 @@ def over_mpi(settings: Settings) -> Iterator[Launcher | None]:
     except ImportError as error:
         raise MissingDependency(f"--launcher mpi: mpi4py cannot be imported ({error}): pip install mpi4py") from None
     with MPICommExecutor(MPI.COMM_WORLD, root=0) as entered:
-        executor: Any = entered  # None where this rank has served
+        executor = cast(Executor | None, entered)  # None where this rank has served
         if executor is None:
             yield None
         else:

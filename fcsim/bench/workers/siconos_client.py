@@ -13,14 +13,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
 from fcsim.bench.fclib_problem import FclibProblem
 from fcsim.bench.results import SLACK
-from fcsim.bench.workers.killable import FINISHED
+from fcsim.bench.workers.killable import FINISHED, Row
 from fcsim.files import replacing
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import reduced
@@ -44,7 +44,7 @@ def siconos_version(python: Path) -> str | None:
 def write_problem(problem: FclibProblem, path: Path) -> None:
     """Write the file that the worker reads."""
     p = problem.problem
-    arrays: dict[str, Any] = {"dimension": p.dimension, "mu": p.mu}
+    arrays: dict[str, ArrayLike] = {"dimension": p.dimension, "mu": p.mu}
     # equality constraints are eliminated for Siconos, which does not know them
     local = reduced(p).local
     matrices, arrays["q"] = {"W": local.W}, local.q
@@ -55,7 +55,7 @@ def write_problem(problem: FclibProblem, path: Path) -> None:
         rows = sp.csr_array(matrix)
         rows.sum_duplicates()
         arrays |= {f"{letter}.{part}": getattr(rows, part) for part in ("data", "indices", "indptr", "shape")}
-    np.savez(path, **arrays)
+    np.savez(path, allow_pickle=False, **arrays)
 
 
 class Siconos:
@@ -72,14 +72,14 @@ class Siconos:
             raise RuntimeError(f"{WORKER.name} ended with code {self._process.wait()} on {self.problem.name}")
         return line
 
-    def request(self, **request: Any) -> dict[str, Any]:
+    def request(self, **request: str | float | None) -> Row:
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(request) + "\n")
         self._process.stdin.flush()
-        reply: dict[str, Any] = json.loads(self._read())
+        reply: Row = json.loads(self._read())
         return reply
 
-    def solve(self, configuration: str, storage: str, tol: float, limit: float, memory: float | None = None) -> dict[str, Any]:
+    def solve(self, configuration: str, storage: str, tol: float, limit: float, memory: float | None = None) -> Row:
         """Run until the independent error meets `tol`, Siconos' tolerance tightened by powers of ten; each run takes `limit` s at most.
 
         memory: MiB that a run may add to what the problem takes.
@@ -89,7 +89,7 @@ class Siconos:
         *_, row = self.runs(configuration, storage, tol, limit, memory)
         return row
 
-    def runs(self, configuration: str, storage: str, tol: float, limit: float, memory: float | None) -> Iterator[dict[str, Any]]:
+    def runs(self, configuration: str, storage: str, tol: float, limit: float, memory: float | None) -> Iterator[Row]:
         """The same, run by run."""
         own = tol
         while True:
@@ -154,7 +154,7 @@ def write_with_reduction_time(problem: FclibProblem, path: Path) -> None:
 
 def solve_by_siconos(
     problem: FclibProblem, name: str, tol: float, limit: float, memory: float | None, python: Path, written: Path
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[Row]:
     """Solve by the configuration NAME, or NAME/STORAGE, to the independent error; the last item is the measurement, others mean progress.
 
     written: where the problem is kept for the worker from call to call.

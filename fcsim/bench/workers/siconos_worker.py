@@ -21,17 +21,19 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, MutableMapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Protocol, TypedDict
 
 import numpy as np
+from numpy.typing import NDArray
 
 if __name__ == "__main__":  # by a Python without fcsim: the file beside this one
-    from killable import FINISHED, Task, die_with_parent, run_killable  # type: ignore[import-not-found]
+    from killable import FINISHED, Row, Task, die_with_parent, run_killable  # type: ignore[import-not-found]
 else:
-    from fcsim.bench.workers.killable import FINISHED, Task, die_with_parent, run_killable
+    from fcsim.bench.workers.killable import FINISHED, Row, Task, die_with_parent, run_killable
 
 DENSE_UP_TO = 3000
 REPEAT_WITHIN, REPEAT_AT_MOST = 0.3, 7
@@ -42,21 +44,34 @@ BLOCKS = ("block", "dense")
 FACTORS = ("sparse", "dense")
 
 
-Configuration = dict[str, Any]
+class Configuration(TypedDict, total=False):
+    """A solver by the names of Siconos' constants, and the storages of W that it takes; rho: it is given one over the norm of W."""
+
+    solver: str
+    internal: str
+    iparam: dict[str, str | int]
+    storages: tuple[str, ...]
+    rho: str
+
+
+class SolverOptions(Protocol):
+    """Siconos' options."""
+
+    iparam: MutableMapping[int, int]
+    dparam: MutableMapping[int, float]
 
 
 def _newton(solver: str, **iparam: str) -> Configuration:
     return {"solver": solver, "iparam": {"IPARAM_MAX_ITER": NEWTON_ITERATIONS, **iparam}, "storages": FACTORS}
 
 
-def _sweeps(solver: str, internal: str = "", storages: tuple[str, ...] = BLOCKS, **iparam: Any) -> Configuration:
+def _sweeps(solver: str, internal: str = "", storages: tuple[str, ...] = BLOCKS, **iparam: str | int) -> Configuration:
     return {"solver": solver, "internal": internal, "iparam": {"IPARAM_MAX_ITER": UNLIMITED, **iparam}, "storages": storages}
 
 
 _NSN, _ONE = "FRICTION_3D_NSN_", "FRICTION_3D_ONECONTACT_"
 _JEAN_MOREAU = {_NSN + "FORMULATION": _NSN + "FORMULATION_JEANMOREAU_STD"}
 _NO_SEARCH = {_NSN + "LINESEARCH": _NSN + "LINESEARCH_NO"}
-_GIVEN_TOLERANCE: dict[str, Any] = {"FRICTION_3D_IPARAM_INTERNAL_ERROR_STRATEGY": "FRICTION_3D_INTERNAL_ERROR_STRATEGY_GIVEN_VALUE"}
 
 # names are Siconos' without its prefix SICONOS_; what is not given keeps Siconos' default
 LOCAL_3D: dict[str, Configuration] = {
@@ -103,7 +118,9 @@ LOCAL_3D: dict[str, Configuration] = {
     ),
     "NSGSV": _sweeps("FRICTION_3D_NSGSV", _ONE + "ProjectionOnCone_velocity"),
     "TFP": _sweeps("FRICTION_3D_TFP"),
-    "TFP given tolerance": _sweeps("FRICTION_3D_TFP", **_GIVEN_TOLERANCE),
+    "TFP given tolerance": _sweeps(
+        "FRICTION_3D_TFP", FRICTION_3D_IPARAM_INTERNAL_ERROR_STRATEGY="FRICTION_3D_INTERNAL_ERROR_STRATEGY_GIVEN_VALUE"
+    ),
     "TFP CONVEXQP_PG_CYLINDER": _sweeps("FRICTION_3D_TFP", "FRICTION_3D_CONVEXQP_PG_CYLINDER"),
     "TFP VI_FPP_Cylinder": _sweeps("FRICTION_3D_TFP", "FRICTION_3D_VI_FPP_Cylinder"),
     "ACLMFP": _sweeps("FRICTION_3D_ACLMFP"),
@@ -144,7 +161,7 @@ CONFIGURATIONS = {**LOCAL_3D, **GLOBAL_3D, **LOCAL_2D}
 class Triplets:
     """A matrix of the .npz file and the texts by which Siconos reads it, one a storage."""
 
-    def __init__(self, arrays: Any, letter: str) -> None:
+    def __init__(self, arrays: Mapping[str, NDArray], letter: str) -> None:
         self.shape = tuple(int(size) for size in arrays[f"{letter}.shape"])
         indptr = arrays[f"{letter}.indptr"]
         row = np.repeat(np.arange(self.shape[0]), np.diff(indptr))
@@ -152,12 +169,12 @@ class Triplets:
         kept = value != 0
         self.row, self.column, self.value = row[kept], column[kept], value[kept]
 
-    def toarray(self) -> Any:
+    def toarray(self) -> NDArray[np.float64]:
         dense = np.zeros(self.shape)
         np.add.at(dense, (self.row, self.column), self.value)
         return dense
 
-    def text(self, storage: str, d: int, numerics: Any) -> Iterator[str]:
+    def text(self, storage: str, d: int, numerics: ModuleType) -> Iterator[str]:
         rows, columns = self.shape
         kind = {"dense": numerics.NM_DENSE, "block": numerics.NM_SPARSE_BLOCK, "sparse": numerics.NM_SPARSE}[storage]
         yield f"{kind}\n{rows}\n{columns}\n"
@@ -186,21 +203,21 @@ class Triplets:
             yield f"{k}\n" + "\n".join(map(repr, block)) + "\n"
 
 
-def numbers(values: Any) -> str:
+def numbers(values: NDArray[np.float64]) -> str:
     return "\n".join(map(repr, values.tolist())) + "\n"
 
 
 class Problem:
     """The problem as Siconos holds it, by storage, read when first needed."""
 
-    def __init__(self, path: str, numerics: Any) -> None:
+    def __init__(self, path: str, numerics: ModuleType) -> None:
         self.numerics = numerics
         with np.load(path) as file:
             self.arrays = dict(file)
         self.d = int(self.arrays["dimension"])
         self.m, self.nc = len(self.arrays["q"]), len(self.arrays["mu"])
         self.is_global = "M.data" in self.arrays
-        self._held: dict[str, Any] = {}
+        self._held: dict[str, object] = {}
 
     def configurations(self) -> list[tuple[str, str]]:
         local = LOCAL_2D if self.d == 2 else LOCAL_3D
@@ -212,7 +229,7 @@ class Problem:
         ]
         return fitting + [(name, "global") for name in GLOBAL_3D if self.is_global and self.d == 3]
 
-    def held(self, storage: str) -> Any:
+    def held(self, storage: str) -> object:
         """The problem in Siconos' memory: `storage` is dense, block or sparse for W, or global."""
         if storage not in self._held:
             with tempfile.TemporaryDirectory() as folder:
@@ -238,10 +255,10 @@ class Problem:
         sums = [np.bincount(index, np.abs(W.value), self.m).max() for index in (W.row, W.column)]
         return float(np.sqrt(sums[0] * sums[1]))
 
-    def options(self, request: dict[str, Any]) -> Any:
+    def options(self, request: Row) -> SolverOptions:
         n, configuration = self.numerics, CONFIGURATIONS[request["configuration"]]
 
-        def constant(name: Any) -> Any:
+        def constant(name: str | int) -> int:
             return getattr(n, f"SICONOS_{name}") if isinstance(name, str) else name
 
         options = n.SolverOptions(constant(configuration["solver"]))
@@ -257,7 +274,7 @@ class Problem:
             options.iparam[n.SICONOS_FRICTION_3D_IPARAM_ERROR_EVALUATION] = n.SICONOS_FRICTION_3D_NSGS_ERROR_EVALUATION_LIGHT
         return options
 
-    def solve(self, request: dict[str, Any]) -> dict[str, Any]:
+    def solve(self, request: Row) -> Row:
         """Run the solver once from r = 0."""
         n, problem, options = self.numerics, self.held(request["storage"]), self.options(request)
         r, u = np.zeros(self.m), np.zeros(self.m)
@@ -272,7 +289,7 @@ class Problem:
         iterations = int(options.iparam[n.SICONOS_IPARAM_ITER_DONE])
         return {"info": int(info), "iterations": iterations, "seconds": wall, "cpu_seconds": cpu, "r": r.tolist()}
 
-    def runs(self, request: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    def runs(self, request: Row) -> Iterator[Row]:
         """One run; where it is short, then the medians of several (with what Siconos keeps in the problem, to its advantage)."""
         runs = [self.solve(request)]
         yield runs[0]
@@ -282,7 +299,7 @@ class Problem:
             yield {**runs[-1], **{key: statistics.median(run[key] for run in runs) for key in ("seconds", "cpu_seconds")}}
 
 
-def answer(problem: Problem, request: dict[str, Any]) -> dict[str, Any]:
+def answer(problem: Problem, request: Row) -> Row:
     problem.held(request["storage"])  # read here, once for all children
     if "rho" in CONFIGURATIONS[request["configuration"]]:
         request["rho"] = 1 / problem.norm()
@@ -295,7 +312,7 @@ def main() -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     die_with_parent()
     try:
-        numerics: Any = import_module("siconos.numerics")
+        numerics: ModuleType = import_module("siconos.numerics")
     except ImportError as error:
         print(f"Siconos cannot be imported by {sys.executable}: {error}", file=sys.stderr)
         return 3

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from fcsim.arrays import Matrix
 from fcsim.bench.fclib_problem import FclibProblem
 from fcsim.bench.results import SLACK
-from fcsim.bench.workers.killable import FINISHED, Task, run_killable
+from fcsim.bench.workers.killable import FINISHED, Row, Task, run_killable
 from fcsim.linear.joints import FRONTS_FROM, JOINT
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import method, solve
@@ -26,14 +26,16 @@ GRACE = 3.0
 """[s] A method tests its time limit between iterations; so much later it is killed."""
 
 
-def runs(problem: Any, method: str, tolerances: Sequence[float], time_limit: float, repeat_within: float) -> Iterator[dict[str, Any]]:
+def runs(
+    problem: GlobalProblem | LocalProblem, method: str, tolerances: Sequence[float], time_limit: float, repeat_within: float
+) -> Iterator[Row]:
     """Solve to each tolerance in turn, from r = 0 and with nothing kept from run to run; medians where a run is short."""
     warm_up(problem, method, min(tolerances), time_limit)
     for tol in tolerances:
         yield run(problem, method, tol, time_limit, repeat_within)
 
 
-def warm_up(problem: Any, method: str, tol: float, time_limit: float) -> None:
+def warm_up(problem: GlobalProblem | LocalProblem, method: str, tol: float, time_limit: float) -> None:
     """An unmeasured run in the process that measures, WARM_UP s of it at most, whose answer is thrown away.
 
     What numba has compiled is loaded in it, modules that are imported late, and the memory that a forked child shares with its parent until
@@ -43,7 +45,7 @@ def warm_up(problem: Any, method: str, tol: float, time_limit: float) -> None:
     solve(replace(problem), method, tol=tol, error="published", time_limit=min(WARM_UP, time_limit))
 
 
-def run(problem: Any, method: str, tol: float, time_limit: float, repeat_within: float) -> dict[str, Any]:
+def run(problem: GlobalProblem | LocalProblem, method: str, tol: float, time_limit: float, repeat_within: float) -> Row:
     """Solve from r = 0, with nothing kept from before; medians of several solves where they are short."""
     measured: list[dict[str, float]] = []
     while not measured or (sum(run["seconds"] for run in measured) < repeat_within and len(measured) < REPEAT_AT_MOST):
@@ -58,15 +60,15 @@ def run(problem: Any, method: str, tol: float, time_limit: float, repeat_within:
 
 def measure(
     problem: FclibProblem, methods: Iterable[str], tolerances: Sequence[float], time_limit: float, jobs: int = 1, repeat_within: float = 0.0
-) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+) -> Iterator[tuple[str, list[Row]]]:
     """Yield, method by method, a row for each tolerance; the error is the judge's, `solved` says whether it meets tol.
 
     Tolerances go from loose to tight; after one that a method did not meet within the time limit the tighter ones are not tried.
     """
     ordered = sorted(tolerances, reverse=True)
 
-    def task(method: str) -> Task:
-        def items() -> Iterator[dict[str, Any]]:
+    def task(method: str) -> Task[str, Row]:
+        def items() -> Iterator[Row]:
             for row in runs(problem.problem, method, ordered, time_limit, repeat_within):
                 yield row
                 if row["status"] == "TIME_LIMIT":
@@ -77,7 +79,7 @@ def measure(
     for ended in run_killable(map(task, methods), jobs):
         rows = []
         for tol, item in zip(ordered, [*ended.items, *([None] * len(ordered))], strict=False):
-            row = {"method": ended.key, "tol": tol, "seconds": None, "cpu_seconds": None, "reduction": None, "iterations": None}
+            row: Row = {"method": ended.key, "tol": tol, "seconds": None, "cpu_seconds": None, "reduction": None, "iterations": None}
             if item is not None:
                 row |= {key: value for key, value in item.items() if key != "r"}
                 row["error"] = problem.error(item["r"])
@@ -113,17 +115,19 @@ def chain_like(problem: GlobalProblem | LocalProblem) -> GlobalProblem | LocalPr
     return _like(problem, M, H)
 
 
-def _like(problem: GlobalProblem | LocalProblem, M: Any, H: Any) -> GlobalProblem | LocalProblem:
+def _like(problem: GlobalProblem | LocalProblem, M: sp.csc_array, H: sp.csc_array) -> GlobalProblem | LocalProblem:
     """The problem of bodies of mass M whose contacts close and slide, in the form and storage of `problem`."""
     d, m = problem.dimension, H.shape[1]
     q, mu = np.tile([-1.0, 0.5, 0.2][:d], m // d), np.full(m // d, 0.4)
 
-    def stored(matrix: Any, like: Any) -> Any:
-        return type(like)(matrix) if sp.issparse(like) else matrix.toarray() if sp.issparse(matrix) else matrix
+    def stored(matrix: Matrix, like: Matrix) -> Matrix:
+        if not isinstance(like, np.ndarray):
+            return type(like)(matrix)
+        return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
     if isinstance(problem, LocalProblem):
         W = stored(sp.csc_array(H.T @ spla.spsolve(M, H)), problem.W)
-        if problem.V is None:
+        if problem.V is None or problem.R is None:
             return LocalProblem(W, q, mu, dimension=d)
         V, R = stored(np.full((m, 1), 0.1), problem.V), stored(-np.eye(1), problem.R)
         return LocalProblem(W, q, mu, V, R, np.zeros(1), dimension=d)
@@ -138,10 +142,10 @@ def warm(methods: Iterable[str], time_limit: float = 120.0) -> None:
     warm_on({(name, d): small_problem(d) for name in methods for d in method(name).dimensions if d < 5}, time_limit)
 
 
-def warm_on(cases: Mapping[tuple[str, Any], Any], time_limit: float = 120.0) -> None:
+def warm_on(cases: Mapping[tuple[str, Hashable], GlobalProblem | LocalProblem], time_limit: float = 120.0) -> None:
     """The same with the problems of `cases`, by (method, anything)."""
 
-    def task(case: tuple[str, Any]) -> Task:
+    def task(case: tuple[str, Hashable]) -> Task[tuple[str, Hashable], int]:
         return Task(case, lambda: iter([solve(cases[case], case[0], time_limit=WARM_UP).iterations]), time_limit)
 
     for ended in run_killable(map(task, cases), quiet=True):

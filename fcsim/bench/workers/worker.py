@@ -24,16 +24,16 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from fcsim.bench.fclib_problem import FclibProblem, read_problem
 from fcsim.bench.results import SLACK, Measurement
 from fcsim.bench.workers.flops import counting
-from fcsim.bench.workers.killable import FINISHED, MEMORY_LIMIT, TIME_LIMIT, Ended, Task, die_with_parent, run_killable
+from fcsim.bench.workers.killable import FINISHED, MEMORY_LIMIT, TIME_LIMIT, Row, Task, die_with_parent, run_killable
 from fcsim.bench.workers.siconos_client import solve_by_siconos
 from fcsim.bench.workers.solves import chain_like, run, small_problem_like, warm_on, warm_up
 from fcsim.errors import InputError
 from fcsim.linear.joints import FRONTS_FROM
+from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.runtime import release_freed_memory
 from fcsim.solvers.plugins import load_plugins, plugin_of
 from fcsim.version import __version__
@@ -137,7 +137,7 @@ class Worker:
     def __init__(self, settings: Settings, folder: Path) -> None:
         self.settings, self.folder = settings, folder
         self.problems: dict[str, FclibProblem] = {}
-        self.compiled: set[tuple[Any, ...]] = set()
+        self.compiled: set[object] = set()
         load_plugins(settings.plugins)
 
     def problem(self, file: str) -> FclibProblem:
@@ -170,9 +170,9 @@ class Worker:
         result = blank(request, self.settings, "")
         seconds = request.time_limit + grace(request.time_limit)
 
-        def items() -> Iterator[Any]:
+        def items() -> Iterator[Row]:
             warm_up(problem.problem, request.solver, request.tol, request.time_limit)
-            yield None  # the limit on time begins anew
+            yield {}  # the limit on time begins anew
             with counting() as counters:
                 row = run(problem.problem, request.solver, request.tol, request.time_limit, REPEAT_WITHIN)
                 total = counters.total()
@@ -187,9 +187,9 @@ class Worker:
         kept = {key: row[key] for key in ("status", "seconds", "cpu_seconds", "iterations", "flops")}
         return replace(result, **kept, error=error)
 
-    def _compile(self, solver: str, problem: Any) -> None:
-        local = not hasattr(problem, "M")
-        matrix, constraints = (problem.W, problem.V) if local else (problem.M, problem.G)
+    def _compile(self, solver: str, problem: GlobalProblem | LocalProblem) -> None:
+        local = isinstance(problem, LocalProblem)
+        matrix, constraints = (problem.W, problem.V) if isinstance(problem, LocalProblem) else (problem.M, problem.G)
         kind = (solver, local, problem.dimension, type(matrix), constraints is not None)
         for like in (small_problem_like, chain_like)[: 1 if problem.m < FRONTS_FROM else 2]:
             if (*kind, like) not in self.compiled:
@@ -200,7 +200,7 @@ class Worker:
         result = blank(request, self.settings, "")
         written = self.for_siconos(request.file)
 
-        def items() -> Iterator[Any]:
+        def items() -> Iterator[Row]:
             yield from solve_by_siconos(
                 problem,
                 request.solver.removeprefix(SICONOS),
@@ -213,7 +213,7 @@ class Worker:
 
         # the process that drives Siconos keeps the limits of each run; this one guards against its own hanging
         patience = STARTING + request.time_limit + grace(request.time_limit)
-        ended: Ended = next(run_killable([Task(None, items, patience)], quiet=True))
+        ended = next(run_killable([Task(None, items, patience)], quiet=True))
         if ended.how != FINISHED:
             return replace(result, status=f"CRASHED: {ended.how}")
         row = ended.items[-1]

@@ -11,12 +11,14 @@ Mechanics 36, 2005; D. A. Dunavant, High degree efficient symmetrical Gaussian q
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.integral._overlap_kernels import gauss_points, overlap_polygons
 from fcsim.contact_detection.surfaces import facets as contact_facets
@@ -65,7 +67,7 @@ class Segments(NamedTuple):
     psi: FloatArray
 
 
-class SegmentToSegment:
+class SegmentToSegment(ABC):
     """Slave and master facets of `pairs` and their overlaps; what does not depend on positions is computed here once.
 
     edge_tolerance, relative to the facets' size: what covers less than its square of a node's or facet's area carries nothing.
@@ -81,6 +83,15 @@ class SegmentToSegment:
         self.slave_sides, self.master_sides = ((f.nodes >= 0).sum(axis=1) for f in (self.slaves, self.masters))
         self.pair_of_slave = np.repeat(np.arange(len(pairs)), np.diff(self.slaves.offsets))
         self.alert, self.mu = np.array([pair.alert for pair in pairs]), np.array([pair.mu for pair in pairs])
+
+    def at(self, x: FloatArray) -> tuple[Contacts, IntArray]:
+        """Contacts at positions x (n_nodes, d) [m], and their surface pairs."""
+        now = self.configuration(x)
+        return self.contacts(now, *self.search(now))
+
+    @abstractmethod
+    def contacts(self, now: Configuration, slave: IntArray, master: IntArray) -> tuple[Contacts, IntArray]:
+        """Contacts among the possible pairs of facets, and their surface pairs."""
 
     def configuration(self, x: FloatArray) -> Configuration:
         """The facets at positions x (n_nodes, d) [m]."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,7 +29,7 @@ class LimitProblem:
     problem: MasonryProblem
     model: Model
     contacts: Contacts
-    H: Any
+    H: sp.csr_array
     free: IntArray
     dead: FloatArray
     live: FloatArray

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -75,7 +74,7 @@ class Program:
             v[self.problem.free] = dual[: len(self.live)] / power
         return Answer(multiplier, r * self.problem.scale, v)
 
-    def _belonging(self, slip: Slip) -> Any:
+    def _belonging(self, slip: Slip) -> sp.csc_array:
         """Rows whose product with (r, lambda) is zero where forces belong to the mechanism."""
         d, mu, nc = self.problem.contacts.dimension, self.problem.contacts.mu, len(self.problem.contacts)
         none = (d * np.flatnonzero(slip.opens)[:, None] + np.arange(d)).ravel()
@@ -89,7 +88,7 @@ class Program:
         return sp.csc_array((values, (rows, columns)), shape=(len(none) + count, d * nc + 1))
 
     def _linear(
-        self, equal: Any, right: FloatArray, given: FloatArray | None, bounds: tuple[float, float], sign: float
+        self, equal: sp.csc_array, right: FloatArray, given: FloatArray | None, bounds: tuple[float, float], sign: float
     ) -> tuple[float, FloatArray, FloatArray] | None:
         mu, nc = self.problem.contacts.mu, len(self.problem.contacts)
         a = np.arange(nc)
@@ -110,7 +109,7 @@ class Program:
         return float(answer.x[-1]), answer.x[:-1], np.asarray(answer.eqlin.marginals)
 
     def _conic(
-        self, equal: Any, right: FloatArray, given: FloatArray | None, bounds: tuple[float, float], sign: float
+        self, equal: sp.csc_array, right: FloatArray, given: FloatArray | None, bounds: tuple[float, float], sign: float
     ) -> tuple[float, FloatArray, FloatArray] | None:
         clarabel = clarabel_module()
         mu, nc, d = self.problem.contacts.mu, len(self.problem.contacts), self.problem.contacts.dimension

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Hashable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +12,14 @@ from fcsim.arrays import FloatArray
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.material._compiled_kernels import tabulate
 
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
 
 class CompiledEnergy:
     """W(z; p) of a UFL coefficient z with `shape` and of numbers p, with dW/dz and the upper triangle of d2W/dz2."""
 
-    def __init__(self, energy: Callable[..., Any], names: tuple[str, ...], shape: tuple[int, ...]) -> None:
+    def __init__(self, energy: Callable[..., Expr], names: tuple[str, ...], shape: tuple[int, ...]) -> None:
         runtime.dolfinx()
         import basix.ufl
         import ufl
@@ -59,10 +62,10 @@ class CompiledEnergy:
         return out[:, 0], out[:, 1 : 1 + k], second
 
 
-_COMPILED: dict[tuple[Any, ...], CompiledEnergy] = {}
+_COMPILED: dict[tuple[Hashable, ...], CompiledEnergy] = {}
 
 
-def compiled(energy: Callable[..., Any], names: tuple[str, ...], shape: tuple[int, ...]) -> CompiledEnergy:
+def compiled(energy: Callable[..., Expr], names: tuple[str, ...], shape: tuple[int, ...]) -> CompiledEnergy:
     """The compiled energy; one and the same for materials that share the function and the names of its numbers."""
     key = (energy, names, shape)
     if key not in _COMPILED:

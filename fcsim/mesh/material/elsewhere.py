@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
@@ -23,7 +24,7 @@ class PointFunction:
     balance of energy books all work as dissipated by the scheme). `check_law` compares the three by finite differences.
     """
 
-    function: Callable[[FloatArray, FloatArray, Circumstances], tuple[Any, ...]]
+    function: Callable[[FloatArray, FloatArray, Circumstances], tuple[ArrayLike, ...]]
     density: float
     strain: Literal["finite", "small"] = "finite"
     variables: tuple[Variable, ...] = ()

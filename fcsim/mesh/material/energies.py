@@ -6,15 +6,18 @@ Source: G. A. Holzapfel, Nonlinear solid mechanics, 2000, chapter 6.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fcsim.errors import InputError
 from fcsim.mesh.material.hyperelastic import Hyperelastic, OfStretches
 from fcsim.mesh.material.linear import Material, lame
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 
 def saint_venant_kirchhoff(E: float, nu: float, density: float) -> Hyperelastic:
@@ -67,28 +70,28 @@ def _positive(what: str, **values: float) -> None:
             raise InputError(f"{what}: expected {name} > 0 in Pa, got {value}")
 
 
-def _saint_venant_kirchhoff(F: Any, p: Mapping[str, Any]) -> Any:
+def _saint_venant_kirchhoff(F: Expr, p: Mapping[str, Expr]) -> Expr:
     import ufl
 
     E = 0.5 * (F.T * F - ufl.Identity(3))
     return 0.5 * p["lambda"] * ufl.tr(E) ** 2 + p["mu"] * ufl.inner(E, E)
 
 
-def _neo_hooke(F: Any, p: Mapping[str, Any]) -> Any:
+def _neo_hooke(F: Expr, p: Mapping[str, Expr]) -> Expr:
     import ufl
 
     ln_J = ufl.ln(ufl.det(F))
     return 0.5 * p["mu"] * (ufl.inner(F, F) - 3) - p["mu"] * ln_J + 0.5 * p["lambda"] * ln_J**2
 
 
-def _neo_hooke_isochoric(F: Any, p: Mapping[str, Any]) -> Any:
+def _neo_hooke_isochoric(F: Expr, p: Mapping[str, Expr]) -> Expr:
     import ufl
 
     J = ufl.det(F)
     return 0.5 * p["mu"] * (J ** (-2 / 3) * ufl.inner(F, F) - 3) + 0.25 * p["K"] * (J**2 - 1 - 2 * ufl.ln(J))
 
 
-def _mooney_rivlin(F: Any, p: Mapping[str, Any]) -> Any:
+def _mooney_rivlin(F: Expr, p: Mapping[str, Expr]) -> Expr:
     import ufl
 
     J, C = ufl.det(F), F.T * F
@@ -97,8 +100,8 @@ def _mooney_rivlin(F: Any, p: Mapping[str, Any]) -> Any:
 
 
 @cache
-def _ogden(terms: int) -> Any:
-    def energy(l: Any, p: Mapping[str, Any]) -> Any:
+def _ogden(terms: int) -> Callable[[Expr, Mapping[str, Expr]], Expr]:
+    def energy(l: Expr, p: Mapping[str, Expr]) -> Expr:
         J = l[0] * l[1] * l[2]
         W = 0.5 * p["K"] * (J - 1) ** 2
         for i in range(terms):

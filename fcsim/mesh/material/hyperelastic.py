@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from fcsim.mesh.material.check import refuse_wrong
 from fcsim.mesh.material.compiled import CompiledEnergy, checked_numbers, compiled
 from fcsim.mesh.material.law import Circumstances, Response, Variable, refuse_density
 from fcsim.mesh.material.spectral import energy_of_stretches
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +28,7 @@ class Hyperelastic:
     not admissible. Shared functions are compiled once, whatever the parameters.
     """
 
-    energy: Callable[[Any, Mapping[str, Any]], Any]
+    energy: Callable[[Expr, Mapping[str, Expr]], Expr]
     density: float
     parameters: Mapping[str, float] = field(default_factory=dict)
 
@@ -62,7 +65,7 @@ class OfStretches:
     l[2] that
     is the same for all their orders (isotropic), and of the numbers p["name"]: Ogden's and the like. See `Hyperelastic`."""
 
-    energy: Callable[[Any, Mapping[str, Any]], Any]
+    energy: Callable[[Expr, Mapping[str, Expr]], Expr]
     density: float
     parameters: Mapping[str, float] = field(default_factory=dict)
 

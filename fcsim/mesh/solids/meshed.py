@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from types import ModuleType
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +28,7 @@ def meshed_solid(surface: ClosedSurface, material: Material, size: float, *, ele
         lines: dict[tuple[int, int], int] = {}
         faces = [gmsh.model.geo.addPlaneSurface([_loop(gmsh, corner, lines, polygon)]) for polygon in surface.polygons]
         volume = gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(faces)])
-        return _meshed(gmsh, surface.name, material, (3, [volume]), (2, faces), box, elements, {})
+        return _meshed(gmsh, surface.name, material, (3, [volume]), (2, faces), box, elements)
 
 
 def meshed_polygon(
@@ -52,8 +53,7 @@ def meshed_polygon(
         corner = [gmsh.model.geo.addPoint(x, y, 0.0, size) for x, y in p.tolist()]
         lines: dict[tuple[int, int], int] = {}
         face = gmsh.model.geo.addPlaneSurface([_loop(gmsh, corner, lines, tuple(range(len(p))))])
-        shape = {"thickness": thickness, "plane": plane}
-        return _meshed(gmsh, name, material, (2, [face]), (1, list(lines.values())), len(p) == 4, elements, shape)
+        return _meshed(gmsh, name, material, (2, [face]), (1, list(lines.values())), len(p) == 4, elements, thickness, plane)
 
 
 def _checked(name: str, size: float) -> None:
@@ -61,7 +61,7 @@ def _checked(name: str, size: float) -> None:
         raise InputError(f"mesh of {name!r}: expected cells of a size > 0 in m, got {size}")
 
 
-def _loop(gmsh: Any, corner: list[int], lines: dict[tuple[int, int], int], polygon: tuple[int, ...]) -> int:
+def _loop(gmsh: ModuleType, corner: list[int], lines: dict[tuple[int, int], int], polygon: tuple[int, ...]) -> int:
     """A loop of lines, each made once."""
     sides = []
     for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
@@ -74,14 +74,15 @@ def _loop(gmsh: Any, corner: list[int], lines: dict[tuple[int, int], int], polyg
 
 
 def _meshed(
-    gmsh: Any,
+    gmsh: ModuleType,
     name: str,
     material: Material,
     inside: tuple[int, list[int]],
     skin: tuple[int, list[int]],
     structured: bool,
     elements: str | None,
-    shape: dict[str, Any],
+    thickness: float = 1.0,
+    plane: Literal["strain", "stress"] = "strain",
 ) -> Part:
     gmsh.model.geo.synchronize()
     gmsh.model.addPhysicalGroup(*inside, name="body")
@@ -89,4 +90,4 @@ def _meshed(
     if structured:
         gmsh.model.mesh.setTransfiniteAutomatic(recombine=True)
     gmsh.model.mesh.generate(inside[0])
-    return part_from_gmsh(gmsh, name, material, elements=elements, **shape)
+    return part_from_gmsh(gmsh, name, material, elements=elements, thickness=thickness, plane=plane)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,6 +15,10 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.solids.closed_surface import ClosedSurface, closed_surface
 from fcsim.mesh.solids.self_intersection import crossing_triangles
+
+if TYPE_CHECKING:
+    from trimesh import Scene
+    from trimesh.parent import Geometry
 
 FORMATS = (".stl", ".obj", ".ply", ".off", ".3mf", ".glb")
 _SAME_ANGLE = 1e-6
@@ -154,7 +158,7 @@ def main(path: str, out: str) -> int:
 
     def read() -> None:
         meshes = _read(Path(path))
-        arrays: dict[str, Any] = {f"points {k}": points for k, (_, points, _) in enumerate(meshes)}
+        arrays: dict[str, FloatArray | IntArray] = {f"points {k}": points for k, (_, points, _) in enumerate(meshes)}
         arrays |= {f"triangles {k}": triangles for k, (_, _, triangles) in enumerate(meshes)}
         np.savez(out, allow_pickle=False, names=np.array(json.dumps([name for name, _, _ in meshes])), **arrays)
 
@@ -166,7 +170,7 @@ def _read(path: Path) -> list[tuple[str, FloatArray, IntArray]]:
         import trimesh
     except ImportError as error:
         raise MissingDependency(f"trimesh is needed for surface files ({error}): pip install 'fcsim[masonry]'") from None
-    options: dict[str, Any] = {"split_objects": True, "group_material": False} if path.suffix.lower() == ".obj" else {}
+    options = {"split_objects": True, "group_material": False} if path.suffix.lower() == ".obj" else {}
     try:
         scene = trimesh.load_scene(str(path), process=False, **options)
         meshes = [(name, mesh) for name, mesh in _named(scene) if isinstance(mesh, trimesh.Trimesh)]
@@ -182,7 +186,7 @@ def _read(path: Path) -> list[tuple[str, FloatArray, IntArray]]:
     return found
 
 
-def _named(scene: Any) -> list[tuple[str, Any]]:
+def _named(scene: Scene) -> list[tuple[str, Geometry]]:
     """The meshes of a scene where they stand in it, with the names of their nodes."""
     named = []
     for node in scene.graph.nodes_geometry:

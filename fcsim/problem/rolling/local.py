@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -89,4 +88,4 @@ class RollingReduction:
 
 def reduce_rolling(problem: GlobalRollingProblem) -> RollingReduction:
     """Return the reduction; its equations are those without rolling friction, with five unknowns a contact."""
-    return RollingReduction(problem, reduce(cast(Any, problem)))
+    return RollingReduction(problem, reduce(problem))

@@ -50,7 +50,7 @@ def sweep(entries: int, nc: int) -> Work:
 def lu_flops(problem: LocalProblem) -> float:
     """Operations of an LU of W, by the elimination tree where W is stored by block rows."""
     W, d = problem.W, problem.dimension
-    if not sp.issparse(W):
+    if isinstance(W, np.ndarray):
         return 2 / 3 * problem.m**3
     if problem.delassus.symmetric:
         return problem.delassus.analysis[1].flops  # which ADMM's factor needs as well

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
 from fcsim.linear.joints import BlockRows
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.turns import Turns
 
 SLICE = 0.1
@@ -58,6 +58,28 @@ class ShareOfMonitor(Monitor):
         self.whole.iterations += self.iterations - self._told
         self._told = self.iterations
         self.whole.memory = self.memory
+
+
+@dataclass(frozen=True, kw_only=True)
+class RaceOptions(Options):
+    """max_iterations counts sweeps and iterations of all methods alike.
+
+    probe: Gauss-Seidel sweeps before anything else enters; splitting: ADMM iterations that must bring the error down tenfold for it to go
+    on alone (0: no ADMM); patience: Newton iterations without a better iterate before it is given up (0: no Newton); without: names of
+    stages that are left out.
+    """
+
+    max_iterations: int = 1_000_000
+    probe: int = 20
+    splitting: int = 30
+    patience: int = 12
+    without: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, least in (("probe", 1), ("splitting", 0), ("patience", 0)):
+            if getattr(self, name) < least:
+                raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True)
@@ -139,7 +161,7 @@ class Race:
     problem: LocalProblem
     swept: LocalProblem
     monitor: Monitor
-    options: Any
+    options: RaceOptions
     prices: Prices
     warm: bool
     joints: BlockRows | None

@@ -23,8 +23,8 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.race import SLOWING, Race, Runner, Stage, run
-from fcsim.solvers.base import Iterate, Monitor, Options, Status
+from fcsim.solvers.automatic.race import SLOWING, Race, RaceOptions, Runner, Stage, run
+from fcsim.solvers.base import Iterate, Monitor, Status
 
 FAR = 1e-3
 """Error above which ADMM is tried, and Newton takes long."""
@@ -42,25 +42,11 @@ PLATEAU = 50
 
 
 @dataclass(frozen=True, kw_only=True)
-class AutomaticOptions(Options):
-    """max_iterations counts sweeps and iterations of all methods alike.
-
-    probe: Gauss-Seidel sweeps before anything else enters; splitting: ADMM iterations that must bring the error down tenfold for it to go
-    on alone (0: no ADMM); patience: Newton iterations without a better iterate before it is given up (0: no Newton); without: names of
-    stages that are left out.
-    """
-
-    max_iterations: int = 1_000_000
-    probe: int = 20
-    splitting: int = 30
-    patience: int = 12
-    without: tuple[str, ...] = ()
+class AutomaticOptions(RaceOptions):
+    """Those of the race, among the stages below."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, least in (("probe", 1), ("splitting", 0), ("patience", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
         known = [stage.name for stage in STAGES]
         for name in self.without:
             if name not in known:

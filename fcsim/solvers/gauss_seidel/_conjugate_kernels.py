@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 from types import FunctionType
-from typing import Any
+from typing import TYPE_CHECKING
 
 from numba import njit
 
-one_sweep: Any = None
+if TYPE_CHECKING:
+    from numba.core.dispatcher import Dispatcher
+
+one_sweep: Dispatcher
 """Stands for `_sweep_kernels.sweep` with a one-contact solver in the template below, see there."""
 
 
@@ -56,7 +59,7 @@ def sweep_conjugate(
     while done < sweeps:
         done += 1
         reaction[:] = start
-        one_sweep(
+        one_sweep(  # noqa: F821
             indptr, indices, blocks, diagonal, shift, q, mu, rho, order, reaction, frozen, tolerance, iterations, relaxation, False, 0,
             0.0, 1, 0.0,
         )  # fmt: skip

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import FunctionType
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
 from fcsim.solvers.gauss_seidel._one_contact_kernels import natural_residual
 
-one_contact: Any = None
+if TYPE_CHECKING:
+    from numba.core.dispatcher import Dispatcher
+
+one_contact: Dispatcher
 """Stands for the one-contact solver in the templates below."""
 
 
-def compiled(template: Callable[..., Any], name: str, solver: Any) -> Any:
+def compiled(template: Callable[..., object], name: str, solver: Dispatcher) -> Dispatcher:
     """Return the sweep `template` for the one-contact solver `solver`, compiled at its first call; `name` tells the cache entries apart."""
     assert isinstance(template, FunctionType)
     sweep = FunctionType(template.__code__, {**globals(), "one_contact": solver}, f"{template.__name__}_{name}")
@@ -106,7 +109,7 @@ def sweep(
                     frozen[a] = freezing
                 continue
             tol = tolerance * (np.sqrt(square) + rho_N * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
-            r0, r1, r2, solved = one_contact(W, q0, q1, q2, m, rho_N, rho_T, old0, old1, old2, tol, iterations)
+            r0, r1, r2, solved = one_contact(W, q0, q1, q2, m, rho_N, rho_T, old0, old1, old2, tol, iterations)  # noqa: F821
             if not solved:
                 failures += 1
             if filtered:
@@ -144,7 +147,7 @@ def sweep_velocities(indptr, indices, blocks, inverse, p, mu, rho, order, u, r, 
         q2 = -(W[2][0] * b0 + W[2][1] * b1 + W[2][2] * b2)
         r0, r1, r2 = r[a, 0], r[a, 1], r[a, 2]
         tol = tolerance * (np.sqrt(r0 * r0 + r1 * r1 + r2 * r2) + rho[a, 0] * np.sqrt(q0 * q0 + q1 * q1 + q2 * q2))
-        r0, r1, r2, solved = one_contact(W, q0, q1, q2, mu[a], rho[a, 0], rho[a, 1], r0, r1, r2, tol, iterations)
+        r0, r1, r2, solved = one_contact(W, q0, q1, q2, mu[a], rho[a, 0], rho[a, 1], r0, r1, r2, tol, iterations)  # noqa: F821
         if not solved:
             failures += 1
         r[a, 0], r[a, 1], r[a, 2] = r0, r1, r2

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 from fcsim.solvers.gauss_seidel import _conjugate_kernels
 from fcsim.solvers.gauss_seidel import _one_contact_exact as exact
 from fcsim.solvers.gauss_seidel import _one_contact_kernels as kernels
 from fcsim.solvers.gauss_seidel import _sweep_kernels as _kernels
+
+if TYPE_CHECKING:
+    from numba.core.dispatcher import Dispatcher
 
 
 @dataclass(frozen=True)
@@ -17,24 +20,24 @@ class OneContact:
     """A compiled one-contact solver (signature: `_one_contact_kernels`), its rule for rho (a name of `scaling`), its Siconos name."""
 
     name: str
-    kernel: Any
+    kernel: Dispatcher
     rho: str
     siconos: str
 
     @cached_property
-    def sweep(self) -> Any:
+    def sweep(self) -> Dispatcher:
         """`_kernels.sweep` with this solver."""
-        return _kernels.compiled(_kernels.sweep, self.kernel.__name__, self.kernel)
+        return _kernels.compiled(_kernels.sweep, self.kernel.py_func.__name__, self.kernel)
 
     @cached_property
-    def sweep_conjugate(self) -> Any:
+    def sweep_conjugate(self) -> Dispatcher:
         """`_conjugate_kernels.sweep_conjugate` with this solver's sweep."""
-        return _conjugate_kernels.compiled(self.kernel.__name__, self.sweep)
+        return _conjugate_kernels.compiled(self.kernel.py_func.__name__, self.sweep)
 
     @cached_property
-    def sweep_velocities(self) -> Any:
+    def sweep_velocities(self) -> Dispatcher:
         """`_kernels.sweep_velocities` with this solver."""
-        return _kernels.compiled(_kernels.sweep_velocities, self.kernel.__name__, self.kernel)
+        return _kernels.compiled(_kernels.sweep_velocities, self.kernel.py_func.__name__, self.kernel)
 
 
 _SPLIT, _SPECTRAL = "split spectral norm", "spectral norm"

@@ -6,7 +6,6 @@ lexicographic ratio test of section 4.9); Murty, Linear Complementarity, Linear 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
@@ -175,8 +174,3 @@ def _basic_values(M: FloatArray, q: FloatArray, support: BoolArray, tolerance: f
         if distance <= tolerance:
             x[k] = nearest
     return x
-
-
-def enumerate_lcp(M: FloatArray, q: FloatArray, tolerance: float = 1e-10) -> LCPSolution | None:
-    """The first solution over all 2^n complementary bases, None where there is none: for small n (20 takes a minute)."""
-    return next(itertools.islice(complementary_solutions(M, q, tolerance=tolerance), 1), None)

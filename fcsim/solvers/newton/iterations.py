@@ -76,12 +76,10 @@ class _Progress:
         self._before = min(self._before, error) if monitor.iterations == self._watched else self._before
         if error <= monitor.tol:
             return Status.SOLVED
-        if not np.isfinite(error) or error > options.divergence * monitor.best:
+        if error > options.divergence * monitor.best:
             return Status.DIVERGED
-        if monitor.iterations >= options.max_iterations:
-            return Status.MAX_ITERATIONS
-        if monitor.out_of_time():
-            return Status.TIME_LIMIT
+        if (stopped := monitor.stopped(error, options.max_iterations)) is not None:
+            return stopped
         if options.patience and monitor.iterations - self._watched >= options.patience:
             if monitor.best >= 0.7 * self._before:
                 return Status.STAGNATED

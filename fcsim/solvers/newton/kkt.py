@@ -5,16 +5,14 @@ The same for a mixed local problem: unknowns (r, l), matrix [[A W + B, A V], [V^
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
 
 from fcsim import runtime
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, Matrix
 from fcsim.errors import InputError
 from fcsim.linear.factors import Factor, Mumps, SuperLU, factorise
-from fcsim.problem import GlobalProblem
+from fcsim.problem.problem import GlobalForm
 from fcsim.problem.reduction import Elimination, Reduction
 from fcsim.solvers.base import Iterate, Monitor
 from fcsim.solvers.newton.iterations import newton_iterations
@@ -27,7 +25,7 @@ class _SaddleMatrix:
     Explicit zeros of A and B stay in the pattern; new values are summed into place by one bincount.
     """
 
-    def __init__(self, p: GlobalProblem) -> None:
+    def __init__(self, p: GlobalForm) -> None:
         d, n, m, nc = p.dimension, p.n, p.m, p.nc
         M, H = sp.coo_array(p.M), sp.coo_array(p.H)
         contact = H.col // d
@@ -53,7 +51,7 @@ class _SaddleMatrix:
         self._size = size
         self._contact, self._component, self._h = contact, H.col % d, H.data
 
-    def __call__(self, A: FloatArray, B: FloatArray) -> Any:
+    def __call__(self, A: FloatArray, B: FloatArray) -> sp.csr_array:
         AHT = A[self._contact, :, self._component] * self._h[:, None]
         values = np.concatenate([*self._constant, AHT.ravel(), B.ravel(), self._border])
         data = np.bincount(self._place, weights=values, minlength=len(self._indices))
@@ -80,7 +78,7 @@ class GlobalSpace:
         p, n = self._problem, self._problem.n
         # the linear rows are zero but for round-off, which is not left to grow
         rhs = [self._H @ self._r + p.f - p.M @ self._v, -F.ravel()]
-        if p.G is not None and p.b is not None:
+        if p.G is not None and p.b is not None and self.multiplier is not None:
             rhs = [rhs[0] + p.G @ self.multiplier, rhs[1], -(p.G.T @ self._v + p.b)]
         self._factor = _factorise(self._saddle(A, B), self._factor)
         self._step = self._factor.solve(np.concatenate(rhs))
@@ -156,11 +154,11 @@ def newton_mixed(elimination: Elimination, r: FloatArray, monitor: Monitor, opti
 NO_GRADIENT = "option safeguard: expected off with linear='kkt', which has no W to form the gradient with"
 
 
-def _dense(matrix: Any) -> FloatArray:
-    return matrix.toarray() if sp.issparse(matrix) else matrix
+def _dense(matrix: Matrix) -> FloatArray:
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
 
-def _factorise(matrix: Any, factor: Factor | None) -> Factor:
+def _factorise(matrix: sp.csr_array, factor: Factor | None) -> Factor:
     """MUMPS on the pattern analysed before, SuperLU where petsc4py is not there."""
     if isinstance(factor, Mumps):
         factor.refactor(matrix)

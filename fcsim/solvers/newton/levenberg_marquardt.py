@@ -44,12 +44,8 @@ def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Mon
     u = W @ r + problem.q
     error = monitor.record(r, u)
     while not error <= monitor.tol:
-        if not np.isfinite(error):
-            return Iterate(r, Status.DIVERGED)
-        if monitor.iterations >= options.max_iterations:
-            return Iterate(r, Status.MAX_ITERATIONS)
-        if monitor.out_of_time():
-            return Iterate(r, Status.TIME_LIMIT)
+        if (stopped := monitor.stopped(error, options.max_iterations)) is not None:
+            return Iterate(r, stopped)
         F, A, B = natural_map(u.reshape(nc, d), r.reshape(nc, d), problem.mu, np.repeat(1 / s[:, None], d, axis=1))
         steps = _steps(W, F, A, B, length, s)
         if steps is None:

@@ -44,7 +44,11 @@ class InnerProblems:
         if options.metric == "compliance":
             self._metric = problem.compliance
         internal = replace(internal, options=override(internal.options, dict(options.internal_options)))
-        self._inside: Inside = RegularisedNewton(problem, internal.options) if internal.run is newton else AnyMethod(problem, internal)
+        own = internal.options
+        if internal.run is newton and isinstance(own, NewtonOptions):
+            self._inside: Inside = RegularisedNewton(problem, own)
+        else:
+            self._inside = AnyMethod(problem, internal)
 
     def solve(self, r: FloatArray, centre: FloatArray, alpha: float, target: float, most: int) -> tuple[Iterate, Monitor]:
         """Solve the problem of this centre from r (m,) until its residual, as the outer problem's error measures it, is the target.

@@ -84,10 +84,6 @@ def proximal_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
 
 def _why_stop(error: float, waited: int, monitor: Monitor, options: ProximalOptions) -> Status | None:
     """Why to stop before the next step, None to go on."""
-    if not np.isfinite(error):
-        return Status.DIVERGED
-    if monitor.iterations >= options.max_iterations:
-        return Status.MAX_ITERATIONS
-    if monitor.out_of_time():
-        return Status.TIME_LIMIT
+    if (stopped := monitor.stopped(error, options.max_iterations)) is not None:
+        return stopped
     return Status.STAGNATED if waited >= options.patience else None

@@ -17,12 +17,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, Matrix
 from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Delassus, LocalProblem
@@ -153,8 +152,9 @@ def split_turns(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOption
         operator = operator.symmetric_part
     if options.rescaling != "none":
         scale = _scales(operator, options.rescaling)
-        if sp.issparse(operator.matrix):
-            W: Any = sp.csr_array(sp.diags_array(scale) @ operator.matrix @ sp.diags_array(scale))
+        W: Matrix
+        if operator.is_sparse:
+            W = sp.csr_array(sp.diags_array(scale) @ operator.matrix @ sp.diags_array(scale))
         else:
             W = scale[:, None] * operator.matrix * scale
         scaled = Inequality(Delassus(W, operator.dimension), scale * vi.q, vi.convex_set, vi.mu)

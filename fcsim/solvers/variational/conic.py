@@ -7,15 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, Matrix
 from fcsim.errors import MissingDependency
-from fcsim.problem import GlobalProblem
+from fcsim.problem.problem import GlobalForm
 from fcsim.solvers.base import Iterate, Status
 from fcsim.solvers.variational.convex_sets import Cone, Disk, RollingCone
 from fcsim.solvers.variational.inequality import Inequality
@@ -35,7 +34,7 @@ def clarabel_module() -> ModuleType:
 class ConicRows:
     """A set as h - A x in R_+^half_lines x (second-order cones of `cone_size`)^cones, x (free,) the unknowns that are not fixed to 0."""
 
-    A: Any
+    A: sp.csr_array
     h: FloatArray
     half_lines: int
     cones: int
@@ -82,11 +81,11 @@ def conic_rows(vi: Inequality) -> ConicRows:
     return ConicRows(A, h, len(lines), int(sliding.sum()), size, np.flatnonzero(is_free))
 
 
-def scaled_program(vi: Inequality) -> tuple[ConicRows, Any, FloatArray, float]:
+def scaled_program(vi: Inequality) -> tuple[ConicRows, Matrix, FloatArray, float]:
     """Rows, P, c and the scale of r that makes ||P|| = ||c|| = 1: engines have absolute tolerances."""
     rows = conic_rows(vi)
     operator = vi.operator
-    P = sp.csr_array(operator.matrix) if sp.issparse(operator.matrix) else operator.matrix
+    P = operator.matrix if isinstance(operator.matrix, np.ndarray) else sp.csr_array(operator.matrix)
     if len(rows.free) < operator.size:
         P = P[rows.free][:, rows.free]
     size = float(np.linalg.norm(vi.q)) or 1.0
@@ -100,7 +99,9 @@ def _accuracy(watch: Watch, size: float, norm: float) -> float:
     return float(np.clip(1e-3 * min(1.0, norm / largest) * watch.target / (size or 1.0), 1e-11, 1e-8))
 
 
-def clarabel_solve(P: Any, c: FloatArray, A: Any, h: FloatArray, cones: list[Any], accuracy: float) -> tuple[FloatArray, FloatArray]:
+def clarabel_solve(
+    P: Matrix, c: FloatArray, A: sp.sparray, h: FloatArray, cones: list[object], accuracy: float
+) -> tuple[FloatArray, FloatArray]:
     """Solve min 0.5 x.P x + c.x, h - A x in the cones, by Clarabel; return x and the multipliers of the rows."""
     clarabel = clarabel_module()
     settings = clarabel.DefaultSettings()
@@ -144,7 +145,7 @@ def clarabel_program(vi: Inequality, r: FloatArray, watch: Watch) -> Iterate:
     return Iterate(answer, status)
 
 
-def clarabel_global(p: GlobalProblem, v: FloatArray, g: FloatArray, accuracy: float, velocity_scale: float) -> FloatArray:
+def clarabel_global(p: GlobalForm, v: FloatArray, g: FloatArray, accuracy: float, velocity_scale: float) -> FloatArray:
     """r of the SOCP min 0.5 v.M v - f.v, H^T v + w + g in K*, G^T v + b = 0, by Clarabel: r are the multipliers of the cones.
 
     Of an unsymmetric M the skew part acts on the last v.

@@ -183,12 +183,8 @@ def _fixed_point(
     error = monitor.record(r, u)
     least, since, sharpening = error, 0, 1.0
     while not error <= monitor.tol:
-        if not np.isfinite(error):
-            return Iterate(r, Status.DIVERGED)
-        if monitor.iterations >= options.max_iterations:
-            return Iterate(r, Status.MAX_ITERATIONS)
-        if monitor.out_of_time():
-            return Iterate(r, Status.TIME_LIMIT)
+        if (stopped := monitor.stopped(error, options.max_iterations)) is not None:
+            return Iterate(r, stopped)
         tolerance = options.internal_tolerance
         if options.internal_tolerance_rule == "adaptive":
             tolerance = min(error, 1.0) / options.internal_error_ratio

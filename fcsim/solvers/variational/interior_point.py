@@ -6,13 +6,11 @@ programming", 2011; Acary, Armand, Nguyen, Shpakovych, Optim. Methods Softw. 202
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
-from fcsim.linear.factors import SingularMatrix, factorise
+from fcsim.arrays import FloatArray, Matrix
+from fcsim.linear.factors import Factor, SingularMatrix, factorise
 from fcsim.problem.shifted_factor import ShiftedInverse
 from fcsim.solvers.base import Iterate, Status
 from fcsim.solvers.variational.conic import ConicRows, scaled_program
@@ -45,7 +43,7 @@ class _NesterovTodd:
         Y = beta[:, None] * (2 * np.einsum("ai,ai->a", v, X)[:, None] * v - _reflect(X))
         return np.concatenate([d * x[:l], Y.ravel()])
 
-    def inverse_square(self) -> Any:
+    def inverse_square(self) -> sp.csr_array:
         """V^-2 as a sparse matrix."""
         k = self._shape[1]
         v = _reflect(self._v)
@@ -122,7 +120,13 @@ class _Algebra:
 
 
 def _direction(
-    system: Any, V: _NesterovTodd, algebra: _Algebra, program: tuple[Any, Any, Any], rx: FloatArray, rz: FloatArray, target: FloatArray
+    system: Factor,
+    V: _NesterovTodd,
+    algebra: _Algebra,
+    program: tuple[Matrix, sp.csr_array, sp.csr_array],
+    rx: FloatArray,
+    rz: FloatArray,
+    target: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """dx and the scaled V^-1 ds, V dz with P dx + A^T dz = -rx, A dx + ds = -rz, point o (V^-1 ds + V dz) = target.
 
@@ -148,10 +152,10 @@ def primal_dual(vi: Inequality, r: FloatArray, watch: Watch, max_iterations: int
     A, AT = rows.A, sp.csr_array(rows.A.T)
     program = P, A, AT
 
-    def factor(V2: Any) -> Any:
+    def factor(V2: sp.csr_array) -> Factor:
         weight = sp.coo_array(AT @ V2 @ A)
         weight.sum_duplicates()
-        if sp.issparse(P):
+        if not isinstance(P, np.ndarray):
             return factorise(sp.csr_array(P + sp.csr_array(weight)))
         matrix = P.copy()
         matrix[weight.coords] += weight.data

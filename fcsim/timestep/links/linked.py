@@ -18,11 +18,11 @@ g(x_m) + L theta u+: with l = F / phi, phi the force of a unit l,
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.errors import InputError
@@ -39,7 +39,7 @@ class Linked:
 
     linkage: Linkage
     rows: Rows
-    G: Any
+    G: sp.csr_array
     b: FloatArray
     compliance: FloatArray
     target: FloatArray
@@ -47,7 +47,7 @@ class Linked:
     __repr__ = brief
 
     @property
-    def kept(self) -> Any:
+    def kept(self) -> BoolArray:
         """Which rows (p,) are kept exactly."""
         return self.compliance == 0
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.brief import brief
 from fcsim.problem.delassus_sum import DelassusSum
@@ -33,8 +32,8 @@ class StepCompliance:
 
     factor: SystemFactor
     joint: FloatArray | None = None
-    summed: Any = None
-    bent: Any = None
+    summed: Matrix | None = None
+    bent: sp.csr_array | None = None
 
     __repr__ = brief
 
@@ -49,7 +48,7 @@ class StepCompliance:
         model = self.factor.model
         return (len(model.free_dofs) if model.driven == "eliminated" else model.n_dofs) + len(self._soft)
 
-    def matrix(self) -> Any:
+    def matrix(self) -> sp.csr_array:
         """M of the problem."""
         matrix = self.factor.matrix()
         if self.bent is not None:
@@ -58,7 +57,7 @@ class StepCompliance:
             return matrix
         return sp.csr_array(sp.block_diag([matrix, sp.diags_array(1 / self.joint[self._soft])], format="csr"))
 
-    def with_joints(self, H: Any) -> Any:
+    def with_joints(self, H: sp.sparray) -> sp.sparray:
         """The problem's H (n, m) from that of the bodies' unknowns."""
         if self.joint is None:
             return H
@@ -92,15 +91,14 @@ class StepCompliance:
     @cached_property
     def _compliance_there(self) -> FloatArray:
         """C (k, k)."""
-        d = self.factor.model.dimension
-        C = self._sum(_chosen(self._touched, self.bent.shape[0], d), d)
-        C = C.toarray() if sp.issparse(C) else np.asarray(C)
-        k = len(self._touched)
-        return C[:k, :k]
+        d, k = self.factor.model.dimension, len(self._touched)
+        C = self._sum(_chosen(self._touched, self.unknowns - len(self._soft), d), d)
+        return (C if isinstance(C, np.ndarray) else C.toarray())[:k, :k]
 
     @cached_property
     def _correction(self) -> FloatArray:
         """X (k, k)."""
+        assert self.bent is not None  # none is asked for else
         B = self.bent[self._touched][:, self._touched].toarray()
         X: FloatArray = np.linalg.solve(np.eye(len(B)) + B @ self._compliance_there, B)
         return X
@@ -118,7 +116,7 @@ class StepCompliance:
             return False
         return True
 
-    def delassus(self, H: Any, dimension: int) -> Any:
+    def delassus(self, H: sp.sparray, dimension: int) -> Matrix:
         """Return W = H^T M^-1 H (m, m) for H (n, m) on the problem's unknowns."""
         if self.summed is not None:
             return self.summed
@@ -132,7 +130,7 @@ class StepCompliance:
             matrix = _corrected(wide[:m, :m], wide[:m, m : m + k], self._correction, wide[m : m + k, :m], dimension)
         return matrix if self.joint is None else _with_diagonal(matrix, self.joint, dimension)
 
-    def _sum(self, H: Any, dimension: int) -> Any:
+    def _sum(self, H: sp.sparray, dimension: int) -> Matrix:
         """H^T A^-1 H for H (n, m) on the bodies' unknowns, from their compliances."""
         model = self.factor.model
         if model.driven == "eliminated":
@@ -144,7 +142,7 @@ class StepCompliance:
             W.add(first, compliances, kind)
         return W.matrix()
 
-    def _in_frames(self, H: Any) -> Any:
+    def _in_frames(self, H: sp.csc_array) -> sp.csc_array:
         """H along the supports' axes as they are in the axes of the bodies' compliances."""
         model = self.factor.model
         axes = model.axes_matrix
@@ -158,13 +156,13 @@ class StepCompliance:
         return turned if axes is None else sp.csc_array(axes @ turned)
 
 
-def _chosen(rows: IntArray, n: int, d: int) -> Any:
+def _chosen(rows: IntArray, n: int, d: int) -> sp.csc_array:
     """Columns of the identity (n, k), filled up to whole blocks of d."""
     k = len(rows)
     return sp.csc_array((np.ones(k), (rows, np.arange(k))), shape=(n, k + -k % d))
 
 
-def _corrected(W: Any, left: Any, X: FloatArray, right: Any, d: int) -> Any:
+def _corrected(W: Matrix, left: sp.sparray, X: FloatArray, right: sp.sparray, d: int) -> Matrix:
     """W - left X right (m, m) for left (m, k), right (k, m), of which few rows and columns are not zero."""
     if isinstance(W, np.ndarray):
         corrected: FloatArray = W - left @ X @ right
@@ -176,7 +174,7 @@ def _corrected(W: Any, left: Any, X: FloatArray, right: Any, d: int) -> Any:
     return sp.bsr_array(sp.csr_array(W) - sp.csr_array((tile.ravel(), places), shape=W.shape), blocksize=(d, d))
 
 
-def _with_diagonal(W: Any, diagonal: FloatArray, d: int) -> Any:
+def _with_diagonal(W: Matrix, diagonal: FloatArray, d: int) -> Matrix:
     """W + diag, in the storage of W."""
     if isinstance(W, np.ndarray):
         W[np.diag_indices_from(W)] += diagonal

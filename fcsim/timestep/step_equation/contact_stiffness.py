@@ -19,8 +19,6 @@ Source: P. Wriggers, Computational Contact Mechanics, 2nd ed., Springer, 2006, c
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -35,7 +33,7 @@ _ASIDE = 1e-6
 _ROUND = 1e-6
 
 
-def contact_stiffness(model: Model, contacts: Contacts, r: FloatArray, x: FloatArray) -> Any:
+def contact_stiffness(model: Model, contacts: Contacts, r: FloatArray, x: FloatArray) -> sp.csr_array | None:
     """Return -d(H r)/dx (n_dofs, n_dofs), sparse, for contacts as they are found at the configuration x (n_dofs,) and reactions r (m,)
     [N]; None where no contact has any. Of rigid bodies without the second derivative of their rotation."""
     d, force = contacts.dimension, r.reshape(len(contacts), -1)

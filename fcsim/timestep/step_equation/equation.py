@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
@@ -50,8 +49,8 @@ class Equation:
     elastic: Linearisation
     share: float
     linked: Linked | None = None
-    bent: Any = None
-    summed: Any = None
+    bent: sp.csr_array | None = None
+    summed: Matrix | None = None
 
     @cached_property
     def _moved(self) -> FloatArray | None:
@@ -67,7 +66,7 @@ class Equation:
             return own
         return LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance, summed=self.summed)
 
-    def _on_unknowns(self, H: Any) -> Any:
+    def _on_unknowns(self, H: sp.sparray) -> sp.csr_array:
         """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out."""
         model = self.model
         if model.axes_matrix is not None:
@@ -79,7 +78,7 @@ class Equation:
         return sp.csr_array(sp.diags_array(mask) @ H)
 
     @cached_property
-    def _H(self) -> Any:
+    def _H(self) -> sp.sparray:
         """H on the problems' unknowns."""
         return self.compliance.with_joints(self._on_unknowns(self.met.scaled_H))
 
@@ -172,7 +171,7 @@ def solve_equation(
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term
         problem = equation.problem(load)
-        reduction = Reduction(cast(Any, problem), compliance)
+        reduction = Reduction(problem, compliance)
         rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
         if problem.nc:
             compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.timestep.step_equation.compliance import StepCompliance
 
 SPARSE_FROM, FILLED = 200, 0.1
@@ -32,11 +31,11 @@ REDUNDANT = 1e-11
 class _Inverse:
     """S^-1 of a symmetric S >= 0, dense or sparse, on its range where rows are redundant."""
 
-    def __init__(self, S: Any) -> None:
+    def __init__(self, S: Matrix) -> None:
         scale = np.sqrt(S.diagonal())
         self._scale = 1 / np.where(scale > 0, scale, 1.0)  # rows that nothing can move stay out
         self._factor: Callable[[FloatArray], FloatArray] | None = None
-        if sp.issparse(S):
+        if not isinstance(S, np.ndarray):
             D = sp.diags_array(self._scale)
             self._factor = _sparse_factor(D @ S @ D)
             S = S if self._factor is not None else S.toarray()
@@ -70,22 +69,22 @@ class LinkedCompliance:
     summed: W of this H and G where it is known already."""
 
     base: StepCompliance
-    G: Any
+    G: sp.csr_array
     compliance: FloatArray
-    summed: Any = None
+    summed: Matrix | None = None
 
     @cached_property
     def _soft(self) -> IntArray:
         return np.flatnonzero(self.compliance)
 
     @cached_property
-    def _on_base(self) -> Any:
+    def _on_base(self) -> sp.csr_array:
         """G on the base's unknowns."""
         more = self.base.unknowns - self.G.shape[0]
         return sp.csr_array(sp.vstack([self.G, sp.csr_array((more, self.G.shape[1]))])) if more else self.G
 
     @cached_property
-    def matrix_of_links(self) -> Any:
+    def matrix_of_links(self) -> sp.csr_array:
         """The problem's G (n, p)."""
         k = len(self._soft)
         if not k:
@@ -93,12 +92,12 @@ class LinkedCompliance:
         own = sp.csr_array((np.ones(k), (np.arange(k), self._soft)), shape=(k, self.G.shape[1]))
         return sp.csr_array(sp.vstack([self._on_base, own]))
 
-    def matrix(self) -> Any:
+    def matrix(self) -> sp.csr_array:
         """M of the problem."""
         M = self.base.matrix()
         return sp.csr_array(sp.block_diag([M, sp.diags_array(1 / self.compliance[self._soft])], format="csr")) if len(self._soft) else M
 
-    def with_joints(self, H: Any) -> Any:
+    def with_joints(self, H: sp.sparray) -> sp.sparray:
         """The problem's H (n, m) from that of the bodies' unknowns."""
         H = self.base.with_joints(H)
         return sp.csr_array(sp.vstack([H, sp.csr_array((len(self._soft), H.shape[1]))])) if len(self._soft) else H
@@ -116,7 +115,7 @@ class LinkedCompliance:
         d, p = self.base.factor.model.dimension, self.G.shape[1]
         wide = sp.csc_array(sp.hstack([self.G, sp.csr_array((self.G.shape[0], -p % d))], format="csc"))
         S = replace(self.base, summed=None, joint=None).delassus(wide, d)
-        if not sp.issparse(S) or p < SPARSE_FROM or S.nnz > FILLED * p**2:
+        if isinstance(S, np.ndarray) or p < SPARSE_FROM or S.nnz > FILLED * p**2:
             S = _dense(S)[:p, :p]
             S = 0.5 * (S + S.T)
             S[np.diag_indices_from(S)] += self.compliance
@@ -124,7 +123,7 @@ class LinkedCompliance:
         S = sp.csc_array(S)[:p, :p]
         return _Inverse(0.5 * (S + S.T) + sp.diags_array(self.compliance))
 
-    def _with_contacts(self, H: Any, d: int) -> Any:
+    def _with_contacts(self, H: sp.sparray, d: int) -> Matrix:
         """[H, G]^T M^-1 [H, G] of the base in blocks of d, G filled up to whole blocks."""
         n, p = self._on_base.shape
         wide = sp.csc_array(sp.hstack([H, self._on_base, sp.csr_array((n, -p % d))], format="csc"))
@@ -144,7 +143,7 @@ class LinkedCompliance:
         v = v + self.base.solve(self._on_base @ multiplier)
         return np.concatenate([v, s + self.compliance[self._soft] * multiplier[self._soft], multiplier])
 
-    def delassus(self, H: Any, dimension: int) -> Any:
+    def delassus(self, H: sp.sparray, dimension: int) -> Matrix:
         """Return W - V S^-1 V^T (m, m) for H (n + p, m), zero on the links' own unknowns."""
         if self.summed is not None:
             return self.summed
@@ -164,7 +163,7 @@ class LinkedCompliance:
         return sp.bsr_array(sp.csr_array(W) - sp.csr_array((tile.ravel(), (rows, columns)), shape=(m, m)), blocksize=(dimension, dimension))
 
 
-def _sparse_factor(S: Any) -> Callable[[FloatArray], FloatArray] | None:
+def _sparse_factor(S: Matrix) -> Callable[[FloatArray], FloatArray] | None:
     """The solve of a sparse S of unit diagonal; None where a pivot vanishes."""
     options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     try:
@@ -174,6 +173,5 @@ def _sparse_factor(S: Any) -> Callable[[FloatArray], FloatArray] | None:
     return factor.solve if factor.U.diagonal().min() > PIVOT else None
 
 
-def _dense(A: Any) -> FloatArray:
-    found: FloatArray = A.toarray() if sp.issparse(A) else np.asarray(A)
-    return found
+def _dense(A: Matrix) -> FloatArray:
+    return A if isinstance(A, np.ndarray) else A.toarray()

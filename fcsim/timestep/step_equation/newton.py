@@ -219,7 +219,7 @@ class _Newton:
         for held in (0.0, HELD * float(np.abs(bent.data).max())):
             bending = replace(equation, bent=bent + held * (normal @ normal.T) if held else bent)
             own = bending.compliance if isinstance(bending.compliance, StepCompliance) else bending.compliance.base
-            if own.bent is not None and own.positive:
+            if own.bent is not None and bending.bent is not None and own.positive:
                 return bending, bending.bent @ now.v - held * (normal @ (normal.T @ now.v + met.w[pressed])) if held else bent @ now.v
         return equation, 0.0
 

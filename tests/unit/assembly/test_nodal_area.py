@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from fcsim.assembly.loads import nodal_area
 from fcsim.assembly.model import build_model
-from fcsim.assembly.nodal_area import nodal_area
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle, rigid_box
 from fcsim.mesh.material import Material

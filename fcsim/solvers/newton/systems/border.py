@@ -12,11 +12,11 @@ So a change of sets costs columns, not a factorisation. The matrix of this respo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.linear.block_rows import dofs_of
 from fcsim.solvers.newton.systems.held import Held, dense_part
 
@@ -27,7 +27,7 @@ class _Columns:
     taken: columns written so far. Only the border that has all of them may write the next ones in place; another one copies first.
     """
 
-    def __init__(self, room: int, held: int, dtype: Any) -> None:
+    def __init__(self, room: int, held: int, dtype: DTypeLike) -> None:
         self.PT, self.response = np.empty((room, held), dtype=dtype), np.empty((room, room), dtype=dtype)
         self.taken = 0
 
@@ -60,7 +60,7 @@ def empty_border(held: Held, d: int) -> Border:
     return Border(nothing, np.empty(0, dtype=bool), np.full(len(held.is_held), -1), columns, d)
 
 
-def extended(border: Border, held: Held, W: Any, contacts: IntArray) -> Border:
+def extended(border: Border, held: Held, W: Matrix, contacts: IntArray) -> Border:
     """The border with columns for `contacts` too; W dense or by block rows."""
     d = border._d
     new = contacts[border.column[contacts] < 0]
@@ -88,7 +88,7 @@ def extended(border: Border, held: Held, W: Any, contacts: IntArray) -> Border:
     return Border(every, is_released, column, columns, d)
 
 
-def _sign(response: FloatArray, k: int, W: Any, contacts: IntArray, released: BoolArray, d: int) -> None:
+def _sign(response: FloatArray, k: int, W: Matrix, contacts: IntArray, released: BoolArray, d: int) -> None:
     """Make of P^T P in rows and columns from k on the response by the formulas above: signs, and W_CC of free contacts."""
     free, first = np.flatnonzero(~released), k // d
     fresh = free[free >= first]

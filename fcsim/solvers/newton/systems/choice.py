@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.problem import Delassus
@@ -53,7 +52,8 @@ def newton_system(
         return MultifrontalSystem(operator, operator.joints)
     if linear == "sparse":
         return SparseSystem(operator)
-    return DenseSystem(Delassus(operator.W.toarray(), operator.dimension, operator.shift) if sp.issparse(operator.W) else operator)
+    W = operator.W
+    return DenseSystem(operator if isinstance(W, np.ndarray) else Delassus(W.toarray(), operator.dimension, operator.shift))
 
 
 def _regular(shift: FloatArray | None) -> bool:

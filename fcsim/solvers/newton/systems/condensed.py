@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import DTypeLike
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix, is_symmetric
@@ -65,7 +65,7 @@ class KeptCondensation(Kept):
 
     condensation: Condensation
     status: IntArray
-    dtype: Any
+    dtype: DTypeLike
     holds_sliding: bool
     pattern: Pattern | None
 
@@ -87,7 +87,7 @@ class CondensedSystem:
         earlier = None if kept is None else kept.pattern
         self._rows = operator.joints if earlier is None else joint_rows(W, self._d, earlier)
         self._W = W if isinstance(W, np.ndarray) else sp.bsr_array(W, blocksize=(self._d, self._d)) if self._rows is None else self._rows.W
-        self._dtype: Any = np.float32 if W.shape[0] >= SINGLE_FROM else np.float64
+        self._dtype: DTypeLike = np.float32 if W.shape[0] >= SINGLE_FROM else np.float64
         self._holds_sliding = True
         self._status: IntArray | None = None  # of the contacts at the last step
         self._condensation: Condensation | None = None

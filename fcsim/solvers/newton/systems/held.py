@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import DTypeLike
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.linear._front_kernels import gather_blocks
 from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.factors import DenseCholesky, SingularMatrix
@@ -37,12 +38,12 @@ class Held:
     contacts: IntArray
     is_held: BoolArray
     place: IntArray
-    dtype: Any
+    dtype: DTypeLike
     with_sliding: bool
 
 
 def hold(
-    W: Any, rows: BlockRows | None, d: int, contacts: BoolArray, *, with_sliding: bool, dtype: Any, conditioning: float
+    W: Matrix, rows: BlockRows | None, d: int, contacts: BoolArray, *, with_sliding: bool, dtype: DTypeLike, conditioning: float
 ) -> Held | None:
     """Factor W on contacts (nc,), by fronts where `rows` says that they come in joints, else dense; None where that cannot be trusted.
 
@@ -67,7 +68,7 @@ def hold(
     return Held(factor, held, contacts, place, dtype, with_sliding)
 
 
-def dense_part(W: Any, d: int, rows: IntArray, columns: IntArray) -> FloatArray:
+def dense_part(W: Matrix, d: int, rows: IntArray, columns: IntArray) -> FloatArray:
     """The blocks of W, dense or by block rows, of contacts `rows` and `columns` as a dense array in C order."""
     if isinstance(W, np.ndarray):
         return W[np.ix_(dofs_of(rows, d), dofs_of(columns, d))]

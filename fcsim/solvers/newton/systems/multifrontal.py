@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.linear.factors import SingularMatrix
@@ -33,7 +32,7 @@ class MultifrontalSystem:
         """rows: the operator's block rows where they were analysed already."""
         self.operator, self._d = operator, operator.dimension
         self._rows = BlockRows(operator.matrix, self._d) if rows is None else rows
-        self._precision: Any = np.float32
+        self._precision: DTypeLike = np.float32
 
     def shifted(self, shift: FloatArray) -> MultifrontalSystem:
         operator = self.operator.shifted(shift)

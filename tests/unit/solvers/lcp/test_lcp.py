@@ -8,7 +8,12 @@ import scipy.optimize
 from numpy.testing import assert_allclose
 
 from fcsim.linear.factors import SingularMatrix
-from fcsim.solvers.lcp.lcp import LCPStatus, all_supports, complementary_solutions, enumerate_lcp, lemke
+from fcsim.solvers.lcp.lcp import LCPSolution, LCPStatus, all_supports, complementary_solutions, lemke
+
+
+def enumerate_lcp(M: np.ndarray, q: np.ndarray) -> LCPSolution | None:
+    """The first solution over all 2^n complementary bases, None where there is none."""
+    return next(complementary_solutions(M, q), None)
 
 
 def assert_solves(M: np.ndarray, q: np.ndarray, z: np.ndarray, tol: float = 1e-9) -> None:
