@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 LONGEST, IN_ALL = 60, 800
 """Characters of one field, and of all."""
 
 
-def brief(value: Any) -> str:
+def brief(value: DataclassInstance) -> str:
     """A dataclass in a line: Reactions(identity=int64 (4,), frame=float64 (4, 3, 3), r=float64 (4, 3)). For `__repr__ = brief`, so that a
     step at the prompt, in a notebook or in a debugger is not a hundred pages."""
     parts, length = [], 0
@@ -28,7 +31,7 @@ def brief(value: Any) -> str:
     return f"{type(value).__name__}({', '.join(parts)})"
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     """One field."""
     if value is None or isinstance(value, bool | int | float | Enum | np.generic):
         text = str(value) if isinstance(value, Enum | np.generic) else repr(value)

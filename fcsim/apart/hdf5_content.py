@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError
 
-type Asked = Callable[[str, int | None], tuple[dict[str, Any], bytearray]]
+type About = dict[str, Any]  # JSON between two processes: each key's type is the sender's
+type Asked = Callable[[str, int | None], tuple[About, bytearray]]
 """(name, count) -> the array of that name, of a vector the first `count` entries: what it is, and its bytes."""
 
 
@@ -23,7 +24,7 @@ class Content:
     asked: Asked
 
 
-def decoded(line: bytes) -> dict[str, Any]:
+def decoded(line: bytes) -> About:
     """An answer's JSON; InputError where it is none, which a reader gone mad may send."""
     try:
         found = json.loads(line)
@@ -34,7 +35,7 @@ def decoded(line: bytes) -> dict[str, Any]:
     return found
 
 
-def _values(about: Mapping[str, Any], values: bytearray) -> Any:
+def _values(about: About, values: bytearray) -> Any:  # what JSON or the array says
     """An array, or what is in one without axes: a number, a text in bytes."""
     shape = tuple(about["shape"])
     if "texts" in about:
@@ -55,11 +56,11 @@ class Link:
 
 
 class _Entry:
-    def __init__(self, about: Mapping[str, Any], name: str, values: bytearray, content: Content) -> None:
+    def __init__(self, about: About, name: str, values: bytearray, content: Content) -> None:
         self.name, self._about, self._bytes, self._content = name, about, values, content
 
     @property
-    def attrs(self) -> dict[str, Any]:
+    def attrs(self) -> About:
         """Numbers, arrays and texts by name."""
         entries = self._about["attributes"].items()
         return {name: about["text"] if "text" in about else _values(about, self._bytes) for name, about in entries}
@@ -72,7 +73,7 @@ class Array(_Entry):
     """
 
     @property
-    def dtype(self) -> np.dtype[Any]:
+    def dtype(self) -> np.dtype[np.generic]:
         return np.dtype(self._about["dtype"])
 
     @property
@@ -99,7 +100,7 @@ class Array(_Entry):
     def chunked(self) -> bool:
         return bool(self._about["chunked"])
 
-    def __getitem__(self, key: tuple[()] | slice) -> Any:
+    def __getitem__(self, key: tuple[()] | slice) -> Any:  # as h5py: text, a number or an array
         if self.elsewhere:
             raise InputError(f"{self.name}: expected values within this file, got data stored in others")
         if "values" in self._about:
@@ -113,10 +114,10 @@ class Group(_Entry, Mapping[str, "Group | Array | Link"]):
     """A group of a file: a mapping from names to what is there; a / in a name leads through groups. KeyError: nothing is there; OSError:
     what is there cannot be read."""
 
-    def _entries(self) -> Mapping[str, Any]:
+    def _entries(self) -> About:
         if self._about["kind"] != "group":
             raise OSError(f"{self.name}: {self._about.get('why', 'no group')}")
-        entries: Mapping[str, Any] = self._about["entries"]
+        entries: About = self._about["entries"]
         return entries
 
     def __iter__(self) -> Iterator[str]:
@@ -141,7 +142,7 @@ class Group(_Entry, Mapping[str, "Group | Array | Link"]):
             raise KeyError(name)
         return entry[rest]
 
-    def array(self, name: str) -> NDArray[Any]:
+    def array(self, name: str) -> NDArray[Any]:  # of the type that the file has
         """The values of an array of this group; KeyError where there is none."""
         entry = self[name]
         if not isinstance(entry, Array):

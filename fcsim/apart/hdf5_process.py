@@ -13,11 +13,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from fcsim.apart.hdf5_content import Content, Group, decoded
+from fcsim.apart.hdf5_content import About, Content, Group, decoded
 from fcsim.apart.reading import with_our_modules
 from fcsim.errors import InputError
 from fcsim.memory import readable
@@ -45,7 +43,7 @@ def opened_apart(path: Path) -> Group:
     return Group(about, "/", values, content)
 
 
-def _asked(path: Path, more: Mapping[str, Any]) -> tuple[dict[str, Any], bytearray]:
+def _asked(path: Path, more: About) -> tuple[About, bytearray]:
     size = path.stat().st_size
     seconds = math.ceil(SECONDS + SECONDS_PER_MB * size / 1e6)
     memory = MEMORY + MEMORY_PER_BYTE * size
@@ -67,7 +65,7 @@ def _asked(path: Path, more: Mapping[str, Any]) -> tuple[dict[str, Any], bytearr
     return about, values
 
 
-def _answer(process: subprocess.Popen[bytes], request: bytes) -> tuple[dict[str, Any], bytearray]:
+def _answer(process: subprocess.Popen[bytes], request: bytes) -> tuple[About, bytearray]:
     assert process.stdin is not None and process.stdout is not None
     process.stdin.write(request)
     process.stdin.flush()

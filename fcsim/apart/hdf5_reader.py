@@ -13,12 +13,12 @@ import resource
 import signal
 import sys
 import time
-from collections.abc import Mapping
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import h5py
 import numpy as np
 
+from fcsim.apart.hdf5_content import About
 from fcsim.memory import own_addresses
 
 ENTRIES, DEPTH = 20_000, 12
@@ -35,7 +35,7 @@ class _Answer:
         self._parts: list[bytes] = []
         self._end = 0
 
-    def store(self, values: np.ndarray) -> dict[str, Any]:
+    def store(self, values: np.ndarray) -> About:
         """Take an array: numbers as their bytes, texts of any length as lists."""
         if values.dtype.kind == "O":
             texts = [t if isinstance(t, bytes) else str(t).encode("utf-8", "surrogateescape") for t in values.ravel().tolist()]
@@ -49,7 +49,7 @@ class _Answer:
         self._parts.append(part)
         self._end += len(part)
 
-    def send(self, about: Mapping[str, Any], out: BinaryIO) -> None:
+    def send(self, about: About, out: BinaryIO) -> None:
         out.write(json.dumps(about).encode() + b"\n%d\n" % self._end)
         out.writelines(self._parts)
         out.flush()
@@ -60,7 +60,7 @@ def _text(name: str | bytes) -> str:
     return name if isinstance(name, str) else name.decode("utf-8", "surrogateescape")
 
 
-def _attribute(value: Any, answer: _Answer) -> dict[str, Any]:
+def _attribute(value: object, answer: _Answer) -> About:
     if isinstance(value, str):
         return {"text": value}
     values = np.asarray(value)
@@ -69,7 +69,7 @@ def _attribute(value: Any, answer: _Answer) -> dict[str, Any]:
     return answer.store(values)
 
 
-def _attributes(entry: h5py.Group | h5py.Dataset, answer: _Answer) -> dict[str, Any]:
+def _attributes(entry: h5py.Group | h5py.Dataset, answer: _Answer) -> About:
     return {_text(name): _attribute(entry.attrs[name], answer) for name in entry.attrs}
 
 
@@ -79,7 +79,7 @@ def _numbers_or_texts(dataset: h5py.Dataset) -> bool:
     return kind in "fiubS" or (kind == "O" and h5py.check_string_dtype(dataset.dtype) is not None)
 
 
-def _array(dataset: h5py.Dataset, answer: _Answer) -> dict[str, Any]:
+def _array(dataset: h5py.Dataset, answer: _Answer) -> About:
     stored = dataset.id.get_storage_size()
     elsewhere = bool(dataset.external) or dataset.is_virtual
     about = {"kind": "array", "dtype": dataset.dtype.str, "shape": dataset.shape, "stored": stored, "elsewhere": elsewhere}
@@ -93,7 +93,7 @@ def _array(dataset: h5py.Dataset, answer: _Answer) -> dict[str, Any]:
     return about
 
 
-def _entry(group: h5py.Group, name: str, depth: int, answer: _Answer, count: list[int]) -> dict[str, Any]:
+def _entry(group: h5py.Group, name: str, depth: int, answer: _Answer, count: list[int]) -> About:
     """What is under a name; what cannot be read is said there, since it may not matter."""
     count[0] += 1
     if count[0] > ENTRIES:
@@ -112,7 +112,7 @@ def _entry(group: h5py.Group, name: str, depth: int, answer: _Answer, count: lis
     return _group(entry, depth, answer, count)
 
 
-def _group(group: h5py.Group, depth: int, answer: _Answer, count: list[int]) -> dict[str, Any]:
+def _group(group: h5py.Group, depth: int, answer: _Answer, count: list[int]) -> About:
     if depth > DEPTH:
         return {"kind": "broken", "why": f"groups in a circle, or deeper than {DEPTH}"}
     try:
@@ -126,7 +126,7 @@ def _group(group: h5py.Group, depth: int, answer: _Answer, count: list[int]) -> 
     }
 
 
-def _read(request: Mapping[str, Any], answer: _Answer) -> dict[str, Any]:
+def _read(request: About, answer: _Answer) -> About:
     path = os.fsencode(request["path"])
     if not h5py.is_hdf5(path):
         return {"error": "expected an HDF5 file, got something else"}
@@ -138,7 +138,7 @@ def _read(request: Mapping[str, Any], answer: _Answer) -> dict[str, Any]:
         return answer.store(np.asarray(values, dtype=dataset.dtype))
 
 
-def _limit(request: Mapping[str, Any], own: int) -> None:
+def _limit(request: About, own: int) -> None:
     """Seconds of the processor and bytes of addresses for this request alone."""
     for what, most in ((resource.RLIMIT_CPU, int(time.process_time()) + request["seconds"]), (resource.RLIMIT_AS, own + request["memory"])):
         hard = resource.getrlimit(what)[1]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -61,7 +60,7 @@ def content_digest(file: h5py.File | Group) -> str:
     """SHA-256 of the names, types, shapes and values of all datasets and attributes but the digest itself."""
     digest = hashlib.sha256()
 
-    def take(name: str, entry: Any) -> None:
+    def take(name: str, entry: h5py.Group | h5py.Dataset | Group | Array) -> None:
         for key in sorted(set(entry.attrs) - {"sha256"}):
             digest.update(f"{name}@{key}={entry.attrs[key]!r};".encode())
         if isinstance(entry, h5py.Dataset | Array):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,7 +72,7 @@ LONGEST_LABEL, TWO_LINES = 80, 0.6
 """Characters of a line of a legend, which fit into the width of a plot; height [inch]."""
 
 
-def legend_below(drawing: Figure, most: int, **options: Any) -> None:
+def legend_below(drawing: Figure, most: int, **options: object) -> None:
     """A legend of all curves under the axes, in as many columns as fit into the width, at most `most`; long labels in several lines. The
     figure grows by what is higher than two lines, so that the axes keep their height."""
     entries = [entry for axes in drawing.axes for entry in zip(*axes.get_legend_handles_labels(), strict=True)]
