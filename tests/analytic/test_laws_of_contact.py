@@ -40,10 +40,11 @@ def test_a_block_that_begins_in_the_floor_is_pushed_out_slowly(size: float, mass
     steps = block_in_floor(depth, size, h, 60, Gap(), mass, created=np.inf)
     heights = np.array([step.state.x[2] for step in steps])
     velocities = np.array([step.state.v[2] for step in steps])
-    assert velocities.max() <= speed * (1 + 1e-5)
-    assert_allclose(velocities[1:48], speed, rtol=1e-5)
+    within = 1e-5 + 1e-8 * G * h / speed  # a solve is right to 1e-8 of the velocity that gravity gives in a step
+    assert velocities.max() <= speed * (1 + within)
+    assert_allclose(velocities[1:48], speed, rtol=within)
     assert heights[-1] <= depth + speed**2 / (2 * G) + speed * h and heights.max() >= depth * (1 - 1e-6)
-    assert max(step.energy.kinetic for step in steps) <= 0.5 * mass * speed**2 * (1 + 1e-5)
+    assert max(step.energy.kinetic for step in steps) <= 0.5 * mass * speed**2 * (1 + 2 * within)
 
 
 def test_the_law_of_the_wall_throws_it_out_and_the_run_says_so() -> None:
