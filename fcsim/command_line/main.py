@@ -33,8 +33,11 @@ def _parser() -> argparse.ArgumentParser:
 RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_SIZE", "MPI_LOCALNRANKS")
 
 
-def _refuse_ranks(command: str) -> None:
-    """Each rank of `mpiexec -n 2 fcsim run` would make the whole run, into one folder; so with all that writes."""
+def _refuse_ranks(command: str, launcher: str | None) -> None:
+    """Each rank of `mpiexec -n 2 fcsim run` would make the whole run, into one folder; so with all that writes, but for a bench whose
+    launcher shares its measurements among the ranks."""
+    if launcher == "mpi":
+        return
     ranks = max((int(os.environ[name]) for name in RANKS if os.environ.get(name, "").isdecimal()), default=1)
     if ranks > 1:
         raise InputError(f"fcsim {command}: expected one process, got {ranks} ranks of MPI, which do not share their work yet")
@@ -45,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     any_encoding()
     options = _parser().parse_args(arguments)
     try:
-        _refuse_ranks(options.command)
+        _refuse_ranks(options.command, getattr(options, "launcher", None))
         with limited_threads():
             return int(options.act(options))
     except FcsimError as error:
