@@ -64,5 +64,8 @@ def warm_start(problem: LocalProblem, contacts: Contacts, memory: Sequence[React
     if len(candidates) == 1:
         return candidates[0]
     # one product a candidate: BLAS' matrix product is slower than that for three columns
-    residuals = [natural_map_residual(c, problem.W @ c + problem.q, problem.mu, problem.dimension, problem.compliance) for c in candidates]
+    velocities = (problem.delassus.affine(c, problem.q) for c in candidates)
+    residuals = [
+        natural_map_residual(c, u, problem.mu, problem.dimension, problem.compliance) for c, u in zip(candidates, velocities, strict=True)
+    ]
     return candidates[int(np.argmin(residuals))]
