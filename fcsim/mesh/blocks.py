@@ -24,6 +24,9 @@ BYTES_PER_CELL = 1200.0
 """What gmsh holds and hands out of a structured mesh, measured at 64 000 and 343 000 hexahedra."""
 
 
+_TOLERANCE, _LARGEST = 1e-8, 1e15  # of gmsh's geometry
+
+
 def part_from_gmsh(
     gmsh: ModuleType,
     name: str,
@@ -148,6 +151,9 @@ def _box(
     counts = _check_numbers(name, "divisions", divisions, dimension)
     if np.any(size <= 0):
         raise InputError(f"{name!r}, size: expected lengths > 0 in m, got {size.tolist()}")
+    if size.min() <= _TOLERANCE or size.max() > _LARGEST or size.min() <= _TOLERANCE * size.max():
+        known = f"above {_TOLERANCE:g} m, below {_LARGEST:g} m and of a ratio below {1 / _TOLERANCE:g}, which gmsh tells apart"
+        raise InputError(f"{name!r}, size: expected lengths {known}, got {size.tolist()}")
     if np.any(counts < 1) or np.any(counts != np.round(counts)):
         raise InputError(f"{name!r}, divisions: expected whole numbers >= 1, got {divisions!r}")
     if cell not in RAISED or CELL_TYPES[cell].dimension != dimension:

@@ -211,3 +211,9 @@ def test_a_surface_mesh_in_space_is_refused():
         gmsh.model.mesh.generate(2)
         with pytest.raises(InputError, match="got a surface mesh in space"):
             part_from_gmsh(gmsh, "p", MATERIAL)
+
+
+@pytest.mark.parametrize("size", [(1e-300, 1e-300, 1e-300), (1.0, 1.0, 1e-8), (1e-9, 1e-9, 1e-9), (1.0, 1.0, 1e15), (1e300, 1e300, 1e300)])
+def test_lengths_that_gmsh_does_not_tell_apart_are_refused(size: tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match="'b', size: expected lengths above"):
+        brick("b", size, (1, 1, 1), Material(1e9, 0.2, 1e3))
