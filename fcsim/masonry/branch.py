@@ -18,6 +18,8 @@ from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.linkage import Control, Linkage
 from fcsim.masonry.bodies import rigid_blocks, vector_of
+from fcsim.masonry.limit_analysis.limit import associative_limit
+from fcsim.masonry.limit_analysis.limit_problem import limit_problem
 from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce
 from fcsim.masonry.structure import structure
 from fcsim.timestep.chain import SolverSettings
@@ -62,7 +64,8 @@ def push_by_displacement(problem: MasonryProblem, *, step: float | None = None, 
     """Return the curve of multiplier by displacement until the multiplier is zero, a block comes off, or the displacement is `to` [m].
 
     step [m]: of the displacement, by default 1e-3 of the structure's extent; shorter where the multiplier drops. to: by default half its
-    extent. InputError where loads that grow have several directions.
+    extent. InputError where loads that grow have several directions, move
+    nothing, or find a structure that falls already.
     """
     steps = [(displacement, multiplier) for _, displacement, multiplier in branch_steps(problem, step=step, to=to)]
     came_off = len(steps) > 1 and steps[-1][1] < -_DROP * max(multiplier for _, multiplier in steps)
@@ -80,8 +83,12 @@ def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: floa
     to = 0.5 * problem.size if to is None else to
     if not (np.isfinite(step) and np.isfinite(to) and 0 < step <= to):
         raise InputError(f"step, to: expected displacements in m with 0 < step <= to, got {step} and {to}")
-    model, _ = structure(problem)
     control, load = _control(problem)
+    stands = associative_limit(limit_problem(problem)).outcome
+    if stands in ("unbounded", "falls"):
+        got = "one that bears every multiplier" if stands == "unbounded" else "one that falls under the loads that stay"
+        raise InputError(f"{problem.name!r}: expected a structure that its growing loads set in motion, got {got}")
+    model, _ = structure(problem)
     linkage, detector = Linkage(model, [control]), Everything(model, problem.friction)
     along, largest, before = np.array(control.direction), 0.0, None
     moment, h = None, step

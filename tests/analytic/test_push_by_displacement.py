@@ -67,6 +67,11 @@ def test_loads_of_several_directions_are_refused_by_name():
         push_by_displacement(stone_on_floor(2, 0.4, 1.2, loads=loads))
     with pytest.raises(InputError, match="multiplier scales"):
         push_by_displacement(stone_on_floor(2, 0.4, 1.2))
+    with pytest.raises(InputError, match="bears every multiplier"):
+        push_by_displacement(pushed(stone_on_floor(2, 0.4, 1.2), (0.0, 0.0, -1.0)))
+    tipping = (Acceleration((5.0, 0.0, -9.81)),)
+    with pytest.raises(InputError, match="falls under the loads that stay"):
+        push_by_displacement(pushed(stone_on_floor(2, 0.4, 1.2, loads=tipping), (1.0, 0.0, 0.0)))
     with pytest.raises(InputError, match="step, to"):
         push_by_displacement(pushed(stone_on_floor(2, 0.4, 1.2), (1.0, 0.0, 0.0)), step=-1.0)
 
@@ -81,6 +86,19 @@ def test_control_of_an_elastic_bar_takes_its_stiffness():
     *_, last = Simulation(model, Everything(model, 0.0), QuasiStatic(1.0), 3, linkage=linkage)
     assert len(end) == 4
     assert last.link_force("pull") == pytest.approx([1e6 * 0.25 * 3e-3 / 2.0, 0.0, 0.0], rel=1e-8, abs=1e-8)
+
+
+def test_what_stands_on_a_stone_and_what_is_pushed_askew():
+    """The upper stone of two about its own toe; a square one along its diagonal about its corner, b sqrt(2) / h."""
+    stones = (
+        block("floor", (-5, 0, -1), (5, 0.4, 0), support=True),
+        block("lower", (0, 0, 0), (2, 0.4, 1), density=2000.0),
+        block("upper", (0.8, 0, 1), (1.2, 0.4, 2.6), density=500.0),
+    )
+    upper = push_by_displacement(pushed(MasonryProblem("two", 2, stones, mu=0.9), (-1.0, 0.0, 0.0)), step=2e-3, to=0.01)
+    assert upper.multiplier[0] == pytest.approx(0.25, rel=1e-6)
+    askew = push_by_displacement(pushed(stone_on_floor(3, 0.4, 1.2), (1.0, 1.0, 0.0)), step=2e-3, to=0.01)
+    assert askew.multiplier[0] == pytest.approx(np.sqrt(2) * 0.2 / 0.6, rel=1e-6)
 
 
 @pytest.mark.parametrize("wrong", [{"rate": 0.0}, {"direction": (0.0, 0.0)}, {"points": ()}, {"points": (("stone", (0.1, 0.1), -1.0),)}])
