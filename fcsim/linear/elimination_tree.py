@@ -1,6 +1,6 @@
 """The symbolic elimination of a block-sparse matrix: in which order contacts go, in which fronts, and what each leaves to which.
 
-One analysis serves both numeric codes, `fronts` (joints of many contacts: LAPACK on large fronts) and `block_cholesky` (contacts of small
+One analysis serves both numeric codes, `fronts` (joints of many contacts: LAPACK on large fronts) and `block_factors` (contacts of small
 bodies: compiled, small fronts):
 
 1. Contacts with one set of neighbours form a joint (two bodies' contacts with each other mostly): what fill-in depends on is the graph of

@@ -5,7 +5,7 @@ joint, and the complement on the joints next to it is passed on to the parent: L
 structure among millions of entries (W of the refined wall has 14 million: MUMPS takes 2.7 s). The wall's LU takes 0.6 Gflop instead of
 5.9, and fronts in single precision half the time of double ones, for a solve that is corrected by the defect.
 
-`fcsim.linear.block_cholesky` is for the opposite case: contacts of small bodies, each with neighbours of its own.
+`fcsim.linear.block_factors` is for the opposite case: contacts of small bodies, each with neighbours of its own.
 
 Sources: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9, 1983; J. W. H. Liu, SIAM Review 34, 1992.
 """

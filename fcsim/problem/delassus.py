@@ -18,15 +18,16 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.brief import brief
+from fcsim.errors import InputError
 from fcsim.linear._block_rows_kernels import product
-from fcsim.linear.block_cholesky import Analysis
+from fcsim.linear.block_factors.analysis import Analysis
 from fcsim.linear.block_rows import compressed_blocks
 from fcsim.linear.factors import Factor, is_symmetric
 from fcsim.linear.joints import BlockRows, joint_rows
 from fcsim.linear.storage import eliminated_dense
 from fcsim.problem._judge_kernels import diagonal_blocks_of_rows
 from fcsim.problem.motion import Motion
-from fcsim.problem.shifted_factor import plus_diagonal, rows_with_diagonal, shifted_factor
+from fcsim.problem.shifted_factor import complete_rows, plus_diagonal, shifted_factor
 
 Elimination = Literal["dense", "fronts", "sparse"]
 
@@ -34,19 +35,25 @@ Elimination = Literal["dense", "fronts", "sparse"]
 @dataclass(frozen=True, eq=False)
 class Delassus:
     """W + diag(shift), W (m, m) dense or sparse of m = d nc contact unknowns; in dynamics [velocity per impulse], else [displacement per
-    force]. shift (nc,): one number a contact, None for W alone; motion: W = H^T M^-1 H where few degrees of freedom are behind it.
+    force]. shift (nc,): one number a contact, None for W alone; motion: W = H^T M^-1 H where few degrees of freedom are behind it;
+    unshifted: the operator of W alone, with which this one shares what W or its pattern decides.
 
     What is asked for is computed once and kept as long as this object; factors are not kept, since they are large: who uses one again
-    keeps it (see `Memory` for what serves the next problem).
+    keeps it (see `Memory` for what serves the next problem). InputError where W is neither an array nor a sparse array.
     """
 
     W: Matrix
     dimension: int = 3
     shift: FloatArray | None = None
     motion: Motion | None = None
+    unshifted: Delassus | None = None
     _made: dict[Hashable, object] = field(default_factory=dict, init=False, repr=False)
 
     __repr__ = brief
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.W, np.ndarray) and not sp.issparse(self.W):  # its entries are asked for, not its products alone
+            raise InputError(f"W: expected a NumPy array or a SciPy sparse array, got a {type(self.W).__name__}")
 
     @property
     def size(self) -> int:
@@ -64,7 +71,8 @@ class Delassus:
 
     def shifted(self, shift: FloatArray | float) -> Delassus:
         """The operator of the same W with diag(shift), one number a contact (nc,) or one for all, in the place of its own."""
-        return Delassus(self.W, self.dimension, np.broadcast_to(shift, self.nc), self.motion)
+        unshifted = self if self.shift is None else self.unshifted
+        return Delassus(self.W, self.dimension, np.broadcast_to(shift, self.nc), self.motion, unshifted)
 
     @cached_property
     def by_unknown(self) -> FloatArray:
@@ -134,7 +142,7 @@ class Delassus:
 
     @cached_property
     def _mean(self) -> Delassus:
-        return replace(self, W=0.5 * (self.W + self.W.T), motion=None)
+        return replace(self, W=0.5 * (self.W + self.W.T), motion=None, unshifted=None)
 
     @cached_property
     def norm(self) -> float:
@@ -168,11 +176,16 @@ class Delassus:
     @cached_property
     def joints(self) -> BlockRows | None:
         """A sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
-        return joint_rows(self.rows, self.dimension) if self.is_sparse else None
+        if not self.is_sparse or self.unshifted is None:
+            return joint_rows(self.rows, self.dimension) if self.is_sparse else None
+        joined = self.unshifted.joints
+        return None if joined is None else joint_rows(self.rows, self.dimension, joined.pattern)
 
     @cached_property
     def elimination(self) -> Elimination:
         """How a matrix with W's pattern is eliminated: dense, by fronts of whole joints, or by sparse elimination of single contacts."""
+        if self.unshifted is not None:
+            return self.unshifted.elimination
         if self.joints is not None:
             return "fronts"
         return "dense" if eliminated_dense(self.size, self.entries) else "sparse"
@@ -185,15 +198,18 @@ class Delassus:
 
     @cached_property
     def _is_so_stored(self) -> bool:
-        if self.elimination == "dense":
-            return not self.is_sparse
         W, d = self.W, self.dimension
-        return bool(not isinstance(W, np.ndarray) and W.format == "bsr" and W.blocksize == (d, d) and W.has_sorted_indices)
+        if isinstance(W, np.ndarray) or self.elimination == "dense":
+            return isinstance(W, np.ndarray) and self.elimination == "dense"
+        return bool(W.format == "bsr" and W.blocksize == (d, d) and W.has_sorted_indices)
 
     @cached_property
     def _restored(self) -> Delassus:
-        if self.elimination == "dense":
-            return self if isinstance(self.W, np.ndarray) else self._of(self.W.toarray())
+        """W in another storage than it has."""
+        if self.unshifted is not None and self.shift is not None:
+            return self.unshifted.stored.shifted(self.shift)
+        if not isinstance(self.W, np.ndarray) and self.elimination == "dense":
+            return self._of(self.W.toarray())
         rows = self.rows if self.shift is None else Delassus(self.W, self.dimension).rows
         if not rows.has_sorted_indices:
             # a copy even of block rows: sorting the caller's in place would change the last bits of later products
@@ -212,8 +228,12 @@ class Delassus:
 
     @cached_property
     def analysis(self) -> tuple[sp.bsr_array, Analysis]:
-        """A sparse symmetric W by block rows with every diagonal block, and what their pattern alone decides of a factor."""
-        rows = rows_with_diagonal(self.matrix, self.dimension)
+        """A sparse matrix by sorted block rows with every diagonal block, and with each block its mirror image, and what their pattern
+        alone decides of its factors."""
+        if self.unshifted is not None and self.shift is not None:
+            rows, analysis = self.unshifted.analysis
+            return plus_diagonal(rows, self.shift, self.dimension), analysis
+        rows = complete_rows(self.matrix, self.dimension)
         return rows, Analysis(rows)
 
     def derived[T](self, make: Callable[..., T], *arguments: Hashable) -> T:

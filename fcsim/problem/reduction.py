@@ -247,8 +247,9 @@ class Reduction:
 
 
 def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
-    """H and M behind W, where degrees of freedom are few and no equality constraints couple them."""
-    if problem.G is not None or not 0 < problem.n <= FEW * problem.m:
+    """H and M behind W, where degrees of freedom are few and no equality constraints couple them; those of bodies that no contact touches
+    cost nothing and do not count."""
+    if problem.G is not None or not 0 < np.count_nonzero(_touched(problem.H)) <= FEW * problem.m:
         return None
     return Motion(sp.csr_array(sp.csr_array(problem.H).T), sp.csr_array(problem.M), W)
 

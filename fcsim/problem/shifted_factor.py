@@ -12,7 +12,9 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, Matrix
-from fcsim.linear.block_cholesky import Analysis, BlockCholesky
+from fcsim.linear._elimination_tree_kernels import has_symmetric_pattern
+from fcsim.linear.block_factors.analysis import Analysis
+from fcsim.linear.block_factors.cholesky import BlockCholesky
 from fcsim.linear.block_rows import compressed_blocks
 from fcsim.linear.factors import MUMPS_FROM, Factor, Mumps, SingularMatrix, SuperLU, factorise
 from fcsim.runtime import has_petsc
@@ -60,20 +62,31 @@ def plus_diagonal(W: Matrix, shift: FloatArray, d: int) -> Matrix:
     return sp.bsr_array(sp.csr_array(W) + sp.diags_array(np.repeat(shift, d), format="csr"), blocksize=(d, d))
 
 
-def rows_with_diagonal(W: sp.sparray, d: int) -> sp.bsr_array:
-    """Sparse W by block rows with every diagonal block, W itself where it is so stored."""
-    if W.format == "bsr" and W.blocksize == (d, d):
-        row = np.repeat(np.arange(len(W.indptr) - 1), np.diff(W.indptr))
-        if np.count_nonzero(row == W.indices) == len(W.indptr) - 1:
-            return W
-    indptr, column, blocks = compressed_blocks(sp.csc_array(W), d)
-    return sp.bsr_array((blocks, column, indptr), shape=W.shape)
+def complete_rows(W: Matrix, d: int) -> sp.bsr_array:
+    """W by sorted block rows with every diagonal block, and with each block its mirror image; itself where it is so stored."""
+    rows = W if not isinstance(W, np.ndarray) and W.format == "bsr" and W.blocksize == (d, d) else None
+    if rows is None or not rows.has_canonical_format:
+        csr = W if isinstance(W, np.ndarray) else sp.csr_array(W, copy=True)  # the caller's stays as it is
+        if not isinstance(csr, np.ndarray):
+            csr.sum_duplicates()
+        indptr, column, blocks = compressed_blocks(csr, d)
+        rows = sp.bsr_array((blocks, column, indptr), shape=W.shape)
+        rows.sort_indices()
+    nc = rows.shape[0] // d
+    row = np.repeat(np.arange(nc), np.diff(rows.indptr))
+    if np.count_nonzero(row == rows.indices) == nc and has_symmetric_pattern(rows.indptr, rows.indices):
+        return rows
+    own = np.arange(nc)
+    places = np.unique(np.concatenate([row * nc + rows.indices, rows.indices.astype(np.int64) * nc + row, own * (nc + 1)]))
+    blocks = np.zeros((len(places), d, d))
+    blocks[np.searchsorted(places, row * nc + rows.indices)] = rows.data
+    return sp.bsr_array((blocks, places % nc, np.searchsorted(places, np.arange(nc + 1) * nc)), shape=W.shape)
 
 
 def shifted_factor(W: Matrix, d: int, rho: float, symmetric: bool, analysed: Callable[[], tuple[sp.bsr_array, Analysis]]) -> Factor:
     """The factor of W + rho I: Cholesky where symmetric and positive definite, LU otherwise; SingularMatrix where that fails.
 
-    analysed: gives a sparse W by block rows with every diagonal block, and the analysis of that pattern.
+    analysed: gives a sparse W by `complete_rows`, and the analysis of their pattern.
     """
     if isinstance(W, np.ndarray):
         shifted = W + rho * np.eye(len(W))

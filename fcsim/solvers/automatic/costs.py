@@ -8,7 +8,8 @@ d unknowns a contact, nc contacts, m = d nc; entries: those of W that are not ze
     Newton, sparse         LU by the elimination tree's count; the entries are gathered and scattered `SCATTERS` times; of both c / m
     Newton, joints         the same on large fronts, at the dense rate
     ADMM                   one Cholesky factor (half an LU), then solves that read the factor twice and W once an iteration
-    proximal Newton        Newton's iterations, each with its own factor
+    proximal Newton        Newton's iterations, each with its own factor; where few degrees of freedom are behind W, an LU in the bodies'
+                           velocities by its own count
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.linear.elimination_tree import elimination_tree
 from fcsim.linear.joints import BlockRows
 from fcsim.linear.storage import REAL, REFERENCE, Machine, Work
 from fcsim.problem import LocalProblem
+from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
+from fcsim.solvers.newton.systems.velocity import bodies_of
 
 SCALAR = 10.0
 """Times the dense rate's time that an operation takes which waits for the one before it: a contact's own equations."""
@@ -34,12 +36,12 @@ PASSES, SCATTERS = 4, 16
 """How often Newton's system reads or writes W: dense, and entry by entry with its index."""
 NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 40, 200, 5
 """Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's."""
+SHARES, PRODUCTS = 8, 3
+"""How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
 SVD = 20
 """Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
 LP, LP_STEPS = 10, 1000
 """Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
-PADDING = 0.15
-"""Zeros in the fronts that are counted (as block Cholesky has them)."""
 
 
 def sweep(entries: int, nc: int) -> Work:
@@ -49,16 +51,9 @@ def sweep(entries: int, nc: int) -> Work:
 
 def lu_flops(problem: LocalProblem) -> float:
     """Operations of an LU of W, by the elimination tree where W is stored by block rows."""
-    W, d = problem.W, problem.dimension
-    if isinstance(W, np.ndarray):
+    if isinstance(problem.W, np.ndarray):
         return 2 / 3 * problem.m**3
-    if problem.delassus.symmetric:
-        return problem.delassus.analysis[1].flops  # which ADMM's factor needs as well
-    rows = W if W.format == "bsr" and W.blocksize == (d, d) else sp.bsr_array(W, blocksize=(d, d))
-    pattern = sp.csr_array((np.ones(len(rows.indices), dtype=np.int8), rows.indices, rows.indptr), shape=(problem.nc, problem.nc))
-    pattern = sp.csr_array(pattern + pattern.T + sp.eye_array(problem.nc, dtype=np.int8))
-    pattern.sort_indices()
-    return elimination_tree(pattern.indptr.astype(np.int64), pattern.indices.astype(np.int64), PADDING).flops(d)
+    return problem.delassus.analysis[1].flops  # which Newton's and ADMM's factors need as well
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +98,19 @@ class Prices:
         """An iteration of Newton or of proximal Newton."""
         share = self._share(closed) ** (1 if sp.issparse(self.problem.W) else 3)
         return self.least(closed) + self.machine.seconds(Work(share * self.flops))
+
+    @cached_property
+    def in_velocities(self) -> bool:
+        """Whether proximal Newton eliminates in the bodies' velocities."""
+        return eliminated_in_velocities(self.problem.delassus)
+
+    def proximal(self, closed: int) -> float:
+        """An iteration of proximal Newton: of its own elimination where that is in the bodies' velocities, else Newton's."""
+        if not self.in_velocities:
+            return self.newton(closed)
+        bodies = bodies_of(self.problem.delassus)
+        reads = SHARES * REAL * bodies.places_count + PRODUCTS * REAL * self.entries
+        return self.machine.seconds(Work(bodies.flops, reads, NEWTON_STEPS))
 
     def _share(self, closed: int) -> float:
         return closed / self.problem.m if closed and self.joints is None else 1.0

@@ -31,6 +31,8 @@ WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
 OVERTAKEN = 0.1
 """Share of its own error below which Gauss-Seidel and proximal Newton take up another method's iterate."""
+ALPHA = 0.1
+"""Proximal Newton's first alpha over the square root of the error: what it comes down to by itself on its way to that error (measured)."""
 
 SWEEPS = GaussSeidelOptions()
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT)
@@ -70,8 +72,9 @@ def splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
     """Proximal Newton from the best iterate; where another method is well ahead, from its iterate."""
-    options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
     while True:
+        alpha = min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(race.best)))
+        options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations, alpha=alpha)
         run = proximal_turns(race.problem, race.best_r(), monitor, options)
         behind = False
         while not behind:

@@ -37,6 +37,10 @@ JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
 STUCK = 100
 """Iterations of proximal Newton after which it may be stuck."""
+SETTLED = 10
+"""Times `probe` sweeps after which a last quarter that made the error no tenth smaller says that they are at an end."""
+STICKING = 1e-6
+"""Share of the friction cone next to its surface where a contact is not said to stick."""
 PLATEAU = 50
 """Times `probe` sweeps after which Gauss-Seidel may be given up, where the last two thirds made the error no tenth smaller."""
 
@@ -65,6 +69,27 @@ def _dearer_than_newton(race: Race, cost: float, from_far: int = NEWTON_FROM_FAR
     return cost > iterations * race.prices.least(closed) and cost > iterations * race.prices.newton(closed)
 
 
+def _dearer_than_proximal(race: Race, cost: float) -> bool:
+    """Whether this costs more than proximal Newton from here."""
+    if not race.prices.in_velocities:
+        return _dearer_than_newton(race, cost, PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR)
+    return cost > (PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR) * race.prices.proximal(0)
+
+
+def _singular_here(race: Race) -> bool:
+    """Whether Newton's matrix is sure to be singular here, since the closed contacts hold more velocities than the bodies have.
+
+    A sticking contact holds all of its velocity, a sliding one its normal one at least.
+    """
+    motion = race.problem.delassus.motion
+    if motion is None:
+        return False
+    r = race.best_r().reshape(race.problem.nc, -1)
+    sticking = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKING) * race.problem.mu * r[:, 0]
+    sliding = np.count_nonzero((r[:, 0] > 0) & ~sticking)
+    return int(r.shape[1] * np.count_nonzero(sticking) + sliding) > motion.M.shape[0]
+
+
 def _newton(race: Race) -> float:
     """The price of an iteration of Newton from here."""
     return race.prices.newton(_closed(race))
@@ -75,7 +100,11 @@ def _swept(race: Race) -> float:
     if "sweeps" in race.options.without:
         return float("inf")
     runner = race.runners.get("sweeps")
-    return 0.0 if runner is None or not runner.spent else runner.needs()
+    if runner is None or not runner.spent:
+        return 0.0
+    if runner.monitor.iterations >= SETTLED * race.options.probe and runner.gain(1 / 4) < 1 / 0.9:
+        return float("inf")  # what they need by the second half of their course would say so later
+    return runner.needs()
 
 
 def _share(race: Race) -> int:
@@ -83,7 +112,9 @@ def _share(race: Race) -> int:
 
 
 def _newton_first(race: Race) -> bool:
-    return race.options.patience > 0 and (race.joints is not None or (race.warm and not _sweeps_are_cheap(race)))
+    if not race.options.patience or _singular_here(race):
+        return False
+    return race.joints is not None or (race.warm and not _sweeps_are_cheap(race))
 
 
 def _sweeps_are_cheap(race: Race) -> bool:
@@ -125,7 +156,7 @@ def _enter_sweeps(race: Race) -> bool:
 
 
 def _enter_newton(race: Race) -> bool:
-    if not race.options.patience:
+    if not race.options.patience or _singular_here(race):
         return False
     if _splitting_first(race):
         return race.over("splitting")
@@ -133,11 +164,11 @@ def _enter_newton(race: Race) -> bool:
 
 
 def _enter_proximal(race: Race) -> bool:
-    if not race.over("Newton"):
-        return False
-    if race.warm or race.joints is not None or race.over("sweeps"):
+    if race.over("sweeps") and (race.over("Newton") or _singular_here(race)):
         return True
-    return _dearer_than_newton(race, _swept(race), PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR)
+    if not race.over("Newton"):
+        return _singular_here(race) and _dearer_than_proximal(race, _swept(race))
+    return race.warm or race.joints is not None or _dearer_than_proximal(race, _swept(race))
 
 
 def _enter_least_squares(race: Race) -> bool:
@@ -190,7 +221,7 @@ STAGES: tuple[Stage, ...] = (
         "Enters after Newton. A regular W at each step, for problems where W is rank deficient. Its first iterations are alone.",
         enters=_enter_proximal,
         turns=methods.proximal,
-        price=_newton,
+        price=lambda race: race.prices.proximal(_closed(race)),
         alone=lambda race, runner: runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades(),
     ),
     Stage(

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
+from scipy.sparse.linalg import aslinearoperator
 
+from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Delassus, LocalProblem
 
@@ -127,3 +129,37 @@ def test_it_is_gone_with_its_last_name(storage: str) -> None:
         assert seen() is None and gone() is None
     finally:
         gc.enable()
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_complete_rows_of_any_storage(storage: str) -> None:
+    """Every diagonal block and every mirror image, sorted, W unchanged; duplicates of the caller's are summed up."""
+    _, W = operator(storage, 2)
+    W[2:4, 4:6], W[4:6, 2:4] = 1.0, 0.0
+    given = STORAGES[storage](W, 2)
+    rows, analysis = Delassus(given, 2).analysis
+    assert_allclose(rows.toarray(), W, atol=0)
+    row = np.repeat(np.arange(8), np.diff(rows.indptr))
+    places = set(zip(row.tolist(), rows.indices.tolist(), strict=True))
+    assert all((a, a) in places for a in range(8)) and all((b, a) in places for a, b in places)
+    assert rows.has_sorted_indices and len(places) == len(rows.indices) == analysis.indptr[-1]
+    twice = sp.bsr_array((np.ones((3, 2, 2)), [1, 0, 0], [0, 2, 3]), shape=(4, 4))
+    twice.indices[1] = 1
+    assert_allclose(Delassus(twice, 2).analysis[0].toarray(), twice.toarray(), atol=0)
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_a_shift_shares_what_W_decides(storage: str) -> None:
+    op, W = operator(storage, 3)
+    moved = op.shifted(np.arange(1.0, 9.0)).shifted(2.0)
+    assert moved.unshifted is op and moved.elimination == op.elimination
+    assert moved.stored.elimination == op.stored.elimination and type(moved.stored.W) is type(op.stored.W)
+    rows, analysis = moved.analysis
+    assert analysis is op.analysis[1]
+    assert_allclose(rows.toarray(), W + 2 * np.eye(len(W)), atol=1e-12)
+    assert moved.symmetric_part.unshifted is None or moved.symmetric
+
+
+def test_what_has_no_entries_is_refused() -> None:
+    with pytest.raises(InputError, match=r"W: expected a NumPy array or a SciPy sparse array, got a _?\w*Operator"):
+        Delassus(aslinearoperator(np.eye(3)), 3)

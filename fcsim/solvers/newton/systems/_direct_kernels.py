@@ -1,4 +1,4 @@
-"""Filling A (W + D) + B on the active contacts in one pass over W, in the storage that LAPACK or SuperLU reads; compiled.
+"""Filling A (W + D) + B in one pass over W, in the storage that is eliminated; compiled.
 
 For the many small factorisations of a proximal method selecting rows and columns would cost more than the factorisation.
 """
@@ -6,33 +6,35 @@ For the many small factorisations of a proximal method selecting rows and column
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 
 @njit(cache=True)
-def active_rows(W, starts, columns, shift, A, B, active, place, values, indices, pointers):
-    """Fill the rows (CSR) of A (W + shift I) + B on the active contacts, place -1 for the others; return the number of entries."""
+def newton_blocks(indptr, indices, W, A, B):
+    """The blocks (nnz, d, d) of A W + B, in 3D written out; W by block rows with every diagonal block."""
     d = W.shape[1]
-    n = 0
-    for row in range(len(active)):
-        a = active[row]
-        for i in range(d):
-            pointers[row * d + i] = n
-            for k in range(starts[a], starts[a + 1]):
-                b = columns[k]
-                if place[b] < 0:
-                    continue
-                for j in range(d):
-                    value = 0.0
-                    for l in range(d):
-                        value += A[a, i, l] * W[k, l, j]
-                    if b == a:
-                        value += A[a, i, j] * shift[a] + B[a, i, j]
-                    values[n] = value
-                    indices[n] = place[b] * d + j
-                    n += 1
-    pointers[len(active) * d] = n
-    return n
+    J = np.empty(W.shape)
+    for a in range(len(indptr) - 1):
+        for e in range(indptr[a], indptr[a + 1]):
+            w, out = W[e], J[e]
+            if d == 3:
+                for i in range(3):
+                    x, y, z = A[a, i, 0], A[a, i, 1], A[a, i, 2]
+                    for j in range(3):
+                        out[i, j] = x * w[0, j] + y * w[1, j] + z * w[2, j]
+            else:
+                for i in range(d):
+                    for j in range(d):
+                        value = 0.0
+                        for l in range(d):
+                            value += A[a, i, l] * w[l, j]
+                        out[i, j] = value
+            if indices[e] == a:
+                for i in range(d):
+                    for j in range(d):
+                        out[i, j] += B[a, i, j]
+    return J
 
 
 @njit(cache=True)

@@ -31,3 +31,50 @@ def add_shares(S, unknowns, h, K):
                 for l in range(d):
                     total += h[a, l, i] * Kh[l, j]
                 S[row, column] += total
+
+
+@njit(cache=True)
+def places(indptr, indices, unknowns):
+    """Where the pattern (sorted rows) stores the pairs (nc, k, k) of each contact's unknowns (nc, k); -1 for absent ones."""
+    nc, k = unknowns.shape
+    found = np.full((nc, k, k), -1)
+    for a in range(nc):
+        for i in range(k):
+            row = unknowns[a, i]
+            if row < 0:
+                break
+            columns = indices[indptr[row] : indptr[row + 1]]
+            for j in range(k):
+                if unknowns[a, j] < 0:
+                    break
+                found[a, i, j] = indptr[row] + np.searchsorted(columns, unknowns[a, j])
+    return found
+
+
+@njit(cache=True)
+def add_shares_to_rows(values, places, h, K):
+    """As `add_shares` to a sparse matrix whose `values` have these places (nc, k, k); contacts that are open (K = 0) are passed over."""
+    nc, d, k = h.shape
+    Kh = np.empty((d, k))
+    for a in range(nc):
+        if not np.any(K[a] != 0.0):
+            continue
+        own = h[a]
+        for i in range(d):
+            for j in range(k):
+                Kh[i, j] = 0.0
+            for l in range(d):
+                f = K[a, i, l]
+                for j in range(k):
+                    Kh[i, j] += f * own[l, j]
+        for i in range(k):
+            if places[a, i, 0] < 0:
+                break
+            to = places[a, i]
+            for j in range(k):
+                if to[j] < 0:
+                    break
+                total = 0.0
+                for l in range(d):
+                    total += own[l, i] * Kh[l, j]
+                values[to[j]] += total

@@ -40,7 +40,7 @@ def newton_system(
     """
     kept = memory.of_same_contacts(KeptCondensation) if condensing and memory is not None else None
     if linear == "auto":
-        if operator.motion is not None and operator.size >= IN_VELOCITIES_FROM and _regular(operator.shift):
+        if eliminated_in_velocities(operator) and _regular(operator.shift):
             return VelocitySystem(operator)
         if kept is not None and kept.pattern is not None and operator.is_sparse:
             return CondensedSystem(operator, kept)  # which looks for the joints of this W itself
@@ -54,6 +54,11 @@ def newton_system(
         return SparseSystem(operator)
     W = operator.W
     return DenseSystem(operator if isinstance(W, np.ndarray) else Delassus(W.toarray(), operator.dimension, operator.shift))
+
+
+def eliminated_in_velocities(operator: Delassus) -> bool:
+    """Whether W + D of a positive shift is eliminated in the bodies' velocities."""
+    return operator.motion is not None and operator.size >= IN_VELOCITIES_FROM
 
 
 def _regular(shift: FloatArray | None) -> bool:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fcsim.problem import LocalProblem
+from fcsim.bench.families import problems
+from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem.reduction import reduce
 from fcsim.solvers.automatic.costs import REFERENCE, Machine, Prices, Work, lu_flops, sweep
 
 
@@ -72,3 +76,17 @@ def test_the_analysis_that_is_counted_is_the_one_that_factors() -> None:
     factor = problem.delassus.factor(0.0, symmetric=True)
     x = np.random.default_rng(0).standard_normal(600)
     assert np.linalg.norm(factor.solve(problem.W @ x) - x) < 1e-10 * np.linalg.norm(x)
+
+
+def test_proximal_newton_of_blocks_is_priced_by_their_number_not_by_their_contacts() -> None:
+    """Twice the points of a face: the same bodies' matrix, whose elimination is all that counts where nothing but operations costs."""
+    wall = problems("walls", 300, 1)
+    assert isinstance(wall, GlobalProblem)
+    twice = replace(wall, H=sp.csc_array(sp.hstack([wall.H, wall.H])), w=np.tile(wall.w, 2), mu=np.tile(wall.mu, 2))
+    machine = Machine(1.0, float("inf"), 0.0)
+    prices = [Prices(local, local.delassus.entries, None, machine) for local in (reduce(wall).local, reduce(twice).local)]
+    assert all(own.in_velocities for own in prices)
+    assert prices[0].proximal(0) == prices[1].proximal(0)
+    assert prices[1].newton(0) > 5 * prices[1].proximal(0)
+    other = Prices(replace(reduce(wall).local, motion=None), 0, None, machine)
+    assert not other.in_velocities and other.proximal(0) == other.newton(0)

@@ -9,8 +9,10 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_array_equal
 
+from fcsim.bench.families import problems
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
+from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
 from fcsim.solvers.automatic.stages import STAGES
 
@@ -104,3 +106,19 @@ def test_from_a_warm_start_cheap_sweeps_come_before_the_elimination_of_a_sparse_
     monkeypatch.setattr("fcsim.solvers.automatic.stages.STAGES", tuple(watched))
     nearby = LocalProblem(W, q * (1 + 1e-4 * np.cos(np.arange(3 * nc))), np.full(nc, 0.4))
     assert solve(nearby, "auto", r=start.r, tol=1e-10).solved
+
+
+def test_newton_is_left_out_where_its_matrix_is_sure_to_be_singular(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks that rest on four points a face, from their own reactions: more velocities are held than the bodies have."""
+
+    def refused(*_: object) -> None:
+        raise AssertionError("Newton began")
+
+    watched = [replace(stage, turns=refused) if stage.name == "Newton" else stage for stage in STAGES]
+    monkeypatch.setattr("fcsim.solvers.automatic.stages.STAGES", tuple(watched))
+    wall = problems("walls", 600, 0)
+    local = wall if isinstance(wall, LocalProblem) else reduce(wall).local
+    start = solve(local, "PROX-NEWTON", tol=1e-10)
+    nearby = replace(local, q=local.q * (1 + 1e-3 * np.cos(np.arange(local.m))))
+    assert solve(nearby, "auto", r=start.r, tol=1e-9).solved
+    assert solve(nearby, "auto", tol=1e-9).solved

@@ -300,3 +300,16 @@ def test_saddle_point_matrix(d: int, constraints: int) -> None:
         full = np.concatenate([np.zeros(n), rhs.ravel(), np.zeros(constraints)])
         step = SuperLU(matrix).solve(full)[n : n + d * nc]
         assert_allclose(step, reference_step(W, A, B, rhs), rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_rows_exchanged_between_contacts(d: int) -> None:
+    """Two contacts whose own blocks are singular and whose coupling is not: block LU has no pivot inside them, or a tiny one."""
+    rng = np.random.default_rng(d)
+    nc = 30
+    W = np.kron(np.eye(nc, k=1) + np.eye(nc, k=-1), rng.standard_normal((d, d)))
+    A, B, rhs = np.stack([np.eye(d)] * nc), np.zeros((nc, d, d)), rng.standard_normal((nc, d))
+    for small in (0.0, 1e-20):
+        given = W + small * np.eye(nc * d)
+        system = SparseSystem(Delassus(sp.bsr_array(given, blocksize=(d, d)), d))
+        assert_allclose(W @ system.solve(A, B, rhs)[0], rhs.ravel(), rtol=0, atol=1e-9)

@@ -19,7 +19,7 @@ from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
 from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.direct import DenseSystem
-from fcsim.solvers.newton.systems.velocity import VelocitySystem
+from fcsim.solvers.newton.systems.velocity import Bodies, VelocitySystem, bodies_of
 
 OPEN, STICK, SLIP = 0, 1, 2
 
@@ -123,3 +123,49 @@ def test_a_replaced_operator_is_not_eliminated_by_the_old_bodies() -> None:
     result = solve(other, "PROX-NEWTON", tol=1e-9)
     assert result.solved
     assert_allclose(result.u, solve(replace(other, motion=None), "PROX-NEWTON", tol=1e-9).u, rtol=0, atol=1e-6 * np.abs(local.q).max())
+
+
+def test_bodies_that_no_contact_touches_do_not_count() -> None:
+    """Blocks in flight beside a pile: the pile's W has the same rank as without them, and the step is the same."""
+    wall = problems("walls", 200, 1)
+    assert isinstance(wall, GlobalProblem)
+    flying = 6 * 500
+    n, M, H = wall.n, sp.csr_array(wall.M), sp.csr_array(wall.H)
+    whole = GlobalProblem(
+        sp.csc_array(sp.block_diag([M, 2 * sp.eye_array(flying)])),
+        sp.csc_array(sp.vstack([H, sp.csr_array((flying, wall.m))])),
+        np.concatenate([wall.f, np.ones(flying)]),
+        wall.w,
+        wall.mu,
+        dimension=3,
+    )
+    local, alone = reduce(whole).local, reduce(wall).local
+    assert local.motion is not None and local.motion.M.shape[0] == n + flying
+    for solver in ("PROX-NEWTON", "auto"):
+        result = solve(local, solver, tol=1e-9)
+        assert result.solved
+        assert_allclose(result.u, solve(alone, solver, tol=1e-9).u, rtol=0, atol=1e-6 * np.abs(alone.q).max())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_shares_in_the_rows_of_a_pattern(d: int) -> None:
+    """M + H diag(K) H^T entry by entry; contacts of fewer unknowns than others, and open ones."""
+    operator = bodies(d, 40, 20, 5)
+    assert operator.motion is not None
+    HT, M = operator.motion.HT, operator.motion.M
+    K = np.random.default_rng(6).standard_normal((40, d, d))
+    K[::5] = 0
+    expected = M.toarray() + HT.T @ sla.block_diag(*K) @ HT
+    right = np.ones(20)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(storage, "DENSE_UP_TO", 0)
+        sparse = Bodies(operator.motion, d)
+    assert sparse.mass is None
+    for made in (sparse, Bodies(operator.motion, d)):
+        assert_allclose(expected @ made.solve(K, right), right, rtol=0, atol=1e-8)
+
+
+def test_shifts_share_their_bodies() -> None:
+    operator = bodies(3, 20, 6, 3)
+    whole = replace(operator, shift=None)
+    assert bodies_of(whole) is bodies_of(whole.shifted(1.0)) is bodies_of(whole.shifted(1.0).shifted(2.0))

@@ -8,32 +8,11 @@ Beside SuperLU it halves the operations, and beside MUMPS it spares the conversi
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
-from fcsim.linear import _block_cholesky_kernels as kernels
-from fcsim.linear.elimination_tree import elimination_tree
+from fcsim.linear.block_factors import _cholesky_kernels as kernels
+from fcsim.linear.block_factors.analysis import Analysis
 from fcsim.linear.factors import SingularMatrix
-
-PADDING = 0.15
-"""Share of zeros in a front: they are small, so that their number counts."""
-
-
-class Analysis:
-    """What the pattern of a matrix alone decides: the elimination tree and where the fronts' panels, own columns with all rows, begin.
-
-    flops: operations of an LU (twice those of the Cholesky factor); entries: those of the factor.
-    """
-
-    def __init__(self, A: sp.bsr_array) -> None:
-        """A (m, m) symmetric, by square blocks (bsr), every diagonal block stored; of two mirror images the values of one are read."""
-        self.indptr, self.indices = A.indptr.astype(np.int64), A.indices.astype(np.int64)
-        self.size, self.dimension = A.shape[0], A.blocksize[0]
-        tree = elimination_tree(self.indptr, self.indices, PADDING)
-        own, border = self.dimension * np.diff(tree.first), self.dimension * np.diff(tree.starts)
-        self.offsets = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(own * (own + border))])
-        self.flops, self.entries = tree.flops(self.dimension), int(self.offsets[-1])  # of an LU; of the factor
-        self.fronts = tree.order, tree.first, tree.starts, tree.rows, self.offsets
 
 
 class BlockCholesky:

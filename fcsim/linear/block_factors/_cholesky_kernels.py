@@ -1,4 +1,4 @@
-"""The multifrontal Cholesky factorisation of a block-sparse matrix, compiled by numba; see `fcsim.linear.block_cholesky`.
+"""The multifrontal Cholesky factorisation of a block-sparse matrix, compiled by numba; see `fcsim.linear.block_factors.cholesky`.
 
 Dense fronts are stored by columns: P[p, i] is entry (i, p), so that inner loops run over contiguous rows.
 """

@@ -8,7 +8,8 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear import _elimination_tree_kernels as kernels
-from fcsim.linear.block_cholesky import PADDING, Analysis, BlockCholesky
+from fcsim.linear.block_factors.analysis import PADDING, Analysis
+from fcsim.linear.block_factors.cholesky import BlockCholesky
 from fcsim.linear.elimination_tree import elimination_tree, minimum_degree
 from fcsim.linear.factors import SingularMatrix
 

@@ -1,0 +1,1 @@
+"""Factors of matrices by blocks on their elimination tree, with many small fronts, compiled."""
