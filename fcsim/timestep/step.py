@@ -293,9 +293,10 @@ class Step:
         nothing = {name: np.full((len(self.contacts), *values.shape[1:]), np.nan) for name, values in self.variables.values.items()}
         return {name: self.variables.of(name, self.contacts.identity, fresh) for name, fresh in nothing.items()}
 
-    def function(self, body: str, field: Field = "displacement") -> Function:
-        """A field of a deformable body at the end of the step as a dolfinx function, see `body_function`."""
-        return body_function(self.model, body, self.state.x, self.state.v, field)
+    def function(self, body: str, field: Field | str = "displacement") -> Function:
+        """A field of a deformable body, or an internal variable by its name, at the end of the step as a dolfinx function, see
+        `body_function`."""
+        return body_function(self.model, body, self.state.x, self.state.v, field, self.state.internal, self.state.t)
 
     @cached_property
     def contact_force(self) -> FloatArray:
