@@ -209,7 +209,7 @@ def _shape(record: object, where: str) -> tuple[FloatArray, Faces]:
         else:
             half = 0.5 * np.array([data["xsize"], data["ysize"], data["zsize"]])
             given = data.get("frame") or {"point": [0, 0, 0], "xaxis": [1, 0, 0], "yaxis": [0, 1, 0]}
-            frame: Record = given.get("data", given)
+            frame = _data({"dtype": "Frame", "data": given.get("data") or given}, where)
             x, y = (np.asarray(frame[axis], dtype=float) for axis in ("xaxis", "yaxis"))
             corners = half * np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]])
             points = (np.asarray(frame["point"], dtype=float) + corners @ np.stack([x, y, np.cross(x, y)])).tolist()
