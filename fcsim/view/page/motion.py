@@ -93,7 +93,7 @@ def _contacts_of(instant: Instant) -> dict[str, NDArray]:
 def _encode(series: list[_Series], contacts: list[dict[str, NDArray]], times: list[float], keep: IntArray) -> dict[str, object]:
     first = np.cumsum([0, *(len(one.points) for one in series)])
     first_cell = np.cumsum([0, *(len(one.stress[0]) if one.stress else 0 for one in series)])
-    low: FloatArray = np.min([one.points.min(axis=0) for one in series], axis=0)
+    low = np.vstack([one.points for one in series]).min(axis=0)
     vertices = np.vstack([one.points for one in series]) - low
     stress = [np.stack([one.stress[k] for k in keep]) for one in series if one.stress]
     cell = [one.cell + begin if one.stress else np.full(len(one.cell), -1) for one, begin in zip(series, first_cell, strict=False)]
