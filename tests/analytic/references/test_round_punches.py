@@ -1,7 +1,9 @@
-"""Bodies of revolution pressed on each other: a rounded flat punch (A6), a sphere in a plastic block (C8), a billet upset (C10).
+"""Bodies of revolution that are pressed: a rounded flat punch (A6), a billet upset between smooth dies (C10).
 
 Wedges of a few degrees between meridian planes, around a thin hole.
 """
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +13,8 @@ from scipy.integrate import quad
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import ExactContacts
-from fcsim.mesh.exact.rigid_shapes import rigid_plane, rigid_sphere
-from fcsim.mesh.material import FinitePlastic, LinearHardening, Material, Plastic
+from fcsim.mesh.exact.rigid_shapes import rigid_plane
+from fcsim.mesh.material import FinitePlastic, LinearHardening, Material
 from fcsim.mesh.part import Body, Part
 from tests.analytic.references.loading import contact_force, held, loaded, pair, support_force
 from tests.analytic.references.meshes import block, meridian, spaced, wedge
@@ -21,14 +23,14 @@ HOLE = 1e-3
 """Of the radius."""
 
 
-def turned(name: str, r: np.ndarray, z: np.ndarray, material: object, angle: float, elements: str = "Q1-bbar", rise: object = None) -> Part:
+def turned(name: str, r: np.ndarray, z: np.ndarray, material: Any, angle: float, elements: str = "Q1-bbar", rise: Any = None) -> Part:
     """A body of revolution of a grid of radii and heights; rise(r, z): how much higher its points are."""
     around = wedge(angle)
 
     def at(p: np.ndarray) -> np.ndarray:
         x = around(p)
         if rise is not None:
-            x[:, 2] += rise(p[:, 0], p[:, 1])  # type: ignore[operator]
+            x[:, 2] += rise(p[:, 0], p[:, 1])
         return x
 
     return block(name, [r, z, spaced(0, 1, 1)], material, elements, at)
@@ -134,41 +136,12 @@ def test_A6_rounded_flat_punch() -> None:
     assert_allclose(found[1:-1], [exact.pressure(s * a, a) / mean for s in list(A6)[1:-1]], rtol=0.03)
 
 
-@pytest.mark.slow
-def test_C8_sphere_into_a_perfectly_plastic_block() -> None:
-    """code_aster ssnv506: a sphere R 500 (E 2.1e7, rigid here: 0.3 % of the force) into a block of 1620 x 1920, E 210e3, nu 0.3, sy 50,
-    small strain, no friction: 2.03804e6 N a radian at a depth of 20, in proportion to it (4.0761 sy R d); their tolerance is 5 %."""
-    R, depth, angle, steps = 500.0, 20.0, np.radians(3.0), 10
-    fine = 260.0
-    r = np.concatenate([[HOLE * R], spaced(0, fine, 18)[1:], spaced(fine, 1620, 8, 1.35)[1:]])
-    z = np.concatenate([spaced(-1920, -fine, 8, 1 / 1.35), spaced(-fine, 0, 18)[1:]])
-    base = turned("base", r, z, Plastic(210e3, 0.3, 1.0, 50.0), angle)
-    model = build_model(
-        [Body("base", base), rigid_sphere("sphere", R, (0.0, 0.0, R), 1.0)],
-        supports=[
-            *planes("base", angle),
-            Support("base", ("z",), "y-"),
-            Support("sphere", ("x", "y", "rx", "ry", "rz")),
-            Support("sphere", ("z",), velocity=-depth),
-        ],
-        kinematics="linear",
-    )
-    found = loaded(model, ExactContacts(model, 0.0, alert=60.0), steps, tol=1e-6)
-    force = np.array([support_force(model, step, "base")[np.unique(base.surfaces["y-"]), 2].sum() / angle for step in found])
-    assert_allclose(force[-1], 2.03804e6, rtol=0.05)
-    assert_allclose(force[4], force[-1] / 2, rtol=0.05)
-
-
-@pytest.mark.parametrize("rough", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_C10_billet_upset(rough: bool) -> None:
-    """R 10, height 30 mm, pressed by 60 %, E 200e3, nu 0.3, sy 700 + 300 e MPa. Between smooth dies the billet stays a cylinder: with
-    e = ln(h_0 / h), p = (700 + 300 e) on the area as it stands. Rough ones need more, by no more than the upper bound 1 + 2 R / (3
-    sqrt(3) h) of a field of sliding discs (B. Avitzur, 1968) of R, h as they stand; it folds onto the dies and barrels."""
-    R, h, angle = 10.0, 30.0, np.radians(4.0)
-    cells = (6, 9) if rough else (1, 1)
+def test_C10_billet_upset() -> None:
+    """R 10, height 30 mm, pressed by 60 % between smooth dies, E 200e3, nu 0.3, sy 700 + 300 e MPa: the billet stays a cylinder, and with
+    e = ln(h_0 / h) the pressure is 700 + 300 e on the area as it stands. (The curve between rough dies is published as a picture.)"""
+    R, h, angle, steps = 10.0, 30.0, np.radians(4.0), 12
     law = FinitePlastic(200e3, 0.3, 1.0, LinearHardening(700.0, 300.0))
-    part = turned("billet", spaced(HOLE * R, R, cells[0]), spaced(0, h / 2, cells[1]), law, angle)
-    across = [Support("billet", ("x", "y"), "y+")] if rough else []
+    part = turned("billet", spaced(HOLE * R, R, 1), spaced(0, h / 2, 1), law, angle)
     down = 0.6 * h / 2
     model = build_model(
         [Body("billet", part), rigid_plane("die", (0.0, 0.0, -1.0), (0.0, 0.0, 1.0), size=4 * R)],
@@ -176,20 +149,12 @@ def test_C10_billet_upset(rough: bool) -> None:
             *planes("billet", angle),
             Support("billet", ("z",), "y-"),
             Support("billet", ("z",), "y+", velocity=-down),
-            *across,
             held("die", 3),
         ],
     )
-    steps = 30 if rough else 12
     found = loaded(model, ExactContacts(model, 0.0, alert=1e-3), steps)
-    force = np.array([-support_force(model, step, "billet")[np.unique(part.surfaces["y+"]), 2].sum() / angle * 2 * np.pi for step in found])
+    upper = np.unique(part.surfaces["y+"])
+    force = np.array([-support_force(model, step, "billet")[upper, 2].sum() / angle * 2 * np.pi for step in found])
     height = h - 2 * down * np.arange(1, steps + 1) / steps
     e = np.log(h / height)
-    smooth = (700 + 300 * e) * np.pi * R**2 * h / height
-    late = e > 0.05
-    if not rough:
-        assert_allclose(force[late], smooth[late], rtol=0.01)
-        return
-    bound = smooth * (1 + 2 / (3 * np.sqrt(3)) * R * np.sqrt(h / height) / height)
-    assert np.all(force[late] > smooth[late])
-    assert np.all(force[late] < 1.02 * bound[late])
+    assert_allclose(force, (700 + 300 * e) * np.pi * R**2 * h / height, rtol=0.01)
