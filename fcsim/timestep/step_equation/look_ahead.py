@@ -85,12 +85,33 @@ def _places(there: Contacts, held: Contacts) -> tuple[IntArray, BoolArray]:
 
 
 def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: FloatArray, after: State) -> bool:
-    """Whether some node leaves the straight way, or the way along which contacts were looked for, by a length that counts."""
+    """Whether some node leaves the straight way, or the way along which contacts were looked for, by a length that counts; or whether a
+    contact slides on a body that turns by so much that its normal is another one."""
     h, begin = scheme.timing.h, scheme.detection_configuration(model, state)
-    smallest = float(met.meeting.proportions.size.min(initial=np.inf))
+    sizes = met.meeting.proportions.size
+    smallest = float(sizes.min(initial=np.inf))
     straight = h * model.node_velocity(v, begin)
     way = scheme.way(model, state)
     if way is not None and np.abs(straight - h * model.node_velocity(way / h, begin)).max(initial=0.0) > _TURNED_ASIDE * smallest:
         return True
     moved = model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions
-    return bool(np.abs(moved - straight).max(initial=0.0) > 0.5 * BORNE * smallest)
+    counts = 0.5 * BORNE * smallest
+    if np.abs(moved - straight).max(initial=0.0) > counts:
+        return True
+    held = met.meeting.contacts
+    if not len(held):
+        return False
+    slide = scheme.timing.length_per_u * np.abs((met.H.T @ v).reshape(len(held), -1)[:, 1:]).max(axis=1)
+    angle = (_turns(model, straight) / (0.5 * np.maximum(sizes, 1e-300)))[held.bodies].max(axis=1)
+    return bool(np.any(slide * angle > counts))  # N . du less N' . du, of nodes that go straight
+
+
+def _turns(model: Model, moved: FloatArray) -> FloatArray:
+    """The largest motion (nbodies,) [m] of a body's nodes beside their mean one, of their motions (n_nodes, d)."""
+    own = np.diff(model.node_offset)
+    some, first = np.flatnonzero(own), model.node_offset[:-1][own > 0]
+    mean = np.add.reduceat(moved, first, axis=0) / own[some, None]
+    beside = np.abs(moved - np.repeat(mean, own[some], axis=0)).max(axis=1)
+    turns = np.zeros(len(own))
+    turns[some] = np.maximum.reduceat(beside, first)
+    return turns
