@@ -3,7 +3,7 @@
 dimension 2 (plane x, z; blocks are prisms along y) or 3
 blocks    [{id, vertices [[x, y, z], ...], faces [[vertex numbers], ...] (left out: a hexahedron in VTK's order), density or mass, support}]
 contact   {mu, mu_between [{between [id, id], mu}]}
-loads     [{kind "acceleration", value} | {kind "force", block, value, point}, each with scaled_by_multiplier]
+loads     [{kind "acceleration", value} | {kind "force", block, value, point, moment}, each with scaled_by_multiplier]
 support_motion [{block, velocity}]
 initial_pose [{block, translation, rotation [rx, ry, rz] (vector, rad), about [x, y, z] (left out: the centroid)}]: where blocks begin
 base_acceleration [{direction, times, values} | {kind "half_sine" or "sine", value (amplitude and direction), duration, frequency}]
@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fcsim.arrays import Json
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.errors import InputError
 from fcsim.files import note_read
@@ -37,12 +38,21 @@ _SAMPLES = 500  # of a half wave
 
 def read_masonry(path: str | Path) -> MasonryProblem:
     """Read a masonry problem; InputError names the file, the block and the key."""
-    path = Path(path)
+    return masonry_of_json(json_content(Path(path)), Path(path))
+
+
+def json_content(path: Path) -> Json:
+    """The content of a JSON file, noted as read."""
     try:
-        data = read_json(path)
+        content = read_json(path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
     note_read(path)
+    return content
+
+
+def masonry_of_json(data: Json, path: Path) -> MasonryProblem:
+    """The problem that the content of a file is."""
     where = str(path)
     if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
         schema = data.get("schema", "no schema") if isinstance(data, Mapping) else type(data).__name__
@@ -188,7 +198,8 @@ def _load(entry: object, where: str) -> Acceleration | PointForce:
         return Acceleration(value, scaled)
     if kind == "force":
         point = None if entry.get("point") is None else _vector(entry, "point", what)
-        return PointForce(_name(entry, "block", what), value, point, scaled)
+        moment = _vector(entry, "moment", what) if "moment" in entry else (0.0, 0.0, 0.0)
+        return PointForce(_name(entry, "block", what), value, point, scaled, moment)
     raise InputError(f'{where}, loads: expected the kind "acceleration" or "force", got {kind!r}')
 
 
@@ -196,6 +207,7 @@ def _load_entry(load: Acceleration | PointForce) -> dict[str, object]:
     entry: dict[str, object] = {"kind": "acceleration", "value": load.value, "scaled_by_multiplier": load.scaled}
     if isinstance(load, PointForce):
         entry |= {"kind": "force", "block": load.block} | ({} if load.point is None else {"point": load.point})
+        entry |= {"moment": load.moment} if any(load.moment) else {}
     return entry
 
 

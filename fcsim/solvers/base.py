@@ -199,7 +199,8 @@ class Iterate:
 
 
 Run = Callable[..., Iterate]
-"""run(problem, r, monitor, options): on a `LocalProblem`, with dimension 5 on a `LocalRollingProblem`; options: the method's own class."""
+"""run(problem, r, monitor, options): on a `LocalProblem`, with dimensions 5 and 6 on a `LocalRollingProblem`; options: the method's own
+class."""
 
 
 @dataclass(frozen=True)

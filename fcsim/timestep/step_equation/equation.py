@@ -107,9 +107,10 @@ class Equation:
         if self.linked is not None and isinstance(compliance, LinkedCompliance):
             G, b = compliance.matrix_of_links, self.linked.b
             b = b if self._moved is None else b + self.linked.G.T @ self._moved
-        f, rolling = compliance.load(f), self.met.terms.rolling
-        if rolling is not None:
-            return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling, G, b)
+        f, terms = compliance.load(f), self.met.terms
+        if self.met.moments is not None:
+            rolling = np.zeros_like(mu) if terms.rolling is None else terms.rolling
+            return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling, G, b, mu_s=terms.spinning)
         return GlobalProblem(matrix, self._H, f, self._w, mu, G, b, dimension=model.dimension)
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:

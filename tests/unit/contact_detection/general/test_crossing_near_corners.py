@@ -56,8 +56,8 @@ def test_what_overlaps_by_a_hair_is_held_and_by_no_contact_far_deeper(deep: floa
 
 
 def test_an_edge_that_cuts_a_corners_tip_leaves_by_the_nearest_of_its_edges() -> None:
-    """Two blocks of a facade in its fall, as they stood: by 2.4e-5 m the edge of one is across an edge of the other, beside whose end it was
-    taken to cross the next edge there by 4.5 cm, which threw the blocks apart with 880 J."""
+    """Two blocks of a facade in its fall, as they stood: by 2.4e-5 m the edge of one is across an edge of the other, beside whose end it
+    was taken to cross the next edge there by 4.5 cm, which threw the blocks apart with 880 J."""
     size = np.array([0.4, 0.2, 0.2])
     places = [(0.9432984, 0.1011676, 0.2146055), (1.0730306, 0.0885841, 0.5994843)]
     turns = [(-0.0264124, 1.3929084, 0.0328483), (-0.0210676, 1.3487911, 0.0726140)]
