@@ -9,8 +9,8 @@ at x_m' = x_m + h v+, where the next step will find them. Of each that lies deep
 
 enters the law, 0 <= g + b + h u_N ⊥ r_N >= 0; those that are new are brought back to x_m as the sweep does; the step is solved again, until
 nothing is deeper. A contact that lasts then has u_N = -b/h at the beginning of each step and +b/h at its end, and its reaction does no
-work at theta = 1/2, where without b it does work of the order of b. What does not turn or meet anything is not looked at, and nothing in
-its step changes.
+work at theta = 1/2, where without b it does work of the order of b. What stands still is not looked at, nor, under a detection of pairs,
+what does not turn or meet anything, and nothing in its step changes.
 
 Bodies that turn away from each other within a step end it apart by R (omega h)^2 / 2 although they were held as if they touched: such b > 0
 is left out where none was given before. Twelve tumbling rocks end their contacts up to 1.2 % of a rock apart at h = 5 ms, 0.15 % at 2 ms.
@@ -86,8 +86,8 @@ def _places(there: Contacts, held: Contacts) -> tuple[IntArray, BoolArray]:
 
 
 def _found_late(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State) -> bool:
-    """Whether bodies move by a length that counts under a detection that knows whole bodies: what approaches beside a face, a corner above a
-    corner, is its contact when it is there. (It keeps what it finds where the next step begins: looking costs nothing.)"""
+    """Whether bodies move by a length that counts under a detection that knows whole bodies: what approaches beside a face, a corner above
+    a corner, is its contact when it is there. (It keeps what it finds where the next step begins: looking costs nothing.)"""
     if not isinstance(detection, Everything | ExactContacts):
         return False
     moved = model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions
