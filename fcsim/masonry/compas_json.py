@@ -19,7 +19,8 @@ from fcsim.masonry.problem import GRAVITY, Acceleration, Block, MasonryProblem, 
 from fcsim.mesh.solids.closed_surface import FLAT, closed_surface
 from fcsim.mesh.solids.surface_file import LARGEST
 
-Faces = Sequence[Sequence[int]]
+Faces = Mapping[int, Sequence[int]]
+"""Lists of point numbers, by the keys that COMPAS knows them by."""
 Record = Mapping[str, Any]  # what classes of others write: checked where each part of it is used
 _BOX = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 _SAME = 1e-7
@@ -38,7 +39,7 @@ class Solid:
 
     def block(self, density: float) -> Block:
         """The block, of the given density where none is said; faces that are bent are cut as `plane_faces` says."""
-        surface = closed_surface(self.name, self.points, plane_faces(self.points, self.faces))
+        surface = closed_surface(self.name, self.points, plane_faces(self.points, list(self.faces.values())))
         return Block(surface, self.density or density, support=self.support)
 
 
@@ -59,7 +60,7 @@ def read_compas(content: object, where: str, mu: float | None, density: float, s
     analysis = next((record for record in records if _is(record, "Analysis")), None)
     posed: list[object] = []
     if analysis is not None:
-        data = _data(analysis, where)
+        data = data_of(analysis, where)
         posed = list(data.get("problems") or [])
         model = data.get("model")
         if not isinstance(model, Mapping):
@@ -72,10 +73,12 @@ def read_compas(content: object, where: str, mu: float | None, density: float, s
     loads: list[Acceleration | PointForce] = []
     title, gravity = "", GRAVITY
     if posed:
-        problem = _data(posed[0], f"{where}, problem")
+        problem = data_of(posed[0], f"{where}, problem")
         title = f"{problem.get('name') or 'problem'}" + (f", the first of {len(posed)} problems" if len(posed) > 1 else "")
-        mu = _friction(problem, where) if mu is None else mu
-        gravity, loads = _loads(problem, {solid.name: solid for solid in solids}, where)
+        mu = friction_of(problem, where) if mu is None else mu
+        if any(data_of(group, where).get("displacements") for group in problem.get("boundary_conditions") or []):
+            raise InputError(f"{where}, boundary conditions: expected loads alone, got prescribed displacements: see `fcsim.compas.solve`")
+        gravity, loads = loads_of(problem, {solid.name: solid for solid in solids}, where)
         if loads and scale not in (None, 1.0):
             raise InputError(f"{where}, scale: expected a problem with loads to be in SI units, got scale {scale}")
     blocks = tuple(solid.block(density) for solid in solids)
@@ -93,7 +96,7 @@ def _scaled(solid: Solid, scale: float | None, where: str) -> FloatArray:
     return solid.points * (scale or 1.0)
 
 
-def plane_faces(points: FloatArray, faces: Faces) -> list[list[int]]:
+def plane_faces(points: FloatArray, faces: Sequence[Sequence[int]]) -> list[list[int]]:
     """Faces (lists of point numbers), those whose corners do not lie in a plane cut into triangles from their first corner by coordinates:
     of two blocks that share such a face both are cut alike."""
     found: list[list[int]] = []
@@ -131,7 +134,7 @@ def _is(record: Record, *names: str) -> bool:
     return any(str(kind).rsplit("/", 1)[-1] in names for kind in kinds)
 
 
-def _data(record: object, where: str) -> Record:
+def data_of(record: object, where: str) -> Record:
     """What a record holds; COMPAS 1 wrote "value"."""
     data = (record.get("data", record.get("value")) if "dtype" in record else record) if isinstance(record, Mapping) else None
     if not isinstance(data, Mapping):
@@ -140,12 +143,12 @@ def _data(record: object, where: str) -> Record:
 
 
 def _solids(record: Record, number: int, where: str) -> list[Solid]:
-    data = _data(record, f"{where}, {record.get('dtype')}")
+    data = data_of(record, f"{where}, {record.get('dtype')}")
     if _is(record, "BlockModel", "Model"):
         return _of_model(data, where)
     if _is(record, "Assembly"):
-        nodes = _data(data.get("graph"), f"{where}, graph").get("node") or {}
-        default = (_data(data.get("graph"), where).get("default_node_attributes") or {}).get("is_support", False)
+        nodes = data_of(data.get("graph"), f"{where}, graph").get("node") or {}
+        default = (data_of(data.get("graph"), where).get("default_node_attributes") or {}).get("is_support", False)
         blocks = {name: entry for name, entry in nodes.items() if entry.get("block") is not None}
         return [
             Solid(name, *_shape(entry["block"], f"{where}, block {name}"), bool(entry.get("is_support", default)))
@@ -165,13 +168,13 @@ def _of_model(data: Record, where: str) -> list[Solid]:
     def place(node: Record, above: FloatArray) -> None:
         for child in node.get("children") or []:
             guid = child["element"]
-            placed[guid] = above @ _transformation(_data(elements.get(guid), f"{where}, element {guid}").get("transformation"), where)
+            placed[guid] = above @ _transformation(data_of(elements.get(guid), f"{where}, element {guid}").get("transformation"), where)
             place(child, placed[guid])
 
     place((data.get("tree") or {}).get("root") or {}, _transformation(data.get("transformation"), where))
     solids = []
     for guid, record in elements.items():
-        element = _data(record, f"{where}, element {guid}")
+        element = data_of(record, f"{where}, element {guid}")
         if element.get("geometry") is None:
             continue  # a group
         name = str(names.get(guid, guid))
@@ -181,7 +184,7 @@ def _of_model(data: Record, where: str) -> list[Solid]:
         moved = placed.get(guid, np.eye(4))
         points = points @ moved[:3, :3].T + moved[:3, 3]
         material = materials.get(element.get("material"))
-        density = None if material is None else _data(material, where).get("density")
+        density = None if material is None else data_of(material, where).get("density")
         solids.append(Solid(name, points, faces, bool(element.get("is_support", False)), density))
     return solids
 
@@ -189,7 +192,7 @@ def _of_model(data: Record, where: str) -> list[Solid]:
 def _transformation(record: object, where: str) -> FloatArray:
     if record is None:
         return np.eye(4)
-    matrix = np.asarray(_data(record, f"{where}, transformation").get("matrix"), dtype=np.float64)
+    matrix = np.asarray(data_of(record, f"{where}, transformation").get("matrix"), dtype=np.float64)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         raise InputError(f"{where}, transformation: expected a matrix (4, 4) of finite numbers, got shape {matrix.shape}")
     return matrix
@@ -197,35 +200,35 @@ def _transformation(record: object, where: str) -> FloatArray:
 
 def _shape(record: object, where: str) -> tuple[FloatArray, Faces]:
     """Points (n, 3) and faces of a Mesh, a Polyhedron or a Box."""
-    data = _data(record, where)
+    data = data_of(record, where)
     try:
         if "vertex" in data:
             default = data.get("default_vertex_attributes") or data.get("dva") or {}
             number = {str(key): k for k, key in enumerate(data["vertex"])}
             points = [[float(vertex.get(c, default.get(c, 0.0))) for c in "xyz"] for vertex in data["vertex"].values()]
-            faces = [[number[str(key)] for key in face] for face in data["face"].values()]
+            faces = {int(name): [number[str(key)] for key in face] for name, face in data["face"].items()}
         elif "vertices" in data:
-            points, faces = data["vertices"], data["faces"]
+            points, faces = data["vertices"], dict(enumerate(data["faces"]))
         else:
             half = 0.5 * np.array([data["xsize"], data["ysize"], data["zsize"]])
             given = data.get("frame") or {"point": [0, 0, 0], "xaxis": [1, 0, 0], "yaxis": [0, 1, 0]}
-            frame = _data({"dtype": "Frame", "data": given.get("data") or given}, where)
+            frame = data_of({"dtype": "Frame", "data": given.get("data") or given}, where)
             x, y = (np.asarray(frame[axis], dtype=float) for axis in ("xaxis", "yaxis"))
             corners = half * np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]])
             points = (np.asarray(frame["point"], dtype=float) + corners @ np.stack([x, y, np.cross(x, y)])).tolist()
-            faces = [list(face) for face in _BOX]
+            faces = {key: list(face) for key, face in enumerate(_BOX)}
         return np.array(points, dtype=np.float64).reshape(-1, 3), faces
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         said = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{where}: expected a Mesh (vertex, face), a Polyhedron (vertices, faces) or a Box, got {said}") from None
 
 
-def _friction(problem: Record, where: str) -> float | None:
+def friction_of(problem: Record, where: str) -> float | None:
     properties = problem.get("contact_properties")
-    law = None if properties is None else _data(properties, where).get("contact_model")
+    law = None if properties is None else data_of(properties, where).get("contact_model")
     if law is None:
         return None
-    data = _data(law, where)
+    data = data_of(law, where)
     refuse_cohesion(data.get("c"), data.get("t_c"), where)
     mu = data.get("mu")
     return float(mu) if mu is not None else math.tan(math.radians(float(data["phi"])))
@@ -239,27 +242,25 @@ def refuse_cohesion(cohesion: float | None, tension: float | None, where: str) -
         )
 
 
-def _loads(problem: Record, solids: Mapping[str, Solid], where: str) -> tuple[float, list[Acceleration | PointForce]]:
+def loads_of(problem: Record, solids: Mapping[str, Solid], where: str) -> tuple[float, list[Acceleration | PointForce]]:
     """Gravity [m/s^2] and the loads of a problem's groups."""
     what = f"{where}, boundary conditions"
-    groups = [_data(group, what) for group in problem.get("boundary_conditions") or []]
+    groups = [data_of(group, what) for group in problem.get("boundary_conditions") or []]
     loads: list[Acceleration | PointForce] = []
     for group in groups:
-        if group.get("displacements"):
-            raise InputError(f"{what}: expected loads alone, got prescribed displacements: see `fcsim.compas.solve`")
         for record in group.get("body_forces") or []:
-            data = _data(record, what)
+            data = data_of(record, what)
             loads.append(Acceleration(_three(data["acceleration"]), _grows(data)))
         for record in group.get("point_loads") or []:
-            data = _data(record, what)
+            data = data_of(record, what)
             point = None if data.get("point") is None else _three(data["point"])
             moment = (0.0, 0.0, 0.0) if data.get("moment") is None else _three(data["moment"])
             force = _three(data.get("force") or (0.0, 0.0, 0.0))
             loads.append(PointForce(str(data["block_index"]), force, point, _grows(data), moment))
         for record in group.get("surface_loads") or []:
-            data = _data(record, what)
+            data = data_of(record, what)
             name = str(data["block_index"])
-            if name not in solids or not 0 <= int(data["face_index"]) < len(solids[name].faces):
+            if name not in solids or int(data["face_index"]) not in solids[name].faces:
                 raise InputError(f"{what}: expected a face of a block, got face {data['face_index']} of block {name!r}")
             solid = solids[name]
             area, centre = face_area(solid.points[list(solid.faces[int(data["face_index"])])])

@@ -33,7 +33,7 @@ from fcsim.records import from_json, read_json, write_record
 SCHEMA = "masonry-problem/1"
 HEXAHEDRON = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 """The faces of VTK's hexahedron."""
-_SAMPLES = 500  # of a half wave
+_SAMPLES, _HALF_WAVES = 500, 10_000  # points of a half wave; more than any table shakes
 
 
 def read_masonry(path: str | Path) -> MasonryProblem:
@@ -64,7 +64,7 @@ def masonry_of_json(data: Json, path: Path) -> MasonryProblem:
     between = {}
     for entry in _entries(contact, "mu_between", f"{where}, contact"):
         entry = _mapping(entry, f"{where}, mu_between")
-        pair = _get(tuple[str, ...], entry, "between", f"{where}, mu_between")
+        pair = [_name({"between": name}, "between", f"{where}, mu_between") for name in _entries(entry, "between", f"{where}, mu_between")]
         if len(pair) != 2:
             raise InputError(f"{where}, mu_between: expected the names of two blocks, got {pair}")
         between[pair[0], pair[1]] = _get(float, entry, "mu", f"{where}, mu_between {pair}")
@@ -168,8 +168,10 @@ def _shaking(entry: object, where: str) -> BaseAcceleration:
         raise InputError(f'{where}: expected times and values, or the kind "half_sine" or "sine", got {kind!r}')
     duration = _get(float, entry, "duration", where)
     frequency = 0.5 / duration if kind == "half_sine" and duration > 0 else _get(float, entry, "frequency", where)
-    if not (duration > 0 and frequency > 0):
+    if not (duration > 0 and 0 < frequency < np.inf):
         raise InputError(f"{where}: expected a duration [s] and a frequency [Hz] > 0, got {duration} and {frequency}")
+    if not 2 * frequency * duration <= _HALF_WAVES:
+        raise InputError(f"{where}: expected at most {_HALF_WAVES} half waves, got {duration} s of {frequency} Hz")
     times = np.linspace(0.0, duration, int(np.ceil(2 * frequency * duration)) * _SAMPLES + 1)
     return BaseAcceleration(value, _record(times, np.linalg.norm(value) * np.sin(2 * np.pi * frequency * times), where))
 

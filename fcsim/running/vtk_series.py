@@ -104,7 +104,8 @@ class SeriesWriter:
     blocks     points in the reference configuration; point data displacement [m], velocity [m/s]; cell data von_mises [Pa]
                (at the cell's centre), body
     contacts   points at the foot points; reaction (global axes), reaction_normal, reaction_tangential [N], gap [m], status (0 open,
-               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there, rolling_moment
+               1 stick, 2 slip), sliding_velocity [m/s], mu, slave and master (numbers of the bodies), identity
+               (of the same contact at all instants), normal, displacement [m] of the master surface there, rolling_moment
                [N m] and rolling (0, 1) with rolling resistance, spinning_moment [N m] and spinning (0, 1) with spinning resistance;
                and what the law remembers, by its names (fracture, slip, ...); field data overlap [m] and overlap_place, where the
                witness saw any
@@ -322,6 +323,9 @@ def _contact_points(vtk: _VTK, step: Step, displacement: NDArray) -> vtkPolyData
         "status": np.asarray(step.contact_status, dtype=np.int8),
         "sliding_velocity": np.linalg.norm(sliding, axis=1),
         "mu": contacts.mu,
+        "slave": contacts.bodies[:, 0].astype(np.int32),
+        "master": contacts.bodies[:, 1].astype(np.int32),
+        "identity": contacts.identity.astype(np.int64),
         "normal": _in_space(contacts.frame[:, 0]),
         "displacement": _in_space(np.einsum("ak,akj->aj", contacts.on_master, displacement[contacts.nodes])),
     }.items():

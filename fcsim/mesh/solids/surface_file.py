@@ -193,9 +193,9 @@ def _read(path: Path) -> list[tuple[str, FloatArray, IntArray]]:
     except Exception as error:  # readers of many formats: what they raise on a broken file is anything
         raise InputError(f"{path}: expected a surface that trimesh can read, got: {type(error).__name__}: {error}") from None
     for name, points, triangles in found:
-        bad = not np.isfinite(points).all() or (len(triangles) and (triangles.min() < 0 or triangles.max() >= len(points)))
-        if bad:
-            raise InputError(f"{path}, object {name!r}: expected finite corners and triangles of their numbers")
+        shaped = points.ndim == triangles.ndim == 2 and points.shape[1] == triangles.shape[1] == 3
+        if not shaped or not np.isfinite(points).all() or (len(triangles) and (triangles.min() < 0 or triangles.max() >= len(points))):
+            raise InputError(f"{path}, object {name!r}: expected finite corners (x, y, z) and triangles of their numbers")
     return found
 
 

@@ -131,7 +131,7 @@ def test_the_loads_of_an_analysis(tmp_path: Path) -> None:
     weight = 0.16 * 2200 * 9.81
     body = record("BodyForce", acceleration=[0.1 * 9.81, 0, 0], loading_type="ramp")
     side = record(
-        "SurfaceLoad", block_index=1, face_index=5, load=[weight / 0.4 * 0.1, 0, 0], loading_type="ramp"
+        "SurfaceLoad", block_index=1, face_index=25, load=[weight / 0.4 * 0.1, 0, 0], loading_type="ramp"
     )  # 0.4 x 1 m^2 at z = 0.5
     point = record("PointLoad", block_index=1, force=[0.1 * weight, 0, 0], moment=None, point=[0, 0.2, 0.8], loading_type="ramp")
     moment = record("PointLoad", block_index=1, force=[0, 0, 0], moment=[0, 0.05 * weight, 0], point=None, loading_type="ramp")
