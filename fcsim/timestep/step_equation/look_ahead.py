@@ -9,7 +9,7 @@ at x_m' = x_m + h v+, where the next step will find them. Of each that lies deep
 
 enters the law, 0 <= g + b + h u_N ⊥ r_N >= 0; those that are new are brought back to x_m as the sweep does; the step is solved again, until
 nothing is deeper. A contact that lasts then has u_N = -b/h at the beginning of each step and +b/h at its end, and its reaction does no
-work at theta = 1/2, where without b it does work of the order of b. What stands still is not looked at, nor, under a detection of pairs,
+work at theta = 1/2, where without b it does work of the order of b. What stands still is not looked at, nor, but under `Everything`,
 what does not turn or meet anything, and nothing in its step changes.
 
 Bodies that turn away from each other within a step end it apart by R (omega h)^2 / 2 although they were held as if they touched: such b > 0
@@ -25,7 +25,6 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Everything
 from fcsim.contact_detection.contacts import Contacts, join
-from fcsim.contact_detection.exact import ExactContacts
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.timestep.encounter import Encounter, under_law
 from fcsim.timestep.scheme import Scheme
@@ -86,9 +85,9 @@ def _places(there: Contacts, held: Contacts) -> tuple[IntArray, BoolArray]:
 
 
 def _found_late(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State) -> bool:
-    """Whether bodies move by a length that counts under a detection that knows whole bodies: what approaches beside a face, a corner above
+    """Whether bodies move by a length that counts under a detection of everything: what approaches beside a face, a corner above
     a corner, is its contact when it is there. (It keeps what it finds where the next step begins: looking costs nothing.)"""
-    if not isinstance(detection, Everything | ExactContacts):
+    if not isinstance(detection, Everything):
         return False
     moved = model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions
     smallest = float(met.meeting.proportions.size.min(initial=np.inf))
