@@ -1,6 +1,6 @@
 # `make help` lists the targets. Each makes the environment .venv/ by itself when it is absent or out of date.
 .DEFAULT_GOAL := help
-.PHONY: env wall test slow faults lint benchmark clean help
+.PHONY: env wall test slow browser-test faults lint benchmark clean help
 
 WALL := results/masonry_wall
 READY := .venv/.ready
@@ -12,14 +12,18 @@ env: $(READY)  ## make the environment .venv/ (PYTHON=... names the Python >= 3.
 
 wall: $(READY)  ## run the masonry wall and draw its pictures, in results/masonry_wall
 	.venv/bin/fcsim run cases/masonry_wall --out $(WALL) --overwrite
-	.venv/bin/fcsim render $(WALL)
-	@echo "The wall's files, pictures and film are in $(WALL)/"
+	.venv/bin/fcsim render $(WALL) --page
+	@echo "The wall's files, pictures, film and page.html are in $(WALL)/"
 
 test: $(READY)  ## run the tests but the slow ones (PYTEST_ARGS="..." are passed on)
 	.venv/bin/python -m pytest $(PYTEST_ARGS)
 
 slow: $(READY)  ## run the slow tests
 	.venv/bin/python -m pytest -m slow $(PYTEST_ARGS)
+
+browser-test: $(READY)  ## open a run's page in Chromium (skipped with a reason where there is none)
+	.venv/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[browser]'
+	.venv/bin/python -m pytest -m browser tests/browser $(PYTEST_ARGS)
 
 FAULTS_SEED := $(shell date +%s)
 
@@ -43,4 +47,4 @@ clean:  ## remove the environment and caches (results/ stays)
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 help:
-	@sed -n 's/^\([a-z]*\):.*##/  make \1:/p' Makefile
+	@sed -n 's/^\([a-z-]*\):.*##/  make \1:/p' Makefile

@@ -97,9 +97,13 @@ def _value(kind: type, value: object, where: str) -> object:
     if dataclasses.is_dataclass(kind):
         return _dataclass(kind, _of(dict, value, where), where)
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        if not math.isfinite(value):
-            raise InputError(f"{where}: expected a finite number, got {value}")
-        return float(value)
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number that no float holds
+            number = math.inf
+        if not math.isfinite(number):
+            raise InputError(f"{where}: expected a finite number, got {str(value)[:60]}")
+        return number
     if kind is int and isinstance(value, bool):
         raise InputError(f"{where}: expected a whole number, got {value}")
     return _of(kind, value, where)

@@ -174,7 +174,7 @@ def gmsh_model(name: str) -> Iterator[ModuleType]:
         ) from None
     if gmsh.isInitialized():
         raise RuntimeError("gmsh_model: gmsh is already initialised; nested use is not supported")
-    gmsh.initialize(interruptible=False, argv=["", "-nopopup"])
+    gmsh.initialize(interruptible=False, argv=["", "-nopopup"], readConfigFiles=False)  # options of a user's home would change meshes
     _restore_signal_handlers()
     try:
         gmsh.option.setNumber("General.Terminal", 0)

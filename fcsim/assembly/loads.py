@@ -11,7 +11,8 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly import elasticity
-from fcsim.assembly.forms.part_forms import PartForms, form_forces
+from fcsim.assembly.forms.nodal_forces import form_forces, given_forces
+from fcsim.assembly.forms.part_forms import PartForms
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.supports import TimeFunction
 from fcsim.brief import brief
@@ -19,6 +20,7 @@ from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
 
 if TYPE_CHECKING:
+    from dolfinx.fem import Function
     from ufl import Form
 
 
@@ -73,10 +75,13 @@ class FollowerPressure:
 
 @dataclass(frozen=True, eq=False)
 class NodalForces:
-    """Forces (nn, d) [N] on the nodes of a deformable body, in the order of its part's points, in world axes, times factor(t)."""
+    """Forces (nn, d) [N] on the nodes of a deformable body, in the order of its part's points, in world axes, times factor(t).
+
+    forces may be a dolfinx Function on the mesh that the part was made of, whose degrees of freedom they are.
+    """
 
     body: str
-    forces: FloatArray
+    forces: FloatArray | Function
     factor: TimeFunction = field(default=lambda t: 1.0)
 
     __repr__ = brief
@@ -87,11 +92,12 @@ class FormLoad:
     """Nodal forces of a linear form in UFL on a deformable body, times factor(t).
 
     form takes the part's `PartForms` and returns a form of its test function v, in the part's axes: lambda part: inner(f(part.x), part.v) *
-    part.dx, or a traction with part.ds("surface"). It turns with the placement of the body, not with its motion.
+    part.dx, or a traction with part.ds("surface"). Of a part that was made of a dolfinx mesh it may be a form itself, of a test function
+    of ("Lagrange", order of the cells, (d,)) on that mesh. It turns with the placement of the body, not with its motion.
     """
 
     body: str
-    form: Callable[[PartForms], Form]
+    form: Form | Callable[[PartForms], Form]
     factor: TimeFunction = field(default=lambda t: 1.0)
 
 
@@ -149,10 +155,7 @@ def _nodal_forces(body: Body, load: NodalForces | FormLoad) -> FloatArray:
     what = f"{type(load).__name__} on body {load.body!r}"
     if isinstance(load, FormLoad):
         return form_forces(body.part, load.form, what) @ body.rotation.T
-    forces = np.asarray(load.forces, dtype=np.float64)
-    if forces.shape != body.part.points.shape or not np.all(np.isfinite(forces)):
-        raise InputError(f"{what}: expected finite forces of shape {body.part.points.shape}, a row a node of its part, got {forces.shape}")
-    return forces
+    return given_forces(body.part, load.forces, what)
 
 
 def _pressure_resultant(layout: BodyLayout, body: RigidBody, load: FollowerPressure) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.collection.folder import members, parse_name, refuse_folder, whole_folder
+from fcsim.collection.folder import Name, members, parse_name, refuse_folder, whole_folder
 from fcsim.collection.manifest import AT_REST, Entry, write_manifest
 from fcsim.collection.plots import write_distributions
 from fcsim.collection.properties import Properties, properties
@@ -48,8 +49,10 @@ def build_collection(
     *,
     every: int = 1,
     assignments: Mapping[str, str] | None = None,
+    iterations: bool = False,
     authors: str = "",
     spectrum_up_to: int = SUM_UP_TO,
+    pictures: bool = True,
     overwrite: bool = False,
     progress: Progress | None = None,
     watch: Callable[[Case, Step], None] | None = None,
@@ -59,7 +62,10 @@ def build_collection(
     source          folder of a run that exported FCLIB files, or a case (its folder or its script)
     every           keep the steps that it divides
     assignments     of a case: parameters by name, as texts
+    iterations      of steps with nonlinear bodies also the linearised problems that led to the last one, as sets of their own,
+                    SET-newton00, SET-newton01, ...; a finished run must have exported them
     spectrum_up_to  contact unknowns up to which rank and condition of W are computed (0.8 s a problem at 2064)
+    pictures        whether to draw the last step and the distributions
     progress        called after each problem written, `watch` after each step of the case's run
 
     OUT/global, OUT/local  SET-i<iterations>-<contacts>-<step>.hdf5 with title, description, math_info, solution and guess; local by
@@ -79,18 +85,35 @@ def build_collection(
     with whole_folder(out, overwrite) as folder:
         made = folder / "run"
         if not is_run:
-            options = RunOptions(export_every=every, vtk_every=1 << 60, checkpoint_every=0)  # VTK files of the last step only
+            options = RunOptions(
+                export_every=every, export_iterations=iterations, vtk_every=1 << 60, checkpoint_every=0
+            )  # VTK files of the last step only
             if run_case(load_case(source), assignments or {}, made, options, watch=watch).status == "interrupted":
                 raise KeyboardInterrupt
-        built = _write_collection(open_run(source if is_run else made), folder, every, authors, spectrum_up_to, progress)
+        built = _write_collection(
+            open_run(source if is_run else made), folder, _Kept(every, iterations, pictures), authors, spectrum_up_to, progress
+        )
         shutil.rmtree(made, ignore_errors=True)
     return replace(built, directory=out)
 
 
-def _write_collection(run: RunFolder, folder: Path, every: int, authors: str, spectrum_up_to: int, progress: Progress | None) -> Built:
+@dataclass(frozen=True)
+class _Kept:
+    """Which problems of a run: of the steps that `every` divides the last, or with `iterations` all; and whether pictures are drawn."""
+
+    every: int
+    iterations: bool
+    pictures: bool
+
+
+LINEARISED = re.compile(r".+-newton\d+")
+"""Sets of the problems before the last one of a step, see `fcsim.running.fclib_series`."""
+
+
+def _write_collection(run: RunFolder, folder: Path, kept: _Kept, authors: str, spectrum_up_to: int, progress: Progress | None) -> Built:
     """Write the problems of a run's folder with manifest, README and pictures into an empty folder."""
     about = RunAbout.of(run)
-    chosen = _exported(run, every)
+    chosen = _exported(run, kept)
     entries: list[Entry] = []
     described: list[Properties] = []
     for done, (step, path) in enumerate(chosen, 1):
@@ -102,14 +125,14 @@ def _write_collection(run: RunFolder, folder: Path, every: int, authors: str, sp
             progress("problems", done, len(chosen))
     entries.sort(key=lambda entry: entry.place)
     complete = run.description.status == "finished"
-    drawn, notes = _draw(run, entries, folder)
+    drawn, notes = _draw(run, entries, folder) if kept.pictures else ([], [])
     notes = [*notes_on(run, entries), *notes]
     write_manifest(folder, entries)
     write_readme(
         folder / "README.md",
         about.title,
         facts={**about.facts(authors), **facts(entries, described)},
-        text=about.text(every),
+        text=about.text(kept.every, kept.iterations),
         pictures={name: text for name, text in PICTURES.items() if name in drawn},
         notes=notes,
     )
@@ -122,16 +145,26 @@ PICTURES = {
 }
 
 
-def _exported(run: RunFolder, every: int) -> list[tuple[int, Path]]:
-    """The steps that `every` divides, with their files: global where there, else local."""
+def _exported(run: RunFolder, kept: _Kept) -> list[tuple[int, Path]]:
+    """The steps that `every` divides, with their files: global where there, else local; of a step in the order of its iterations."""
     fclib = run.directory / "fclib"
     if not fclib.is_dir():
         raise InputError(f"{run.directory}: expected FCLIB files in fclib/, the run exported none (fcsim run --export-every K)")
-    steps = {step: member.path for member in members(fclib) if (step := parse_name(member.stem, 0).step) is not None}
-    chosen = sorted((step, path) for step, path in steps.items() if step % every == 0)
+    found = [(name, member.path) for member in members(fclib) if (name := parse_name(member.stem, 0)).step is not None]
+    earlier = [LINEARISED.fullmatch(name.fclib_set) is not None for name, _ in found]
+    chosen = sorted(
+        (name.step, not before, name.fclib_set, path)
+        for (name, path), before in zip(found, earlier, strict=True)
+        if name.step is not None and name.step % kept.every == 0 and (kept.iterations or not before)
+    )
     if not chosen:
-        raise InputError(f"{run.directory}: expected an exported step that {every} divides, got {', '.join(map(str, sorted(steps)[:10]))}")
-    return chosen
+        steps = ", ".join(map(str, sorted({name.step for name, _ in found if name.step is not None})[:10]))
+        raise InputError(f"{run.directory}: expected an exported step that {kept.every} divides, got {steps}")
+    if kept.iterations and not any(earlier) and not run.description.options.get("export_iterations"):
+        raise InputError(
+            f"{run.directory}: expected all linearised problems of its steps, the run wrote only the last of each (--export-iterations)"
+        )
+    return [(step, path) for step, _, _, path in chosen]
 
 
 def _write_problem(
@@ -143,9 +176,10 @@ def _write_problem(
         raise InputError(f"{content.path}: expected a problem with its solution, as fcsim run exports it")
     local = reduce(problem).local if isinstance(problem, GlobalProblem) else problem
     known = properties(problem, local, spectrum_up_to)
-    solver, iterations, t = _solve_of(run, step, parse_name(content.path.stem, 0).iterations or 0)
+    named = parse_name(content.path.stem, 0)
+    solver, iterations, t = _solve_of(run, step, named)
     tol = math.nan if run.description.tol is None else run.description.tol
-    name = file_name(parse_name(content.path.stem, 0).fclib_set, iterations, problem.nc, step)
+    name = file_name(named.fclib_set, iterations, problem.nc, step)
     stored = replace(local, W=sp.csc_array(local.W))  # judged in the storage of the file, as `check` will
     forms: dict[str, GlobalProblem | LocalProblem] = {"local": stored}
     if isinstance(problem, GlobalProblem):
@@ -198,15 +232,17 @@ def _of_form(form: str, solution: Solution) -> Solution:
     return solution if form == "global" else Solution(solution.u, solution.r)
 
 
-def _solve_of(run: RunFolder, step: int, iterations: int) -> tuple[str, int, float | None]:
-    """Solver, iterations and time [s] of a step by steps.csv; what the file's name and run.json say where its row is missing."""
-    numbers = run.numbers("step")
+def _solve_of(run: RunFolder, step: int, named: Name) -> tuple[str, int, float | None]:
+    """Solver, iterations and time [s] of a problem by steps.csv; iterations by the file's name where it is not the step's last, that and
+    run.json where the row is missing."""
+    numbers, own = run.numbers("step"), named.iterations or 0
     rows = np.flatnonzero(numbers == step) if numbers is not None else np.empty(0, dtype=int)
     if not len(rows):
         h = run.description.h
-        return run.description.solver, iterations, None if h is None else step * h
+        return run.description.solver, own, None if h is None else step * h
     row = int(rows[-1])
-    return str(run.columns["solver"][row]), int(run.columns["iterations"][row]), float(run.columns["t"][row])
+    iterations = own if LINEARISED.fullmatch(named.fclib_set) else int(run.columns["iterations"][row])
+    return str(run.columns["solver"][row]), iterations, float(run.columns["t"][row])
 
 
 def _draw(run: RunFolder, entries: list[Entry], folder: Path) -> tuple[list[str], list[str]]:

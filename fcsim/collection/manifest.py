@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,8 @@ from fcsim.errors import InputError
 from fcsim.tables import read_table, write_table
 
 MANIFEST = "manifest.csv"
+LONGEST_NAME = 255
+"""[bytes] Of a file on the usual file systems."""
 
 AT_REST = "AT_REST"
 """Status of a step whose q is round-off and whose answer is r = 0: a relative error says nothing there."""
@@ -59,8 +62,8 @@ class Entry:
     def __post_init__(self) -> None:
         if self.form not in ("global", "local"):
             raise InputError(f"form: expected global or local, got {self.form!r}")
-        if self.name in ("", ".", "..") or any(c in self.name for c in "/\\\0"):
-            raise InputError(f"name: expected the name of a file, got {self.name!r}")
+        if self.name in ("", ".", "..") or any(c in self.name for c in "/\\\0") or len(os.fsencode(self.name)) > LONGEST_NAME:
+            raise InputError(f"name: expected the name of a file, got {self.name[:120]!r}")
 
     @property
     def place(self) -> str:

@@ -47,19 +47,22 @@ class RunAbout:
         given = {"authors": authors} if authors else {}
         return {**given, "software": self.software, "required accuracy": f"{math.nan if self.run.tol is None else self.run.tol:g}"}
 
-    def text(self, every: int) -> str:
+    def text(self, every: int, iterations: bool = False) -> str:
         run = self.run
         kept = math.lcm(every, _every(run))
         sets = "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in run.assignments.items())
         parameters = ", ".join(f"{name} = {value}" for name, value in self.parameters.items())
         steps = "every step" if kept == 1 else f"every {kept} steps"
+        flag = " --iterations" if iterations else ""
+        if iterations:
+            steps += ", with all linearised problems of each (sets -newton00, -newton01, ...),"
         simulated = f"{run.steps if run.steps_done is None else run.steps_done} steps of {run.h} s"
         return (
             f"{self.description or self.title}. The problems of {steps} of a simulation of {simulated}, each solved by {run.solver} "
             f"to {run.tol} from the reactions of the steps before; the iterations in the files' names are those of that solve.\n\n"
             f"Parameters: {parameters}. Seed: {self.seed}.\n\n"
             "To make it again:\n\n"
-            f"    fcsim collection build cases/{run.case}{sets} --every {kept} --out DIR"
+            f"    fcsim collection build cases/{run.case}{sets} --every {kept}{flag} --out DIR"
         )
 
 

@@ -45,6 +45,15 @@ class Graded:
 
 
 @dataclass(frozen=True)
+class Made:
+    """What a selection's README says in the place of its folder: title, where the problems come from, the command that makes it again."""
+
+    title: str
+    text: str
+    command: str
+
+
+@dataclass(frozen=True)
 class Selection:
     """A selection on the disk: its folder, its rows, all problems with their difficulty in the order of time, and notes."""
 
@@ -66,12 +75,15 @@ def select_problems(
     spectrum_up_to: int = SUM_UP_TO,
     overwrite: bool = False,
     progress: Progress | None = None,
+    made: Made | None = None,
+    notes: Sequence[str] = (),
 ) -> Selection:
     """Copy `count` problems of graded difficulty from a folder of FCLIB files, fcsim's or not, to the collection `out`.
 
     Each problem is solved by `solver` from r = 0 to `tol`, for at most `time_limit` [s]; unsolved ones are the hardest. They are chosen
     evenly over difficulty and time, see `grade.choose`, and copied in the forms that are there, byte by byte, under a name that
-    states these iterations. OUT holds them as global/ and local/, manifest.csv, README.md, distributions.png, selection.png.
+    states these iterations. `made` says in the README what the folder came of, where it does not last, with these `notes`. OUT holds
+    them as global/ and local/, manifest.csv, README.md, distributions.png, selection.png.
 
     Left out with a note: rolling friction, files that cannot be read, problems at rest and such as r = 0 solves, dimensions that the
     method does not work in. Raises InputError where nothing is left, and for an argument that cannot be used.
@@ -85,8 +97,9 @@ def select_problems(
             raise InputError(f"{name}: expected a number > 0, got {value}")
     refuse_folder(out, overwrite, directory)
     known = read_manifests_below(directory)
-    asked = _Asked(directory, count, solver, tol, time_limit, seed, spectrum_up_to)
-    graded, notes = _grade_all(members(directory), known, asked, progress)
+    asked = _Asked(directory, count, solver, tol, time_limit, seed, spectrum_up_to, made)
+    graded, left_out = _grade_all(members(directory), known, asked, progress)
+    notes = [*notes, *left_out]
     if count > len(graded):
         notes.append(f"{count} problems were asked for, there are {len(graded)}.")
     places = choose(np.array([g.iterations for g in graded]), np.array([g.solved for g in graded]), count, seed)
@@ -117,6 +130,7 @@ class _Asked:
     time_limit: float
     seed: int
     spectrum_up_to: int
+    made: Made | None
 
 
 def _grade_all(
@@ -174,9 +188,10 @@ def _write_readme(
         shutil.copyfile(asked.directory / "picture.png", folder / "picture.png")
         pictures = {"picture.png": "the case", **pictures}
     sets = sorted({g.name.fclib_set for g in graded})
+    title = f"{held} problems of graded difficulty: {', '.join(sets[:5])}{' and others' if len(sets) > 5 else ''}"
     write_readme(
         folder / "README.md",
-        f"{held} problems of graded difficulty: {', '.join(sets[:5])}{' and others' if len(sets) > 5 else ''}",
+        title if asked.made is None else asked.made.title,
         facts={"required accuracy": f"{asked.tol:g}", **facts(entries, described)},
         text=_text(asked, graded),
         pictures=pictures,
@@ -280,13 +295,17 @@ def _draw(
 
 
 def _text(asked: _Asked, graded: Sequence[Graded]) -> str:
+    command = (
+        f"fcsim collection select {asked.directory.name} --count {asked.count} --by iterations --solver {asked.solver} "
+        f"--tol {asked.tol:g} --time-limit {asked.time_limit:g} --seed {asked.seed} --out DIR"
+    )
     return (
+        f"{'' if asked.made is None else asked.made.text}"
         f"Chosen from {len(graded)} problems. The difficulty of a problem is the number of iterations of {asked.solver} from r = 0 to the "
         f"error {asked.tol:g} ({sum(g.solved for g in graded)} solved; time limit {asked.time_limit:g} s); unsolved problems count as the "
         "hardest. The range of log iterations is divided into classes of equal width that get equal shares, each spread over time; within, "
         f"the choice is systematic from starts drawn by the seed {asked.seed}. The files are copies, byte by byte, under names that state "
         "these iterations: the solution in them, and what their info says of iterations, are those of the program that made them.\n\n"
         "To make it again:\n\n"
-        f"    fcsim collection select {asked.directory.name} --count {asked.count} --by iterations --solver {asked.solver} "
-        f"--tol {asked.tol:g} --time-limit {asked.time_limit:g} --seed {asked.seed} --out DIR"
+        f"    {command if asked.made is None else asked.made.command}"
     )

@@ -1,23 +1,28 @@
-"""fcsim collection build | select | check."""
+"""fcsim collection build | compose | select | check."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fcsim.command_line.assignments import checked_tolerance, read_assignments
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK
 from fcsim.interrupts import ended_politely
 
+if TYPE_CHECKING:
+    from fcsim.collection.select import Selection
+
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `collection` and its three commands to the command line."""
+    """Add `collection` and its commands to the command line."""
     collection = commands.add_parser(
         "collection",
         help="make, select and check collections of FCLIB problems",
-        description="Collections of FCLIB problems: made from a case or a run, graded selections, verification.",
+        description="Collections of FCLIB problems: made from a case or a run, or from several cases by a recipe, graded selections, "
+        "verification.",
     )
     actions = collection.add_subparsers(dest="action", required=True, metavar="ACTION")
 
@@ -32,8 +37,17 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="change a parameter of the case"
     )
     build.add_argument("--authors", default="", help="for the README")
+    _add_iterations(build)
     _add_common(build)
     build.set_defaults(act=_build)
+
+    compose = actions.add_parser("compose", help="run the cases of a recipe and choose problems of graded difficulty from all of them")
+    compose.add_argument("recipe", type=Path, metavar="RECIPE", help="a JSON file, as cases/nonlinear.json")
+    compose.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the collection")
+    compose.add_argument("--count", type=int, help="number of problems (default: the recipe's)")
+    _add_iterations(compose)
+    _add_common(compose)
+    compose.set_defaults(act=_compose)
 
     select = actions.add_parser("select", help="copy problems of graded difficulty from a folder of FCLIB files")
     select.add_argument("directory", type=Path, metavar="DIR", help="a collection, or any folder of *.hdf5")
@@ -59,6 +73,12 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--overwrite", action="store_true", help="replace an earlier collection")
 
 
+def _add_iterations(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--iterations", action="store_true", help="also the linearised problems that led to the last one of steps with nonlinear bodies"
+    )
+
+
 def _progress(bar: Bar) -> Callable[[str, int, int], None]:
     return lambda what, done, total: bar.update(done, total, what=what)
 
@@ -76,6 +96,7 @@ def _build(options: argparse.Namespace) -> int:
             options.out,
             every=options.every,
             assignments=assignments,
+            iterations=options.iterations,
             authors=options.authors,
             spectrum_up_to=options.spectrum_up_to,
             overwrite=options.overwrite,
@@ -88,7 +109,6 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _select(options: argparse.Namespace) -> int:
-    from fcsim.collection.readme import one_a_problem
     from fcsim.collection.select import select_problems
 
     checked_tolerance(options.tol)
@@ -105,15 +125,40 @@ def _select(options: argparse.Namespace) -> int:
             overwrite=options.overwrite,
             progress=_progress(bar),
         )
+    _say_of(selection, options.solver)
+    return EXIT_OK
+
+
+def _compose(options: argparse.Namespace) -> int:
+    from fcsim.collection.compose import compose_collection, read_recipe
+
+    with ended_politely(), Bar("problems", lines=0) as bar:
+        selection, complete = compose_collection(
+            options.recipe,
+            options.out,
+            count=options.count,
+            iterations=options.iterations,
+            spectrum_up_to=options.spectrum_up_to,
+            overwrite=options.overwrite,
+            progress=_progress(bar),
+            watch=lambda case, step: bar.update(step.number, case.simulation.steps, what=case.name),
+        )
+    _say_of(selection, read_recipe(options.recipe).solver)
+    return EXIT_OK if complete else EXIT_NOT_CONVERGED
+
+
+def _say_of(selection: Selection, solver: str) -> None:
+    """What a selection holds, on the terminal."""
+    from fcsim.collection.readme import one_a_problem
+
     _tell(selection.notes)
     rows = one_a_problem(selection.entries)
     unsolved = sum(row.status != "SOLVED" for row in rows)
     low, high = min(row.iterations for row in rows), max(row.iterations for row in rows)
     say(
-        f"{len(rows)} of {len(selection.graded)} problems, {low} to {high} iterations of {options.solver} from r = 0, {unsolved} unsolved: "
+        f"{len(rows)} of {len(selection.graded)} problems, {low} to {high} iterations of {solver} from r = 0, {unsolved} unsolved: "
         f"{selection.directory} (README.md, manifest.csv)"
     )
-    return EXIT_OK
 
 
 def _check(options: argparse.Namespace) -> int:

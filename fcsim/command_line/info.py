@@ -1,22 +1,95 @@
-"""fcsim info: what an FCLIB file holds, and how good its stored solution is."""
+"""fcsim info: what an FCLIB file holds, and how good its stored solution is; what a model of blocks is."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fcsim.command_line.terminal import say
-from fcsim.errors import EXIT_OK
+from fcsim.errors import EXIT_OK, InputError
+
+if TYPE_CHECKING:
+    from fcsim.masonry import MasonryProblem
+
+MODELS = (".json", ".stl", ".obj", ".ply", ".off", ".3mf", ".glb")
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command `info`."""
-    info = commands.add_parser("info", help="describe an FCLIB file", description="Print what an FCLIB file holds.")
+    info = commands.add_parser(
+        "info",
+        help="describe an FCLIB file or a model of blocks",
+        description="Print what an FCLIB file holds, or what a model of blocks is: a masonry problem or COMPAS model in JSON, solids.",
+    )
     info.add_argument("file", type=Path)
+    info.add_argument("--draw", type=Path, metavar="PICTURE", help="draw a model of blocks into this .png")
+    info.add_argument("--scale", type=float, help="metres to a unit of length of surface and COMPAS files: 1e-3 for mm")
     info.set_defaults(act=_info)
 
 
 def _info(options: argparse.Namespace) -> int:
+    if options.file.suffix.lower() in MODELS:
+        return _model(options)
+    for name in ("draw", "scale"):
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name}: expected it with a model of blocks ({', '.join(MODELS)}), got {options.file}")
+    return _fclib(options)
+
+
+def _model(options: argparse.Namespace) -> int:
+    import numpy as np
+
+    from fcsim.masonry import read_model
+
+    problem = read_model(options.file, scale=options.scale)
+    free = [block for block in problem.blocks if not block.support]
+    volumes = np.array([block.surface.moments()[0] for block in free])
+    masses = np.array([block.mass or (block.density or 0.0) * volume for block, volume in zip(free, volumes, strict=True)])
+    points = np.concatenate([block.surface.points for block in free])
+    held = [block.name for block in problem.blocks if block.support]
+    say(f"{options.file}: model of blocks in {problem.dimension}D{f', {problem.title}' if problem.title else ''}")
+    if problem.question:
+        say(f"  question     {problem.question}")
+    say(f"  blocks       {len(free)} free, {len(held)} held ({', '.join(held[:6])}{', ...' if len(held) > 6 else ''})")
+    say(f"  extent       {' x '.join(f'{x:.4g}' for x in np.ptp(points, axis=0))} m; smallest block {problem.smallest:.4g} m")
+    say(f"  volume       {volumes.sum():.6g} m^3, the smallest block {volumes.min():.3g}")
+    say(f"  mass         {masses.sum():.6g} kg; density from {(masses / volumes).min():g} to {(masses / volumes).max():g} kg/m^3")
+    frictions = [problem.mu, *problem.between.values()]
+    say(f"  friction     mu {problem.mu:g}" + (f", of pairs from {min(frictions):g} to {max(frictions):g}" if problem.between else ""))
+    for load in problem.loads:
+        of = getattr(load, "block", None)
+        unit, on = ("m/s^2", "all blocks") if of is None else ("N", f"block {of}")
+        growing = ", times the multiplier" if load.scaled else ""
+        say(f"  load         ({', '.join(f'{c:g}' for c in load.value)}) {unit} on {on}{growing}")
+    say(f"  joints       {_joints(problem)}")
+    for expected in problem.expected:
+        say(f"  expected     {expected.quantity} {expected.value}" + (f" ({expected.kind})" if expected.kind else ""))
+    if options.draw is not None:
+        from fcsim.view.blocks import draw_blocks
+
+        say(draw_blocks(problem, options.draw))
+    return EXIT_OK
+
+
+def _joints(problem: MasonryProblem) -> str:
+    """How many pairs of blocks touch, and which blocks touch nothing."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from fcsim.masonry import limit_problem
+
+    try:
+        pairs = limit_problem(replace(problem, shaking=())).contacts.bodies
+    except InputError as error:  # blocks that overlap: a description says so, an analysis refuses
+        return str(error)
+    alone = [block.name for k, block in enumerate(problem.blocks) if not block.support and not np.any(pairs == k)]
+    lonely = f"; nothing touches {', '.join(alone[:6])}{', ...' if len(alone) > 6 else ''}" if alone else ""
+    return f"{len(np.unique(np.sort(pairs, axis=1), axis=0))} in {len(pairs)} contacts{lonely}"
+
+
+def _fclib(options: argparse.Namespace) -> int:
     import numpy as np
 
     from fcsim.export_fclib import read_fclib

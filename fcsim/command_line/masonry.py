@@ -65,11 +65,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     shake.set_defaults(act=lambda options: shake_ground(options, _read(options)))
     for command in (limit, tilt, push, shake):
-        command.add_argument("model", type=Path, help="a masonry problem in JSON, or solids: .stl, .obj, .ply, .off, .3mf, .glb")
-        command.add_argument("--density", type=float, default=2000.0, help="[kg/m^3] of the solids of a surface file (default 2000)")
-        command.add_argument("--scale", type=float, help="metres to a unit of length of a surface file: 1e-3 for mm")
-        command.add_argument("--support", action="append", default=[], metavar="NAME", help="solid that is held (default: a floor)")
-        command.add_argument("--mu", type=float, help="friction coefficient of all joints, in place of the problem's")
+        _add_model(command)
         if command is not shake:
             command.add_argument("--tolerance", type=float, help="[m] blocks that are nearer touch (default 1e-4 of the smallest block)")
         command.add_argument("--out", type=Path, help="folder for the analysis (JSON), its joints (CSV) and the picture of the mechanism")
@@ -78,6 +74,17 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         command.add_argument("--film", action="store_true", help="run the collapse as well: film, steps and VTK files in OUT/run")
         command.add_argument("--resolution", type=float, default=0.005, help="of the multiplier, as a share of it (default 0.005)")
         command.add_argument("--static", action="store_true", help="limit analysis alone, no simulation")
+
+
+def _add_model(command: argparse.ArgumentParser) -> None:
+    """The file of blocks, and what it may not say itself."""
+    command.add_argument(
+        "model", type=Path, help="a masonry problem or COMPAS model in JSON, or solids: .stl, .obj, .ply, .off, .3mf, .glb"
+    )
+    command.add_argument("--density", type=float, default=2000.0, help="[kg/m^3] of blocks whose file has none (default 2000)")
+    command.add_argument("--scale", type=float, help="metres to a unit of length of surface and COMPAS files: 1e-3 for mm")
+    command.add_argument("--support", action="append", default=[], metavar="NAME", help="solid that is held (default: a floor)")
+    command.add_argument("--mu", type=float, help="friction coefficient of all joints, in place of the problem's")
 
 
 def _direction(text: str) -> tuple[float, float, float]:
@@ -92,15 +99,9 @@ def _direction(text: str) -> tuple[float, float, float]:
 
 
 def _read(options: argparse.Namespace) -> MasonryProblem:
-    from dataclasses import replace
+    from fcsim.masonry import read_model
 
-    from fcsim.masonry import masonry_of_surfaces, read_masonry
-
-    if options.model.suffix.lower() != ".json":
-        mu = 0.6 if options.mu is None else options.mu
-        return masonry_of_surfaces(options.model, mu=mu, density=options.density, scale=options.scale, supports=options.support)
-    problem = read_masonry(options.model)
-    return problem if options.mu is None else replace(problem, mu=options.mu, between={})
+    return read_model(options.model, mu=options.mu, density=options.density, scale=options.scale, supports=options.support)
 
 
 def _limit(options: argparse.Namespace) -> int:

@@ -26,13 +26,13 @@ def samples(distance: float, spacing: float) -> int:
 
     InputError where they are more than a thousand.
     """
-    count = int(np.ceil(distance / spacing)) if distance > 0 else 0
-    if count > _MOST:
+    count = np.ceil(distance / spacing) if distance > 0 else 0
+    if not count <= _MOST:
         raise InputError(
             f"contact detection: expected bodies that may meet to approach by less than {_MOST} facets in one step, got {distance:.3g} m "
             f"for facets of {spacing:.3g} m: shorten the step"
         )
-    return count
+    return int(count)
 
 
 def with_swept(

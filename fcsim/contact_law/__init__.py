@@ -5,7 +5,7 @@ from fcsim.contact_law.compliant import Compliant, Springs
 from fcsim.contact_law.coulomb import Gap, Velocity
 from fcsim.contact_law.friction import Elliptic, RateDependent, Sliding, SlipWeakening, StaticKinetic
 from fcsim.contact_law.law import Law, Meeting, Outcome, Remembered, Terms, Timing, Variables
-from fcsim.contact_law.rolling import Rolling
+from fcsim.contact_law.rolling import Rolling, Spinning
 from fcsim.contact_law.table import LawTable, laws_of_bodies, laws_of_pairs
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Rolling",
     "Sliding",
     "SlipWeakening",
+    "Spinning",
     "Springs",
     "StaticKinetic",
     "Terms",

@@ -30,7 +30,8 @@ class Gap:
     it is gone after one step, thrown out at the velocity |g|/h: energy from nothing. Quasi-statics have no time to go by: there it is
     taken back in one step.
     friction: see `fcsim.contact_law.friction`; None = the coefficients of the pairs. Contacts are points: the friction torque of a
-    face about its normal depends on which points carry (0.77 to 1.85 of that of uniform pressure), see docs/contact_laws.md.
+    face about its normal depends on which points carry (0.77 to 1.85 of that of uniform pressure); docs/contact_laws.md has the rule by
+    which it is right.
     """
 
     recovery: float = RECOVERY

@@ -6,7 +6,7 @@ contacts (see `Terms`), so that solvers and FCLIB files know Coulomb's cone alon
     u  = S (H^T v) + C r + w      S: elliptic friction, C: compliance of the joint, w: gap, restitution, what is kept of earlier steps
     M v = H (S r - r_c) + f       r_c: adhesion, S r - r_c is what acts on the bodies
 
-and in a sixth, rolling resistance, by which the problem has rolling moments and the cone of five dimensions.
+and in a sixth, rolling and spinning resistance, by which the problem has moments and the cone of five or six dimensions.
 
 A law of one's own is a frozen dataclass with the members of `Law`; `docs/contact_laws.md` has an example.
 """
@@ -175,6 +175,7 @@ class Terms:
     scale      (nc, d) the diagonal of S, 1 = as it is; None = all
     frame      (nc, d, d) other directions T1, T2 for the contacts, None = as detected
     rolling    (nc,) [m] mu_r >= 0 of the cone of rolling friction, see `Rolling`; None = problems without rolling moments
+    spinning   (nc,) [m] mu_s >= 0 of the moment about the normal, see `Spinning`; None = problems without
     """
 
     w: FloatArray
@@ -184,6 +185,7 @@ class Terms:
     scale: FloatArray | None = None
     frame: FloatArray | None = None
     rolling: FloatArray | None = None
+    spinning: FloatArray | None = None
 
     __repr__ = brief
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -50,6 +50,7 @@ class LawTable:
             "scale": np.ones(shape),
             "frame": meeting.contacts.frame.copy(),
             "rolling": np.zeros(shape[0]),
+            "spinning": np.zeros(shape[0]),
         }
         for name, whole in fresh.items():
             given = [(own, value) for own, terms in parts if (value := getattr(terms, name)) is not None]
@@ -150,6 +151,6 @@ def _own(variables: Variables | None, k: int) -> Variables | None:
 
 
 def _part_of(outcome: Outcome, own: BoolArray) -> Outcome:
-    given = {name: getattr(outcome.terms, name) for name in ("w", "mu", "adhesion", "compliance", "scale", "frame", "rolling")}
+    given = {field.name: getattr(outcome.terms, field.name) for field in fields(Terms)}
     terms = Terms(**{name: None if value is None else value[own] for name, value in given.items()})  # type: ignore[arg-type]
     return Outcome(terms, outcome.u[own], outcome.r[own], outcome.after[own])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import FORMS, Solution, Storage, solution_sizes
+from fcsim.export_fclib.rolling import two_moments
 from fcsim.files import replacing_hdf5
 from fcsim.problem import LocalProblem, Matrix
 from fcsim.problem.problem import GlobalForm
@@ -38,6 +39,7 @@ def write_fclib(
     Compressed columns are the default because FCLIB's merit function multiplies correctly with nothing else. `compression` stores
     chunked, shuffled gzip data sets, about 5 times smaller, which the reference library reads as they are; files of one series, given
     the same Compressor, compress only what differs from the file before. Matrix entries stored twice are summed, explicit zeros are kept.
+    Problems with spinning friction are written as FCLIB's rolling problems where no contact has both resistances, see `two_moments`.
     Raises InputError for a storage, a solution or a folder that does not fit, and for sizes beyond FCLIB's 32-bit integers.
     """
     path = Path(path)
@@ -48,6 +50,8 @@ def write_fclib(
     name = next((name for name, form in FORMS.items() if isinstance(problem, form.problem)), None)
     if name is None:
         raise InputError(f"problem: expected a GlobalProblem, LocalProblem or GlobalRollingProblem, got {type(problem).__name__}")
+    problem, (solution, *others) = two_moments(problem, (solution, *guesses))
+    guesses = [guess for guess in others if guess is not None]
     form = FORMS[name]
     compressor = Compressor() if compression is True else compression or None
     with replacing_hdf5(path) as file:

@@ -8,6 +8,7 @@ from fcsim.masonry.limit_analysis.friction_reduction import friction_factor
 from fcsim.masonry.limit_analysis.joints import Joint, joints_of
 from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
+from fcsim.masonry.models import read_model
 from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce
 from fcsim.masonry.pushes import pushed, tilted
 from fcsim.masonry.shake import Shake, shake, shaken
@@ -41,6 +42,7 @@ __all__ = [
     "push_by_displacement",
     "pushed",
     "read_masonry",
+    "read_model",
     "shake",
     "shaken",
     "structure",

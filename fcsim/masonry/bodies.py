@@ -67,12 +67,13 @@ def _around(faces: list[list[int]], name: str) -> list[int]:
 def force_and_moment(problem: MasonryProblem, load: PointForce, body: RigidBody) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Force [N] and moment [N m] about the centroid."""
     force = vector_of(problem, load.value)
+    moment = np.array(load.moment) if problem.dimension == 3 else -np.array(load.moment[1:2])  # the turn from x to z is one about -y
     if load.point is None:
-        return force, (0.0,) * (3 if problem.dimension == 3 else 1)
+        return force, tuple(moment.tolist())
     arm = np.array(vector_of(problem, load.point)) - body.centre
     if problem.dimension == 2:
-        return force, (float(arm[0] * force[1] - arm[1] * force[0]),)
-    return force, tuple(float(x) for x in np.cross(arm, force))
+        return force, (float(moment[0] + arm[0] * force[1] - arm[1] * force[0]),)
+    return force, tuple((moment + np.cross(arm, force)).tolist())
 
 
 def supports(problem: MasonryProblem) -> list[Support]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.files import sha256
-from fcsim.masonry.json_file import read_masonry
+from fcsim.masonry.models import read_model
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.pushes import pushed, tilted
 from fcsim.masonry.structure import BlocksAre, Stone, structure
@@ -52,14 +52,13 @@ class Parameters:
 
 
 def masonry_case(path: str | Path, mu: float | None = None) -> CaseScript:
-    """Return the case of a masonry problem's file, which `fcsim.running.run.run_case` runs as that of a script; mu in place of its own."""
+    """Return the case of a file of blocks (`read_model`), for `fcsim.running.run.run_case`, as a script's; mu in place of its own."""
     path = Path(path)
     if not path.is_file():
         raise InputError(f"case {str(path)!r}: expected a masonry problem in JSON, found no such file")
 
     def built(parameters: Parameters) -> Case:
-        problem = read_masonry(path)
-        return build(problem if mu is None else replace(problem, mu=mu, between={}), parameters)
+        return build(read_model(path, mu=mu), parameters)
 
     return CaseScript(path.stem, path, Parameters, built, sha256(path))
 

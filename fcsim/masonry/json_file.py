@@ -3,7 +3,7 @@
 dimension 2 (plane x, z; blocks are prisms along y) or 3
 blocks    [{id, vertices [[x, y, z], ...], faces [[vertex numbers], ...] (left out: a hexahedron in VTK's order), density or mass, support}]
 contact   {mu, mu_between [{between [id, id], mu}]}
-loads     [{kind "acceleration", value} | {kind "force", block, value, point}, each with scaled_by_multiplier]
+loads     [{kind "acceleration", value} | {kind "force", block, value, point, moment}, each with scaled_by_multiplier]
 support_motion [{block, velocity}]
 initial_pose [{block, translation, rotation [rx, ry, rz] (vector, rad), about [x, y, z] (left out: the centroid)}]: where blocks begin
 base_acceleration [{direction, times, values} | {kind "half_sine" or "sine", value (amplitude and direction), duration, frequency}]
@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fcsim.arrays import Json
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.errors import InputError
 from fcsim.files import note_read
@@ -32,17 +33,26 @@ from fcsim.records import from_json, read_json, write_record
 SCHEMA = "masonry-problem/1"
 HEXAHEDRON = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 """The faces of VTK's hexahedron."""
-_SAMPLES = 500  # of a half wave
+_SAMPLES, _HALF_WAVES = 500, 10_000  # points of a half wave; more than any table shakes
 
 
 def read_masonry(path: str | Path) -> MasonryProblem:
     """Read a masonry problem; InputError names the file, the block and the key."""
-    path = Path(path)
+    return masonry_of_json(json_content(Path(path)), Path(path))
+
+
+def json_content(path: Path) -> Json:
+    """The content of a JSON file, noted as read."""
     try:
-        data = read_json(path)
+        content = read_json(path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
     note_read(path)
+    return content
+
+
+def masonry_of_json(data: Json, path: Path) -> MasonryProblem:
+    """The problem that the content of a file is."""
     where = str(path)
     if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
         schema = data.get("schema", "no schema") if isinstance(data, Mapping) else type(data).__name__
@@ -54,7 +64,7 @@ def read_masonry(path: str | Path) -> MasonryProblem:
     between = {}
     for entry in _entries(contact, "mu_between", f"{where}, contact"):
         entry = _mapping(entry, f"{where}, mu_between")
-        pair = _get(tuple[str, ...], entry, "between", f"{where}, mu_between")
+        pair = [_name({"between": name}, "between", f"{where}, mu_between") for name in _entries(entry, "between", f"{where}, mu_between")]
         if len(pair) != 2:
             raise InputError(f"{where}, mu_between: expected the names of two blocks, got {pair}")
         between[pair[0], pair[1]] = _get(float, entry, "mu", f"{where}, mu_between {pair}")
@@ -158,8 +168,10 @@ def _shaking(entry: object, where: str) -> BaseAcceleration:
         raise InputError(f'{where}: expected times and values, or the kind "half_sine" or "sine", got {kind!r}')
     duration = _get(float, entry, "duration", where)
     frequency = 0.5 / duration if kind == "half_sine" and duration > 0 else _get(float, entry, "frequency", where)
-    if not (duration > 0 and frequency > 0):
+    if not (duration > 0 and 0 < frequency < np.inf):
         raise InputError(f"{where}: expected a duration [s] and a frequency [Hz] > 0, got {duration} and {frequency}")
+    if not 2 * frequency * duration <= _HALF_WAVES:
+        raise InputError(f"{where}: expected at most {_HALF_WAVES} half waves, got {duration} s of {frequency} Hz")
     times = np.linspace(0.0, duration, int(np.ceil(2 * frequency * duration)) * _SAMPLES + 1)
     return BaseAcceleration(value, _record(times, np.linalg.norm(value) * np.sin(2 * np.pi * frequency * times), where))
 
@@ -188,7 +200,8 @@ def _load(entry: object, where: str) -> Acceleration | PointForce:
         return Acceleration(value, scaled)
     if kind == "force":
         point = None if entry.get("point") is None else _vector(entry, "point", what)
-        return PointForce(_name(entry, "block", what), value, point, scaled)
+        moment = _vector(entry, "moment", what) if "moment" in entry else (0.0, 0.0, 0.0)
+        return PointForce(_name(entry, "block", what), value, point, scaled, moment)
     raise InputError(f'{where}, loads: expected the kind "acceleration" or "force", got {kind!r}')
 
 
@@ -196,6 +209,7 @@ def _load_entry(load: Acceleration | PointForce) -> dict[str, object]:
     entry: dict[str, object] = {"kind": "acceleration", "value": load.value, "scaled_by_multiplier": load.scaled}
     if isinstance(load, PointForce):
         entry |= {"kind": "force", "block": load.block} | ({} if load.point is None else {"point": load.point})
+        entry |= {"moment": load.moment} if any(load.moment) else {}
     return entry
 
 

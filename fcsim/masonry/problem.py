@@ -42,12 +42,13 @@ class Acceleration:
 
 @dataclass(frozen=True)
 class PointForce:
-    """A force (3,) [N] on a block at a point (3,) [m] (None: its centroid), times the multiplier where `scaled`."""
+    """A force (3,) [N] on a block at a point (3,) [m] (None: its centroid) and a moment (3,) [N m], times the multiplier where `scaled`."""
 
     block: str
     value: tuple[float, float, float]
     point: tuple[float, float, float] | None = None
     scaled: bool = False
+    moment: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,9 +115,12 @@ class MasonryProblem:
             if name not in names:
                 raise InputError(f"{what}: expected the name of a block, got {name!r}")
         for load in self.loads:
-            for vector in (load.value, getattr(load, "point", None)):
+            for vector in (load.value, getattr(load, "point", None), getattr(load, "moment", None)):
                 if vector is not None and (len(vector) != 3 or not np.isfinite(vector).all()):
                     raise InputError(f"{what}, load: expected three finite numbers, got {vector!r}")
+            x, y, z = load.moment if isinstance(load, PointForce) else (0.0, 0.0, 0.0)
+            if self.dimension == 2 and (x or z):
+                raise InputError(f"{what}, load: expected a moment about y alone in a plane problem, got {(x, y, z)}")
             if self.dimension == 2 and load.value[1] != 0:
                 raise InputError(f"{what}, load: expected no component along y in a plane problem, got {load.value}")
         for shake in self.shaking:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +11,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.assembly.loads import Force, Load
 from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.supports.support import Support
 from fcsim.errors import InputError
 from fcsim.masonry.bodies import force_and_moment, outline, rigid_blocks, supports, vector_of
 from fcsim.masonry.problem import Block, MasonryProblem, PointForce
@@ -40,18 +41,20 @@ def structure(
     *,
     multiplier: TimeFunction = lambda t: 0.0,
     staying: TimeFunction = lambda t: 1.0,
+    held: Sequence[Support] | None = None,
 ) -> tuple[Model, tuple[str, ...]]:
     """Return the model of a problem and remarks on it; its loads are staying(t) times those that stay, multiplier(t) times the others,
     and where the ground shakes the inertia of blocks that are seen from it.
 
-    "mixed": every second block is deformable. Supports, blocks of a given mass and blocks with a force upon them are rigid always. Blocks
-    that are equal but for their place are one part, meshed once.
+    held: in place of the problem's own supports. "mixed": every second block is deformable. Supports, blocks of a given mass and blocks
+    with a force or a support upon them are rigid always. Blocks that are equal but for their place are one part, meshed once.
     """
     if blocks_are not in ("rigid", "deformable", "mixed"):
         raise InputError(f"blocks_are: expected 'rigid', 'deformable' or 'mixed', got {blocks_are!r}")
     stone = stone or Stone()
     rigid = rigid_blocks(problem)
-    pushed = {load.block for load in problem.loads if isinstance(load, PointForce)}
+    stays = supports(problem) if held is None else held
+    pushed = {load.block for load in problem.loads if isinstance(load, PointForce)} | {support.body for support in stays}
     meshed: dict[bytes, Part] = {}
     bodies: list[Body | RigidBody] = []
     stiff = 0
@@ -60,7 +63,7 @@ def structure(
         must = block.support or block.density is None or block.name in pushed
         stiff += soft and must and not block.support
         bodies.append(_deformable(problem, block, stone, meshed) if soft and not must else body)
-    remarks = (f"{stiff} blocks of a given mass or with a force upon them are rigid",) if stiff else ()
+    remarks = (f"{stiff} blocks of a given mass or with a force or a support upon them are rigid",) if stiff else ()
     still, growing = (np.array(vector_of(problem, problem.acceleration(scaled=scaled))) for scaled in (False, True))
 
     def gravity(t: float) -> FloatArray:
@@ -72,7 +75,7 @@ def structure(
         if isinstance(load, PointForce):
             force, moment = force_and_moment(problem, load, rigid[problem.number[load.block]])
             loads.append(Force(load.block, force, moment, multiplier if load.scaled else staying))
-    model = build_model(bodies, supports=supports(problem), loads=loads, gravity=gravity, beta=0.0 if blocks_are == "rigid" else stone.beta)
+    model = build_model(bodies, supports=stays, loads=loads, gravity=gravity, beta=0.0 if blocks_are == "rigid" else stone.beta)
     return model, remarks
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,15 +27,20 @@ def masonry_of_surfaces(
     that no solid has.
     """
     path = Path(path)
-    surfaces = read_surfaces(path, scale=scale)
-    names = [surface.name for surface in surfaces]
+    blocks = tuple(Block(surface, density) for surface in read_surfaces(path, scale=scale))
+    return MasonryProblem(path.stem, 3, supported(blocks, supports, path), mu, title=path.stem)
+
+
+def supported(blocks: Sequence[Block], supports: Sequence[str], path: Path) -> tuple[Block, ...]:
+    """The blocks, those that `supports` names or matches held; on a floor where none is. InputError for a pattern that no block has."""
+    names = [block.name for block in blocks]
     for pattern in supports:
         if not fnmatch.filter(names, pattern):
             raise InputError(f"{path}, supports: expected names or patterns of solids, {', '.join(names[:8])}, got {pattern!r}")
-    blocks = [Block(surface, density, support=any(fnmatch.fnmatchcase(surface.name, p) for p in supports)) for surface in surfaces]
-    if not supports:
-        blocks.append(Block(_floor(surfaces), support=True))
-    return MasonryProblem(path.stem, 3, tuple(blocks), mu, title=path.stem)
+    held = tuple(
+        replace(block, support=block.support or any(fnmatch.fnmatchcase(block.name, pattern) for pattern in supports)) for block in blocks
+    )
+    return held if any(block.support for block in held) else (*held, Block(_floor([block.surface for block in held]), support=True))
 
 
 def _floor(surfaces: Sequence[ClosedSurface]) -> ClosedSurface:

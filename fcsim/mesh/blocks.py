@@ -154,6 +154,8 @@ def _box(
     if size.min() <= _TOLERANCE or size.max() > _LARGEST or size.min() <= _TOLERANCE * size.max():
         known = f"above {_TOLERANCE:g} m, below {_LARGEST:g} m and of a ratio below {1 / _TOLERANCE:g}, which gmsh tells apart"
         raise InputError(f"{name!r}, size: expected lengths {known}, got {size.tolist()}")
+    if not np.allclose((origin + size) - origin, size, rtol=1e-6, atol=0):
+        raise InputError(f"{name!r}, origin: expected one within 1e9 lengths of the box, got {origin.tolist()} for {size.tolist()}")
     if np.any(counts < 1) or np.any(counts != np.round(counts)):
         raise InputError(f"{name!r}, divisions: expected whole numbers >= 1, got {divisions!r}")
     if cell not in RAISED or CELL_TYPES[cell].dimension != dimension:

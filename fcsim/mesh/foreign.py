@@ -13,7 +13,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from fcsim.apart import limited, read_apart
+from fcsim.apart import limited, msh_alone, read_apart, refuse_others
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.cell_type import FROM_MESHIO
 from fcsim.mesh.named_mesh import Block, NamedMesh, from_gmsh, named_mesh
@@ -62,14 +62,15 @@ def main(path: str, out: str, plane: str, thickness: str) -> int:
 
 def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> NamedMesh:
     if path.suffix == ".msh":
-        with gmsh_model(path.stem) as gmsh:
+        with msh_alone(path) as alone, gmsh_model(path.stem) as gmsh:
             try:
-                gmsh.merge(str(path))
+                gmsh.merge(str(alone))
                 return from_gmsh(gmsh, str(path), plane=plane, thickness=thickness)
             except InputError:
                 raise
             except Exception as error:  # gmsh's only exception class, and names of groups that are no UTF-8
-                raise InputError(f"{path}: expected a mesh that gmsh can read, got: {error}") from None
+                raise InputError(f"{path}: expected a mesh that gmsh can read, got: {str(error).replace(str(alone), path.name)}") from None
+    refuse_others(path)
     mesh = quietly(path, "a mesh that meshio can read", lambda: _read_meshio(path))
     blocks = quietly(path, "a mesh with groups that can be read", lambda: _blocks(mesh))
     return named_mesh(str(path), mesh.points, blocks, plane=plane, thickness=thickness)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -123,6 +124,10 @@ def load_case(path: str | Path) -> CaseScript:
     return _checked(module, name, script, digest)
 
 
+_TOO_LARGE = re.compile("Maximum allowed (dimension|size) exceeded|too large; arrays|array is too big")
+"""What NumPy says of arrays that no memory holds."""
+
+
 def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseScript:
     parameters, build = getattr(module, "Parameters", None), getattr(module, "build", None)
     if not (dataclasses.is_dataclass(parameters) and isinstance(parameters, type) and callable(build)):
@@ -133,7 +138,9 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
         """The case; numbers that its script cannot compute with (a length of 0, a step of 1e-320) are the parameters' fault."""
         try:
             return build(values)
-        except (ZeroDivisionError, OverflowError) as error:
+        except (ZeroDivisionError, OverflowError, MemoryError, ValueError) as error:
+            if isinstance(error, ValueError) and not _TOO_LARGE.search(str(error)):
+                raise
             raise InputError(f"case {name!r}: expected parameters that its script can compute with: {error}") from error
 
     return CaseScript(name, script, parameters, built, digest)

@@ -45,6 +45,7 @@ def describe(
         solver=simulation.solver.name,
         tol=simulation.solver.tol,
         fclib_set=case.fclib_set,
+        bodies=tuple(body.name for body in simulation.model.bodies),
         options=options,
         plots=_plots(case),
         versions=versions(),

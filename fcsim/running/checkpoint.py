@@ -12,7 +12,7 @@ import numpy as np
 from fcsim.apart import Array, Group, opened_apart
 from fcsim.arrays import FloatArray
 from fcsim.contact_law.law import Variables
-from fcsim.contact_law.rolling_rows import ROWS
+from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS
 from fcsim.errors import InputError
 from fcsim.files import replacing_hdf5_for_good
 from fcsim.timestep.energy import Ledger
@@ -153,6 +153,6 @@ def _array(group: Group, name: str, ndim: int) -> FloatArray:
 def _reactions(group: Group) -> Reactions:
     identity, frame, r = group.array("identity"), _array(group, "frame", 3), _array(group, "r", 2)
     nc, d = r.shape[0], frame.shape[-1]
-    if r.shape[1] not in (d, ROWS) or identity.shape != (nc,) or identity.dtype.kind != "i" or frame.shape != (nc, d, d):
+    if r.shape[1] not in (d, ROWS, SPINNING_ROWS) or identity.shape != (nc,) or identity.dtype.kind != "i" or frame.shape != (nc, d, d):
         raise ValueError(f"{group.name}: identity {identity.shape}, frame {frame.shape} and r {r.shape} do not fit")
     return Reactions(identity, frame, r)

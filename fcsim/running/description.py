@@ -71,6 +71,7 @@ class Description:
     """The content of run.json.
 
     parameters   the case's, all of them; assignments: those given, as texts
+    bodies       their names, in the order of the numbers that VTK files have for them
     sources      SHA-256 of the script, and of the meshes and tables that it read, by their paths; model: of the mesh as it was built
     status       running, finished, not converged, interrupted or failed; message: why; steps_done: up to where the files go
     overlap      the largest that the witness saw; notes: what is to be known of the results
@@ -89,6 +90,7 @@ class Description:
     solver: str = ""
     tol: float | None = None
     fclib_set: str = ""
+    bodies: tuple[str, ...] = ()
     options: Mapping[str, object] = field(default_factory=dict)
     plots: Plots = field(default_factory=Plots)
     versions: Mapping[str, str] = field(default_factory=dict)

@@ -96,6 +96,7 @@ COLUMNS: dict[str, tuple[str, Callable[[Step], object]]] = {
     "sliding": ("", lambda step: int(np.count_nonzero(step.contact_status == 2))),
     "sticking": ("", lambda step: int(np.count_nonzero(step.contact_status == 1))),
     "rolling": ("", lambda step: int(np.count_nonzero(step.rolling))),
+    "spinning": ("", lambda step: int(np.count_nonzero(step.spinning))),
     "status": ("", lambda step: step.result.status.name),
     "solver": ("", lambda step: step.result.method),
     "attempts": ("", lambda step: len(step.attempts)),

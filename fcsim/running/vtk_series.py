@@ -104,9 +104,11 @@ class SeriesWriter:
     blocks     points in the reference configuration; point data displacement [m], velocity [m/s]; cell data von_mises [Pa]
                (at the cell's centre), body
     contacts   points at the foot points; reaction (global axes), reaction_normal, reaction_tangential [N], gap [m], status (0 open,
-               1 stick, 2 slip), sliding_velocity [m/s], mu, normal, displacement [m] of the master surface there, rolling_moment
-               [N m] and rolling (0, 1) with rolling resistance; and what the law remembers, by its names
-               (fracture, slip, ...); field data overlap [m] and overlap_place, where the witness saw any
+               1 stick, 2 slip), sliding_velocity [m/s], mu, slave and master (numbers of the bodies), identity
+               (of the same contact at all instants), normal, displacement [m] of the master surface there, rolling_moment
+               [N m] and rolling (0, 1) with rolling resistance, spinning_moment [N m] and spinning (0, 1) with spinning resistance;
+               and what the law remembers, by its names (fracture, slip, ...); field data overlap [m] and overlap_place, where the
+               witness saw any
     links      where there are any: points where their rows act, as the bodies stand; force [N] on the first body (global axes), link
                (its number in the linkage), gap [m]
     rigid      the surfaces of the rigid bodies; point data displacement [m], velocity [m/s]; cell data body
@@ -136,7 +138,7 @@ class SeriesWriter:
         """Write the three data sets of a step and take them up in the collections.
 
         Reads step.number; step.state.t, .x, .v; step.contacts; step.contact_force (nc, d) [N] in the frame (N, T1[, T2]);
-        step.contact_status (nc,); step.result.u [m/s]; step.rolling_moment;
+        step.contact_status (nc,); step.result.u [m/s]; step.rolling_moment; step.spinning_moment;
         step.law_variables. Entries of the same or a later time are replaced.
         """
         t = float(step.state.t)
@@ -321,6 +323,9 @@ def _contact_points(vtk: _VTK, step: Step, displacement: NDArray) -> vtkPolyData
         "status": np.asarray(step.contact_status, dtype=np.int8),
         "sliding_velocity": np.linalg.norm(sliding, axis=1),
         "mu": contacts.mu,
+        "slave": contacts.bodies[:, 0].astype(np.int32),
+        "master": contacts.bodies[:, 1].astype(np.int32),
+        "identity": contacts.identity.astype(np.int64),
         "normal": _in_space(contacts.frame[:, 0]),
         "displacement": _in_space(np.einsum("ak,akj->aj", contacts.on_master, displacement[contacts.nodes])),
     }.items():
@@ -328,6 +333,9 @@ def _contact_points(vtk: _VTK, step: Step, displacement: NDArray) -> vtkPolyData
     if (moment := step.rolling_moment) is not None:
         points.GetPointData().AddArray(vtk.array("rolling_moment", np.hypot(*moment.T)))
         points.GetPointData().AddArray(vtk.array("rolling", step.rolling.astype(np.int8)))
+    if (about_normal := step.spinning_moment) is not None:
+        points.GetPointData().AddArray(vtk.array("spinning_moment", about_normal))
+        points.GetPointData().AddArray(vtk.array("spinning", step.spinning.astype(np.int8)))
     for name, values in step.law_variables.items():
         points.GetPointData().AddArray(vtk.array(name, values if values.ndim == 1 else _in_space(values)))
     seen = step.overlap

@@ -1,4 +1,4 @@
-"""Gauss-Seidel sweeps over contacts with rolling friction, compiled by numba."""
+"""Gauss-Seidel sweeps over contacts with rolling and spinning friction, compiled by numba."""
 
 from __future__ import annotations
 
@@ -10,28 +10,31 @@ from fcsim.problem.rolling._cone_kernels import project_contact
 
 
 @njit(cache=True)
-def modify(u: FloatArray, mu: float, mu_r: float, F: FloatArray) -> None:
-    """F = u + g(u) of one contact, vectors (5,)."""
+def modify(u: FloatArray, mu: float, mu_r: float, mu_s: float, F: FloatArray) -> None:
+    """F = u + g(u) of one contact, vectors (5,), or (6,) with spinning."""
     F[:] = u
     F[0] += mu * np.sqrt(u[1] ** 2 + u[2] ** 2) + mu_r * np.sqrt(u[3] ** 2 + u[4] ** 2)
+    if len(u) == 6:
+        F[0] += mu_s * abs(u[5])
 
 
 @njit(cache=True)
-def solve_contact(W: FloatArray, u: FloatArray, mu: float, mu_r: float, r: FloatArray, rho: float, iterations: int) -> float:
-    """Move r (5,) of one contact by r <- P_K(r - rho (u + g(u))), u (5,) with it; return the step size that served.
+def solve_contact(W: FloatArray, u: FloatArray, mu: float, mu_r: float, mu_s: float, r: FloatArray, rho: float, iterations: int) -> float:
+    """Move r (d,) of one contact by r <- P_K(r - rho (u + g(u))), u (d,) with it, d = 5 or 6; return the step size that served.
 
     rho is kept where rho ||F(r) - F(rbar)|| / ||r - rbar|| lies between 0.3 and 0.9 (Khobotov 1987), as in the methods for all contacts.
     """
-    F, F_next, z, p, u_next = np.empty(5), np.empty(5), np.empty(5), np.empty(5), np.empty(5)
-    modify(u, mu, mu_r, F)
+    d = len(u)
+    F, F_next, z, p, u_next = np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d)
+    modify(u, mu, mu_r, mu_s, F)
     for _ in range(iterations):
         z[:] = r - rho * F
-        project_contact(z, mu, mu_r, p)
+        project_contact(z, mu, mu_r, mu_s, p)
         change = np.sqrt(np.sum((p - r) ** 2))
         if change <= 1e-15 * np.sqrt(np.sum(r**2)):
             break
         u_next[:] = u + W @ (p - r)
-        modify(u_next, mu, mu_r, F_next)
+        modify(u_next, mu, mu_r, mu_s, F_next)
         ratio = rho * np.sqrt(np.sum((F_next - F) ** 2)) / change
         if ratio > 0.9:
             rho *= 2.0 / 3.0
@@ -49,22 +52,24 @@ def sweep(
     q: FloatArray,
     mu: FloatArray,
     mu_r: FloatArray,
+    mu_s: FloatArray,
     r: FloatArray,
     rho: FloatArray,
     iterations: int,
 ) -> None:
-    """Solve contact after contact with the reactions r (nc, 5) of the others as they are.
+    """Solve contact after contact with the reactions r (nc, d) of the others as they are, d = 5 or 6.
 
-    rows: W by block rows (indptr, column, blocks (nnz, 5, 5)); own: W_aa (nc, 5, 5); rho (nc,), 0 for a contact whose bodies are held.
+    rows: W by block rows (indptr, column, blocks (nnz, d, d)); own: W_aa (nc, d, d); rho (nc,), 0 for a contact whose bodies are held.
     """
     indptr, column, blocks = rows
-    u = np.empty(5)
+    d = r.shape[1]
+    u = np.empty(d)
     for a in range(len(mu)):
         if rho[a] == 0.0:
             continue
         u[:] = q[a]
         for k in range(indptr[a], indptr[a + 1]):
-            for i in range(5):
-                for j in range(5):
+            for i in range(d):
+                for j in range(d):
                     u[i] += blocks[k, i, j] * r[column[k], j]
-        rho[a] = solve_contact(own[a], u, mu[a], mu_r[a], r[a], rho[a], iterations)
+        rho[a] = solve_contact(own[a], u, mu[a], mu_r[a], mu_s[a], r[a], rho[a], iterations)

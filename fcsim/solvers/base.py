@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
@@ -59,7 +60,8 @@ def override[O: Options](options: O, overrides: Mapping[str, object]) -> O:
             raise InputError(f"option {name!r}: expected one of {', '.join(known)}")
         _refuse_other_types(name, value, str(getattr(known[name].type, "__name__", known[name].type)), getattr(options, name))
     changed: Callable[..., O] = replace  # the names and types are checked above
-    return changed(options, **overrides)
+    # compiled code knows no whole number beyond 64 bits, which a float may be given as
+    return changed(options, **{k: float(v) if isinstance(v, int) and abs(v) > LARGEST else v for k, v in overrides.items()})
 
 
 LARGEST = 2**53
@@ -83,11 +85,19 @@ def _refuse_other_types(name: str, value: object, kind: str, now: object = None)
     fits = {
         "bool": switch,
         "int": isinstance(value, int | np.integer) and not switch and -LARGEST <= value <= LARGEST,
-        "float": isinstance(value, int | float | np.integer | np.floating) and not switch and value == value,  # NaN is none
+        "float": isinstance(value, int | float | np.integer | np.floating)
+        and not switch
+        and _is_held(value)
+        and value == value,  # NaN is none
         "str": isinstance(value, str),
     }
     if not fits[kind]:
         raise InputError(f"option {name}: expected {EXPECTED[kind]}, got {str(value)[:40]!r}")
+
+
+def _is_held(value: object) -> bool:
+    """Whether a float holds a number's size."""
+    return not isinstance(value, int) or abs(value) <= sys.float_info.max
 
 
 def checked_limits(tol: float, floor: float, time_limit: float) -> None:
@@ -199,7 +209,8 @@ class Iterate:
 
 
 Run = Callable[..., Iterate]
-"""run(problem, r, monitor, options): on a `LocalProblem`, with dimension 5 on a `LocalRollingProblem`; options: the method's own class."""
+"""run(problem, r, monitor, options): on a `LocalProblem`, with dimensions 5 and 6 on a `LocalRollingProblem`; options: the method's own
+class."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""Methods for contact with rolling friction: Gauss-Seidel and projections on the cone of five dimensions.
+"""Methods for contact with rolling and spinning friction: Gauss-Seidel and projections on the cone of five or six dimensions.
 
 Source: Acary, Bourrier, "Coulomb friction with rolling resistance as a cone complementarity problem", European Journal of Mechanics
-A/Solids 85, 2021, where both families are extended from Coulomb's cone.
+A/Solids 85, 2021, where both families are extended from Coulomb's cone to sliding and rolling; spinning is one disk more.
 """
 
 from __future__ import annotations
@@ -37,26 +37,27 @@ class RollingSweepOptions(Options):
 
 @dataclass(frozen=True, eq=False)
 class RollingInequality(Inequality):
-    """Find r in K with F(r) . (s - r) >= 0 for all s in K, F(r) = u + g(u) with the g of rolling friction."""
+    """Find r in K with F(r) . (s - r) >= 0 for all s in K, F(r) = u + g(u) with the g of rolling and spinning friction."""
 
     mu_r: FloatArray | None = None
+    mu_s: FloatArray | None = None
 
     @property
     def lipschitz(self) -> float:
-        """||W|| times the largest singular value of [[1, c], [0, 1]], c^2 = mu^2 + mu_r^2 (g is Lipschitz with c)."""
+        """||W|| times the largest singular value of [[1, c], [0, 1]], c^2 = mu^2 + mu_r^2 + mu_s^2 (g is Lipschitz with c)."""
         assert self.mu is not None and self.mu_r is not None
-        c = float(np.hypot(self.mu, self.mu_r).max(initial=0.0))
+        c = float(np.hypot(np.hypot(self.mu, self.mu_r), 0.0 if self.mu_s is None else self.mu_s).max(initial=0.0))
         return self.operator.norm * 0.5 * (c + np.sqrt(c * c + 4))
 
     def map(self, u: FloatArray) -> FloatArray:
         """F (m,) where u = W r + q is known."""
         assert self.mu is not None and self.mu_r is not None
-        return modified_velocity(self._rows(u), self.mu, self.mu_r).ravel()
+        return modified_velocity(self._rows(u), self.mu, self.mu_r, self.mu_s).ravel()
 
 
 def _inequality(problem: LocalRollingProblem) -> RollingInequality:
     p = problem
-    return RollingInequality(p.delassus, p.q, RollingCone(p.mu, p.mu_r), p.mu, mu_r=p.mu_r)
+    return RollingInequality(p.delassus, p.q, RollingCone(p.mu, p.mu_r, p.spinning), p.mu, mu_r=p.mu_r, mu_s=p.mu_s)
 
 
 def rolling_fixed_point(problem: LocalRollingProblem, r: FloatArray, monitor: Monitor, options: ProjectionOptions) -> Iterate:
@@ -75,9 +76,10 @@ def rolling_sweeps(problem: LocalRollingProblem, r: FloatArray, monitor: Monitor
     """ROLLING-NSGS: contact after contact is solved by projections on its cone, with the other reactions as they are."""
     p, operator = problem, problem.delassus
     rows, own = operator.blocks, np.ascontiguousarray(operator.diagonal_blocks)
-    rho = _step_sizes(own, p.mu, p.mu_r)
-    r = r.reshape(-1, 5).copy()
-    q = p.q.reshape(-1, 5)
+    spinning, d = p.spinning, p.dimension
+    rho = _step_sizes(own, np.sqrt(p.mu**2 + p.mu_r**2 + spinning**2))
+    r = r.reshape(-1, d).copy()
+    q = p.q.reshape(-1, d)
     while True:
         error = monitor.record(r.ravel(), _velocity(operator, r, p.q))
         if error <= monitor.tol:
@@ -85,7 +87,7 @@ def rolling_sweeps(problem: LocalRollingProblem, r: FloatArray, monitor: Monitor
         if (stopped := monitor.stopped(error, options.max_iterations)) is not None:
             return Iterate(r.ravel(), stopped)
         before = r.copy()
-        sweep(rows, own, q, p.mu, p.mu_r, r, rho, options.local_iterations)
+        sweep(rows, own, q, p.mu, p.mu_r, spinning, r, rho, options.local_iterations)
         monitor.iterations += 1
         if np.array_equal(before, r):  # a fixed point in floating point, with an error above the tolerance
             return Iterate(r.ravel(), Status.STAGNATED)
@@ -95,9 +97,8 @@ def _velocity(operator: Delassus, r: FloatArray, q: FloatArray) -> FloatArray:
     return operator.affine(r.ravel(), q)
 
 
-def _step_sizes(own: FloatArray, mu: FloatArray, mu_r: FloatArray) -> FloatArray:
-    """1 / an upper bound of the Lipschitz constant of each contact's F (nc,), 0 where its bodies are held."""
-    c = np.hypot(mu, mu_r)
+def _step_sizes(own: FloatArray, c: FloatArray) -> FloatArray:
+    """1 / an upper bound of the Lipschitz constant of each contact's F (nc,), 0 where its bodies are held; c (nc,): that of its g."""
     norm = np.sqrt(np.einsum("aij,aij->a", own, own))  # Frobenius: no less than the spectral norm
     lipschitz = norm * 0.5 * (c + np.sqrt(c * c + 4))
     return np.divide(1.0, lipschitz, out=np.zeros_like(lipschitz), where=lipschitz > 0)

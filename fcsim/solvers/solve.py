@@ -136,7 +136,7 @@ def _judged(
 def _way(chosen: Method, solver: str, options: Options, given: Reduced) -> tuple[Run, LocalProblem | Reduced]:
     """The method's run function and the form of the problem that it takes: local, or as it is where linear="kkt" asks for that."""
     if given.dimension not in chosen.dimensions:
-        known = "problems with rolling friction" if chosen.dimensions == (5,) else " and ".join(f"{d}D" for d in chosen.dimensions)
+        known = "problems with rolling friction" if 5 in chosen.dimensions else " and ".join(f"{d}D" for d in chosen.dimensions)
         raise InputError(f"solver {solver!r}: works in {known}, the problem has {given.dimension}D")
     if getattr(options, "linear", "") != "kkt":
         return chosen.run, given.local

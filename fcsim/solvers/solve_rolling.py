@@ -25,7 +25,7 @@ from fcsim.solvers.table import method
 
 
 class RollingMonitor(Monitor):
-    """Computes the error on the cone of rolling friction; iterates are in the reduction's scaled variables r', u'.
+    """Computes the error on the cone of rolling and spinning friction; iterates are in the reduction's scaled variables r', u'.
 
     published: the natural map in the units of the file, as programs print it; else in r', z = s r' with the contacts' compliances s.
     """
@@ -37,7 +37,7 @@ class RollingMonitor(Monitor):
         super().__init__(
             reduction.reduction.q if published else local.q,
             local.mu,
-            5,
+            local.dimension,
             tol,
             compliance=compliance,
             floor=floor,
@@ -48,9 +48,9 @@ class RollingMonitor(Monitor):
     def error(self, r: FloatArray, u: FloatArray) -> float:
         given, scale = self._reduction, self._reduction.scale
         if self._published:
-            residual = natural_residual(scale * r, u / scale, self.mu, given.problem.mu_r, self.compliance)
+            residual = natural_residual(scale * r, u / scale, self.mu, given.problem.mu_r, self.compliance, given.problem.mu_s)
         else:
-            residual = natural_residual(r, u, self.mu, given.local.mu_r, self.compliance)
+            residual = natural_residual(r, u, self.mu, given.local.mu_r, self.compliance, given.local.mu_s)
         return relative(residual, self.scale)
 
 
@@ -69,7 +69,7 @@ def solve_rolling(
     "auto" is ROLLING-NSGS.
 
     The scaled error is taken on r', u' (see `RollingReduction`), and so are the checks; the published one, by the formula of eq. 13 on the
-    cone of five dimensions, in the problem's own units.
+    cone of five or six dimensions, in the problem's own units.
     """
     name = "ROLLING-NSGS" if solver == "auto" else solver
     chosen = method(name)
@@ -129,18 +129,19 @@ def _run(run: Run, local: LocalRollingProblem, r: FloatArray, monitor: Monitor, 
 
 
 def _check(given: RollingReduction, r: FloatArray, u: FloatArray, momentum: float | None) -> Checks:
-    """The unit-true checks (see `Checks`) of r', u' (m,), for both disks of the cone."""
+    """The unit-true checks (see `Checks`) of r', u' (m,), for all disks of the cone."""
     local = given.local
     if not given.problem.nc:
         return Checks(0.0, 0.0, 0.0, 0.0, momentum)
-    r2, u2 = r.reshape(-1, 5), u.reshape(-1, 5)
+    r2, u2 = r.reshape(-1, local.dimension), u.reshape(-1, local.dimension)
     sliding = np.hypot(r2[:, 1], r2[:, 2]) - local.mu * r2[:, 0]
     turning = np.hypot(r2[:, 3], r2[:, 4]) - local.mu_r * r2[:, 0]
-    modified = modified_velocity(u2, local.mu, local.mu_r)
+    spinning = np.abs(r2[:, 5]) - local.spinning * r2[:, 0] if local.mu_s is not None else np.zeros(1)
+    modified = modified_velocity(u2, local.mu, local.mu_r, local.mu_s)
     opening = max(float(np.abs(u).max()), float(np.abs(local.q).max())) or 1.0
     size = float(np.linalg.norm(r)) * max(float(np.linalg.norm(u)), float(np.linalg.norm(local.q)))
     return Checks(
-        cone=max(0.0, float(sliding.max()), float(turning.max())) / (float(np.abs(r).max()) or 1.0),
+        cone=max(0.0, float(sliding.max()), float(turning.max()), float(spinning.max())) / (float(np.abs(r).max()) or 1.0),
         dual_cone=max(0.0, float(-u2[:, 0].min())) / opening,
         complementarity=abs(float(r @ modified.ravel())) / (size or 1.0),
         penetration=max(0.0, float(-u2[:, 0].min())),

@@ -167,9 +167,9 @@ SOLVERS: dict[str, Method] = {
     "2D-CPG": Method(conjugated_projected_gradient, ConjugateGradientOptions(), "2D", "Renouf, Alart 2005", "FRICTION_2D_CPG", (2,)),
     "2D-LEMKE": Method(planar_lemke, LemkeOptions(), "2D", "Lemke 1965", "FRICTION_2D_LEMKE", (2,)),
     "2D-ENUM": Method(planar_enumeration, EnumerationOptions(), "2D", "Murty 1988", "FRICTION_2D_ENUM", (2,)),
-    "ROLLING-NSGS": Method(rolling_sweeps, RollingSweepOptions(), "rolling", _ROLLING, "ROLLING_FRICTION_3D_NSGS", (5,)),
-    "ROLLING-FP": Method(rolling_fixed_point, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5,)),
-    "ROLLING-EG": Method(rolling_extragradient, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5,)),
+    "ROLLING-NSGS": Method(rolling_sweeps, RollingSweepOptions(), "rolling", _ROLLING, "ROLLING_FRICTION_3D_NSGS", (5, 6)),
+    "ROLLING-FP": Method(rolling_fixed_point, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5, 6)),
+    "ROLLING-EG": Method(rolling_extragradient, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5, 6)),
 }
 
 ALIASES: dict[str, str] = {"NSN-JM-NLS": "NSN-JM", "NSN-NM-NLS": "NSN-NM", "NSN-AC-NLS-HYBRID": "NSN-AC-HYBRID", "FP": "FP-DS"}

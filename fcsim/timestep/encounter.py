@@ -16,7 +16,7 @@ from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import NOTHING, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
-from fcsim.contact_law.rolling_rows import ROWS, five_rows, moment_matrix, widened
+from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 
@@ -32,7 +32,8 @@ class Encounter:
     meeting   what the law was told
     terms     what it gave
     left      the contacts that the law leaves out, None where it takes all
-    moments   (n_dofs, 2 nc) contact matrix of rolling moments, None without rolling resistance, see `rolling_rows`
+    moments   (n_dofs, 2 nc) contact matrix of rolling moments, (n_dofs, 3 nc) with spinning resistance; None without either, see
+              `rolling_rows`
     passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
     """
 
@@ -48,17 +49,19 @@ class Encounter:
 
     @property
     def rows(self) -> int:
-        """Unknowns a contact: d, with rolling resistance 5."""
-        return self.contacts.dimension if self.moments is None else ROWS
+        """Unknowns a contact: d, with rolling resistance 5, with spinning resistance 6."""
+        if self.moments is None:
+            return self.contacts.dimension
+        return ROWS if self.terms.spinning is None else SPINNING_ROWS
 
     @cached_property
     def acting_H(self) -> sp.csc_array:
-        """(n_dofs, m) of all unknowns, forces and rolling moments."""
-        return self.H if self.moments is None else five_rows(self.H, self.moments, self.contacts.dimension)
+        """(n_dofs, m) of all unknowns, forces and moments."""
+        return self.H if self.moments is None else with_moments(self.H, self.moments, self.contacts.dimension)
 
     def _of_rows(self, values: FloatArray, fill: float = 0.0) -> FloatArray:
         """(m,) from the forces' (nc, d)."""
-        return (values if self.moments is None else widened(values, fill)).ravel()
+        return (values if self.moments is None else widened(values, self.rows, fill)).ravel()
 
     @cached_property
     def scaled_H(self) -> sp.csc_array:
@@ -198,8 +201,7 @@ def under_law(
         contacts = meeting.contacts
     if terms.mu is not contacts.mu:
         contacts = replace(contacts, mu=terms.mu)
-    moments = None if terms.rolling is None else moment_matrix(model, contacts, terms.rolling)
-    return Encounter(contacts, H, meeting, terms, through, moments, left)
+    return Encounter(contacts, H, meeting, terms, through, moment_matrix(model, contacts, terms), left)
 
 
 def passing(left: Contacts, moved: FloatArray, proportions: Proportions) -> Contacts | None:

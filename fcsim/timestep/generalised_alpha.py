@@ -23,7 +23,7 @@ gamma = 1/2), with contact the theta scheme of theta = 1/2. Smooth motion conver
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,23 +32,21 @@ from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
-from fcsim.mesh.part import Kinematics
 from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum, turning
-from fcsim.timestep.scheme import positive
+from fcsim.timestep.scheme import Dynamic
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
 
 
 @dataclass(frozen=True)
-class GeneralisedAlpha:
+class GeneralisedAlpha(Dynamic):
     """h [s] the step, 0 <= rho <= 1 the spectral radius at infinite frequency, law: see `fcsim.contact_law`."""
 
-    h: float
     rho: float = 0.8
     law: Law = field(default_factory=Gap)
 
     def __post_init__(self) -> None:
-        positive("h", self.h)
+        super().__post_init__()
         if not 0 <= self.rho <= 1:
             raise InputError(f"rho: expected a spectral radius between 0 and 1, got {self.rho}")
 
@@ -69,22 +67,8 @@ class GeneralisedAlpha:
         return self.h * self.gamma / self.alpha_m
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        return ()
-
-    @property
-    def force_per_reaction(self) -> float:
-        return 1 / self.h
-
-    @property
     def timing(self) -> Timing:
         return Timing(self.h, 0.5, self.h, 1 / self.h)
-
-    def cut(self, parts: int) -> GeneralisedAlpha:
-        return replace(self, h=self.h / parts)
-
-    def refuse(self, model: Model) -> None:
-        return
 
     def factors(self, model: Model) -> tuple[float, float]:
         implicit = self.kappa * self.alpha_f
@@ -94,13 +78,6 @@ class GeneralisedAlpha:
         """x_m = x + h (1 - alpha_f) v + h (alpha_f - 1/2) x': the next one is x_m + h v+ exactly, as with the theta scheme."""
         rate, _ = self._memory(model, state)
         return model.advance(state.x, self.h * ((1 - self.alpha_f) * state.v + (self.alpha_f - 0.5) * rate))
-
-    def way(self, model: Model, state: State) -> FloatArray | None:
-        return self.h * state.v
-
-    @property
-    def kinematics(self) -> Kinematics | None:
-        return None
 
     @property
     def elastic_weight(self) -> float:
@@ -137,10 +114,6 @@ class GeneralisedAlpha:
     def damping_velocity(self, model: Model, state: State, v: FloatArray) -> FloatArray:
         return self.alpha_f * v + (1 - self.alpha_f) * state.v
 
-    def velocity_before(self, model: Model, state: State) -> FloatArray:
-        """v (n_dofs,) of the state's momentum where contacts are detected, as with the theta scheme."""
-        return model.keep_momentum(state.v, model.rigid_mass(state.x), self.detection_configuration(model, state))
-
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, kappa, alpha_f = self.h, self.kappa, self.alpha_f
         _, inertia = self._memory(model, state)
@@ -152,18 +125,11 @@ class GeneralisedAlpha:
         rate, _ = self._memory(model, state)
         return self.h * (1 - self.gamma) * rate + self.kappa * ((1 - self.alpha_f) * state.v - (1 - self.alpha_m) * rate)
 
-    def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
-        """Mass where contacts are detected and struck, as with the theta scheme: an elastic impact then changes no energy."""
-        return model.rigid_mass(self.detection_configuration(model, state))
-
     def _force(self, model: Model, state: State) -> FloatArray:
         """alpha_f F+ + (1 - alpha_f) F (n_dofs,) [N]; followers stand as at t + alpha_f h, to first order."""
         h, alpha_f = self.h, self.alpha_f
         x = model.advance(state.x, h * alpha_f * state.v)
         return alpha_f * model.load(state.t + h, x) + (1 - alpha_f) * model.load(state.t, x)
-
-    def driven(self, model: Model, state: State) -> FloatArray:
-        return model.driven_velocity(state.t + self.h, self.h)
 
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         h, gamma, alpha_f, alpha_m = self.h, self.gamma, self.alpha_f, self.alpha_m

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -131,6 +133,51 @@ class Scheme(Protocol):
     def energy(self, model: Model, before: State, after: State, acting: Acting, support: FloatArray) -> Energy:
         """Return the balance of energy of the step; support (n_dofs,) as in `Step.support_impulse`."""
         ...
+
+
+@dataclass(frozen=True)
+class Dynamic(ABC):
+    """What schemes of dynamics over a step h [s] share: the unknowns are velocities [m/s], reactions impulses [N s], and contacts are
+    struck where they are detected: with the mass of rigid bodies there, an elastic impact changes no energy."""
+
+    h: float
+
+    def __post_init__(self) -> None:
+        positive("h", self.h)
+
+    @abstractmethod
+    def detection_configuration(self, model: Model, state: State) -> FloatArray: ...
+
+    @property
+    def force_per_reaction(self) -> float:
+        return 1 / self.h
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return ()
+
+    @property
+    def kinematics(self) -> Kinematics | None:
+        return None
+
+    def cut(self, parts: int) -> Self:
+        return replace(self, h=self.h / parts)
+
+    def refuse(self, model: Model) -> None:
+        return
+
+    def way(self, model: Model, state: State) -> FloatArray | None:
+        return self.h * state.v
+
+    def velocity_before(self, model: Model, state: State) -> FloatArray:
+        """v (n_dofs,) of the state's momentum in the detection configuration."""
+        return model.keep_momentum(state.v, model.rigid_mass(state.x), self.detection_configuration(model, state))
+
+    def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
+        return model.rigid_mass(self.detection_configuration(model, state))
+
+    def driven(self, model: Model, state: State) -> FloatArray:
+        return model.driven_velocity(state.t + self.h, self.h)
 
 
 def positive(name: str, value: float, largest: float = np.inf) -> None:

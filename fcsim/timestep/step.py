@@ -255,18 +255,35 @@ class Step:
     @cached_property
     def rolling_moment(self) -> FloatArray | None:
         """Moments (nc, 2) [N m] about T1, T2 (2D: z, -) against the slave bodies' rolling; None without rolling resistance."""
-        if self.encounter.moments is None:
-            return None
+        return None if self.encounter.terms.rolling is None else self._moments[:, :2]
+
+    @cached_property
+    def spinning_moment(self) -> FloatArray | None:
+        """Moments (nc,) [N m] about the normals against the slave bodies' spinning; None without spinning resistance."""
+        return None if self.encounter.terms.spinning is None else self._moments[:, 2]
+
+    @property
+    def _moments(self) -> FloatArray:
+        """(nc, 2) or, with spinning resistance, (nc, 3) [N m]."""
         return self.force_per_reaction * self.result.r.reshape(len(self.contacts), self.encounter.rows)[:, 3:]
 
     @property
     def rolling(self) -> BoolArray:
         """(nc,) whether the rolling moment is as large as it can be: these contacts roll, or are about to."""
-        resistance = self.encounter.terms.rolling
-        if self.rolling_moment is None or resistance is None:
+        moment = self.rolling_moment
+        return self._at_limit(self.encounter.terms.rolling, None if moment is None else np.hypot(*moment.T))
+
+    @property
+    def spinning(self) -> BoolArray:
+        """(nc,) whether the spinning moment is as large as it can be: these contacts spin, or are about to."""
+        moment = self.spinning_moment
+        return self._at_limit(self.encounter.terms.spinning, None if moment is None else np.abs(moment))
+
+    def _at_limit(self, resistance: FloatArray | None, moment: FloatArray | None) -> BoolArray:
+        if resistance is None or moment is None:
             return np.zeros(len(self.contacts), dtype=bool)
         limit = resistance * self.force_per_reaction * self.encounter.forces(self.result.r)[:, 0]
-        return (limit > 0) & (np.hypot(*self.rolling_moment.T) >= (1 - AT_LIMIT) * limit)
+        return (limit > 0) & (moment >= (1 - AT_LIMIT) * limit)
 
     @property
     def law_variables(self) -> dict[str, FloatArray]:
@@ -276,9 +293,10 @@ class Step:
         nothing = {name: np.full((len(self.contacts), *values.shape[1:]), np.nan) for name, values in self.variables.values.items()}
         return {name: self.variables.of(name, self.contacts.identity, fresh) for name, fresh in nothing.items()}
 
-    def function(self, body: str, field: Field = "displacement") -> Function:
-        """A field of a deformable body at the end of the step as a dolfinx function, see `body_function`."""
-        return body_function(self.model, body, self.state.x, self.state.v, field)
+    def function(self, body: str, field: Field | str = "displacement") -> Function:
+        """A field of a deformable body, or an internal variable by its name, at the end of the step as a dolfinx function, see
+        `body_function`."""
+        return body_function(self.model, body, self.state.x, self.state.v, field, self.state.internal, self.state.t)
 
     @cached_property
     def contact_force(self) -> FloatArray:

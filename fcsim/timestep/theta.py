@@ -16,48 +16,32 @@ Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
-from fcsim.mesh.part import Kinematics
 from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum
-from fcsim.timestep.scheme import positive
+from fcsim.timestep.scheme import Dynamic, positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
 
 
 @dataclass(frozen=True)
-class Theta:
+class Theta(Dynamic):
     """h [s] the step, 0 < theta <= 1, law: see `fcsim.contact_law`."""
 
-    h: float
     theta: float = 0.5
     law: Law = field(default_factory=Gap)
 
     def __post_init__(self) -> None:
-        positive("h", self.h)
+        super().__post_init__()
         positive("theta", self.theta, 1.0)
-
-    @property
-    def force_per_reaction(self) -> float:
-        return 1 / self.h
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return ()
 
     @property
     def timing(self) -> Timing:
         return Timing(self.h, self.theta, self.h, 1 / self.h)
-
-    def cut(self, parts: int) -> Theta:
-        return replace(self, h=self.h / parts)
-
-    def refuse(self, model: Model) -> None:
-        return
 
     def factors(self, model: Model) -> tuple[float, float]:
         h, theta = self.h, self.theta
@@ -66,13 +50,6 @@ class Theta:
     def detection_configuration(self, model: Model, state: State) -> FloatArray:
         """The mid configuration x_m = x + h (1 - theta) v."""
         return model.advance(state.x, self.h * (1 - self.theta) * state.v)
-
-    def way(self, model: Model, state: State) -> FloatArray | None:
-        return self.h * state.v
-
-    @property
-    def kinematics(self) -> Kinematics | None:
-        return None
 
     @property
     def elastic_weight(self) -> float:
@@ -117,17 +94,6 @@ class Theta:
         h, theta = self.h, self.theta
         x = model.advance(state.x, h * theta * state.v)
         return theta * model.load(state.t + h, x) + (1 - theta) * model.load(state.t, x)
-
-    def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
-        """Mass in the middle of the step, see the top of this file."""
-        return model.rigid_mass(self.detection_configuration(model, state))
-
-    def velocity_before(self, model: Model, state: State) -> FloatArray:
-        """v (n_dofs,) of the state's momentum in the middle configuration."""
-        return model.keep_momentum(state.v, model.rigid_mass(state.x), self.detection_configuration(model, state))
-
-    def driven(self, model: Model, state: State) -> FloatArray:
-        return model.driven_velocity(state.t + self.h, self.h)
 
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         middle = self.detection_configuration(model, state)

@@ -20,7 +20,7 @@ MEMORY = 3
 @dataclass(frozen=True, eq=False)
 class Reactions:
     """The reactions of a step, to be matched contact by contact: identity (nc,), frame (nc, d, d), r (nc, d) in that frame, with rolling
-    moments (nc, 5)."""
+    moments (nc, 5), with spinning moments (nc, 6)."""
 
     identity: NDArray[np.int64]
     frame: FloatArray
@@ -42,8 +42,10 @@ class Reactions:
             frame, before = contacts.frame[known], self.frame[old]
             r[known, :d] = np.einsum("aij,akj,ak->ai", frame, before, self.r[old, :d])
             if min(r.shape[1], self.r.shape[1]) > 3:
-                moments = self.r[old, 3:]
-                r[known, 3:] = moments if d == 2 else np.einsum("aij,akj,ak->ai", frame[:, 1:], before[:, 1:], moments)
+                moments = self.r[old, 3:5]
+                r[known, 3:5] = moments if d == 2 else np.einsum("aij,akj,ak->ai", frame[:, 1:], before[:, 1:], moments)
+            if min(r.shape[1], self.r.shape[1]) > 5:
+                r[known, 5] = self.r[old, 5]
         return r.ravel()
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
+from fcsim.view.blocks import canvas, picture, solid
 from fcsim.view.scene import COLOUR_MAP, DARKEST, offscreen
 from fcsim.view.style import BLUE, GREY, ORANGE, RED, STYLE, figure, matplotlib, save
 
@@ -106,13 +107,10 @@ def _draw_solids(analysis: LimitAnalysis, path: Path) -> Path:
     model = analysis.limit.model
     speed = np.linalg.norm(model.node_velocity(analysis.coulomb.v), axis=1)
     most = max(float(speed.max(initial=0.0)), 1e-300)
-    plotter = pv.Plotter(off_screen=True, window_size=(1400, 1050))
-    plotter.enable_anti_aliasing("ssaa")
+    plotter = canvas(pv)
     limits = []
     for number, (corners, body) in enumerate(zip(_moved(analysis), model.rigid, strict=True)):
-        facets = body.surfaces["skin"]
-        mesh = pv.PolyData(corners, np.column_stack([np.full(len(facets), 3), facets]).ravel())
-        lines = mesh.extract_feature_edges(1.0, boundary_edges=False, non_manifold_edges=False, manifold_edges=False)
+        mesh, lines = solid(pv, corners, body.surfaces["skin"])
         if analysis.problem.blocks[number].support:
             plotter.add_mesh(mesh, color="#9a9a9a", opacity=0.6)
             continue
@@ -125,16 +123,5 @@ def _draw_solids(analysis: LimitAnalysis, path: Path) -> Path:
             place = joint.point if joint.point is not None else joint.middle
             colour = MARKS[joint.state][0]
             plotter.add_mesh(pv.PolyData(np.array([place])), color=colour, point_size=9, render_points_as_spheres=True)
-    every = np.concatenate(limits)
-    low, high = every.min(axis=0), every.max(axis=0)
-    centre, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
-    plotter.camera_position = [tuple(centre + size * np.array([0.9, -1.5, 0.7])), tuple(centre), (0.0, 0.0, 1.0)]
-    plotter.camera.parallel_projection = True
-    plotter.camera.parallel_scale = 0.42 * size
-    plotter.add_text(f"{analysis.problem.title or analysis.problem.name}\n{_said(analysis)}; colour: speed", font_size=11, color="#303030")
-    plotter.background_color = "white"
-    image = plotter.screenshot(return_img=True)
-    plotter.close()
-    drawing = figure(image.shape[1] / 100, image.shape[0] / 100)
-    drawing.figimage(image)
-    return save(drawing, path)
+    text = f"{analysis.problem.title or analysis.problem.name}\n{_said(analysis)}; colour: speed"
+    return picture(plotter, np.concatenate(limits), text, path)

@@ -1,4 +1,4 @@
-"""All pictures, plots and the film of a run's folder: what `fcsim render DIR` makes."""
+"""All pictures, plots, the film and the page of a run's folder: what `fcsim render DIR` makes."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from fcsim.errors import InputError
 from fcsim.files import inside
 from fcsim.running.folder import open_run
 from fcsim.view.film import FORMATS, film_instants, write_film
+from fcsim.view.page import write_page
 from fcsim.view.pictures import write_pictures
 from fcsim.view.plots import write_plots
 from fcsim.view.scene import survey
@@ -21,6 +22,7 @@ def render(
     directory: str | Path,
     *,
     film: Literal["gif", "mp4"] | None = "gif",
+    page: bool = False,
     exaggeration: float | None = None,
     progress: Progress | None = None,
 ) -> list[Path]:
@@ -31,12 +33,14 @@ def render(
     DIR/pictures/stress.png, instants.png, contacts.png                 from vtk/, where the run wrote a series; of rigid bodies alone
                                                                         bodies.png in the place of stress.png
     DIR/film.gif or film.mp4                                            likewise, unless `film` is None
+    DIR/page.html                                                       where `page` says so: bodies in space over time, curves, numbers,
+                                                                        see `fcsim.view.page`
 
     exaggeration  factor on displacements; None: the largest is shown as 5 to 8 % of the size of the whole (1 where it is more already)
-    progress      called with (what, done, total): "plots", "survey", "pictures", "film"
+    progress      called with (what, done, total): "plots", "survey", "pictures", "film", "page"
 
     Raises InputError where `directory` is not a run's folder or a file in it cannot be read, MissingDependency without matplotlib,
-    pyvista, Pillow or imageio-ffmpeg, or without an OpenGL library.
+    pyvista, Pillow, imageio-ffmpeg or plotly, or without an OpenGL library.
     """
     if film is not None and film not in FORMATS:
         raise InputError(f"film: expected {' or '.join(map(repr, FORMATS))}, or None for no film, got {film!r}")
@@ -47,11 +51,13 @@ def render(
     written = write_plots(run)
     report("plots", 1, 1)
     if not run.instants:
-        return written
+        return [*written, write_page(run, None)] if page else written
     seen = survey(run, film_instants(run), exaggeration)
     report("survey", 1, 1)
     written += write_pictures(run, seen, run.directory / "pictures", lambda done, total: report("pictures", done, total))
     if film is not None:
         path = run.directory / f"film.{film}"
         written.append(write_film(run, seen, path, film, lambda done, total: report("film", done, total)))
+    if page:
+        written.append(write_page(run, seen, lambda done, total: report("page", done, total)))
     return written

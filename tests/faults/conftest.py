@@ -29,6 +29,27 @@ SCALE = float(os.environ.get("FCSIM_FAULTS", "0"))
 SEED = int(os.environ.get("FCSIM_FAULTS_SEED", "0"))
 SECONDS, PATIENCE, MEMORY = 20.0, 300.0, 4 * 2**30
 """A case may take 20 s of the processor and 4 GiB beyond what the program has; waiting is a hang after 300 s, on busy machines too."""
+NUMBERS = (0, 1, -1, 2, 7, 2**31, 2**62, -(2**40), 10**400, -(10**30), 1e300, -1e300, 1e-300, 5e-324, 1e20, 0.5, -0.0)
+VALUES: tuple[Any, ...] = (
+    *NUMBERS,
+    float("nan"),
+    float("inf"),
+    None,
+    True,
+    "",
+    "x",
+    "../../x",
+    "\x1b[2J",
+    "\ud800",
+    [],
+    {},
+    [[]],
+    {"a": []},
+    "9" * 400,
+)
+"""What files of text get in the place of their numbers, texts and lists."""
+WORDS = (b"0", b"-0.0", b"-1", b"1e20", b"1e400", b"nan", b"inf", b"99999999999999999999", b"4294967296", b"\xff\xfe", b"", b'"', b"x")
+LATE = ("more than", "waiting for")
 Case = Callable[[int], str]
 """Tries the case of a number and says what is wrong ("": nothing); what it raises but FcsimError is a finding too."""
 
@@ -113,7 +134,8 @@ def _batch(case: Case, first: int, last: int) -> tuple[int, list[tuple[int, str]
 @pytest.fixture
 def apart() -> Callable[[Case, int], list[tuple[int, str]]]:
     """Try cases 0, 1, ... in children with limits: many in one child, since a fork costs more than most cases; a child that ends before its
-    time was ended by the case it was at, and another goes on behind that."""
+    time was ended by the case it was at, and another goes on behind that. What took too long is tried once more in a child of its
+    own, since the first of a kind may have been compiling: if that ends in time, it was no finding."""
 
     def run(case: Case, count: int) -> list[tuple[int, str]]:
         findings: list[tuple[int, str]] = []
@@ -122,6 +144,8 @@ def apart() -> Callable[[Case, int], list[tuple[int, str]]]:
             last = min(first + 500, count)
             while first < last:
                 first, found = _batch(case, first, last)
+                if found and found[-1][1].startswith(LATE):
+                    found = [*found[:-1], *_batch(case, first - 1, first)[1]]
                 findings += found
         return findings
 
@@ -144,3 +168,56 @@ def keep(tmp_path: Path) -> Iterator[Callable[[Path, str, int], Path]]:
 
 def pytest_report_header(config: Any) -> str:
     return f"faults: scale {SCALE:g}, seed {SEED}"
+
+
+@pytest.fixture
+def values() -> tuple[Any, ...]:
+    return VALUES
+
+
+@pytest.fixture
+def mutate_json() -> Callable[[Any, np.random.Generator], Any]:
+    """(value, generator) -> the value with another value somewhere in it."""
+
+    def mutate(value: Any, random: np.random.Generator) -> Any:
+        if isinstance(value, dict) and value and random.random() < 0.8:
+            key = str(random.choice(list(value)))
+            if random.random() < 0.1:
+                return {name: entry for name, entry in value.items() if name != key}
+            return value | {key: mutate(value[key], random)}
+        if isinstance(value, list) and value and random.random() < 0.8:
+            place = int(random.integers(len(value)))
+            return [*value[:place], mutate(value[place], random), *value[place + 1 :]]
+        return VALUES[int(random.integers(len(VALUES)))]
+
+    return mutate
+
+
+@pytest.fixture
+def mutate_text() -> Callable[[bytes, np.random.Generator], bytes]:
+    """(text, generator) -> the text with bytes changed, taken away or doubled."""
+
+    def mutate(text: bytes, random: np.random.Generator) -> bytes:
+        place, length = int(random.integers(len(text))), int(random.integers(1, 30))
+        new = [b"", bytes(random.integers(0, 256, length, dtype=np.uint8)), text[place : place + length] * 2, b"\n", b",,", b'"', b"\x00"]
+        return text[:place] + new[int(random.integers(len(new)))] + text[place + length :]
+
+    return mutate
+
+
+@pytest.fixture
+def mutate_bytes() -> Callable[[bytes, np.random.Generator], bytes]:
+    """(content, generator) -> the content of a file of which words of a text, or bytes, are replaced, taken away or doubled."""
+
+    def mutate(content: bytes, random: np.random.Generator) -> bytes:
+        if random.random() < 0.6 and (words := content.split(b" ")) and len(words) > 20:
+            for _ in range(int(random.integers(1, 3))):
+                place = int(random.integers(len(words)))
+                ending = b"\n" + words[place].partition(b"\n")[2] if b"\n" in words[place] else b""
+                words[place] = WORDS[int(random.integers(len(WORDS)))] + ending
+            return b" ".join(words)
+        place, length = int(random.integers(len(content))), int(random.integers(1, 40))
+        new = (b"", content[place : place + length] * 2, bytes(random.integers(0, 256, length, dtype=np.uint8)), b"\x00" * length)
+        return content[:place] + new[int(random.integers(len(new)))] + content[place + length :]
+
+    return mutate

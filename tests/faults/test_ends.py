@@ -6,6 +6,7 @@ What is left goes on and gives the run that was left alone, in every value.
 from __future__ import annotations
 
 import csv
+import faulthandler
 import itertools
 import json
 import os
@@ -72,6 +73,7 @@ def forked(script: CaseScript, assignments: Mapping[str, str], out: Path, option
         return child
     code = 4
     try:
+        faulthandler.disable()  # pytest's would print pages for the signals that are sent
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.SIG_DFL)
         with ended_politely():

@@ -18,7 +18,6 @@ from fcsim.runtime import gmsh_model
 
 Apart = Callable[[Callable[[int], str], int], list[tuple[int, str]]]
 STONE = Material(1e9, 0.2, 2000.0)
-WORDS = (b"0", b"-0.0", b"-1", b"1e20", b"1e400", b"nan", b"inf", b"99999999999999999999", b"4294967296", b"\xff\xfe", b"", b'"', b"x")
 
 
 @pytest.fixture
@@ -40,26 +39,13 @@ def originals(tmp_path: Path) -> list[Path]:
     return [path for path in (*paths, bare, *texts) if path.suffix != ".xdmf"] + texts  # text is where readers trust most
 
 
-def mutate(content: bytes, random: np.random.Generator) -> bytes:
-    """Words of a text, or bytes, replaced, taken away or doubled."""
-    if random.random() < 0.6 and (words := content.split(b" ")) and len(words) > 20:
-        for _ in range(int(random.integers(1, 3))):
-            place = int(random.integers(len(words)))
-            ending = b"\n" + words[place].partition(b"\n")[2] if b"\n" in words[place] else b""
-            words[place] = WORDS[int(random.integers(len(WORDS)))] + ending
-        return b" ".join(words)
-    place, length = int(random.integers(len(content))), int(random.integers(1, 40))
-    new = (b"", content[place : place + length] * 2, bytes(random.integers(0, 256, length, dtype=np.uint8)), b"\x00" * length)
-    return content[:place] + new[int(random.integers(len(new)))] + content[place + length :]
-
-
-def test_meshes(tmp_path: Path, originals: list[Path], apart: Apart, how_many: Any, generator: Any, keep: Any) -> None:
+def test_meshes(tmp_path: Path, originals: list[Path], apart: Apart, how_many: Any, generator: Any, keep: Any, mutate_bytes: Any) -> None:
     """Read where fcsim reads them, in a child, here many in one; what ends that child is read again as a user does."""
 
     def file(number: int) -> Path:
         original = originals[number % len(originals)]
         path = tmp_path / f"mutated{original.suffix}"
-        path.write_bytes(mutate(original.read_bytes(), generator("meshes", number)))
+        path.write_bytes(mutate_bytes(original.read_bytes(), generator("meshes", number)))
         return path
 
     def case(number: int) -> str:

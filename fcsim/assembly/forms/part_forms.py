@@ -1,13 +1,10 @@
-"""The UFL forms of a part, to be printed or changed, and forms of one's own as nodal forces."""
+"""The UFL forms of a part, to be printed or changed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from fcsim import runtime
 from fcsim.arrays import FloatArray
@@ -108,12 +105,19 @@ class PartForms:
 
     def matrix(self, form: Form) -> csr_array:
         """The matrix (d nn, d nn) of a bilinear form of u and v in the part's numbering, times the thickness in 2D."""
+        self._refuse_other_rank(form, 2, "a bilinear form of u and v")
         return self.part.thickness * self.discrete.matrix(form, self.space)
 
     def vector(self, form: Form) -> FloatArray:
         """The nodal values (d nn,) of a linear form of v in the part's numbering, times the thickness in 2D."""
+        self._refuse_other_rank(form, 1, "a linear form of v")
         found: FloatArray = self.part.thickness * self.discrete.vector(form, self.space)
         return found
+
+    def _refuse_other_rank(self, form: Form, rank: int, expected: str) -> None:
+        """InputError for a form of fewer or more arguments: its cells' values would be written beyond their vector or matrix."""
+        if len(form.arguments()) != rank:
+            raise InputError(f"Part {self.part.name!r}: expected {expected}, got a form of {len(form.arguments())} arguments")
 
 
 @once_per_part
@@ -124,18 +128,3 @@ def _kept(part: Part) -> Discretisation:
 def forms_of(part: Part) -> PartForms:
     """The forms of a part."""
     return PartForms(part, _kept(part))
-
-
-def form_forces(part: Part, form: Callable[[PartForms], Form], what: str) -> FloatArray:
-    """Nodal forces (nn, d) [N] in the part's axes of a linear form of v; InputError for what is no such form."""
-    forms = forms_of(part)
-    try:
-        written = form(forms)
-        forces = forms.vector(written)
-    except InputError:
-        raise
-    except Exception as error:  # whatever UFL, FFCx and the user's function raise
-        raise InputError(f"{what}: expected a linear form of v in UFL, got: {type(error).__name__}: {error}") from None
-    if not np.all(np.isfinite(forces)):
-        raise InputError(f"{what}: expected finite nodal forces, got NaN or infinity")
-    return forces.reshape(-1, part.dimension)

@@ -41,6 +41,10 @@ def part_from_dolfinx(
     The rest as `Part`. InputError for a mesh on several processes, cells of other kinds, tags that are not there or not on the boundary.
     """
     what = f"Part {name!r}"
+    if not isinstance(mesh, runtime.dolfinx().mesh.Mesh):
+        raise InputError(f"{what}: expected a dolfinx.mesh.Mesh, got {mesh!r:.80}")
+    if mesh.geometry.x.dtype != np.float64:
+        raise InputError(f"{what}: expected a mesh with coordinates of float64, got {mesh.geometry.x.dtype}")
     if mesh.comm.size != 1:
         raise InputError(f"{what}: expected a mesh on one process (COMM_SELF), got one on {mesh.comm.size}")
     cell = _cell(mesh, what)

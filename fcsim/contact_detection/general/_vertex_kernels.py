@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -19,31 +21,39 @@ _TIGHT = 1e-4  # of half a facet: what overlaps a face by more lies on its rim o
 _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it is round-off: its mean normal is taken
 
 
+class Surroundings(NamedTuple):
+    """What lies around vertices and facets: arrays of a `Shape` (point to mean) and of its `Skin`."""
+
+    point: FloatArray
+    normals: FloatArray
+    centres: FloatArray
+    mean: FloatArray
+    facets: IntArray
+    sides: IntArray
+    facet_edges: IntArray
+    edge_facets: IntArray
+    rim: BoolArray
+    smooth: BoolArray
+    smooth_vertex: BoolArray
+    star: IntArray
+    first_star: IntArray
+
+
 @njit(cache=True)
-def _facing(
-    v: int,
-    n: Vector,
-    mean: FloatArray,
-    point: FloatArray,
-    facets: IntArray,
-    sides: IntArray,
-    normals: FloatArray,
-    star: IntArray,
-    first_star: IntArray,
-) -> float:
+def _facing(v: int, n: Vector, s: Surroundings) -> float:
     """How squarely the surface around the vertex v faces the direction n: the largest -n_facet . n, or that of its mean (of a needle).
 
     -1 where it is not v that touches there: where the surface goes on steeply against n from v, as in an inner corner, or descends although
     another facet of v looks the same way as n: a sharp corner within a body, its side flush with that body's, does not leave by that side.
     """
-    best, lowest, flush = -dot(at(mean, v), n), 0.0, False
-    here = at(point, v)
-    for k in range(first_star[v], first_star[v + 1]):
-        g = star[k]
-        cosine = dot(at(normals, g), n)
+    best, lowest, flush = -dot(at(s.mean, v), n), 0.0, False
+    here = at(s.point, v)
+    for k in range(s.first_star[v], s.first_star[v + 1]):
+        g = s.star[k]
+        cosine = dot(at(s.normals, g), n)
         best, flush = max(best, -cosine), flush or cosine > _FLUSH
-        for c in range(sides[g]):
-            along = minus(at(point, facets[g, c]), here)
+        for c in range(s.sides[g]):
+            along = minus(at(s.point, s.facets[g, c]), here)
             rise = dot(along, n)
             if rise < 0.0:
                 lowest = min(lowest, rise / length(along))
@@ -51,23 +61,7 @@ def _facing(
 
 
 @njit(cache=True)
-def _rims(
-    f: int,
-    foot: Vector,
-    n: Vector,
-    near: float,
-    beside: float,
-    inwards: FloatArray,
-    start: FloatArray,
-    point: FloatArray,
-    normals: FloatArray,
-    facets: IntArray,
-    sides: IntArray,
-    facet_edges: IntArray,
-    rim: BoolArray,
-    star: IntArray,
-    first_star: IntArray,
-) -> int:
+def _rims(f: int, foot: Vector, n: Vector, near: float, beside: float, inwards: FloatArray, start: FloatArray, s: Surroundings) -> int:
     """How many rims of the facet f the foot lies on, nearer than `beside`; writes their directions inwards (_RIMS, 3) and points on them,
     start (_RIMS, 3).
 
@@ -75,28 +69,28 @@ def _rims(
     """
     count = 0
     corner = -1
-    for c in range(sides[f]):
-        arm = minus(foot, at(point, facets[f, c]))
+    for c in range(s.sides[f]):
+        arm = minus(foot, at(s.point, s.facets[f, c]))
         if dot(arm, arm) < 4.0 * near * near:
-            corner = facets[f, c]
-    first, end = (first_star[corner], first_star[corner + 1]) if corner >= 0 else (0, 1)
+            corner = s.facets[f, c]
+    first, end = (s.first_star[corner], s.first_star[corner + 1]) if corner >= 0 else (0, 1)
     for k in range(first, end):
-        g = star[k] if corner >= 0 else f
-        if g != f and dot(at(normals, g), n) < _SAME_PLANE:
+        g = s.star[k] if corner >= 0 else f
+        if g != f and dot(at(s.normals, g), n) < _SAME_PLANE:
             continue
-        for l in range(sides[g]):
-            edge = facet_edges[g, l]
-            if edge < 0 or not rim[edge] or count == _RIMS:
+        for l in range(s.sides[g]):
+            edge = s.facet_edges[g, l]
+            if edge < 0 or not s.rim[edge] or count == _RIMS:
                 continue
-            a = at(point, facets[g, l])
-            if sides[g] == 2:
-                along = minus(at(point, facets[g, 1]), at(point, facets[g, 0]))
+            a = at(s.point, s.facets[g, l])
+            if s.sides[g] == 2:
+                along = minus(at(s.point, s.facets[g, 1]), at(s.point, s.facets[g, 0]))
                 inward = along if l == 0 else times(-1.0, along)
             else:
-                following = l + 1 if l + 1 < sides[g] else 0
-                if corner >= 0 and facets[g, l] != corner and facets[g, following] != corner:
+                following = l + 1 if l + 1 < s.sides[g] else 0
+                if corner >= 0 and s.facets[g, l] != corner and s.facets[g, following] != corner:
                     continue
-                inward = cross(n, minus(at(point, facets[g, following]), a))
+                inward = cross(n, minus(at(s.point, s.facets[g, following]), a))
             inward = unit(inward)
             if dot(minus(foot, a), inward) < beside:
                 inwards[count, 0], inwards[count, 1], inwards[count, 2] = inward
@@ -107,40 +101,25 @@ def _rims(
 
 @njit(cache=True)
 def _covers(
-    v: int,
-    f: int,
-    foot: Vector,
-    n: Vector,
-    near: float,
-    beside: float,
-    inwards: FloatArray,
-    start: FloatArray,
-    point: FloatArray,
-    normals: FloatArray,
-    facets: IntArray,
-    sides: IntArray,
-    facet_edges: IntArray,
-    rim: BoolArray,
-    star: IntArray,
-    first_star: IntArray,
+    v: int, f: int, foot: Vector, n: Vector, near: float, beside: float, inwards: FloatArray, start: FloatArray, s: Surroundings
 ) -> bool:
     """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its rim only if a facet
     around v that faces it reaches over the rim inwards, without rising steeply from it. (Blocks whose corners merely meet, in a wall
     or, at any angles, in a dome, do not hold each other; one that rocks on the rim is held.)
 
     inwards, start (_RIMS, 3): what `_rims` writes in."""
-    count = _rims(f, foot, n, near, beside, inwards, start, point, normals, facets, sides, facet_edges, rim, star, first_star)
+    count = _rims(f, foot, n, near, beside, inwards, start, s)
     if count == 0:
         return True
-    for k in range(first_star[v], first_star[v + 1]):
-        g = star[k]
-        if -dot(at(normals, g), n) <= FACING:
+    for k in range(s.first_star[v], s.first_star[v + 1]):
+        g = s.star[k]
+        if -dot(at(s.normals, g), n) <= FACING:
             continue
         over = True
         for r in range(count):
             reaches = False
-            for c in range(sides[g]):
-                corner = at(point, facets[g, c])
+            for c in range(s.sides[g]):
+                corner = at(s.point, s.facets[g, c])
                 inside = dot(minus(corner, at(start, r)), at(inwards, r))
                 if inside > 10.0 * near and dot(minus(corner, foot), n) < _RISES * inside:
                     reaches = True
@@ -151,39 +130,29 @@ def _covers(
 
 
 @njit(cache=True)
-def _pseudonormal(
-    row: int,
-    f: int,
-    feature: int,
-    normal: FloatArray,
-    normals: FloatArray,
-    facets: IntArray,
-    facet_edges: IntArray,
-    edge_facets: IntArray,
-    mean: FloatArray,
-) -> Vector:
+def _pseudonormal(row: int, f: int, feature: int, normal: FloatArray, s: Surroundings) -> Vector:
     """Direction whose scalar product with the arm from the foot tells outside from inside."""
     if feature == INSIDE:
         return at(normal, row)
     if feature >= VERTEX:
-        return at(mean, facets[f, feature - VERTEX])
-    edge = facet_edges[f, feature - EDGE]
-    return unit(plus(at(normals, edge_facets[edge, 0]), at(normals, edge_facets[edge, 1])))
+        return at(s.mean, s.facets[f, feature - VERTEX])
+    edge = s.facet_edges[f, feature - EDGE]
+    return unit(plus(at(s.normals, s.edge_facets[edge, 0]), at(s.normals, s.edge_facets[edge, 1])))
 
 
 @njit(cache=True)
-def _in_a_corner(f: int, feature: int, sides: IntArray, facet_edges: IntArray, rim: BoolArray, smooth: BoolArray) -> bool:
+def _in_a_corner(f: int, feature: int, s: Surroundings) -> bool:
     """Whether a foot on the boundary of a facet lies where the surface rises steeply: in a concave edge, or at its end."""
     if feature == INSIDE:
         return False
     l = feature - EDGE if feature < VERTEX else feature - VERTEX
-    edge = facet_edges[f, l]
-    if not rim[edge] and not smooth[edge]:
+    edge = s.facet_edges[f, l]
+    if not s.rim[edge] and not s.smooth[edge]:
         return True
-    if feature < VERTEX or sides[f] == 2:
+    if feature < VERTEX or s.sides[f] == 2:
         return False
-    edge = facet_edges[f, l - 1 if l > 0 else sides[f] - 1]
-    return not rim[edge] and not smooth[edge]
+    edge = s.facet_edges[f, l - 1 if l > 0 else s.sides[f] - 1]
+    return not s.rim[edge] and not s.smooth[edge]
 
 
 @njit(cache=True)
@@ -199,19 +168,7 @@ def touched_facets(
     alert: FloatArray,
     depth: FloatArray,
     near: FloatArray,
-    point: FloatArray,
-    normals: FloatArray,
-    centres: FloatArray,
-    mean: FloatArray,
-    facets: IntArray,
-    sides: IntArray,
-    facet_edges: IntArray,
-    edge_facets: IntArray,
-    rim: BoolArray,
-    smooth: BoolArray,
-    smooth_vertex: BoolArray,
-    star: IntArray,
-    first_star: IntArray,
+    s: Surroundings,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Rows that are contacts, their normals (nc, 3) and gaps (nc,) [m]; long because it is one decision, in the order of `vertices`.
 
@@ -234,10 +191,10 @@ def touched_facets(
         f, where = facet[closest], feature[closest]
         if distance[closest] > max(alert[group], depth[group]):  # nearer facets may not be in the list
             continue
-        outward = _pseudonormal(closest, f, where, normal, normals, facets, facet_edges, edge_facets, mean)
-        arm = at(point, v)
+        outward = _pseudonormal(closest, f, where, normal, s)
+        arm = at(s.point, v)
         for k in range(4):
-            arm = minus(arm, times(weights[closest, k], at(point, facets[f, k])))
+            arm = minus(arm, times(weights[closest, k], at(s.point, s.facets[f, k])))
         outside = dot(arm, outward) > 0.0 and distance[closest] > tol
         if outside and distance[closest] > alert[group]:
             continue
@@ -246,14 +203,14 @@ def touched_facets(
             aside = np.sqrt(max(distance[row] ** 2 - height[row] ** 2, 0.0))
             usable[row] = feature[row] == INSIDE or aside <= tol
             if not usable[row] and not outside and aside <= depth[group]:
-                usable[row] = _in_a_corner(facet[row], feature[row], sides, facet_edges, rim, smooth)
+                usable[row] = _in_a_corner(facet[row], feature[row], s)
             under[row] = usable[row]
             if outside:
                 usable[row] = usable[row] and 0.0 < height[row] <= alert[group]
             else:
                 usable[row] = usable[row] and -depth[group] <= height[row] <= tol
             if usable[row]:
-                score[row] = _facing(v, at(normal, row), mean, point, facets, sides, normals, star, first_star)
+                score[row] = _facing(v, at(normal, row), s)
                 usable[row] = score[row] > FACING
         # 3. the least way out of the body (the nearest facet above it); of equal ones that which is faced most squarely
         best, deepest = -1, np.inf
@@ -268,25 +225,24 @@ def touched_facets(
             if best < 0:
                 break
             n = at(normal, best)
-            foot = minus(at(point, v), times(height[best], n))
-            surface = (point, normals, facets, sides, facet_edges, rim, star, first_star)
+            foot = minus(at(s.point, v), times(height[best], n))
             tight = min(2.0 * tol, _TIGHT * depth[group])  # flush sides of elastic bodies do not stay flush; edges that overlap are held
             beside = tight if height[best] < -tight else 2.0 * tol
-            if _covers(v, facet[best], foot, n, tol, beside, inwards, start, *surface):
+            if _covers(v, facet[best], foot, n, tol, beside, inwards, start, s):
                 break
             usable[best] = False
             deepest = min(deepest, abs(height[best]) + _ROLL * tol)  # where corners meet, the way out is none through a farther side
         # 4. over a smooth edge or corner: along the line to it
         rolls = False
         if where >= VERTEX:
-            rolls = smooth_vertex[facets[f, where - VERTEX]]
+            rolls = s.smooth_vertex[s.facets[f, where - VERTEX]]
         elif where >= EDGE:
-            rolls = smooth[facet_edges[f, where - EDGE]]
+            rolls = s.smooth[s.facet_edges[f, where - EDGE]]
         if rolls and (best < 0 or distance[closest] < abs(height[best]) - tol):
             direction = outward
             if distance[closest] > _ROLL * tol:
                 direction = times((1.0 if dot(arm, outward) > 0.0 else -1.0) / distance[closest], arm)
-            if _facing(v, direction, mean, point, facets, sides, normals, star, first_star) > FACING:
+            if _facing(v, direction, s) > FACING:
                 chosen[n_chosen], gap[n_chosen] = closest, dot(arm, direction)
                 N[n_chosen, 0], N[n_chosen, 1], N[n_chosen, 2] = direction
                 n_chosen += 1
@@ -301,12 +257,12 @@ def touched_facets(
         for row in range(begin, end):
             if row == best or not (under[row] and -depth[group] <= height[row] <= alert[group]):
                 continue
-            if _facing(v, at(normal, row), mean, point, facets, sides, normals, star, first_star) <= FACING:
+            if _facing(v, at(normal, row), s) <= FACING:
                 continue
             concave = True
             for other in range(kept, n_chosen):
                 g, h = facet[chosen[other]], facet[row]
-                step, ng, nh = minus(at(centres, h), at(centres, g)), at(normals, g), at(normals, h)
+                step, ng, nh = minus(at(s.centres, h), at(s.centres, g)), at(s.normals, g), at(s.normals, h)
                 concave = concave and dot(step, ng) > tol and -dot(step, nh) > tol and dot(ng, nh) < 0.7
             if concave:
                 chosen[n_chosen], gap[n_chosen] = row, height[row]

@@ -15,7 +15,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._foot_kernels import feet
-from fcsim.contact_detection.general._vertex_kernels import touched_facets
+from fcsim.contact_detection.general._vertex_kernels import Surroundings, touched_facets
 from fcsim.contact_detection.general.folding import open_rows
 from fcsim.contact_detection.general.near import NearBodies, near_facets
 from fcsim.contact_detection.skin.skin import Shape, Skin
@@ -62,8 +62,10 @@ def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape
     rows, N, gap = touched_facets(
         first, vertex, facet, weights, normal, height, distance, feature,
         both.alert[group], both.depth[group], both.near[group],
-        shape.point, shape.normal, shape.centre, shape.mean, skin.facets, skin.sides, skin.facet_edges, skin.edge_facets,
-        skin.rim, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star,
+        Surroundings(
+            shape.point, shape.normal, shape.centre, shape.mean, skin.facets, skin.sides, skin.facet_edges, skin.edge_facets,
+            skin.rim, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star,
+        ),
     )  # fmt: skip
     found = VertexContacts(vertex[rows], facet[rows], weights[rows], N, gap)
     found = found.take(np.lexsort((found.gap, skin.facet_body[found.facet], found.vertex)))

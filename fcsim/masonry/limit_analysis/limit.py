@@ -65,10 +65,11 @@ def associative_limit(problem: LimitProblem) -> LimitLoad:
         return LimitLoad(law, "falls", 0.0, stands.r, stands.v)
     if not np.abs(live).max() > 0:
         return LimitLoad(law, "unbounded", np.inf, stands.r, stands.v)
-    found = Program(problem, dead, live).solve()
+    program = Program(problem, dead, live)
+    found = program.solve()
     if found is None:  # no maximum: is there equilibrium far beyond all proportions?
-        found = Program(problem, dead, live).solve(at_most=1e6)
-        if found is None or found.multiplier < 0.99e6:
+        found = program.solve(at_most=1e6 * program.natural)
+        if found is None or found.multiplier < 0.99e6 * program.natural:
             return _undecided(problem, law)
         return LimitLoad(law, "unbounded", np.inf, found.r, np.zeros_like(dead))
     return LimitLoad(law, "limit", found.multiplier, found.r, found.v)
@@ -89,11 +90,11 @@ def coulomb_limit(problem: LimitProblem, start: LimitLoad) -> LimitLoad:
         found = program.solve(given=np.maximum(mean[::d], 0.0))
         if found is None:
             break
-        settled = abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3)
+        settled = abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3 * program.natural)
         # a program that is linear settles, and only then is worth its certificate; cones wander among mechanisms
         state = _state_of_collapse(problem, program, found, rounds) if settled or d == 3 or rounds == ROUNDS else None
         if state is not None and state.span is not None:
-            near = _NEAR * max(abs(last), 1e-3)
+            near = _NEAR * max(abs(last), 1e-3 * program.natural)
             if settled and state.span[0] - near <= found.multiplier <= state.span[1] + near:
                 return state
             if certified is None or state.multiplier < certified.multiplier:

@@ -17,6 +17,9 @@ from fcsim.masonry.bodies import force_and_moment, rigid_blocks, supports, vecto
 from fcsim.masonry.problem import MasonryProblem, PointForce
 from fcsim.witness import Witness, begin
 
+_SMALLEST_LOAD = 1e-60
+"""[N] Loads below it, and above its inverse, leave the range of floats in products."""
+
 
 @dataclass(frozen=True, eq=False)
 class LimitProblem:
@@ -55,6 +58,10 @@ def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) ->
     scale = max(float(np.abs(dead).max()), float(np.abs(live).max()))
     if not scale > 0:
         raise InputError(f"limit analysis of {problem.name!r}: expected loads, got none")
+    for loads in (dead, live):
+        largest = float(np.abs(loads).max())
+        if largest and not _SMALLEST_LOAD < largest < 1 / _SMALLEST_LOAD:
+            raise InputError(f"limit analysis of {problem.name!r}: expected loads that can be added up, got some of {largest:.3g} N (N m)")
     return LimitProblem(problem, model, contacts, H, model.free_dofs, dead, live, scale)
 
 

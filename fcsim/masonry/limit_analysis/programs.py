@@ -12,6 +12,8 @@ from fcsim.arrays import BoolArray, FloatArray
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
 from fcsim.solvers.variational.conic import clarabel_module
 
+_ALIKE = 1e3
+"""Numbers of one order: their quotient is not beyond this."""
 _STILL = {2: 1e-7, 3: 1e-5}  # of the largest contact velocity; interior points are rounder than corners
 
 
@@ -42,12 +44,26 @@ class Answer:
 
 
 class Program:
-    """max lambda subject to H r + dead + lambda live = 0 and friction; forces in units of the largest load."""
+    """max lambda subject to H r + dead + lambda live = 0 and friction.
+
+    Its numbers are near 1 whatever the units and however unlike the loads, since the tolerances of the programs' solvers are absolute:
+    forces in units of `force` [N], multipliers in units of `natural`, moments over the structure's extent where that is not of the order of
+    a metre. Where both kinds of loads are of one order, `force` is the largest and `natural` 1.
+    """
 
     def __init__(self, problem: LimitProblem, dead: FloatArray, live: FloatArray) -> None:
         self.problem = problem
-        self.dead, self.live = dead[problem.free] / problem.scale, live[problem.free] / problem.scale
-        self.balance = sp.hstack([problem.H, sp.csc_array(self.live[:, None])], format="csc")
+        size, arm = problem.problem.size, np.ones(problem.model.n_dofs)
+        if not 1 / _ALIKE < size < _ALIKE:
+            problem.model.rigid_part(arm)[:, problem.model.dimension :] = 1 / size
+        self.arm = arm[problem.free]
+        dead, live = self.arm * dead[problem.free], self.arm * live[problem.free]
+        stays, grows = float(np.abs(dead).max()), float(np.abs(live).max())
+        alike = not (stays and grows) or 1 / _ALIKE < grows / stays < _ALIKE
+        self.force = (max(stays, grows) if alike else stays) or 1.0
+        self.natural = 1.0 if alike else stays / grows
+        self.dead, self.live = dead / self.force, live * (self.natural / self.force)
+        self.balance = sp.hstack([sp.diags_array(self.arm) @ problem.H, sp.csc_array(self.live[:, None])], format="csc")
 
     def solve(
         self, *, given: FloatArray | None = None, slip: Slip | None = None, at_most: float = np.inf, sign: float = 1.0
@@ -63,16 +79,17 @@ class Program:
         equal = sp.vstack(rows, format="csc"), np.concatenate(right)
         low = 0.0 if slip is None else -np.inf
         found = (self._linear if self.problem.contacts.dimension == 2 else self._conic)(
-            *equal, None if given is None else given / self.problem.scale, (low, at_most), sign
+            *equal, None if given is None else given / self.force, (low, at_most / self.natural), sign
         )
         if found is None:
             return None
         multiplier, r, dual = found
         v = np.zeros(self.problem.model.n_dofs)
-        power = float(self.live @ dual[: len(self.live)]) * self.problem.scale
+        dual = dual[: len(self.live)]
+        power = float(self.live @ dual) * (self.force / self.natural)
         if power != 0:
-            v[self.problem.free] = dual[: len(self.live)] / power
-        return Answer(multiplier, r * self.problem.scale, v)
+            v[self.problem.free] = self.arm * dual / power
+        return Answer(multiplier * self.natural, r * self.force, v)
 
     def _belonging(self, slip: Slip) -> sp.csc_array:
         """Rows whose product with (r, lambda) is zero where forces belong to the mechanism."""

@@ -20,25 +20,19 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Hyperelastic:
-    """A material whose energy per reference volume [J/m^3] is `energy(F, p)`, a UFL expression of the deformation gradient F (3, 3), always
-    in three dimensions, and of the numbers p["name"] in `parameters`. Stress and tangent are UFL's derivatives, compiled by ffcx.
-
-    Zero at F = 1 and there without stress, or the body is under stress as it is given: refused where it is not. Points with det F <= 0 are
-    not admissible. Shared functions are compiled once, whatever the parameters.
-    """
+class _OfEnergy:
+    """A material of an energy: a UFL expression of a measure of strain and of the numbers in `parameters`."""
 
     energy: Callable[[Expr, Mapping[str, Expr]], Expr]
     density: float
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        refuse_density("Hyperelastic", self.density)
-        checked_numbers("Hyperelastic", self.parameters)
+        name = type(self).__name__
+        refuse_density(name, self.density)
+        checked_numbers(name, self.parameters)
         if not callable(self.energy):
-            raise InputError(f"Hyperelastic, energy: expected a function of (F, p), got {self.energy!r}")
-        _refuse_prestress("Hyperelastic", self)
-        refuse_wrong(self, "Hyperelastic, energy")
+            raise InputError(f"{name}, energy: expected a function of (F, p) or (l, p), got {self.energy!r}")
 
     @property
     def strain(self) -> Literal["finite", "small"]:
@@ -47,6 +41,21 @@ class Hyperelastic:
     @property
     def variables(self) -> tuple[Variable, ...]:
         return ()
+
+
+@dataclass(frozen=True, eq=False)
+class Hyperelastic(_OfEnergy):
+    """A material whose energy per reference volume [J/m^3] is `energy(F, p)`, a UFL expression of the deformation gradient F (3, 3), always
+    in three dimensions, and of the numbers p["name"] in `parameters`. Stress and tangent are UFL's derivatives, compiled by ffcx.
+
+    Zero at F = 1 and there without stress, or the body is under stress as it is given: refused where it is not. Points with det F <= 0 are
+    not admissible. Shared functions are compiled once, whatever the parameters.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _refuse_prestress("Hyperelastic", self)
+        refuse_wrong(self, "Hyperelastic, energy")
 
     @property
     def _compiled(self) -> CompiledEnergy:
@@ -60,32 +69,16 @@ class Hyperelastic:
 
 
 @dataclass(frozen=True, eq=False)
-class OfStretches:
+class OfStretches(_OfEnergy):
     """A material whose energy per reference volume [J/m^3] is `energy(l, p)`, a UFL expression of the principal stretches l[0], l[1],
-    l[2] that
-    is the same for all their orders (isotropic), and of the numbers p["name"]: Ogden's and the like. See `Hyperelastic`."""
-
-    energy: Callable[[Expr, Mapping[str, Expr]], Expr]
-    density: float
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    l[2] that is the same for all their orders (isotropic), and of the numbers p["name"]: Ogden's and the like. See `Hyperelastic`."""
 
     def __post_init__(self) -> None:
-        refuse_density("OfStretches", self.density)
-        checked_numbers("OfStretches", self.parameters)
-        if not callable(self.energy):
-            raise InputError(f"OfStretches, energy: expected a function of (l, p), got {self.energy!r}")
+        super().__post_init__()
         values = self._energies(np.array([[1.1, 0.9, 1.05], [0.9, 1.05, 1.1], [1.05, 1.1, 0.9]]))
         if not np.allclose(values, values[0], rtol=1e-9):
             raise InputError(f"OfStretches, energy: expected the same for all orders of the stretches, got {values.tolist()}")
         _refuse_prestress("OfStretches", self)
-
-    @property
-    def strain(self) -> Literal["finite", "small"]:
-        return "finite"
-
-    @property
-    def variables(self) -> tuple[Variable, ...]:
-        return ()
 
     def _energies(self, stretches: FloatArray) -> FloatArray:
         return self._of(stretches)[0]

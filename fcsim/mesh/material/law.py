@@ -108,7 +108,6 @@ def refuse_density(what: str, density: float) -> None:
         raise InputError(f"{what}: expected a density >= 0 in kg/m^3, got {density}")
 
 
-_VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 PAIR = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 """Which of the six components a pair of axes is."""
 

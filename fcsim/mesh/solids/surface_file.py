@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -165,6 +166,18 @@ def main(path: str, out: str) -> int:
     return limited(path, read)
 
 
+@dataclass(frozen=True)
+class _NothingBeside:
+    """What trimesh asks for files that a file names, materials and buffers: it gets none."""
+
+    file_name: str
+
+    def __getitem__(self, name: str) -> bytes:
+        raise KeyError(f"the file names another, {name!r}, which is not read")
+
+    get = __getitem__
+
+
 def _read(path: Path) -> list[tuple[str, FloatArray, IntArray]]:
     try:
         import trimesh
@@ -172,7 +185,7 @@ def _read(path: Path) -> list[tuple[str, FloatArray, IntArray]]:
         raise MissingDependency(f"trimesh is needed for surface files ({error}): pip install 'fcsim[masonry]'") from None
     options = {"split_objects": True, "group_material": False} if path.suffix.lower() == ".obj" else {}
     try:
-        scene = trimesh.load_scene(str(path), process=False, **options)
+        scene = trimesh.load_scene(str(path), process=False, resolver=_NothingBeside(path.name), **options)
         meshes = [(name, mesh) for name, mesh in _named(scene) if isinstance(mesh, trimesh.Trimesh)]
         found = [(name, np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)) for name, mesh in meshes]
     except MemoryError:
@@ -180,9 +193,9 @@ def _read(path: Path) -> list[tuple[str, FloatArray, IntArray]]:
     except Exception as error:  # readers of many formats: what they raise on a broken file is anything
         raise InputError(f"{path}: expected a surface that trimesh can read, got: {type(error).__name__}: {error}") from None
     for name, points, triangles in found:
-        bad = not np.isfinite(points).all() or (len(triangles) and (triangles.min() < 0 or triangles.max() >= len(points)))
-        if bad:
-            raise InputError(f"{path}, object {name!r}: expected finite corners and triangles of their numbers")
+        shaped = points.ndim == triangles.ndim == 2 and points.shape[1] == triangles.shape[1] == 3
+        if not shaped or not np.isfinite(points).all() or (len(triangles) and (triangles.min() < 0 or triangles.max() >= len(points))):
+            raise InputError(f"{path}, object {name!r}: expected finite corners (x, y, z) and triangles of their numbers")
     return found
 
 

@@ -1,4 +1,4 @@
-"""Contact with rolling friction: five unknowns a contact, their cone, and the way to the local form u = W r + q."""
+"""Contact with rolling and spinning friction: five or six unknowns a contact, their cone, and the way to the local form u = W r + q."""
 
 from fcsim.problem.rolling.cone import modified_velocity, natural_residual, project_rolling_cone
 from fcsim.problem.rolling.local import LocalRollingProblem, RollingReduction, reduce_rolling

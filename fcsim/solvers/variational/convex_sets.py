@@ -22,14 +22,15 @@ class Cone:
 
 @dataclass(frozen=True, eq=False)
 class RollingCone:
-    """K = {||r_T|| <= mu r_N, ||r_R|| <= mu_r r_N}, vectors (nc, 5)."""
+    """K = {||r_T|| <= mu r_N, ||r_R|| <= mu_r r_N, |r_S| <= mu_s r_N}, vectors (nc, 5), or (nc, 6) with the spinning moment S."""
 
     mu: FloatArray
     mu_r: FloatArray
+    mu_s: FloatArray
 
     def step(self, r: FloatArray, F: FloatArray, rho: float, out: FloatArray) -> float:
         """As `Cone.step`."""
-        return step_rolling_cone(r, F, self.mu, self.mu_r, rho, out)
+        return step_rolling_cone(r, F, self.mu, self.mu_r, self.mu_s, rho, out)
 
 
 @dataclass(frozen=True, eq=False)

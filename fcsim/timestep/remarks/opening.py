@@ -154,7 +154,8 @@ def _forgotten(model: Model, detector: Detector, positions: FloatArray) -> Itera
     extent = high - low
     first, second = np.triu_indices(count, 1)
     # how far the boxes reach into each other along each axis, < 0: apart; of the smaller body's extent
-    shared = (np.minimum(high[first], high[second]) - np.maximum(low[first], low[second])) / np.minimum(extent[first], extent[second])
+    into, smaller = np.minimum(high[first], high[second]) - np.maximum(low[first], low[second]), np.minimum(extent[first], extent[second])
+    shared = np.divide(into, smaller, out=np.minimum(np.sign(into), 0.0), where=smaller > 0)  # of what is flat: whether it reaches
     near = np.sort(shared, axis=1)
     touch = (np.abs(near[:, 0]) < TOUCH) & (near[:, 1:] > FACE).all(axis=1)
     held = _held(model)

@@ -131,9 +131,10 @@ class Equation:
             v = self._unknown(self.slanted[1])
             straight = replace(compliance, leaning=None).matrix()  # type: ignore[arg-type]
             f = f + straight @ (self.leaning.straight(v) - v)
-        f, rolling = compliance.load(f), self.met.terms.rolling
-        if rolling is not None:
-            return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling, G, b)
+        f, terms = compliance.load(f), self.met.terms
+        if self.met.moments is not None:
+            rolling = np.zeros_like(mu) if terms.rolling is None else terms.rolling
+            return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling, G, b, mu_s=terms.spinning)
         return GlobalProblem(matrix, self._H, f, self._w, mu, G, b, dimension=model.dimension)
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:

@@ -141,6 +141,46 @@ def test_forms_and_vectors_are_loads(dolfinx: Any) -> None:
     assert abs(K.matrix(K.mass) - elasticity.consistent_mass(part)).max() < 1e-12
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("cell", "d"), CELLS)
+def test_forms_and_functions_on_the_users_own_mesh_are_loads(dolfinx: Any, cell: str, d: int, degree: int) -> None:
+    """With a test function and a coefficient of one's own, on a mesh of first and of second order, in a body that is placed turned: what
+    a form of the part's test function gives; a function that holds the vector is the same, though dolfinx numbers its entries its way."""
+    import basix.ufl
+    import ufl
+    from mpi4py import MPI
+
+    coarse = box(dolfinx, cell, d)
+    points = coarse.geometry.x[:, :d]
+    if degree == 2:
+        W = dolfinx.fem.functionspace(coarse, ("Lagrange", 2))
+        points = W.tabulate_dof_coordinates()[:, :d]
+        element = basix.ufl.element("Lagrange", cell, 2, shape=(d,), dtype=np.float64)
+        mesh = dolfinx.mesh.create_mesh(MPI.COMM_SELF, W.dofmap.list.astype(np.int64), element, points)
+    else:
+        mesh = coarse
+    part = fcsim.part_from_dolfinx("part", mesh, SOFT, thickness=0.5 if d == 2 else 1.0)
+    V = dolfinx.fem.functionspace(mesh, ("Lagrange", degree, (d,)))
+    v, along = ufl.TestFunction(V), dolfinx.fem.Function(V)
+    along.interpolate(lambda x: np.stack([x[0], *(np.full_like(x[0], 2.0),) * (d - 1)]))
+    theirs = ufl.inner(along, v) * ufl.dx
+    turn = np.eye(d)[[1, 0, 2][:d]] * np.array([-1.0, *(1.0,) * (d - 1)])[:, None]
+    body = Body("body", part, rotation=turn)
+
+    def of_part(p: Any) -> Any:
+        return ufl.inner(ufl.as_vector((p.x[0], *(2.0,) * (d - 1))), p.v) * p.dx
+
+    held = dolfinx.fem.assemble_vector(dolfinx.fem.form(theirs))
+    vector = dolfinx.fem.Function(V)
+    vector.x.array[:] = held.array * part.thickness
+    given, expected = (fcsim.build_model([body], loads=[fcsim.FormLoad("body", f)]).load(0.0) for f in (theirs, of_part))
+    assert np.allclose(given, expected, atol=1e-14)
+    assert expected.any()
+    as_vector = fcsim.build_model([Body("body", part)], loads=[fcsim.NodalForces("body", vector)]).load(0.0)
+    plain = fcsim.build_model([Body("body", part)], loads=[fcsim.FormLoad("body", theirs)]).load(0.0)
+    assert np.allclose(as_vector, plain, atol=1e-14)
+
+
 def test_what_cannot_be_is_refused(dolfinx: Any) -> None:
     import ufl
     from mpi4py import MPI
@@ -160,10 +200,25 @@ def test_what_cannot_be_is_refused(dolfinx: Any) -> None:
     prism = dolfinx.mesh.create_box(MPI.COMM_SELF, [(0, 0, 0), (1, 1, 1)], (1, 1, 1), dolfinx.mesh.CellType.prism)
     with pytest.raises(InputError, match="got prism cells"):
         fcsim.part_from_dolfinx("part", prism, SOFT)
+    with pytest.raises(InputError, match=r"expected a dolfinx\.mesh\.Mesh, got 'beam.xdmf'"):
+        fcsim.part_from_dolfinx("part", "beam.xdmf", SOFT)  # type: ignore[arg-type]
+    single = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 1, 1, dtype=np.float32)
+    with pytest.raises(InputError, match="coordinates of float64, got float32"):
+        fcsim.part_from_dolfinx("part", single, SOFT)
     body = Body("body", brick("part", (1.0, 1.0, 1.0), (1, 1, 1), SOFT))
+    forms = fcsim.forms_of(body.part)
+    with pytest.raises(InputError, match="a linear form of v, got a form of 2 arguments"):
+        forms.vector(forms.mass)
+    V = dolfinx.fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    own = ufl.TestFunction(V)[0] * ufl.dx
     for load, message in (
         (fcsim.FormLoad("body", lambda p: p.x[0] * ufl.dx(domain=p.mesh)), "expected a linear form of v in UFL"),
         (fcsim.FormLoad("body", lambda p: 1 / 0), "ZeroDivisionError"),
+        (fcsim.FormLoad("body", lambda p: ufl.inner(p.u, p.v) * p.dx), "got a form of 2 arguments"),
+        (fcsim.FormLoad("body", lambda p: "pressure"), "got an object of class str"),
+        (fcsim.FormLoad("body", own), r"on the dolfinx mesh \(this part has none of its own\), got one of .* on another mesh"),
+        (fcsim.NodalForces("body", dolfinx.fem.Function(V)), "on another mesh"),
+        (fcsim.NodalForces("body", dolfinx.fem.Function(V).x), "of a bare vector are in the order of its space"),
         (fcsim.NodalForces("body", np.zeros((3, 3))), r"finite forces of shape \(8, 3\)"),
         (fcsim.NodalForces("stop", np.zeros((8, 3))), "expected a deformable body"),
     ):
@@ -178,3 +233,41 @@ def test_what_cannot_be_is_refused(dolfinx: Any) -> None:
     ):
         with pytest.raises(InputError, match=message):
             body_function(model, name, x, x, field)  # type: ignore[arg-type]
+
+
+def test_stress_and_variables_of_laws_of_points(dolfinx: Any) -> None:
+    """Two laws by cell tags: neo-Hooke's sigma = mu / J (b - 1) + lambda ln J / J, along the world's axes of a body placed turned; von
+    Mises plasticity in pure shear keeps sigma_xy = sy / sqrt(3), with its plastic strain, nan where there is none."""
+    from fcsim.mesh.material import Plastic, neo_hooke
+
+    mesh = box(dolfinx, "quadrilateral", 2)
+    cells = tags_of(dolfinx, mesh, 2, [lambda x: x[0] <= 1 + 1e-9, lambda x: x[0] >= 1 - 1e-9])
+    E, nu, sy = 1e6, 0.3, 10.0
+    part = fcsim.part_from_dolfinx("part", mesh, {1: neo_hooke(E, nu, 1.0), 2: Plastic(E, nu, 1.0, sy)}, cell_tags=cells)
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    model = fcsim.build_model([Body("body", part, rotation=turn)], kinematics="linear")
+    g = 1e-4  # beside rubber the plastic cells have Green and Lagrange's strain
+    u = np.zeros_like(part.points)
+    u[:, 0] = g * part.points[:, 1]  # simple shear F = 1 + g e1 e2 of the part
+    x = (u @ turn.T).ravel()
+    internal = model.nonlinear.inner(x, None, 0.0, 1.0).variables
+    stress, mises, plastic = (
+        body_function(model, "body", x, x, field, internal) for field in ("stress", "von_mises", "equivalent_plastic_strain")
+    )
+    assert stress.function_space.mesh is mesh
+    values = stress.x.array.reshape(-1, 3, 3)[stress.function_space.dofmap.list[:, 0]]
+    rubber = cells.find(1)
+    mu = E / (2 * (1 + nu))
+    in_part = mu * np.array([[g * g, g, 0], [g, 0, 0], [0, 0, 0]])  # J = 1
+    R = np.eye(3)
+    R[:2, :2] = turn
+    assert values[rubber] == pytest.approx(np.tile(R @ in_part @ R.T, (len(rubber), 1, 1)), abs=1e-8 * mu * g)
+    steel = cells.find(2)
+    assert np.abs(values[steel][:, 0, 1]) == pytest.approx(np.full(len(steel), sy / 3**0.5), rel=1e-4)
+    own = plastic.function_space.dofmap.list[:, 0]
+    assert mises.x.array[mises.function_space.dofmap.list[:, 0]][steel] == pytest.approx(np.full(len(steel), sy), rel=1e-4)
+    gamma = g - sy / 3**0.5 / mu  # the plastic shear
+    assert plastic.x.array[own][steel] == pytest.approx(np.full(len(steel), gamma / 3**0.5), rel=1e-4)
+    assert np.isnan(plastic.x.array[own][rubber]).all()
+    with pytest.raises(InputError, match=r"von_mises, plastic_strain.*got 'colour'"):
+        body_function(model, "body", x, x, "colour")

@@ -11,6 +11,7 @@ import pytest
 
 from fcsim.collection import Built, check_collection, read_manifest, write_manifest
 from fcsim.command_line.main import main
+from fcsim.errors import InputError
 
 Damage = Callable[[Path], None]
 
@@ -173,3 +174,11 @@ def test_manifest_is_a_plain_table(built: Built) -> None:
         "sha256", "status",
     ]  # fmt: skip
     assert {row["symmetric"] for row in rows} == {"true"}
+
+
+def test_a_name_that_no_file_can_have(copy: Path) -> None:
+    text = (copy / "manifest.csv").read_text().splitlines()
+    row = next(csv.reader([text[1]]))
+    (copy / "manifest.csv").write_text("\n".join([text[0], text[1].replace(row[0], "9" * 400, 1), *text[2:]]) + "\n")
+    with pytest.raises(InputError, match=r"manifest\.csv, line 2, name: expected the name of a file, got '999"):
+        check_collection(copy)

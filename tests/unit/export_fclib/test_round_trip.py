@@ -16,6 +16,7 @@ from fcsim.export_fclib import GlobalRollingProblem, Solution, file_name, read_f
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.write import _write_matrix
 from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.solvers import solve
 
 STORAGES = ("csc", "csr", "triplet")
 
@@ -225,3 +226,30 @@ def test_the_package_needs_neither_dolfinx_nor_gmsh_nor_petsc():
     root = Path(__file__).parents[3]
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=root, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_spinning_friction_is_written_as_the_two_moments_of_fclibs_rolling_problems(tmp_path):
+    """Where mu_s > 0 they are (S, nothing): the file's problem has the same answers; one contact with both resistances is refused."""
+    rng, nc, n = np.random.default_rng(3), 3, 12
+    A, w = rng.standard_normal((n, n)), rng.standard_normal(6 * nc)
+    w[::6] -= 2
+    mu_r, mu_s = np.array([0.3, 0.0, 0.0]), np.array([0.0, 0.2, 0.0])
+    p = GlobalRollingProblem(
+        A @ A.T + np.eye(n), rng.standard_normal((n, 6 * nc)), rng.standard_normal(n), w, np.full(nc, 0.4), mu_r, mu_s=mu_s
+    )
+    one = solve(p, "auto", tol=1e-11)
+    file = write_fclib(tmp_path / "spin.hdf5", p, solution=Solution(one.u, one.r, one.v), guesses=[Solution(one.u, one.r, one.v)])
+    content = read_fclib(file)
+    assert content.problem.dimension == 5 and content.problem.mu_r.tolist() == [0.3, 0.2, 0.0] and len(content.guesses) == 1
+    other = solve(content.problem, "auto", tol=1e-11)
+    assert one.solved and other.solved
+    np.testing.assert_allclose(other.v, one.v, atol=1e-9)
+    np.testing.assert_allclose(content.solution.r, other.r, atol=1e-8)
+    r = one.r.reshape(-1, 6)
+    np.testing.assert_allclose(other.r.reshape(-1, 5)[1, 3:], [r[1, 5], 0], atol=1e-8)
+    both = GlobalRollingProblem(p.M, p.H, p.f, p.w, p.mu, mu_r + 0.1, mu_s=mu_s)
+    with pytest.raises(InputError, match="contact 1: has rolling and spinning resistance, as 1 of 3 contacts"):
+        write_fclib(tmp_path / "both.hdf5", both)
+    with pytest.raises(InputError, match="solution: expected u and r of 18 entries, got shape"):
+        write_fclib(tmp_path / "short.hdf5", p, solution=Solution(one.u[:5], one.r[:5], one.v))
+    assert not (tmp_path / "both.hdf5").exists()

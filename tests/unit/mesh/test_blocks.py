@@ -217,3 +217,8 @@ def test_a_surface_mesh_in_space_is_refused():
 def test_lengths_that_gmsh_does_not_tell_apart_are_refused(size: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="'b', size: expected lengths above"):
         brick("b", size, (1, 1, 1), Material(1e9, 0.2, 1e3))
+
+
+def test_an_origin_beside_which_a_box_is_nothing_is_refused() -> None:
+    with pytest.raises(InputError, match=r"origin: expected one within 1e9 lengths of the box, got \[1e\+20, 0.0, 0.0\]"):
+        brick("far", (1.0, 1.0, 1.0), (1, 1, 1), Material(1e9, 0.2, 2000.0), origin=(1e20, 0.0, 0.0))

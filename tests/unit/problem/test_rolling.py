@@ -1,4 +1,4 @@
-"""The cone of rolling friction: its projection by properties and by minimisation, and the natural map."""
+"""The cone of rolling and spinning friction: its projection by properties and by minimisation, and the natural map."""
 
 import numpy as np
 import pytest
@@ -42,6 +42,49 @@ def test_moreau_decomposition() -> None:
 def test_without_moments_it_is_coulombs_cone() -> None:
     z = np.c_[Z[:, :3], np.zeros((COUNT, 2))]
     assert_allclose(project_rolling_cone(z, MU, MU_R)[:, :3], project_cone(z[:, :3], MU), atol=1e-12)
+
+
+SIX = RNG.standard_normal((COUNT, 6)) * 10.0 ** RNG.uniform(-3, 3, (COUNT, 1))
+MU_S = np.where(RNG.random(COUNT) < 0.2, 0.0, RNG.uniform(0, 2, COUNT))
+
+
+def test_with_spinning_it_is_the_projection_on_a_closed_convex_cone() -> None:
+    """Moreau: P in K, P - z in K*, orthogonal; z as random as on the cone's own face, edge and apex."""
+    for z in (SIX, np.c_[np.abs(SIX[:, 0]), SIX[:, 1:]], np.c_[-np.abs(SIX[:, 0]), SIX[:, 1:]]):
+        P = project_rolling_cone(z, MU, MU_R, MU_S)
+        size = np.linalg.norm(z, axis=1)
+        assert np.all(np.hypot(P[:, 1], P[:, 2]) <= MU * P[:, 0] + 1e-14 * size)
+        assert np.all(np.hypot(P[:, 3], P[:, 4]) <= MU_R * P[:, 0] + 1e-14 * size)
+        assert np.all(np.abs(P[:, 5]) <= MU_S * P[:, 0] + 1e-14 * size)
+        y = P - z
+        dual = y[:, 0] - MU * np.hypot(y[:, 1], y[:, 2]) - MU_R * np.hypot(y[:, 3], y[:, 4]) - MU_S * np.abs(y[:, 5])
+        assert np.all(dual >= -1e-13 * size)
+        assert_allclose(np.einsum("ai,ai->a", P, y) / size**2, 0, atol=1e-14)
+
+
+def test_without_a_spinning_moment_it_is_the_cone_of_rolling_friction() -> None:
+    z = np.c_[Z, np.zeros(COUNT)]
+    assert_allclose(project_rolling_cone(z, MU, MU_R, MU_S)[:, :5], project_rolling_cone(Z, MU, MU_R), atol=1e-12)
+    # a disk of one dimension is one of two whose second component is nothing
+    z = np.c_[SIX[:, :3], np.zeros((COUNT, 2)), SIX[:, 5]]
+    found = project_rolling_cone(z, MU, np.zeros(COUNT), MU_S)
+    as_rolling = project_rolling_cone(np.c_[SIX[:, :3], SIX[:, 5], np.zeros(COUNT)], MU, MU_S)
+    assert_allclose(found[:, [0, 1, 2, 5]], as_rolling[:, :4], atol=1e-12)
+
+
+def test_the_law_of_spinning_is_the_zero_of_the_natural_map() -> None:
+    one = np.ones(1)
+    mu, mu_r, mu_s = 0.5 * one, 0.2 * one, 0.1 * one
+    for r, u in (
+        ([1, 0.2, 0.1, 0.05, 0.1, -0.1], [0, 0, 0, 0, 0, 4]),  # spins
+        ([1, -0.5, 0, 0.2, 0, 0.1], [0, 3, 0, -1, 0, -7]),  # slides, rolls and spins
+        ([1, 0.1, 0, 0.1, 0, 0.05], [0, 0, 0, 0, 0, 0]),  # rests
+        ([0, 0, 0, 0, 0, 0], [0.1, 5, 0, 0, 1, 5]),  # open
+    ):
+        r, u = np.array(r, dtype=float), np.array(u, dtype=float)
+        assert natural_residual(r, u, mu, mu_r, one, mu_s) <= 1e-15
+        assert abs(float(r @ modified_velocity(u[None], mu, mu_r, mu_s)[0])) <= 1e-15
+    assert natural_residual(np.array([1, 0, 0, 0, 0, 0.1]), np.array([0, 0, 0, 0, 0, 2.0]), mu, mu_r, one, mu_s) > 0.1  # with the spin
 
 
 @pytest.mark.filterwarnings("ignore:invalid value")

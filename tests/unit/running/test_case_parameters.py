@@ -36,3 +36,11 @@ def test_refused(name: str, parameters: dict[str, Any], message: str) -> None:
 def test_no_steps_are_no_error(name: str) -> None:
     script = load_case(CASES / name)
     assert list(script.build(script.parameters(steps=0)).simulation) == []
+
+
+@pytest.mark.parametrize(("name", "value"), [("n", 2**55), ("width", 1e300), ("radius", 1e-20)])
+def test_models_that_no_memory_holds(name: str, value: float) -> None:
+    """The errors of memory and of NumPy's sizes within a script are the parameters' fault."""
+    script = load_case(CASES / "granular")
+    with pytest.raises(InputError, match=r"'granular': expected parameters that its script can compute with: "):
+        script.build(script.parameters(**{name: value}))

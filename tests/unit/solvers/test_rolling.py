@@ -88,6 +88,54 @@ def test_all_methods_find_one_answer_and_it_keeps_the_law(seed: int, constrained
         assert_allclose(answer.u, answers[0].u, atol=1e-8)
 
 
+def spinning(seed: int, nc: int = 6, **coefficients: float) -> GlobalRollingProblem:
+    """A problem of six unknowns a contact."""
+    rng, n = np.random.default_rng(seed), 6 * nc + 4
+    A, w = rng.standard_normal((n, n)), rng.standard_normal(6 * nc)
+    w[::6] -= 2.0
+    mu, mu_r, mu_s = (np.full(nc, coefficients.get(name, 0.3)) for name in ("mu", "mu_r", "mu_s"))
+    return GlobalRollingProblem(A @ A.T / n + np.eye(n), rng.standard_normal((n, 6 * nc)), rng.standard_normal(n), w, mu, mu_r, mu_s=mu_s)
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize(("mass", "length"), [(1.0, 1.0), (1e-9, 1e3)])
+def test_with_spinning_all_methods_find_what_dissipates_most_in_any_units(name: str, mass: float, length: float) -> None:
+    p = spinning(2)
+    row = np.tile([1.0, 1.0, 1.0, *[1 / length] * 3], p.nc)
+    given = replace(p, M=p.M * mass, H=p.H * row, f=p.f * mass * length, w=p.w * row * length, mu_r=p.mu_r * length, mu_s=p.mu_s * length)
+    answer = solve(given, name, tol=1e-11)
+    assert answer.solved and answer.checks.cone < 1e-9 and answer.checks.dual_cone < 1e-9
+    r, u = answer.r.reshape(-1, 6), answer.u.reshape(-1, 6)
+    unit = mass * length**2
+    slides, turns = np.hypot(u[:, 1], u[:, 2]), np.hypot(u[:, 3], u[:, 4])
+    assert np.count_nonzero(r[:, 0] > 0) >= 3 and np.any(np.abs(u[:, 5]) > 1e-3)
+    assert_allclose(np.einsum("ai,ai->a", r[:, 1:3], u[:, 1:3]), -given.mu * r[:, 0] * slides, atol=1e-8 * unit)
+    assert_allclose(np.einsum("ai,ai->a", r[:, 3:5], u[:, 3:5]), -given.mu_r * r[:, 0] * turns, atol=1e-8 * unit)
+    assert_allclose(r[:, 5] * u[:, 5], -given.mu_s * r[:, 0] * np.abs(u[:, 5]), atol=1e-8 * unit)
+    assert_allclose(answer.v, solve(p, "auto", tol=1e-11).v * length, atol=1e-7 * length)
+
+
+def test_without_resistance_to_spinning_the_sixth_unknown_is_nothing() -> None:
+    p = spinning(3, mu_s=0.0)
+    five = np.arange(6 * p.nc).reshape(-1, 6)[:, :5].ravel()
+    plain = GlobalRollingProblem(p.M, p.H[:, five], p.f, p.w[five], p.mu, p.mu_r)
+    one, other = solve(p, "auto", tol=1e-11), solve(plain, "auto", tol=1e-11)
+    assert one.solved and other.solved
+    assert_allclose(one.r[five], other.r, atol=1e-8)
+    assert_allclose(one.r[5::6], 0, atol=1e-14)
+
+
+def test_what_spinning_friction_asks_of_a_problem() -> None:
+    p = spinning(0)
+    for changes, message in (
+        ({"mu_s": np.full(p.nc, -1.0)}, "mu_s: expected coefficients >= 0, got -1.0 at contact 0"),
+        ({"mu_s": np.ones(2)}, "mu_s: expected 6 coefficients for 36 contact unknowns, got 2"),
+        ({"mu_s": None}, "dimension: expected 5 with rolling friction, 6 with spinning friction, mu_s, too, got 6"),
+    ):
+        with pytest.raises(InputError, match=message):
+            replace(p, **changes)
+
+
 @pytest.mark.parametrize("name", METHODS)
 def test_without_resistance_to_rolling_it_is_coulombs_problem(name: str) -> None:
     p = random(4, mu_r=0.0)

@@ -375,3 +375,10 @@ def test_kkt_is_refused_where_it_cannot_be_honoured() -> None:
     mixed = LocalProblem(np.eye(3), -np.ones(3), np.array([0.5]), np.zeros((3, 1)), np.eye(1), np.zeros(1))
     with pytest.raises(InputError, match="expected 'kkt' with a global problem for 'ADMM', got it with a mixed local problem"):
         solve(mixed, "ADMM", linear="kkt")
+
+
+def test_whole_numbers_beyond_64_bits_are_floats_or_refused() -> None:
+    problem = LocalProblem(np.eye(3), np.array([-1.0, 0.5, 0.0]), np.array([0.3]))
+    assert solve(problem, "EG-VI-UTK", rho=10**20, max_iterations=5).error >= 0
+    with pytest.raises(InputError, match="option rho: expected a number, got '1000"):
+        solve(problem, "EG-VI-UTK", rho=10**400)

@@ -156,6 +156,7 @@ def step(model: FakeModel, number: int, last: int, divisions: int = 8) -> Simple
         result=SimpleNamespace(u=u.ravel()),
         overlap=Overlap(2e-4, 1e-3, ("a", "b"), (0.1,) * model.dimension),
         rolling_moment=None,
+        spinning_moment=None,
         law_variables={},
     )
 
@@ -173,6 +174,7 @@ def without_contacts(made: SimpleNamespace) -> SimpleNamespace:
         contact_status=made.contact_status[:0],
         overlap=None,
         rolling_moment=None,
+        spinning_moment=None,
         law_variables={},
         result=SimpleNamespace(u=force.ravel()),
     )

@@ -27,6 +27,8 @@ class Twin:
     def __init__(self, *arguments: Any) -> None:
         for name, value in zip(inspect.signature(touched_facets.py_func).parameters, arguments, strict=True):
             setattr(self, name, value)
+        for name, value in self.s._asdict().items():
+            setattr(self, name, value)
 
     def around(self, v: int) -> np.ndarray:
         return self.star[self.first_star[v] : self.first_star[v + 1]]

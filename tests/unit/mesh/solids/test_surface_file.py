@@ -152,3 +152,9 @@ def test_a_surface_crosses_itself_where_it_is_pushed_through() -> None:
     assert len(crossing_triangles(points, refined)) == 0
     points[4] = [0.1, 0.1, -0.3]  # through the base
     assert len(crossing_triangles(points, refined)) >= 2
+
+
+def test_corners_without_z_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"a\.obj"):
+        read_surfaces(tmp_path / "a.obj")

@@ -1,0 +1,35 @@
+"""Any file of blocks as a masonry problem: JSON of our own, COMPAS JSON, surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from fcsim.errors import InputError
+from fcsim.masonry.compas_json import is_compas, read_compas
+from fcsim.masonry.json_file import SCHEMA, json_content, masonry_of_json
+from fcsim.masonry.problem import MasonryProblem
+from fcsim.masonry.surfaces import masonry_of_surfaces, supported
+
+
+def read_model(
+    path: str | Path, *, mu: float | None = None, density: float = 2000.0, scale: float | None = None, supports: Sequence[str] = ()
+) -> MasonryProblem:
+    """Return the problem of a file: "masonry-problem/1", COMPAS JSON (see `read_compas`), or solids (see `masonry_of_surfaces`).
+
+    mu: friction of all joints, in place of the file's (0.6 where it has none); density [kg/m^3] of blocks that have none in the file;
+    scale: metres to the file's unit of length; supports: names or patterns of blocks that are held besides; where none is, a floor is laid.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".json":
+        return masonry_of_surfaces(path, mu=0.6 if mu is None else mu, density=density, scale=scale, supports=supports)
+    content = json_content(path)
+    if (isinstance(content, Mapping) and content.get("schema") == SCHEMA) or not is_compas(content):
+        if scale is not None or supports:
+            raise InputError(f"{path}: expected --scale and --support with surfaces and COMPAS files; this one says them itself")
+        problem = masonry_of_json(content, path)
+        return problem if mu is None else replace(problem, mu=mu, between={})
+    problem = read_compas(content, str(path), mu, density, scale)
+    blocks = supported(problem.blocks, supports, path)
+    return replace(problem, name=path.stem, title=problem.title or path.stem, blocks=blocks)

@@ -1,0 +1,87 @@
+"use strict";
+/* Time, and what the controls do. */
+
+function show(k) {
+  now = k;
+  $("instant").value = k;
+  const at = row(), step = run.columns.step ? `step ${run.columns.step[at]}, ` : "";
+  $("when").textContent = `${step}t = ${+time().toPrecision(6)} s`;
+  if (motion) { drawSpace(); showPicked(); }
+  cursors();
+  fill("row", Object.entries(run.columns).map(([name, values]) => [name + (run.units[name] ? ` [${run.units[name]}]` : ""), values[at] === null ? "–" : values[at]]));
+}
+
+function goTo(t) {
+  const all = motion ? motion.t : run.columns.t;
+  show(all.reduce((best, value, k) => Math.abs(value - t) < Math.abs(all[best] - t) ? k : best, 0));
+}
+
+function play(on) {
+  if (timer) cancelAnimationFrame(timer);
+  timer = null;
+  $("play").textContent = on ? "Pause" : "Play";
+  $("play").setAttribute("aria-pressed", on);
+  if (!on) return;
+  const last = +$("instant").max, from = now >= last ? 0 : now, seconds = Math.max(2, Math.min(12, (last + 1) / 15)), begin = performance.now();
+  const tick = moment => {
+    const k = Math.min(last, from + Math.floor((moment - begin) / 1000 * (last + 1) / seconds));
+    if (k !== now) show(k);
+    if (k >= last) play(false); else timer = requestAnimationFrame(tick);
+  };
+  timer = requestAnimationFrame(tick);
+}
+
+function most(values) { let found = 0; for (const value of values) found = Math.max(found, Math.abs(value)); return found; }
+
+function bindPick() {
+  $("view").on("plotly_click", event => {
+    const point = event.points[0];
+    if (point.curveNumber < 2) pick = { vertex: point.pointNumber };
+    else if (point.curveNumber === 3) { const c = place[point.pointNumber]; pick = { contact: c, identity: contacts.identity && contacts.identity[c], slave: contacts.slave && contacts.slave[c], master: contacts.master && contacts.master[c] }; }
+    else return;
+    showPicked();
+  });
+}
+
+async function begin() {
+  for (const id of ["facts", "parameters", "versions"]) fill(id, Object.entries(run[id]));
+  if (run.motion) {
+    motion = await unpack(run.motion);
+    contacts = run.motion.contacts ? await unpack(run.motion.contacts) : null;
+    if (contacts) { contacts.most = 0; for (let c = 0; c < contacts.reaction.values.length / 3; c++) contacts.most = Math.max(contacts.most, Math.hypot(...[0, 1, 2].map(i => contacts.reaction.at(3 * c + i)))); }
+    motion.mostSpeed = most(motion.speed.values) * run.motion.speed.scale;
+    motion.mostMove = 0;
+    for (let v = 0; v < motion.displacement.values.length / 3; v++) motion.mostMove = Math.max(motion.mostMove, moved(0, v));
+    const choices = [["stress", "von Mises stress"], ["displacement", "displacement"], ["speed", "speed"], ["body", "body"], ["status", "status"], ["plain", "none"]];
+    for (const [value, word] of choices) if ((value !== "stress" || motion.stress) && (value !== "status" || (contacts && contacts.slave))) $("colour").add(new Option(word, value));
+    $("scale").value = scale;
+    for (const number of [...new Set(motion.body)].sort((a, b) => a - b)) {
+      const label = document.createElement("label"), box = Object.assign(document.createElement("input"), { type: "checkbox", checked: true });
+      box.addEventListener("change", () => { box.checked ? hidden.delete(number) : hidden.add(number); parts = []; drawSpace(); });
+      label.append(box, ` ${bodyName(number)}`);
+      $("bodies").append(label);
+    }
+    if (!contacts) for (const id of ["contacts", "forces"]) $(id).closest("label").hidden = true;
+    if (run.motion.left_out) fill("facts", [...Object.entries(run.facts), ["instants", `${motion.t.length} shown, ${run.motion.left_out} left out to keep the page small`]]);
+  } else $("space").querySelectorAll("#view, .controls, #hide, #picked, #legend").forEach(part => { part.hidden = true; });
+  const count = motion ? motion.t.length : (run.columns.t || []).length;
+  $("instant").max = Math.max(0, count - 1);
+  if (count) show(count - 1);
+  drawCurves();
+
+  if (motion) {
+    bindPick();
+    for (const id of ["colour", "contacts", "forces", "edges", "through", "cut"]) $(id).addEventListener("change", () => { $("where").hidden = $("cut").value === ""; drawSpace(); });
+    $("where").addEventListener("input", drawSpace);
+    $("scale").addEventListener("change", () => { const given = +$("scale").value; if (given >= 0 && isFinite(given)) { scale = given; drawSpace(); } });
+    $("reset").addEventListener("click", () => { Plotly.purge($("view")); drawSpace(); bindPick(); });
+    $("save").addEventListener("click", () => Plotly.downloadImage($("view"), { format: "png", width: 1600, height: 1000, filename: run.title.replace(/\W+/g, "_") }));
+  }
+  $("instant").addEventListener("input", () => { play(false); show(+$("instant").value); });
+  $("play").addEventListener("click", () => play(!timer));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (motion) drawSpace(); drawCurves(); showPicked(); });
+  addEventListener("resize", () => requestAnimationFrame(cursors));
+  document.documentElement.dataset.ready = "yes";
+}
+
+begin();

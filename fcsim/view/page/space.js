@@ -1,0 +1,165 @@
+"use strict";
+/* The bodies, contacts and forces of an instant, drawn. */
+
+let motion = null, contacts = null, now = 0, timer = null, scale = run.exaggeration, hidden = new Set(), pick = null, place = null;
+
+function ink() {
+  const style = getComputedStyle(document.documentElement);
+  return { ink: style.getPropertyValue("--ink").trim(), paper: style.getPropertyValue("--paper").trim(), rule: style.getPropertyValue("--rule").trim(), shade: style.getPropertyValue("--shade").trim() };
+}
+
+function cut() {  // [axis, coordinate], what lies beyond is not shown
+  const axis = $("cut").value;
+  return axis === "" ? null : [+axis, run.low[axis] + $("where").value * (run.high[axis] - run.low[axis])];
+}
+
+function positions(k) {  // (3 arrays) of all vertices at instant k, cut where asked
+  const n = motion.vertices.values.length / 3, xyz = [new Float32Array(n), new Float32Array(n), new Float32Array(n)], base = k * 3 * n;
+  for (let v = 0; v < n; v++)
+    for (let i = 0; i < 3; i++) xyz[i][v] = motion.low[i] + motion.vertices.at(3 * v + i) + scale * motion.displacement.at(base + 3 * v + i);
+  const plane = cut();
+  if (plane)  // what lies beyond is laid into the plane: the rest looks sawn through
+    for (let along = xyz[plane[0]], v = 0; v < n; v++) if (along[v] > plane[1]) along[v] = plane[1];
+  return xyz;
+}
+
+function triangles(stressed, beyond) {  // the shown ones of the bodies that have a stress, or of the others
+  const keep = [[], [], []], cells = [];
+  for (let t = 0; t < motion.triangle.length / 3; t++) {
+    const body = motion.body[motion.triangle[3 * t]];
+    if (hidden.has(body) || beyond.has(body) || (motion.cell[t] >= 0) !== stressed) continue;
+    for (let i = 0; i < 3; i++) keep[i].push(motion.triangle[3 * t + i]);
+    cells.push(t);
+  }
+  return { keep, cells };
+}
+let parts = [];  // the two of them: deformable bodies and rigid ones
+
+function choose(beyond) { parts = [triangles(true, beyond), triangles(false, beyond)]; }
+
+function bodiesBeyond(xyz) {  // those that a cut leaves nothing of
+  const plane = cut(), beyond = new Set();
+  if (!plane) return beyond;
+  for (const body of motion.body) beyond.add(body);
+  for (let v = 0; v < motion.body.length; v++) if (xyz[plane[0]][v] < plane[1]) beyond.delete(motion.body[v]);
+  return beyond;
+}
+
+function bodyStatus(k) {  // 2 where any contact of the body slides, 1 where one sticks, else 0
+  const of = new Map();
+  if (contacts && contacts.slave)
+    for (let c = contacts.first[k]; c < contacts.first[k + 1]; c++)
+      for (const body of [contacts.slave[c], contacts.master[c]]) of.set(body, Math.max(of.get(body) || 0, contacts.status[c]));
+  return of;
+}
+
+function bar(title, unit, most) {
+  const [factor, name] = (PREFIX[unit] || [[1, unit]]).find(([f]) => most >= f) || [1, unit];
+  return { factor, colorbar: { title: { text: `${title} [${name}]`, side: "right" }, thickness: 14, len: .8, tickfont: { color: ink().ink } } };
+}
+
+function colours(k, { cells }, first) {  // what the trace of a mesh takes for its colours
+  const by = $("colour").value, n = motion.body.length, plain = { intensity: null, showscale: false };
+  if (by === "stress") {
+    if (!first) return { ...plain, color: GREY };
+    const m = motion.stress.row, { factor, colorbar } = bar("von Mises stress", "Pa", run.stress);
+    const intensity = cells.map(t => motion.stress.at(k * m + motion.cell[t]) / factor);
+    return { ...plain, intensity, intensitymode: "cell", cmin: 0, cmax: run.stress / factor, colorscale: STRESS, showscale: true, colorbar };
+  }
+  if (by === "displacement" || by === "speed") {
+    const intensity = new Float32Array(n), most = by === "speed" ? motion.mostSpeed : motion.mostMove;
+    const { factor, colorbar } = bar(by, by === "speed" ? "m/s" : "m", most);
+    for (let v = 0; v < n; v++) intensity[v] = (by === "speed" ? motion.speed.at(k * n + v) : moved(k, v)) / factor;
+    return { ...plain, intensity, intensitymode: "vertex", cmin: 0, cmax: most / factor || 1, colorscale: SMOOTH, showscale: first || !parts[0].cells.length, colorbar };
+  }
+  if (by === "plain") return { ...plain, color: first ? STONE : GREY };
+  const of = by === "status" ? bodyStatus(k) : null, palette = by === "status" ? STATUS_COLOUR : PALETTE;
+  const colorscale = palette.flatMap((colour, n) => [[n / palette.length, colour], [(n + 1) / palette.length, colour]]);
+  const intensity = cells.map(t => { const body = motion.body[motion.triangle[3 * t]]; return of ? of.get(body) || 0 : body % palette.length; });
+  return { ...plain, intensity, intensitymode: "cell", cmin: -0.5, cmax: palette.length - 0.5, colorscale };
+}
+
+function key(entries) {
+  for (const [word, colour] of entries) {
+    const dot = document.createElement("span");
+    dot.className = "dot"; dot.style.background = colour;
+    $("legend").append(dot, word);
+  }
+}
+
+function moved(k, v) {
+  const base = 3 * (k * motion.body.length + v), d = motion.displacement;
+  return Math.hypot(d.at(base), d.at(base + 1), d.at(base + 2));
+}
+
+function lines(xyz, beyond) {
+  const found = [[], [], []];
+  if ($("edges").checked)
+    for (let l = 0; l < motion.line.length / 2; l++) {
+      const a = motion.line[2 * l], b = motion.line[2 * l + 1];
+      if (hidden.has(motion.body[a]) || beyond.has(motion.body[a])) continue;
+      for (let i = 0; i < 3; i++) found[i].push(xyz[i][a], xyz[i][b], null);
+    }
+  return found;
+}
+
+function contactPlace(c, i) {
+  return motion.low[i] + contacts.point.at(3 * c + i) + (scale - 1) * (contacts.displacement ? contacts.displacement.at(3 * c + i) : 0);
+}
+
+function contactTraces(k) {  // points by status, and arrows on the slave bodies: shaft and two strokes of a head
+  const dots = { x: [], y: [], z: [], number: [], colour: [] }, arrows = { x: [], y: [], z: [], colour: [] };
+  if (!contacts) return { dots, arrows };
+  const size = Math.hypot(...run.high.map((h, i) => h - run.low[i])), unit = 0.14 * size / (contacts.most || 1);
+  const plane = cut(), aside = [0.3, -1, 0.25];  // heads lie in the plane across the usual direction of view
+  for (let c = contacts.first[k]; c < contacts.first[k + 1]; c++) {
+    const p = [0, 1, 2].map(i => contactPlace(c, i)), s = contacts.status[c];
+    if (plane && p[plane[0]] > plane[1]) continue;
+    if ($("contacts").checked) {
+      ["x", "y", "z"].forEach((name, i) => dots[name].push(p[i]));
+      dots.number.push(c); dots.colour.push(STATUS_COLOUR[s]);
+    }
+    if ($("forces").checked && s > 0) {
+      const f = [0, 1, 2].map(i => unit * contacts.reaction.at(3 * c + i)), length = Math.hypot(...f);
+      if (length < 2e-3 * size) continue;
+      let across = [f[1] * aside[2] - f[2] * aside[1], f[2] * aside[0] - f[0] * aside[2], f[0] * aside[1] - f[1] * aside[0]];
+      const norm = Math.hypot(...across) || 1, head = Math.min(0.3 * length, 0.02 * size);
+      across = across.map(a => a / norm * head * 0.5);
+      const tip = p.map((q, i) => q + f[i]), back = tip.map((q, i) => q - f[i] / length * head);
+      for (const point of [p, tip, back.map((q, i) => q + across[i]), tip, back.map((q, i) => q - across[i]), null])
+        ["x", "y", "z"].forEach((name, i) => arrows[name].push(point ? point[i] : null));
+      arrows.colour.push(...Array(6).fill(STATUS_COLOUR[s]));
+    }
+  }
+  return { dots, arrows };
+}
+
+function drawSpace() {
+  const xyz = positions(now), beyond = bodiesBeyond(xyz), edge = lines(xyz, beyond), { dots, arrows } = contactTraces(now), c = ink();
+  if (beyond.size || !parts.length || parts.cut) choose(beyond);
+  parts.cut = beyond.size > 0;
+  const extent = run.high.map((h, i) => h - run.low[i]), most = Math.max(...extent);
+  const axis = i => ({ visible: false, range: [run.low[i] - 0.04 * most, run.high[i] + 0.04 * most], autorange: false });
+  const eye = run.planar ? { x: 0, y: 0, z: 1.2 } : extent[0] >= extent[1] ? { x: .3, y: -1.15, z: .28 } : { x: 1.15, y: .3, z: .28 };
+  const ratio = extent.map(e => (e + 0.08 * most) / most * 1.05), opacity = $("through").checked ? 0.4 : 1;
+  const mesh = parts.map((part, n) => ({ type: "mesh3d", name: n ? "rigid" : "deformable", x: xyz[0], y: xyz[1], z: xyz[2], i: part.keep[0], j: part.keep[1], k: part.keep[2],
+    opacity, flatshading: true, hoverinfo: "none", lighting: { ambient: 1, diffuse: .15, specular: 0, fresnel: 0 }, lightposition: { x: -2e4, y: -1e5, z: 6e4 }, ...colours(now, part, n === 0) }));
+  Plotly.react($("view"), [...mesh,
+    { type: "scatter3d", mode: "lines", name: "edges", x: edge[0], y: edge[1], z: edge[2], line: { color: c.ink, width: 1.5 }, hoverinfo: "skip" },
+    { type: "scatter3d", mode: "markers", name: "contacts", x: dots.x, y: dots.y, z: dots.z, marker: { size: 3.5, color: dots.colour }, hoverinfo: "none" },
+    { type: "scatter3d", mode: "lines", name: "forces", x: arrows.x, y: arrows.y, z: arrows.z, line: { color: arrows.colour, width: 3 }, hoverinfo: "skip" },
+  ], {
+    margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: c.shade, uirevision: "kept", showlegend: false, font: { color: c.ink },
+    scene: { xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] }, bgcolor: c.shade, uirevision: "kept",
+      camera: { eye, up: run.planar ? { x: 0, y: 1, z: 0 } : { x: 0, y: 0, z: 1 }, projection: { type: run.planar ? "orthographic" : "perspective" } } },
+  }, { displayModeBar: false, responsive: true, scrollZoom: true });
+  place = dots.number;
+  drawLegend();
+}
+
+function drawLegend() {
+  $("legend").textContent = "";
+  if ($("colour").value === "status") key([["no closed contact", STATUS_COLOUR[0]], ["its closed contacts stick", STATUS_COLOUR[1]], ["a contact slips", STATUS_COLOUR[2]]]);
+  else if (contacts && ($("forces").checked || $("contacts").checked)) key(STATUS.map((word, s) => [word, STATUS_COLOUR[s]]));
+  if (contacts && $("forces").checked) $("legend").append(` · longest arrow of the run: ${shown(contacts.most, "N")}`);
+}

@@ -1,0 +1,88 @@
+"""DIR/page.html: the run as one file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from fcsim.errors import MissingDependency
+from fcsim.files import inside, replacing
+from fcsim.running.folder import RunFolder
+from fcsim.view.page.curves import groups, shown_rows, table, units
+from fcsim.view.page.motion import motion
+from fcsim.view.scene import Survey, colour_map
+
+SCRIPTS = ("numbers", "space", "curves", "page")
+"""One after the other, as the page has them."""
+
+
+def write_page(run: RunFolder, seen: Survey | None, progress: Callable[[int, int], None] = lambda done, total: None) -> Path:
+    """Write DIR/page.html and return its path: bodies, contacts and forces over time in space, curves, parameters, versions, all within.
+
+    seen: see `fcsim.view.scene.survey`; None where the run wrote no VTK series: the page has curves and tables alone.
+    Raises MissingDependency without plotly, InputError where a file of the run cannot be read.
+    """
+    path = inside(run.directory, run.directory / "page.html")
+    rows = shown_rows(run)
+    about = run.description
+    facts = {
+        "status": about.status + (f": {about.message}" if about.message else ""),
+        "steps": f"{about.steps_done if about.steps_done is not None else '?'} of {about.steps}",
+        "h": None if about.h is None else f"{about.h:g} s",
+        "scheme": about.scheme,
+        "solver": f"{about.solver}, tol {about.tol:g}" if about.tol is not None else about.solver,
+        "largest overlap": f"{about.overlap.depth:.3g} m {about.overlap.between}" if about.overlap.depth else "none seen",
+        **{f"note {k}": note for k, note in enumerate(about.notes, 1)},
+    }
+    content = {
+        "title": run.title,
+        "bodies": list(about.bodies),
+        "facts": {name: value for name, value in facts.items() if value},
+        "parameters": {name: str(value) for name, value in about.parameters.items()},
+        "versions": dict(about.versions),
+        "exaggeration": 1.0 if seen is None else seen.exaggeration,
+        "planar": seen is not None and seen.planar,
+        "low": None if seen is None else seen.low.tolist(),
+        "high": None if seen is None else seen.high.tolist(),
+        "colours": _colours(),
+        "stress": None if seen is None or seen.stress is None else seen.stress[1],
+        "motion": motion(run, run.instants, progress) if seen is not None else None,
+        "columns": table(run, rows),
+        "units": units(run),
+        "graphs": groups(run, rows),
+    }
+    here = files("fcsim.view.page")
+    text = Template(here.joinpath("page.html").read_text(encoding="utf-8")).substitute(
+        title=escape(run.title),
+        status=escape(about.status or "unknown"),
+        description=escape(about.description),
+        style=here.joinpath("page.css").read_text(encoding="utf-8"),
+        script="\n".join(here.joinpath(f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS),
+        library=_library().replace("</script", "<\\/script"),
+        content=json.dumps(content, allow_nan=False).replace("<", "\\u003c"),
+    )
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def _colours() -> list[tuple[float, str]]:
+    """The colours of the stress, as in pictures: (share of the range, colour) from 0 to 1."""
+    from matplotlib.colors import to_hex
+
+    return [(float(share), to_hex(colour_map()(share))) for share in np.linspace(0.0, 1.0, 11)]
+
+
+def _library() -> str:
+    """plotly.js, which comes with plotly's package."""
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError as error:
+        raise MissingDependency(f"plotly cannot be imported ({error}), which a run's page needs: pip install 'fcsim[view]'") from None
+    return str(get_plotlyjs())

@@ -1,0 +1,161 @@
+"""A run's page in a real browser: it loads alone, moves, and says the numbers of steps.csv and of the VTK files.
+
+    make browser-test
+
+Chromium of the system, driven by playwright; skipped with a reason where either is missing.
+"""
+
+import csv
+import re
+import shutil
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from fcsim.running.case import load_case
+from fcsim.running.outputs import RunOptions
+from fcsim.running.run import run_case
+from fcsim.view import render
+
+pytestmark = pytest.mark.browser
+
+CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
+GRAPHICS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A small sheared wall of the case masonry_wall, with its page."""
+    directory = tmp_path_factory.mktemp("run") / "wall"
+    script = load_case("cases/masonry_wall")
+    given = {"steps": "40", "divisions": "4,2,2", "courses": "2", "blocks": "2.5"}
+    run_case(script, given, directory, RunOptions(export_every=0, vtk_every=2))
+    render(directory, film=None, page=True)
+    return directory
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on the PATH (Debian: apt-get install chromium)")
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install 'fcsim[browser]'")
+    with api.sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=GRAPHICS)
+
+
+@pytest.fixture
+def opened(browser, run, request):
+    """The page, ready, and what it said and asked for; of the width and colours that a test's parameter names."""
+    width, height, scheme = getattr(request, "param", (1280, 900, "light"))
+    page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+    page.said, page.asked = [], []
+    page.on("console", lambda message: page.said.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: page.said.append(str(error)))
+    page.on("request", lambda asked: page.asked.append(asked.url))
+    page.goto((run / "page.html").resolve().as_uri())
+    page.wait_for_selector("html[data-ready]", timeout=120_000)
+    yield page
+    page.close()
+
+
+def rows(run):
+    with (run / "steps.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_it_loads_without_errors_or_requests(opened, run):
+    assert opened.said == []
+    assert opened.asked == [(run / "page.html").resolve().as_uri()]
+    assert opened.inner_text("#facts").startswith("status\tfinished")
+
+
+def slide(page, place):
+    page.eval_on_selector("#instant", "(slider, place) => { slider.value = place; slider.dispatchEvent(new Event('input')); }", place)
+
+
+def test_the_slider_moves_the_bodies_to_where_the_files_have_them(opened, run):
+    opened.fill("#scale", "1000")  # far more than the multiples in which places are stored
+    opened.dispatch_event("#scale", "change")
+    for place in (0, 7, 19):
+        slide(opened, place)
+        data = pv.read(sorted((run / "vtk").glob("blocks_*.vtu"))[place])
+        surface = data.extract_surface(algorithm="dataset_surface")
+        true = np.asarray(surface.points) + 1000 * surface["displacement"]
+        drawn = np.array(opened.evaluate("['x', 'y', 'z'].map(axis => Array.from($('view').data[0][axis]))")).T
+        assert max(np.linalg.norm(drawn - point, axis=1).min() for point in true) < 1e-4 * np.ptp(true)
+        assert f"t = {float(rows(run)[int(data.field_data['TimeValue'][0] / 1e-3 + 0.5) - 1]['t']):.6g}" in opened.inner_text("#when")
+
+
+def test_the_row_beside_it_is_that_of_steps_csv(opened, run):
+    slide(opened, 9)
+    step = int(re.search(r"step (\d+)", opened.inner_text("#when")).group(1))
+    opened.click("text=This step, as in steps.csv")
+    shown = dict(line.split("\t") for line in opened.inner_text("#row").splitlines())
+    expected = next(row for row in rows(run) if int(row["step"]) == step)
+    for name, value in expected.items():
+        got = shown[next(key for key in shown if key.split(" [")[0] == name)]
+        if value in ("", "nan"):
+            assert got == "–" or got == value
+        elif value.replace(".", "").replace("-", "").replace("e", "").replace("+", "").isdigit():
+            assert float(got) == pytest.approx(float(value), rel=1e-11), name
+        else:
+            assert got == value
+
+
+def test_a_click_picks_a_body_and_says_its_numbers(opened, run):
+    slide(opened, 19)
+    box = opened.locator("#view").bounding_box()
+    x, y = box["x"] + 0.45 * box["width"], box["y"] + 0.5 * box["height"]
+    opened.mouse.move(x - 4, y)
+    opened.wait_for_timeout(800)
+    opened.mouse.move(x, y)
+    opened.wait_for_timeout(800)
+    opened.mouse.down()
+    opened.mouse.up()
+    opened.wait_for_selector("#numbers tr", timeout=20_000)
+    assert opened.inner_text("#what").startswith("Body ")
+    vertex = opened.evaluate("pick.vertex")
+    data = pv.read(sorted((run / "vtk").glob("blocks_*.vtu"))[-1])
+    place = np.array(opened.evaluate("[0, 1, 2].map(i => motion.low[i] + motion.vertices.at(3 * pick.vertex + i))"))
+    node = np.linalg.norm(np.asarray(data.points) - place, axis=1)
+    assert vertex is not None
+    if node.min() < 1e-5:  # of a block: its displacement is the file's
+        said = dict(line.split("\t") for line in opened.inner_text("#numbers").splitlines())["displacement"]
+        factor = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "m": 1.0}[said.split()[1]]
+        near = np.linalg.norm(np.asarray(data["displacement"])[node < 1e-5], axis=1)
+        assert np.abs(near - float(said.split()[0]) * factor).min() < 1e-3 * near.max()
+
+
+def test_hiding_cutting_and_colouring_change_what_is_drawn(opened):
+    opened.uncheck("#through")
+    whole = opened.evaluate("$('view').data[0].i.length")
+    opened.click("#hide summary")
+    opened.uncheck("#bodies label:first-child input")
+    assert 0 < opened.evaluate("$('view').data[0].i.length") < whole
+    opened.select_option("#cut", "0")
+    most = opened.evaluate("Math.max(...$('view').data[0].x)")
+    assert most == pytest.approx(opened.evaluate("cut()[1]"))
+    for kind in opened.eval_on_selector_all("#colour option", "options => options.map(option => option.value)"):
+        opened.select_option("#colour", kind)
+    assert opened.said == []
+
+
+def test_play_goes_to_the_end_and_stops(opened):
+    slide(opened, 0)
+    opened.click("#play")
+    assert opened.inner_text("#play") == "Pause"
+    opened.wait_for_function("$('play').textContent === 'Play'", timeout=60_000)
+    assert opened.input_value("#instant") == opened.get_attribute("#instant", "max")
+
+
+@pytest.mark.parametrize("opened", [(1280, 900, "light"), (1280, 900, "dark"), (390, 844, "light"), (390, 844, "dark")], indirect=True)
+def test_nothing_is_clipped_and_all_can_read_it(opened):
+    assert opened.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    clipped = """() => [...document.querySelectorAll('h1, h2, h3, p, th, td, label, button, summary, output')]
+        .filter(e => e.offsetParent && getComputedStyle(e).display !== 'inline' && e.scrollWidth > e.clientWidth + 1)
+        .map(e => e.textContent)"""
+    assert opened.evaluate(clipped) == []
+    axe = pytest.importorskip("axe_core_python.sync_playwright", reason="axe-core-python is not installed: pip install 'fcsim[browser]'")
+    found = axe.Axe().run(opened)["violations"]
+    assert [(rule["id"], [node["html"][:120] for node in rule["nodes"]]) for rule in found] == []

@@ -1,0 +1,85 @@
+"""Numbers of any size in masonry problems: the answer scales as statics says, or they are refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fcsim.errors import InputError
+from fcsim.masonry import MasonryProblem, analyse, read_masonry
+from fcsim.masonry.case import masonry_case
+from fcsim.running.run import RunOptions, run_case
+
+
+def box(low: tuple[float, float, float], size: tuple[float, float, float]) -> list[list[float]]:
+    """A hexahedron's corners in VTK's order."""
+    flat = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    return [[low[0] + size[0] * p, low[1] + size[1] * q, low[2] + size[2] * r] for r in (0, 1) for p, q in flat]
+
+
+def pushed_block(s: float = 1.0, force: float = 1.0, **other: Any) -> dict[str, Any]:
+    """A block of (2, 1, 1) s m and 1000 kg/m^3 on a floor, mu 0.25, pushed by a force: it slides at mu m g, long before it tips."""
+    return {
+        "schema": "masonry-problem/1",
+        "name": "block",
+        "dimension": 2,
+        "contact": {"mu": 0.25},
+        "loads": [
+            {"kind": "acceleration", "value": [0, 0, -9.81]},
+            {"kind": "force", "block": "1", "value": [force, 0, 0], "scaled_by_multiplier": True},
+        ],
+        "blocks": [
+            {"id": "0", "vertices": box((-s, 0, -s), (4 * s, s, s)), "support": True},
+            {"id": "1", "vertices": box((0, 0, 0), (2 * s, s, s)), "density": 1000.0},
+        ],
+    } | other
+
+
+def read(tmp_path: Path, data: dict[str, Any]) -> MasonryProblem:
+    path = tmp_path / "block.json"
+    path.write_text(json.dumps(data))
+    return read_masonry(path)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("s", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("force", [1e-9, 1.0, 1e9])
+def test_the_limit_load_of_a_block_in_any_unit(tmp_path: Path, s: float, force: float, dimension: int) -> None:
+    """mu m g / F (it was 20 times that, 0 or without a bound where the loads were unlike, since the programs' tolerances are absolute)."""
+    found = analyse(read(tmp_path, pushed_block(s, force, dimension=dimension)))
+    expected = 0.25 * 2000.0 * s**3 * 9.81 / force
+    assert found.associative.outcome == found.coulomb.outcome == "limit"
+    assert found.associative.multiplier == pytest.approx(expected, rel=1e-5)
+    assert found.coulomb.multiplier == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("force", [1e300, 1e-300])
+def test_loads_that_leave_floats_are_refused(tmp_path: Path, force: float) -> None:
+    with pytest.raises(InputError, match="expected loads that can be added up"):
+        analyse(read(tmp_path, pushed_block(force=force)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"contact": {"mu": 10**400}}, "mu: expected a finite number, got 1000"),
+        ({"base_acceleration": {"kind": "sine", "value": [1, 0, 0], "duration": 1e6, "frequency": 1e6}}, "at most 10000 half waves"),
+        ({"base_acceleration": {"kind": "half_sine", "value": [1, 0, 0], "duration": 1e-320}}, r"frequency \[Hz\] > 0"),
+    ],
+)
+def test_numbers_that_nothing_holds(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read(tmp_path, pushed_block(**change))
+
+
+def test_blocks_named_by_numbers_may_be_a_pair(tmp_path: Path) -> None:
+    assert read(tmp_path, pushed_block(contact={"mu": 0.5, "mu_between": [{"between": [0, 1], "mu": 0.3}]})).between == {("0", "1"): 0.3}
+
+
+def test_a_support_that_is_faster_than_any(tmp_path: Path) -> None:
+    read(tmp_path, pushed_block(support_motion=[{"block": "0", "velocity": [1e300, 0, 0]}]))
+    with pytest.raises(InputError, match="to approach by less than 1000 facets in one step, got inf m"):
+        run_case(masonry_case(tmp_path / "block.json"), {"steps": "1"}, tmp_path / "out", RunOptions(export_every=0, vtk_every=0))
