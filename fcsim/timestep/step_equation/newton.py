@@ -146,7 +146,9 @@ class _Newton:
                 else now.r
             )
             self.start = warm if self.start is None else self.start
-            tol = self.settings.tol * min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
+            # what a solver leaves open is in the next iterate's contacts: they would not settle to less
+            tol = self.settings.tol if self.anew is None else min(self.settings.tol, TOLERANCE)
+            tol *= min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
             tol *= CLOSER if share else 1.0
             tried = len(self.attempts)
             result, serving = solve_chain(self.settings, reduction, warm, tol, equation.share, self.attempts, past.serving, lead)

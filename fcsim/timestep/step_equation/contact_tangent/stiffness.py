@@ -71,7 +71,7 @@ def by_formulas(model: Model, contacts: Contacts, r: FloatArray, x: FloatArray) 
         phi = -np.take_along_axis(facets.weights, place, axis=1)
         first, _ = shape_gradients(phi)
         t = np.einsum("akb,akd->abd", first, model.positions(x)[np.take_along_axis(facets.nodes, place, axis=1)])
-        own += np.count_nonzero(_flat(t, facets.frame[:, 0]))
+        own += int(np.count_nonzero(_flat(t, facets.frame[:, 0])))
     return own == len(those)
 
 
