@@ -33,6 +33,10 @@ faults: $(READY)  ## mutated files, options, kills, full disks with a fresh seed
 	@echo "seed $(FAULTS_SEED)"
 	FCSIM_FAULTS=$(FAULTS) FCSIM_FAULTS_SEED=$(FAULTS_SEED) .venv/bin/python -m pytest tests/faults $(PYTEST_ARGS)
 
+mutation: $(READY)  ## count how many small errors the tests see (MUTATION="cone judge --each 0" picks modules and how many of each)
+	.venv/bin/python -c "import cosmic_ray" 2>/dev/null || .venv/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[mutation]'
+	.venv/bin/python tools/mutation.py $(MUTATION)
+
 lint: $(READY)  ## check style, types and who imports whom
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check

@@ -37,12 +37,22 @@ def read_json(path: Path) -> Json:
     try:
         if path.stat().st_size > LARGEST:
             raise InputError(f"{path}: expected a description of at most {LARGEST} bytes, got {path.stat().st_size}")
-        content: Json = json.loads(path.read_text(encoding="utf-8"))
+        # some editors begin a text of UTF-8 with a mark
+        content: Json = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_without_twins)
         return content
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path}: expected JSON: {error}") from None
+
+
+def _without_twins(pairs: list[tuple[str, Json]]) -> dict[str, Json]:
+    """An object's keys and values; ValueError for a key that comes twice, of which one would count and nobody knows which."""
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"the key {next(name for name in names if names.count(name) > 1)!r} comes twice in one object")
+    return found
 
 
 def read_record[T](kind: type[T], path: Path) -> T:

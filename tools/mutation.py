@@ -6,8 +6,8 @@
 
 A mutation is killed where a test fails or runs longer than ten times what it takes unharmed. Operators that change nothing but the
 annotations (`X | None`) and those that give the same program (`is` for `==` of small numbers) are left out. Compiled kernels run as plain
-Python (NUMBA_DISABLE_JIT), since their cache does not see what they are made of. Needs `pip install cosmic-ray==8.7.0`, which
-nothing else here does. The score is in docs/promises.md.
+Python (NUMBA_DISABLE_JIT), since their cache does not see what they are made of. Needs the extra `mutation`, which `make mutation`
+installs. The score is in docs/promises.md.
 """
 
 from __future__ import annotations

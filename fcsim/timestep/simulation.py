@@ -167,7 +167,8 @@ class Simulation:
 
     def _opening(self, state: State) -> tuple[str, ...]:
         """Remarks as a run begins."""
-        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage is not None)
+        linked = self.linkage is not None
+        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, linked, self.solver.floor)
         return (*locking_parts(self.model), *own)
 
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:

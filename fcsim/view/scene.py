@@ -129,8 +129,8 @@ def _automatic(size: float, moved: float) -> float:
     return float(power * ROUND_FACTORS[wanted / power * (1 + 1e-12) >= ROUND_FACTORS][-1])
 
 
-def _left_out(last: Instant, toward: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Numbers of the rigid bodies that pictures look past."""
+def left_out(last: Instant, toward: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Numbers of the rigid bodies that pictures look past: they stand before all others, seen along the unit vector `toward` the eye."""
     assert last.rigid is not None
     return standing_before(read(last.rigid), None if last.blocks is None else read(last.blocks), toward)
 
@@ -165,7 +165,7 @@ class Scene:
         self.right = right / np.linalg.norm(right)
         self.up = np.cross(self.toward, self.right)
 
-        self.left_out = np.empty(0, dtype=np.int64) if seen.planar or seen.last is None else _left_out(seen.last, self.toward)
+        self.left_out = np.empty(0, dtype=np.int64) if seen.planar or seen.last is None else left_out(seen.last, self.toward)
         self.centre = (seen.low + seen.high) / 2
         corners = np.array(np.meshgrid(*zip(seen.low, seen.high, strict=True))).reshape(3, -1).T - self.centre
         half_width, half_height = (float(np.abs(corners @ axis).max()) for axis in (self.right, self.up))

@@ -156,6 +156,11 @@ def test_nothing_is_clipped_and_all_can_read_it(opened):
         .filter(e => e.offsetParent && getComputedStyle(e).display !== 'inline' && e.scrollWidth > e.clientWidth + 1)
         .map(e => e.textContent)"""
     assert opened.evaluate(clipped) == []
+    outside = """() => [...document.querySelectorAll('.plot text')].filter(text => {
+        const own = text.getBoundingClientRect(), plot = text.closest('.plot').getBoundingClientRect();
+        return own.width && (own.left < plot.left - 1 || own.right > plot.right + 1 || own.bottom > plot.bottom + 1);
+    }).map(text => text.textContent)"""
+    assert opened.evaluate(outside) == []
     axe = pytest.importorskip("axe_core_python.sync_playwright", reason="axe-core-python is not installed: pip install 'fcsim[browser]'")
     found = axe.Axe().run(opened)["violations"]
     assert [(rule["id"], [node["html"][:120] for node in rule["nodes"]]) for rule in found] == []

@@ -29,11 +29,15 @@ _MANY = 2000
 """Bodies from which on pairs of them are not compared."""
 
 
-def opening_remarks(model: Model, detector: Detection, scheme: Scheme, state: State, steps: int, linked: bool) -> tuple[str, ...]:
-    """Remarks on a simulation before its first step at `state`; linked: whether it has links, which hold and join bodies too."""
+def opening_remarks(
+    model: Model, detector: Detection, scheme: Scheme, state: State, steps: int, linked: bool, floor: float = 0.0
+) -> tuple[str, ...]:
+    """Remarks on a simulation before its first step at `state`; linked: whether it has links, which hold and join bodies too; floor: of
+    the solvers' errors, see `SolverSettings`."""
     positions = model.positions(state.x)
     gravity = _largest_gravity(model, state.t, state.t + steps * scheme.h)
     found: list[Iterable[str]] = [_units(model, gravity), _upwards(model, positions, gravity, linked), _long_steps(model, scheme, gravity)]
+    found.append(_coarse_floor(model, scheme, floor))
     if isinstance(detector, Detector):
         names = [body.name for body in model.bodies]
         found.append(never_touching(detector.pairs, positions, names))
@@ -129,6 +133,18 @@ def _long_steps(model: Model, scheme: Scheme, gravity: FloatArray) -> Iterator[s
         yield (
             f"in one step of h = {h:.3g} s a body falls by {g * h**2:.3g} m, and the thinnest is {thickness:.3g} m thick: choose h below "
             f"{np.sqrt(0.01 * thickness / g):.2g} s"
+        )
+
+
+def _coarse_floor(model: Model, scheme: Scheme, floor: float) -> Iterator[str]:
+    """A floor of the errors beside which bodies are small: motions of tol times it pass for none."""
+    extents = [float(np.ptp(points, axis=0).max()) for points in _points(model, model.reference) if len(points)]
+    smallest, moving = min(extents, default=np.inf), scheme.timing.moving
+    passed, unit = floor * (scheme.h if moving else 1.0), "m/s" if moving else "m"
+    if passed > smallest > 0:
+        yield (
+            f"errors of solvers are measured against motions of at least {passed:.3g} m a step (SolverSettings.floor = {floor:g} {unit}), "
+            f"and the smallest body is {smallest:.3g} m: give a floor of a thousandth of the motion in a step, in {unit}"
         )
 
 

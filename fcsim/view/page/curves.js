@@ -1,7 +1,13 @@
 "use strict";
 /* The curves, and the numbers of what was picked. */
 
-const graphs = [];
+const graphs = [], LINE = 36;
+
+function inLines(text) {  // of at most LINE characters or so, between words
+  const lines = [""];
+  for (const word of text.split(" ")) if (lines.at(-1).length + word.length > LINE) lines.push(word); else lines[lines.length - 1] += ` ${word}`;
+  return lines.join("<br>").trim();
+}
 
 function drawCurves() {
   const c = ink();
@@ -23,9 +29,9 @@ function drawCurves() {
       x: graph.x.values, y: graph.logarithmic ? curve.values.map(v => v > 0 ? v : null) : curve.values, name: curve.label, connectgaps: true, mode: graph.x.values.length < 3 ? "markers" : "lines",
       line: { color: PALETTE[n % PALETTE.length], width: 1.6, dash: n < PALETTE.length ? "solid" : "dot" },
     })), {
-      margin: { l: 55, r: 8, t: 6, b: 36 }, paper_bgcolor: c.paper, plot_bgcolor: c.paper, font: { color: c.ink, size: 11 }, hovermode: "x unified", hoverlabel: { bgcolor: c.shade },
+      margin: { l: 55, r: 8, t: 6, b: graph.x.title.length > LINE ? 50 : 36 }, paper_bgcolor: c.paper, plot_bgcolor: c.paper, font: { color: c.ink, size: 11 }, hovermode: "x unified", hoverlabel: { bgcolor: c.shade },
       showlegend: graph.curves.length > 1, legend: { orientation: "h", y: 1.02, yanchor: "bottom", font: { size: 10 } },
-      xaxis: { title: { text: `${graph.x.title}${graph.x.unit ? ` [${graph.x.unit}]` : ""}`, standoff: 4 }, gridcolor: c.rule, zerolinecolor: c.rule },
+      xaxis: { title: { text: inLines(`${graph.x.title}${graph.x.unit ? ` [${graph.x.unit}]` : ""}`), standoff: 4 }, gridcolor: c.rule, zerolinecolor: c.rule },
       yaxis: { type: graph.logarithmic ? "log" : "linear", gridcolor: c.rule, zerolinecolor: c.rule, exponentformat: "e" },
     }, { displayModeBar: false, responsive: true });
     plot.removeAllListeners("plotly_click");

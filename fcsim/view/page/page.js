@@ -56,7 +56,7 @@ async function begin() {
     for (const [value, word] of choices) if ((value !== "stress" || motion.stress) && (value !== "status" || (contacts && contacts.slave))) $("colour").add(new Option(word, value));
     $("scale").value = scale;
     for (const number of [...new Set(motion.body)].sort((a, b) => a - b)) {
-      const label = document.createElement("label"), box = Object.assign(document.createElement("input"), { type: "checkbox", checked: true });
+      const label = document.createElement("label"), box = Object.assign(document.createElement("input"), { type: "checkbox", checked: !hidden.has(number) });
       box.addEventListener("change", () => { box.checked ? hidden.delete(number) : hidden.add(number); parts = []; drawSpace(); });
       label.append(box, ` ${bodyName(number)}`);
       $("bodies").append(label);

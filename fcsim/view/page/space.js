@@ -1,7 +1,7 @@
 "use strict";
 /* The bodies, contacts and forces of an instant, drawn. */
 
-let motion = null, contacts = null, now = 0, timer = null, scale = run.exaggeration, hidden = new Set(), pick = null, place = null;
+let motion = null, contacts = null, now = 0, timer = null, scale = run.exaggeration, hidden = new Set(run.left_out), pick = null, place = null;
 
 function ink() {
   const style = getComputedStyle(document.documentElement);
@@ -59,7 +59,7 @@ function bar(title, unit, most) {
 }
 
 function colours(k, { cells }, first) {  // what the trace of a mesh takes for its colours
-  const by = $("colour").value, n = motion.body.length, plain = { intensity: null, showscale: false };
+  const by = $("colour").value, n = motion.body.length, plain = { showscale: false };
   if (by === "stress") {
     if (!first) return { ...plain, color: GREY };
     const m = motion.stress.row, { factor, colorbar } = bar("von Mises stress", "Pa", run.stress);
@@ -140,7 +140,9 @@ function drawSpace() {
   parts.cut = beyond.size > 0;
   const extent = run.high.map((h, i) => h - run.low[i]), most = Math.max(...extent);
   const axis = i => ({ visible: false, range: [run.low[i] - 0.04 * most, run.high[i] + 0.04 * most], autorange: false });
-  const eye = run.planar ? { x: 0, y: 0, z: 1.2 } : extent[0] >= extent[1] ? { x: .3, y: -1.15, z: .28 } : { x: 1.15, y: .3, z: .28 };
+  const view = $("view"), bulk = extent.toSorted((a, b) => b - a)[1] / most;
+  const far = Math.max(1, 1.25 * view.clientHeight / view.clientWidth) * (run.planar ? 0.75 + 0.4 * extent[1] / most : 0.85 + 0.4 * bulk);  // from where all fits in
+  const eye = Object.fromEntries(Object.entries(run.planar ? { x: 0, y: 0, z: 1.25 } : extent[0] >= extent[1] ? { x: .3, y: -1.15, z: .28 } : { x: 1.15, y: .3, z: .28 }).map(([axis, value]) => [axis, far * value]));
   const ratio = extent.map(e => (e + 0.08 * most) / most * 1.05), opacity = $("through").checked ? 0.4 : 1;
   const mesh = parts.map((part, n) => ({ type: "mesh3d", name: n ? "rigid" : "deformable", x: xyz[0], y: xyz[1], z: xyz[2], i: part.keep[0], j: part.keep[1], k: part.keep[2],
     opacity, flatshading: true, hoverinfo: "none", lighting: { ambient: 1, diffuse: .15, specular: 0, fresnel: 0 }, lightposition: { x: -2e4, y: -1e5, z: 6e4 }, ...colours(now, part, n === 0) }));
@@ -151,7 +153,7 @@ function drawSpace() {
   ], {
     margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: c.shade, uirevision: "kept", showlegend: false, font: { color: c.ink },
     scene: { xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] }, bgcolor: c.shade, uirevision: "kept",
-      camera: { eye, up: run.planar ? { x: 0, y: 1, z: 0 } : { x: 0, y: 0, z: 1 }, projection: { type: run.planar ? "orthographic" : "perspective" } } },
+      camera: { eye, up: run.planar ? { x: 0, y: 1, z: 0 } : { x: 0, y: 0, z: 1 }, } },
   }, { displayModeBar: false, responsive: true, scrollZoom: true });
   place = dots.number;
   drawLegend();

@@ -16,7 +16,7 @@ from fcsim.files import inside, replacing
 from fcsim.running.folder import RunFolder
 from fcsim.view.page.curves import groups, shown_rows, table, units
 from fcsim.view.page.motion import motion
-from fcsim.view.scene import Survey, colour_map
+from fcsim.view.scene import Survey, colour_map, left_out
 
 SCRIPTS = ("numbers", "space", "curves", "page")
 """One after the other, as the page has them."""
@@ -52,6 +52,7 @@ def write_page(run: RunFolder, seen: Survey | None, progress: Callable[[int, int
         "high": None if seen is None else seen.high.tolist(),
         "colours": _colours(),
         "stress": None if seen is None or seen.stress is None else seen.stress[1],
+        "left_out": [] if seen is None else _standing_before(seen),
         "motion": motion(run, run.instants, progress) if seen is not None else None,
         "columns": table(run, rows),
         "units": units(run),
@@ -70,6 +71,15 @@ def write_page(run: RunFolder, seen: Survey | None, progress: Callable[[int, int
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
+
+
+def _standing_before(seen: Survey) -> list[int]:
+    """Bodies that hide all others from where the page looks at first, which it does not show until asked."""
+    extent = seen.high - seen.low
+    if seen.planar or seen.last is None:
+        return []
+    toward = np.array([0.3, -1.15, 0.28]) if extent[0] >= extent[1] else np.array([1.15, 0.3, 0.28])  # the eye of space.js
+    return [int(number) for number in left_out(seen.last, toward / np.linalg.norm(toward))]
 
 
 def _colours() -> list[tuple[float, str]]:

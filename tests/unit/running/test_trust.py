@@ -57,6 +57,9 @@ def test_overwrite_removes_a_runs_files_alone(case_folder: Path, tmp_path: Path)
     for mine in ("notes.txt", "plots/fig.svg", "vtk/mine.vtu", "fclib/global/mine.hdf5", "deep/er/x"):
         (out / mine).parent.mkdir(parents=True, exist_ok=True)
         (out / mine).write_text("mine")
+    for drawn in ("pictures/bodies.png", "pictures/stress.png", "plots/phases.svg", "film.gif"):  # by `fcsim render`
+        (out / drawn).parent.mkdir(exist_ok=True)
+        (out / drawn).write_text("drawn")
     run_case(script, {"steps": "1"}, out, PLAIN, overwrite=True)
     kept = {name for name, text in content(out).items() if text == b"mine"}
     assert kept == {"notes.txt", "plots/fig.svg", "vtk/mine.vtu", "fclib/global/mine.hdf5", "deep/er/x"}

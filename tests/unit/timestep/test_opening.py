@@ -114,3 +114,12 @@ def test_it_is_shown_once_by_the_run() -> None:
                         supports=[Support("floor", ALL)], gravity=lambda t: (0, 0, 9.81))  # fmt: skip
     steps = list(Simulation(model, Everything(model, 0.3), Theta(1e-2), 3))
     assert ["free bodies rise" in " ".join(step.remarks) for step in steps] == [True, False, False]
+
+
+def test_a_floor_of_errors_beside_which_bodies_are_small() -> None:
+    """1e-3 is m/s in dynamics and m in statics: blocks of micrometres would be at rest up to "round-off" whatever they do."""
+    said = pile(unit=1e-5, gravity=0.0, scheme=QuasiStatic(1.0, eta=1e-6))
+    assert len(said) == 1 and re.search(
+        r"at least 0.001 m a step .*floor = 0.001 m\), and the smallest body is 2e-06 m: give a floor", said[0]
+    )
+    assert pile(unit=1e-5, gravity=0.0, h=1e-6) == ()
