@@ -233,15 +233,15 @@ def _of_form(form: str, solution: Solution) -> Solution:
 
 
 def _solve_of(run: RunFolder, step: int, named: Name) -> tuple[str, int, float | None]:
-    """Solver, iterations and time [s] of a problem by steps.csv; iterations by the file's name where it is not the step's last, that and
-    run.json where the row is missing."""
-    numbers, own = run.numbers("step"), named.iterations or 0
+    """Solver, iterations and time [s] of a problem: the file's name states its own iterations, where the row of the step in steps.csv has
+    those of all its parts and linearised problems; without a row the rest is as run.json says."""
+    numbers = run.numbers("step")
     rows = np.flatnonzero(numbers == step) if numbers is not None else np.empty(0, dtype=int)
     if not len(rows):
         h = run.description.h
-        return run.description.solver, own, None if h is None else step * h
+        return run.description.solver, named.iterations or 0, None if h is None else step * h
     row = int(rows[-1])
-    iterations = own if LINEARISED.fullmatch(named.fclib_set) else int(run.columns["iterations"][row])
+    iterations = int(run.columns["iterations"][row]) if named.iterations is None else named.iterations
     return str(run.columns["solver"][row]), iterations, float(run.columns["t"][row])
 
 

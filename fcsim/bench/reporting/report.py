@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import shlex
 from collections import Counter
@@ -17,7 +16,8 @@ from fcsim.bench.reporting.summary import AT_TIME_LIMIT, notes, number, tables
 from fcsim.bench.reporting.time_table import CLOCKS, tolerance_name
 from fcsim.bench.results import NOT_TRIED, SLACK, Measurement, results_file
 from fcsim.errors import InputError
-from fcsim.files import replacing
+from fcsim.files import inside, replacing
+from fcsim.tables import read_rows
 from fcsim.view.style import STYLE, matplotlib
 
 Sections = list[tuple[str, str, list[str]]]
@@ -176,10 +176,15 @@ def _tables(comparison: Comparison) -> list[str]:
 def _convergence(folder: Path) -> list[str]:
     """The convergence plots in a results folder."""
     html = []
-    for path in sorted(folder.rglob("convergence-*.png")):
+    for path in _own_files(folder, folder.rglob("convergence-*.png")):
         name = path.stem.removeprefix("convergence-")
         html.append(picture(path.read_bytes(), KINDS[".png"], f"Error against time and iterations on {name}", name))
     return html
+
+
+def _own_files(folder: Path, paths: Iterable[Path]) -> list[Path]:
+    """The files among the paths that are in the folder: a page is passed on, and a link would take what lies elsewhere along."""
+    return [path for path in sorted(paths) if path.is_file() and path.resolve().is_relative_to(folder.resolve())]
 
 
 def _collection(folder: Path) -> list[str]:
@@ -187,15 +192,14 @@ def _collection(folder: Path) -> list[str]:
     embedded: set[str] = set()
     readme, manifest = folder / "README.md", folder / "manifest.csv"
     if readme.is_file():
-        text, embedded = markdown_text(readme.read_text(encoding="utf-8"), folder)
+        text, embedded = markdown_text(inside(folder, readme).read_text(encoding="utf-8", errors="replace"), folder)
         html.append(text)
-    for path in sorted(folder.iterdir()):
+    for path in _own_files(folder, folder.iterdir()):
         if path.suffix.lower() in KINDS and path.name not in embedded:
             alt = f"{path.stem} of the collection {folder.resolve().name}"
             html.append(picture(path.read_bytes(), KINDS[path.suffix.lower()], alt, path.stem))
     if manifest.is_file():
-        with manifest.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(file))
+        rows = read_rows(inside(folder, manifest))
         if rows:
             shown = [row for row in rows[1:] if len(row) == len(rows[0])]
             kept = [k for k, name in enumerate(rows[0]) if name not in ("sha256", "source") and any(row[k] for row in shown)]

@@ -16,12 +16,11 @@ from fcsim.mesh.material.law import AnyMaterial, Circumstances, LinearLaw, Linea
 @dataclass(frozen=True, eq=False)
 class Thermal:
     """`material` with the expansion [1/K] for a temperature above the stress-free one: temperature(X, t) [K], (n,) at points X (n, 3) [m]
-    in the
-    part's axes and the time t [s]; a number: constant in time and space.
+    in the part's axes and the time t [s]; a number: constant in time and space, at once from the first step on.
 
     Small strain: sigma(eps - expansion T); finite strain: W(F / (1 + expansion T)). What a change of temperature brings into the stored
-    energy is
-    booked as (negative) dissipation of the material.
+    energy is booked as (negative) dissipation of the material. Statics of nearly incompressible materials need temperatures that grow over
+    steps: the pressure 3 K expansion dT of what a step adds must stay below the shear modulus.
     """
 
     material: AnyMaterial

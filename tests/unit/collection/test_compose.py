@@ -91,6 +91,11 @@ def test_all_linearised_problems_on_request(folder: Path, tmp_path: Path) -> Non
     assert {entry.name for entry in last.entries} <= set(names)
     first = sorted(name for name in names if name.endswith("-00001.hdf5"))
     assert [name.split("-")[1] for name in first[1:]] == [f"newton{k:02d}" for k in range(len(first) - 1)] and len(first) > 2
+    named = [(int(entry.name.split("-i")[1][:5]), entry.iterations) for entry in every.entries]
+    stated = [
+        int(read_fclib(tmp_path / "every" / entry.place).info.math_info.split(" iterations")[0].split()[-1]) for entry in every.entries
+    ]
+    assert named == [(k, k) for k in stated]  # each its own, not the sum over the step
     M = [read_fclib(tmp_path / "every" / "global" / name).problem.M for name in first]
     assert all(abs(M[0] - M[k]).max() > 1e-6 * abs(M[0]).max() for k in (1, 2) if k + 1 < len(first))
     assert not any(row.failures for row in check_collection(tmp_path / "every"))

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from fcsim.bench.reporting import report
 from fcsim.bench.reporting.page import markdown_text
 from fcsim.bench.results import Measurement, append
 from fcsim.command_line.main import main
+from fcsim.errors import InputError
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 LOADING = {
@@ -203,3 +205,21 @@ def test_pictures_of_markdown_stay_in_their_folder(tmp_path):
     html, embedded = markdown_text("# T\n\n![a](own%20one.png) ![b](../secret.png) ![c](missing.png) ![d](javascript:x)", inner)
     assert embedded == {"own one.png"} and html.count("<img") == 1 and "<h3>T</h3>" in html
     assert Page(f"<body>{html}</body>").text.count("[") >= 2 and Path(inner / "own one.png").is_file()
+
+
+def test_pictures_of_a_collection_stay_in_their_folder(tmp_path):
+    """Links out of it, folders with the names of pictures and a README of another encoding."""
+    secret, folder = tmp_path / "secret.png", tmp_path / "set"
+    secret.write_bytes(b"\x89PNG secret")
+    folder.mkdir()
+    (folder / "mine.png").write_bytes(b"\x89PNG mine")
+    (folder / "link.png").symlink_to(secret)
+    (folder / "folder.png").mkdir()
+    (folder / "README.md").write_bytes("Ein Größenvergleich".encode("latin-1"))
+    html = "".join(report._collection(folder)) + "".join(report._convergence(folder))
+    assert html.count("<img") == 1 and base64.b64encode(secret.read_bytes()).decode() not in html
+    (folder / "convergence-a.png").symlink_to(secret)
+    assert report._convergence(folder) == []
+    (folder / "manifest.csv").write_bytes(b"name\n\xff\n")
+    with pytest.raises(InputError, match=r"manifest\.csv: expected a table as UTF-8 text"):
+        report._collection(folder)
