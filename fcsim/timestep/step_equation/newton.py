@@ -239,8 +239,12 @@ class _Newton:
         pressed = met.contacts.take(those)
         force = np.einsum("aij,ai->aj", pressed.frame, reaction.reshape(-1, d)[those])
         motion = model.node_velocity(now.v, x)
-        nodes = detection.nodes, np.searchsorted(model.node_offset, detection.nodes, side="right") - 1
-        B, E = contact_slopes(detection, pressed, force, motion, nodes, model.positions(x))
+        soft = detection.nodes[detection.nodes < model.n_elastic // d]
+        nodes = soft, np.searchsorted(model.node_offset, soft, side="right") - 1
+        slopes = contact_slopes(detection, pressed, force, motion, nodes, model.positions(x))
+        if slopes is None:
+            return contact_stiffness(model, met.contacts, reaction, x), None
+        B, E = slopes
         bent = sp.csr_array(model.contact_matrix(model.contact_matrix(B, x).T, x).T)
         if met.terms.scale is not None:
             return bent, None

@@ -116,7 +116,9 @@ def test_slopes_are_those_of_forces_and_gaps(dimension: int, rule: dict[str, Any
     force, way = rng.normal(size=(len(met), dimension)), rng.normal(size=x.shape)
     motion = rng.normal(size=x.shape)
     nodes = detector.nodes, np.searchsorted(model.node_offset, detector.nodes, side="right") - 1
-    B, E = contact_slopes(detector, met, force, motion, nodes, x)
+    slopes = contact_slopes(detector, met, force, motion, nodes, x)
+    assert slopes is not None
+    B, E = slopes
 
     def forces(at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         now = detector(at)

@@ -24,6 +24,9 @@ STEP = 1e-7
 """Of the shortest distance between two nodes of a contact: how far nodes are moved."""
 
 
+MOST = 120
+"""Detections that a derivative may cost."""
+
 _MORE = 1.01
 
 
@@ -34,17 +37,20 @@ def contact_slopes(
     motion: FloatArray,
     nodes: tuple[IntArray, IntArray],
     positions: FloatArray,
-) -> tuple[sp.csr_array, sp.csr_array]:
+) -> tuple[sp.csr_array, sp.csr_array] | None:
     """Return B = -d(H r)/dx (d n_nodes, d n_nodes) and E (d n_nodes, d nc), the derivative of gaps beyond N . weights and that of the slips
     T . weights . motion by the change of frames and weights alone.
 
     detect: the detection at positions (n_nodes, d) [m]; contacts: chosen ones of what it finds there; force (nc, d) [N]: what acts on the
-    slave, in world axes; motion (n_nodes, d) [m]: of the nodes, whose slip the law means; nodes: those that contacts can touch, and
-    their bodies.
+    slave, in world axes; motion (n_nodes, d) [m]: of the nodes, whose slip the law means; nodes: those of deformable bodies that contacts
+    can touch, and their bodies. Nodes of rigid bodies, which do not move one by one, are left out. None where it would take more than
+    `MOST` detections.
     """
     d, n = contacts.dimension, len(positions)
     depends = _dependence(contacts, *nodes, positions)
     colour = _colours(depends)
+    if d * (int(colour.max(initial=-1)) + 1) > MOST:
+        return None
     touched = np.flatnonzero(colour >= 0)
     e = STEP * _spacing(contacts, positions)
     B, E, each = _Entries(), _Entries(), np.arange(len(contacts))
@@ -65,8 +71,10 @@ def contact_slopes(
             for row in range(d):
                 E.plain(d * mover + axis, d * each + row, slopes[:, row], seen)
     N = contacts.frame[:, 0]
+    movable = np.zeros(n, dtype=bool)
+    movable[nodes[0]] = True
     for k in range(contacts.nodes.shape[1]):
-        real = contacts.nodes[:, k] >= 0
+        real = (contacts.nodes[:, k] >= 0) & movable[contacts.nodes[:, k]]
         for axis in range(d):
             E.plain(d * contacts.nodes[:, k] + axis, d * each, -contacts.weights[:, k] * N[:, axis], real)
     return B.matrix((d * n, d * n)), E.matrix((d * n, d * len(contacts)))
@@ -137,6 +145,9 @@ def _dependence(contacts: Contacts, nodes: IntArray, body: IntArray, positions: 
     place = np.concatenate([np.asarray(those, dtype=np.int64) for those in near])
     kept = body[place] == contacts.bodies[row, 1]
     row, column = row[kept], nodes[place[kept]]
+    movable = np.zeros(len(positions), dtype=bool)
+    movable[nodes] = True
+    real &= movable[contacts.nodes]
     rows = np.concatenate([row, np.broadcast_to(np.arange(len(contacts))[:, None], real.shape)[real]])
     columns = np.concatenate([column, contacts.nodes[real]])
     return sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=(len(contacts), len(positions)))
