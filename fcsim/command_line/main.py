@@ -1,5 +1,5 @@
-"""The command line: fcsim run | solve | info | render | solvers | collection | bench | profile | report, each a file beside; limit | tilt |
-push in `masonry`."""
+"""The command line: fcsim run | solve | info | render, compare | solvers | collection | bench | profile, report | limit, tilt, push,
+shake, a file beside for each of these."""
 
 from __future__ import annotations
 

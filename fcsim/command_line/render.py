@@ -1,22 +1,28 @@
-"""fcsim render: pictures, film, plots and page of a run's folder."""
+"""fcsim render, compare: a run's folder as pictures, film, plots and page; runs side by side."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from fcsim.command_line.terminal import Bar, say
+from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_OK
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command `render`."""
+    """Add the commands `render` and `compare`."""
     render = commands.add_parser("render", help="pictures, film, plots and page of a run", description="Draw a run's folder, off-screen.")
     render.add_argument("directory", type=Path)
     render.add_argument("--film", choices=("gif", "mp4", "none"), default="gif")
     render.add_argument("--page", action="store_true", help="also page.html: the run in one file that a browser turns, plays and cuts")
     render.add_argument("--exaggeration", type=float, help="factor on displacements (default: chosen from their size)")
     render.set_defaults(act=_render)
+
+    about = "Key numbers of runs beside each other, the parameters in which they differ, and their curves over each other as a page."
+    compare = commands.add_parser("compare", help="runs side by side", description=about)
+    compare.add_argument("directories", type=Path, nargs="+", metavar="DIR", help="folders of two runs or more")
+    compare.add_argument("--page", type=Path, metavar="FILE.html", help="also the curves over each other, as one HTML file")
+    compare.set_defaults(act=_compare)
 
 
 def _render(options: argparse.Namespace) -> int:
@@ -33,4 +39,20 @@ def _render(options: argparse.Namespace) -> int:
         )
     for path in written:
         say(path)
+    return EXIT_OK
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from fcsim.running.folder import open_run
+    from fcsim.view.page.comparison import compare, write_comparison
+
+    compared = compare([open_run(directory) for directory in options.directories])
+    header = ["", *compared.names]
+    print_table(header, [[what, *values] for what, values in compared.numbers])
+    if compared.differences:
+        print_table(header, [[what, *values] for what, values in compared.differences], title="Parameters that differ")
+    else:
+        say("\nNo parameter differs.")
+    if options.page is not None:
+        say(f"\n{write_comparison(compared, options.page)}")
     return EXIT_OK

@@ -63,6 +63,8 @@ def posed(problem: Problem, model: BlockModel, mu: float | None, between: Pairs 
             stones.add((1e6 * modulus, 0.2 if ratio is None else ratio) if modulus else None)  # Ecm is in MPa
         blocks.append(_solid(name, element.modelgeometry, bool(element.is_support), given))
         names.append(name)
+    if not any(solid.support for solid in blocks):
+        raise InputError(f"{WHERE}: expected a model with supports, got {len(blocks)} blocks without: model.add_support(node)")
     record = _record(problem)
     solids = {solid.name: solid for solid in blocks}
     friction = friction_of(record, WHERE) if mu is None else mu

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from compas_dem.problem import Problem, Results
 
 STATUS = ("open", "stick", "slip")
+_NOTHING = 1e-10
+"""Of the largest pressure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +114,13 @@ def _joint(step: Step, pair: tuple[int, int], closed: float) -> _Joint:
         (((slave == pair[0]) & (master == pair[1])) | ((slave == pair[1]) & (master == pair[0]))) & _touching(step, closed)
     )
     into = np.where(slave[rows] == pair[0], 1.0, -1.0)
-    force = into[:, None] * step.force_in_space[rows]
+    largest = np.abs(step.contact_force[:, 0]).max(initial=1e-300)
+    bears = step.contact_force[rows, 0] > _NOTHING * largest  # less is the solver's round-off, which a reader would take for tension
+    force = np.where(bears[:, None], into[:, None] * step.force_in_space[rows], 0.0)
     normal = into[:, None] * step.contacts.frame[rows, 0]
     first = step.contacts.frame[rows, 1]
     frames = np.stack([first, np.cross(normal, first), normal], axis=1)
-    weight = np.maximum(np.abs(step.contact_force[rows, 0]), 1e-12 * np.abs(step.contact_force[:, 0]).max(initial=1e-300))
+    weight = np.maximum(np.abs(step.contact_force[rows, 0]), 1e-12 * largest)
     mean = weight @ normal  # of joints of several faces; of a plane one its normal
     mean = mean / np.linalg.norm(mean) if np.linalg.norm(mean) > 1e-6 * weight.sum() else normal[0]
     across = first[0] - (first[0] @ mean) * mean

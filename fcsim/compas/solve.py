@@ -27,6 +27,7 @@ from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
+from fcsim.witness import Witness
 
 if TYPE_CHECKING:
     from compas_dem.models import BlockModel
@@ -56,8 +57,9 @@ def solve(
     E: float | None = None,
     nu: float | None = None,
     cells: float = 0.5,
-    solver: str = "auto",
+    solver: str = "PPA-NSN-AC",
     tol: float = 1e-9,
+    witness: Witness | None = Witness(),  # noqa: B008  a frozen value
     watch: Watch = lambda step: None,
 ) -> Results:
     """Solve a problem of compas_dem; its units: m, N, kg, s, rad. Long because it has the options of compas_dem's solvers.
@@ -65,7 +67,8 @@ def solve(
     Statics, unless two of duration [s], n_steps and dt [s] ask for dynamics with the theta scheme, in which gravity and instantaneous loads
     act from the beginning and are held, others and motions grow. model: by default the problem's own; blocks: "rigid", "deformable" or
     "mixed" (every second one), of E [Pa], nu (by default the material's), cells of that share of a block's smallest edge; mu, mu_between
-    ({(node, node): mu}): in place of the contact model's; density [kg/m^3]: of blocks without a material; watch(step): called after each.
+    ({(node, node): mu}): in place of the contact model's; density [kg/m^3]: of blocks without a material; witness: what overlap is
+    borne; watch(step): called after each step.
 
     InputError for what cannot be read or meant; NotConverged where statics find no state at rest: what is returned is in equilibrium.
     """
@@ -76,9 +79,9 @@ def solve(
     settings = SolverSettings(name=solver, tol=tol, floor=1e-6 * asked.masonry.size)
     times = _times(duration, n_steps, dt)
     if times is None:
-        steps, remarks = _statics(asked, blocks, stone, _load_steps(asked, n_steps), settings)
+        steps, remarks = _statics(asked, blocks, stone, _load_steps(asked, n_steps), settings, witness)
     else:
-        steps, remarks = _dynamics(asked, blocks, stone, times, theta, settings)
+        steps, remarks = _dynamics(asked, blocks, stone, times, theta, settings, witness)
     history: list[dict[str, float]] = []
     last = None
     for step in steps:
@@ -157,7 +160,9 @@ def _load_steps(asked: Posed, n_steps: int | None) -> int:
     return int(n_steps or (LOAD_STEPS if moves or asked.masonry.scaled else 1))
 
 
-def _statics(asked: Posed, blocks: BlocksAre, stone: Stone, count: int, settings: SolverSettings) -> tuple[Iterator[Step], tuple[str, ...]]:
+def _statics(
+    asked: Posed, blocks: BlocksAre, stone: Stone, count: int, settings: SolverSettings, witness: Witness | None
+) -> tuple[Iterator[Step], tuple[str, ...]]:
     def pace(end: float) -> Callable[[float], float]:
         return lambda t: end if t < 1.0 else 0.0
 
@@ -165,7 +170,8 @@ def _statics(asked: Posed, blocks: BlocksAre, stone: Stone, count: int, settings
     model, remarks = structure(asked.masonry, blocks, stone, multiplier=lambda t: min(t, 1.0), held=asked.supports(pace))
     scheme = QuasiStatic(h, GRAVITY / asked.masonry.size * h**2)
     everything = Everything(model, asked.masonry.friction)
-    return _until_rest(Simulation(model, everything, scheme, count + REST_STEPS, settings, created=math.inf), count, asked), remarks
+    simulation = Simulation(model, everything, scheme, count + REST_STEPS, settings, created=math.inf, witness=witness)
+    return _until_rest(simulation, count, asked), remarks
 
 
 def _until_rest(simulation: Simulation, count: int, asked: Posed) -> Iterator[Step]:
@@ -188,7 +194,7 @@ def _until_rest(simulation: Simulation, count: int, asked: Posed) -> Iterator[St
 
 
 def _dynamics(
-    asked: Posed, blocks: BlocksAre, stone: Stone, times: tuple[int, float], theta: float, settings: SolverSettings
+    asked: Posed, blocks: BlocksAre, stone: Stone, times: tuple[int, float], theta: float, settings: SolverSettings, witness: Witness | None
 ) -> tuple[Iterator[Step], tuple[str, ...]]:
     count, h = times
     end = count * h
@@ -197,7 +203,8 @@ def _dynamics(
         return min(t / (_RAMP * end), 1.0)
 
     model, remarks = structure(asked.masonry, blocks, stone, multiplier=grown, held=asked.supports(lambda motion: motion / end))
-    simulation = Simulation(model, Everything(model, asked.masonry.friction), Theta(h, theta), count, settings, created=math.inf)
+    everything = Everything(model, asked.masonry.friction)
+    simulation = Simulation(model, everything, Theta(h, theta), count, settings, created=math.inf, witness=witness)
     return iter(simulation), remarks
 
 

@@ -264,4 +264,4 @@ ELEMENTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 """The elements that there are for each cell, the default first; what they do is told in `fcsim.assembly.elements`. A part of first-order
-cells can be given the elements of second order too: its cells are raised (`fcsim.mesh.second_order`)."""
+cells can be given the elements of second order too: its cells are raised (`fcsim.mesh.order.second_order`)."""

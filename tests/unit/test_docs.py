@@ -1,5 +1,6 @@
 """The documents: their examples run, the files and pages that they name are there."""
 
+import importlib
 import os
 import re
 import subprocess
@@ -50,3 +51,29 @@ def test_files_that_are_named_are_there(page: Path) -> None:
     named = re.findall(r"`((?:[a-z_0-9]+/)+[a-z_0-9]*(?:\.(?:py|md|toml))?)`", page.read_text(encoding="utf-8"))
     own = [name for name in named if name.split("/")[0] not in ("results", "vtk", "fclib", "global", "local", "plots", "pictures")]
     assert not [name for name in own if not any((base / name).exists() for base in (ROOT, ROOT / "fcsim", page.parent))]
+
+
+def test_names_that_are_written_are_there() -> None:
+    """`fcsim.x.y` of pages, docstrings and comments: rooms, files, and what is in them."""
+    sources = [*PAGES, *(ROOT / "fcsim").rglob("*.py"), *(ROOT / "cases").rglob("*.py")]
+    names = {name for path in sources for name in re.findall(r"(?<![\w./@-])fcsim(?:\.[A-Za-z_]\w*)+", path.read_text(encoding="utf-8"))}
+    assert len(names) > 300
+    assert not sorted(name for name in names if not name.endswith((".py", ".md")) and not _is_there(name))
+
+
+def _is_there(name: str) -> bool:
+    parts = name.split(".")
+    for k in range(len(parts), 0, -1):
+        if _module(parts[:k]):
+            found: object = importlib.import_module(".".join(parts[:k]))
+            for part in parts[k:]:
+                if not hasattr(found, part):
+                    return part in getattr(found, "__dataclass_fields__", {})  # one without a default
+                found = getattr(found, part)
+            return True
+    return False
+
+
+def _module(parts: list[str]) -> bool:
+    place = ROOT.joinpath(*parts)
+    return place.is_dir() or place.with_suffix(".py").is_file()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.running.description import Column
 from fcsim.running.folder import RunFolder
 from fcsim.running.step_table import COLUMNS
 from fcsim.view.style import prefixed
@@ -55,7 +57,7 @@ def shown_rows(run: RunFolder) -> IntArray:
 
 def table(run: RunFolder, rows: IntArray) -> dict[str, list[object]]:
     """The columns of steps.csv at `rows`: numbers as they stand there, texts, None for what is not a number."""
-    return {name: _plain(values[rows].tolist()) for name, values in run.columns.items()}
+    return {name: plain(values[rows].tolist()) for name, values in run.columns.items()}
 
 
 def units(run: RunFolder) -> dict[str, str]:
@@ -66,47 +68,77 @@ def units(run: RunFolder) -> dict[str, str]:
     return known | {entry.column: entry.unit for entry in entries} | {name: "s" for name in run.columns if name.startswith("seconds_")}
 
 
-def groups(run: RunFolder, rows: IntArray) -> list[dict[str, object]]:
-    """The graphs in their order: title, unit, whether logarithmic, x (title, unit, values), curves (label, values)."""
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Values (n,) with a label, in the unit of SI that their graph or axis names."""
+
+    label: str
+    values: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """Curves over one axis; each has as many values as x."""
+
+    title: str
+    unit: str
+    logarithmic: bool
+    x: Line
+    x_unit: str
+    curves: tuple[Line, ...]
+
+
+def graphs(run: RunFolder, rows: IntArray) -> list[Graph]:
+    """The graphs of a run in their order: reactions, the case's histories, energies, contacts, iterations, error, overlap; those alone
+    whose columns are there and not all zero."""
     t = run.numbers("t")
     if t is None:
         return []
-    time = _axis("time", "s", t[rows])
-    found: list[dict[str, object]] = []
+    time = Line("time", t[rows])
+    found: list[Graph | None] = []
     plots = run.plots
     if plots.reaction:
-        curves = [(entry.column, entry.label or entry.column, False) for entry in plots.reaction]
-        found += _group(run, rows, "Reactions", plots.reaction[0].unit or "N", False, curves, time)
+        series = [_series(entry) for entry in plots.reaction]
+        unit = plots.reaction[0].unit or "N"
+        found.append(_graph(run, rows, "Reactions", unit, False, series, time, "s"))
         if plots.imposed is not None and (x := run.numbers(plots.imposed.column)) is not None:
-            along = _axis(plots.imposed.label or plots.imposed.column, plots.imposed.unit or "m", x[rows])
-            found += _group(run, rows, "Reactions against the imposed motion", plots.reaction[0].unit or "N", False, curves, along)
+            along = Line(plots.imposed.label or plots.imposed.column, x[rows])
+            found.append(_graph(run, rows, "Reactions against the imposed motion", unit, False, series, along, plots.imposed.unit or "m"))
     for history in plots.histories:
         if (x := run.numbers(history.against.column)) is not None and history.curves:
-            along = _axis(history.against.label or history.against.column, history.against.unit, x[rows])
-            curves = [(entry.column, entry.label or entry.column, False) for entry in history.curves]
-            found += _group(run, rows, history.name.replace("_", " "), history.curves[0].unit, False, curves, along)
-    for title, unit, logarithmic, series in _GROUPS:
-        found += _group(run, rows, title, unit, logarithmic, series, time)
-    return found
+            along, series = Line(history.against.label or history.against.column, x[rows]), [_series(entry) for entry in history.curves]
+            title = history.name.replace("_", " ")
+            found.append(_graph(run, rows, title, history.curves[0].unit, False, series, along, history.against.unit))
+    found += [_graph(run, rows, title, unit, logarithmic, series, time, "s") for title, unit, logarithmic, series in _GROUPS]
+    return [graph for graph in found if graph is not None]
 
 
-def _axis(title: str, unit: str, values: FloatArray) -> dict[str, object]:
-    scale, unit = prefixed(unit, values)
-    return {"title": title, "unit": unit, "values": _plain((values / scale).tolist())}
+def drawn(graph: Graph) -> dict[str, object]:
+    """A graph as the page's script takes it, in units with prefixes that suit it."""
+    scale, unit = prefixed(graph.unit, *(curve.values for curve in graph.curves))
+    x_scale, x_unit = prefixed(graph.x_unit, graph.x.values)
+    return {
+        "title": graph.title,
+        "unit": unit,
+        "logarithmic": graph.logarithmic,
+        "x": {"title": graph.x.label, "unit": x_unit, "values": plain((graph.x.values / x_scale).tolist())},
+        "curves": [{"label": curve.label, "values": plain((curve.values / scale).tolist())} for curve in graph.curves],
+    }
 
 
-def _group(
-    run: RunFolder, rows: IntArray, title: str, unit: str, logarithmic: bool, series: Sequence[Series], x: dict[str, object]
-) -> list[dict[str, object]]:
-    """One graph, or none where its columns are absent or all are zero."""
-    found = [(label, values, add) for column, label, add in series if (values := run.numbers(column)) is not None]
-    curves = [(label, (np.cumsum(np.nan_to_num(values)) if add else values)[rows]) for label, values, add in found]
-    curves = [(label, values) for label, values in curves if np.any(np.nan_to_num(values))]
-    scale, unit = prefixed(unit, *(values for _, values in curves))
-    shown = [{"label": label, "values": _plain((values / scale).tolist())} for label, values in curves]
-    return [{"title": title, "unit": unit, "logarithmic": logarithmic, "x": x, "curves": shown}] if shown else []
-
-
-def _plain(values: list[object]) -> list[object]:
+def plain(values: list[object]) -> list[object]:
     """JSON has no nan: None."""
     return [None if isinstance(value, float) and not np.isfinite(value) else value for value in values]
+
+
+def _series(entry: Column) -> Series:
+    return entry.column, entry.label or entry.column, False
+
+
+def _graph(
+    run: RunFolder, rows: IntArray, title: str, unit: str, logarithmic: bool, series: Sequence[Series], x: Line, x_unit: str
+) -> Graph | None:
+    found = [(label, values, add) for column, label, add in series if (values := run.numbers(column)) is not None]
+    curves = [Line(label, (np.cumsum(np.nan_to_num(values)) if add else values)[rows]) for label, values, add in found]
+    shown = tuple(curve for curve in curves if np.any(np.nan_to_num(curve.values)))
+    return Graph(title, unit, logarithmic, x, x_unit, shown) if shown else None

@@ -14,7 +14,7 @@ import numpy as np
 from fcsim.errors import MissingDependency
 from fcsim.files import inside, replacing
 from fcsim.running.folder import RunFolder
-from fcsim.view.page.curves import groups, shown_rows, table, units
+from fcsim.view.page.curves import drawn, graphs, shown_rows, table, units
 from fcsim.view.page.motion import motion
 from fcsim.view.scene import Survey, colour_map, left_out
 
@@ -56,7 +56,7 @@ def write_page(run: RunFolder, seen: Survey | None, progress: Callable[[int, int
         "motion": motion(run, run.instants, progress) if seen is not None else None,
         "columns": table(run, rows),
         "units": units(run),
-        "graphs": groups(run, rows),
+        "graphs": [drawn(graph) for graph in graphs(run, rows)],
     }
     here = files("fcsim.view.page")
     text = Template(here.joinpath("page.html").read_text(encoding="utf-8")).substitute(
@@ -65,8 +65,8 @@ def write_page(run: RunFolder, seen: Survey | None, progress: Callable[[int, int
         description=escape(about.description),
         style=here.joinpath("page.css").read_text(encoding="utf-8"),
         script="\n".join(here.joinpath(f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS),
-        library=_library().replace("</script", "<\\/script"),
-        content=json.dumps(content, allow_nan=False).replace("<", "\\u003c"),
+        library=library(),
+        content=as_json(content),
     )
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -89,10 +89,15 @@ def _colours() -> list[tuple[float, str]]:
     return [(float(share), to_hex(colour_map()(share))) for share in np.linspace(0.0, 1.0, 11)]
 
 
-def _library() -> str:
-    """plotly.js, which comes with plotly's package."""
+def as_json(content: object) -> str:
+    """JSON as the content of a script, which no "</script" within ends."""
+    return json.dumps(content, allow_nan=False).replace("<", "\\u003c")
+
+
+def library() -> str:
+    """plotly.js, which comes with plotly's package, as the content of a script."""
     try:
         from plotly.offline import get_plotlyjs
     except ImportError as error:
         raise MissingDependency(f"plotly cannot be imported ({error}), which a run's page needs: pip install 'fcsim[view]'") from None
-    return str(get_plotlyjs())
+    return str(get_plotlyjs()).replace("</script", "<\\/script")

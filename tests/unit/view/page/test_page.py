@@ -17,7 +17,7 @@ from fcsim.running.folder import open_run
 from fcsim.view import render
 from fcsim.view.film import film_instants
 from fcsim.view.page import motion as motion_of_page
-from fcsim.view.page.curves import groups, shown_rows
+from fcsim.view.page.curves import drawn, graphs, shown_rows
 from fcsim.view.page.encoding import scaled, size, whole
 from fcsim.view.page.motion import motion
 from fcsim.view.page.surface import surface_of
@@ -96,10 +96,10 @@ def test_many_instants_are_thinned_to_the_room_there_is(run_directory, monkeypat
 def test_curves_are_the_columns(run_directory):
     run = open_run(run_directory)
     rows = shown_rows(run)
-    graphs = {graph["title"]: graph for graph in groups(run, rows)}
-    contacts = {curve["label"]: curve["values"] for curve in graphs["Contacts"]["curves"]}
+    shown = {graph.title: drawn(graph) for graph in graphs(run, rows)}
+    contacts = {curve["label"]: curve["values"] for curve in shown["Contacts"]["curves"]}
     np.testing.assert_array_equal(contacts["candidates"], run.numbers("nc"))
-    reaction = graphs["Reactions"]
+    reaction = shown["Reactions"]
     factor = {"kN": 1e3, "N": 1.0, "MN": 1e6}[reaction["unit"]]
     np.testing.assert_allclose(np.array(reaction["curves"][0]["values"]) * factor, run.numbers(run.plots.reaction[0].column))
 
