@@ -148,7 +148,7 @@ def facade_model(p: Parameters) -> Model:
     length, tall = width * len(LAYOUT[0]), height * len(LAYOUT)
     thick, below = TABLE * tall, 1.4 * tall
     table = rigid_box("table", (length + below + tall / 2, 2 * tall, thick), ((length + below - tall / 2) / 2, depth / 2, -thick / 2), 1.0)
-    rim = rigid_box("rim", (thick, 2 * tall, 2 * thick), (length + below - thick / 2, depth / 2, thick), 1.0)
+    rim = rigid_box("rim", (thick, 2 * tall, tall), (length + below - thick / 2, depth / 2, tall / 2), 1.0)
 
     def gravity(t: float) -> FloatArray:
         angle = np.deg2rad(tilt(p, t))

@@ -203,7 +203,8 @@ class Cohesive:
         over_slip = np.where(end > 0, 0.5 * (left_before + left), left_before)
         falls = (fall > 0) & (begin > 0)
         over = np.where(falls, fall, 1.0)
-        mean = np.where(falls, 0.5 * (begin**2 - end**2) / over, begin)
+        # (begin^2 - end^2) / (2 fall), without its cancellation where joints open by no more than round-off
+        mean = np.where(falls, np.where(end > 0, 0.5 * (begin + end), 0.5 * begin**2 / over), begin)
         way = last - first
         opens = is_open & (way > 0)
         over_way = np.where(opens, (begin * (way - further) + mean * further) / np.where(opens, way, 1.0), mean)

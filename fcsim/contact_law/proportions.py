@@ -77,6 +77,8 @@ class Proportions:
         """Vectors A_k (n_nodes, d) [m^2], outwards."""
         d = positions.shape[1]
         areas = np.zeros((len(positions), d))
+        if not len(self.facets):  # bodies of exact shape alone
+            return areas
         if d == 2:
             tangent = positions[self.facets[:, 1]] - positions[self.facets[:, 0]]
             vector = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1) * self.thickness[:, None]

@@ -110,6 +110,21 @@ def test_planks_laid_crosswise_rest() -> None:
     assert np.abs(last.state.v).max() < 1e-8
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_thin_plates_stand_on_each_other(unit: float) -> None:
+    """Aspect 100, each a little aside: the middle between the outer faces of two neighbours is on the faces by which they touch, where they
+    were taken to overlap by both their thicknesses. Four corners for every two faces that overlap, and statics."""
+    plates = [
+        rigid_box(f"plate {k}", (unit, unit, unit / 100), (0.03 * k * unit, 0.02 * k * unit, (k + 0.5) * unit / 100), 1.0) for k in range(5)
+    ]
+    floor = rigid_box("floor", (4 * unit, 4 * unit, unit), (0, 0, -unit / 2), 1.0)
+    model = held_by_a_floor([floor, *plates], ["floor"])
+    last = simulate(model, 5)[-1]
+    assert len(last.contacts) == 5 * 4
+    assert_allclose(last.contact_force_on(model.number["floor"]), [0, 0, -5 * G], atol=1e-6 * 5 * G)
+    assert np.abs(last.state.v).max() < 1e-8
+
+
 @pytest.mark.parametrize("bearing", [0.02, 0.05, 0.08, 0.15])
 @pytest.mark.parametrize("kind", ["rigid", "deformable"])
 def test_a_lintel_on_two_piers(kind: str, bearing: float) -> None:

@@ -35,6 +35,13 @@ def cut(part: Part, side: str, at: float, **others: FloatArray) -> Part:
     return replace(part, surfaces={**part.surfaces, "crack": facets[middle < at], "bond": facets[middle > at], **others})
 
 
+def at(part: Part, x: float, y: float) -> np.ndarray:
+    """The node at a place, as a surface of its own."""
+    node = int(np.argmin(np.hypot(*(part.points - [x, y]).T)))
+    assert np.allclose(part.points[node], [x, y])
+    return np.array([[node, node]])
+
+
 def energies(found: list[Step], joint: float, G: tuple[float, float], exact: float, broken: float = 1e-9) -> None:
     """What fracture took is its energies times the broken area, in each step what the reactions took less what joints hold; what the
     supports supply, less what beams and joints hold and load steps lose."""
@@ -106,3 +113,38 @@ def test_an_end_loaded_split_slides_by_its_fracture_energy(cells: tuple[int, int
     assert_allclose((9 * F**2 * a**2 / (4 * E * h**3))[growing], G, rtol=within)
     assert 0.9 < F.max() / critical < 1.0 and F[-1] < 0.97 * F.max()
     energies(found, L - crack, (4 * G, G), 2e-3, 0.05)  # faces that slide bend: gaps are closed to second order; some slide under tension
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cells", "steps", "within"), [((100, 2), 40, 0.02), ((100, 2), 80, 0.02)])
+def test_an_end_notched_flexure_specimen_slides_by_its_fracture_energy(cells: tuple[int, int], steps: int, within: float) -> None:
+    """The whole specimen: two glued beams of depth h on two supports 2 L apart, pushed down in the middle, split over the length a from one
+    end. Beam theory (Russell, Street, 1982): d = F (3 a^3 + 2 L^3) / (8 b E h^3), G_II = 9 F^2 a^2 / (16 b^2 E h^3), stable with driven d
+    from a = L / 3^(1/3) = 0.69 L on. The crack length follows from F and d and gives G_II back while the crack grows; the load falls
+    from F_c = 4/3 sqrt(b^2 E h^3 G_II) / a. The faces of the split press on each other and slide freely."""
+    L, h, crack, strength, G = 0.1, 0.005, 0.08, 1e7, 100.0
+    strength_zone = 0.006  # see the end-loaded split
+    lower, upper = beam("lower", (2 * L, h), cells, -h), beam("upper", (2 * L, h), cells)
+    lower = replace(lower, surfaces={**lower.surfaces, "left": at(lower, 0.0, -h), "right": at(lower, 2 * L, 0.0)})
+    upper = cut(upper, "y-", crack, middle=at(upper, L, h), right=at(upper, 2 * L, 0.0))
+    critical = 4 / 3 * np.sqrt(E * h**3 * G) / crack
+    push = 1.2 * critical * (3 * crack**3 + 2 * L**3) / (8 * E * h**3)
+    # the right support at the height of the joint, so that it holds both beams, which turn about it
+    supports = [Support("lower", ("y",), "left"), *(Support(name, ("x", "y"), "right") for name in ("lower", "upper"))]
+    supports.append(Support("upper", ("y",), "middle", velocity=-push))
+    model = build_model([Body("lower", lower), Body("upper", upper)], supports=supports)
+    ground = contact_surface(model, [("lower", "y+")])
+    pairs = [SurfacePair(contact_surface(model, [("upper", name)]), ground, 0.0, 2e-3, name=name) for name in ("bond", "crack")]
+    detector = Detector(pairs, model.n_nodes)
+    law = laws_of_pairs(detector, {"bond": Cohesive(tension=4 * strength, shear=strength, mode_1=4 * G, mode_2=G)}, Gap())
+    settings = SolverSettings(name="auto", tol=1e-8, floor=1e-10)
+    found = list(Simulation(model, detector, QuasiStatic(1 / steps, 0.0, law), steps, settings, witness=None))
+    sensor = support_force("F", model, "upper", "y", "middle")
+    F, d = np.array([(-sensor.measure(step), push * step.state.t) for step in found]).T
+    a = np.cbrt((8 * E * h**3 * d / F - 2 * L**3) / 3)
+    assert_allclose((3 * crack**3 + 2 * L**3) / (8 * E * h**3), d[2] / F[2], rtol=within)  # before it grows
+    growing = (a > crack + strength_zone) & (a < 0.98 * L)  # the load is at L
+    assert np.count_nonzero(growing) >= 3 and np.all(np.diff(a[growing]) > 0)
+    assert_allclose((9 * F**2 * a**2 / (16 * E * h**3))[growing], G, rtol=within)
+    assert 0.9 < F.max() / critical < 1.0 and F[-1] < 0.97 * F.max()
+    energies(found, 2 * L - crack, (4 * G, G), 2e-3, 0.1)  # beneath the load some slide under tension, which takes less than G_II

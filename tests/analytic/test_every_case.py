@@ -55,6 +55,7 @@ SMALL: dict[str, list[dict[str, Any]]] = {
     "tilting_facade": [{"steps": 4, "tol": 1e-8}],
     "cohesive_panel": [{"courses": 2, "width": 2, "steps": 70}],
     "wall_earthquake": [{"courses": 2, "blocks": 1.5, "steps": 20}],
+    "shaft": [{"cells": (2, 24), "steps": 40}, {"cells": (1, 16), "mu": 0.5, "speed": 5.0, "theta": 0.6, "steps": 40}],
     "slider_crank": [{"steps": 40}, {"steps": 40, "ahead": 0.001}],
     "bracket": [{"elements": "P1", "tightened": 1, "loaded": 2}],
     "stamped_sheet": [{"cells": (16, 2), "stroke": 6e-4, "pressing": 2, "leaving": 0}],

@@ -1,8 +1,9 @@
 """Cylinders with each other and with capsules: sides across sides, rims on sides, ends on ends, rims across rims.
 
 Two cylinders that cross touch at one point of their sides. Elsewhere a rim of one touches: along the other's side, where the rim is nearest
-to its axis (a cylinder lies on another by its two rims, or by one of either), or flat on its end, by three points of the rim, the lowest
-first, and where the rims cross. A rim touches in the directions between its radius and its axis only. Rims that cross in space: see `rims`.
+to its axis (a cylinder lies on another by its two rims, or by one of either; it stands on it by two points of one rim), or flat on its
+end, by three points of the rim, the lowest first, and where the rims cross. A rim touches in the directions between its radius and its
+axis only. Rims that cross in space: see `rims`.
 """
 
 from __future__ import annotations
@@ -60,8 +61,9 @@ def _crossing_sides(now: Placed, a: IntArray, b: IntArray, alert: float) -> Touc
     return touch_of_solids(now, a, b, normal, p, q, np.zeros(len(a), dtype=np.int64))
 
 
-def _nearest_on_rim(now: Placed, a: IntArray, b: IntArray, end: float) -> tuple[FloatArray, FloatArray]:
-    """Points (n, 3) of the rims of a nearest to the axes of b, and the rims' radii's directions (n, 3) there."""
+def _nearest_on_rim(now: Placed, a: IntArray, b: IntArray, end: float) -> list[tuple[FloatArray, FloatArray]]:
+    """Points (n, 3) of the rims of a nearest to the axes of b, and the rims' radii's directions (n, 3) there; then the same of the other
+    places where the distance is least nearby, a second end of the chord where a stands on b's side (the first, where there is none)."""
     first, second = across(now.along[a])
     axis, arm = now.along[b], now.core(a, end) - now.centre[b]
     radius = now.solids.radius[a]
@@ -72,23 +74,33 @@ def _nearest_on_rim(now: Placed, a: IntArray, b: IntArray, end: float) -> tuple[
     e, f, g = off(arm), off(first), off(second)
     angle = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
     place = e[:, None] + radius[:, None, None] * (np.cos(angle)[:, None] * f[:, None] + np.sin(angle)[:, None] * g[:, None])
-    best = angle[np.argmin(np.einsum("nkd,nkd->nk", place, place), axis=1)] if len(a) else np.empty(0)
-    for _ in range(_NEWTON):  # on the derivative of the squared distance; steps no longer than a sample
-        c, s = np.cos(best)[:, None], np.sin(best)[:, None]
-        x, dx, ddx = e + radius[:, None] * (c * f + s * g), radius[:, None] * (c * g - s * f), -radius[:, None] * (c * f + s * g)
-        slope = np.einsum("nd,nd->n", x, dx)
-        bend = np.einsum("nd,nd->n", dx, dx) + np.einsum("nd,nd->n", x, ddx)
-        best = best - np.clip(slope / np.where(bend > 1e-12 * radius**2, bend, np.inf), -np.pi / _SAMPLES, np.pi / _SAMPLES)
-    out = np.cos(best)[:, None] * first + np.sin(best)[:, None] * second
-    return now.core(a, end) + radius[:, None] * out, out
+    square = np.einsum("nkd,nkd->nk", place, place)
+    nearest = np.argmin(square, axis=1) if len(a) else np.empty(0, dtype=np.int64)
+    least = (square <= np.roll(square, 1, axis=1)) & (square < np.roll(square, -1, axis=1))
+    apart = np.abs((np.arange(_SAMPLES) - nearest[:, None] + _SAMPLES // 2) % _SAMPLES - _SAMPLES // 2)
+    others = np.where(least & (apart > 2), square, np.inf)
+    other = np.where(np.isfinite(others).any(axis=1), np.argmin(others, axis=1), nearest) if len(a) else nearest
+    found = []
+    for best in (angle[nearest], angle[other]):
+        for _ in range(_NEWTON):  # on the derivative of the squared distance; steps no longer than a sample
+            c, s = np.cos(best)[:, None], np.sin(best)[:, None]
+            x, dx, ddx = e + radius[:, None] * (c * f + s * g), radius[:, None] * (c * g - s * f), -radius[:, None] * (c * f + s * g)
+            slope = np.einsum("nd,nd->n", x, dx)
+            bend = np.einsum("nd,nd->n", dx, dx) + np.einsum("nd,nd->n", x, ddx)
+            best = best - np.clip(slope / np.where(bend > 1e-12 * radius**2, bend, np.inf), -np.pi / _SAMPLES, np.pi / _SAMPLES)
+        out = np.cos(best)[:, None] * first + np.sin(best)[:, None] * second
+        found.append((now.core(a, end) + radius[:, None] * out, out))
+    return found
 
 
 def _rims_on_sides(now: Placed, a: IntArray, b: IntArray, alert: float) -> Touch:
-    """Both rims of the cylinders a on the sides of b; where rim meets rim once, of the solid of the lower number."""
+    """Both rims of the cylinders a on the sides of b; where rim meets rim once, of the solid of the lower number. Two points of a rim are
+    told apart by which way along b their radius goes; of one side only the nearest counts."""
     found = []
     s_ = now.solids
-    for code, end in enumerate((-1.0, 1.0)):
-        point, out = _nearest_on_rim(now, a, b, end)
+    rims = [(end, *place) for end in (-1.0, 1.0) for place in _nearest_on_rim(now, a, b, end)]
+    sides = [np.einsum("nd,nd->n", out, now.along[b]) > _CONE for _, _, out in rims]
+    for k, (end, point, out) in enumerate(rims):
         arm = point - now.centre[b]
         t = np.einsum("nd,nd->n", arm, now.along[b])
         away = arm - t[:, None] * now.along[b]
@@ -99,10 +111,12 @@ def _rims_on_sides(now: Placed, a: IntArray, b: IntArray, alert: float) -> Touch
         keep = (np.abs(t) <= limit) & (gap <= alert) & (gap > -_DEEP * np.minimum(s_.radius[a], s_.radius[b]))
         keep &= np.einsum("nd,nd->n", normal, end * now.along[a]) <= _CONE
         flush = end * np.sign(t) * np.einsum("nd,nd->n", now.along[a], now.along[b]) > 0  # this end does not look at that of b
-        keep &= (np.einsum("nd,nd->n", normal, out) <= 0) & (flush | leaves_by_its_side(now, b, t, gap))
+        keep &= (np.einsum("nd,nd->n", normal, out) <= _CONE) & (flush | leaves_by_its_side(now, b, t, gap))
+        if k % 2:
+            keep &= sides[k] != sides[k - 1]
         foot = point - gap[:, None] * normal
-        code_ = np.full(np.count_nonzero(keep), code)
-        found.append(touch_of_solids(now, a[keep], b[keep], normal[keep], point[keep], foot[keep], code_))
+        code = k // 2 + 2 * sides[k][keep].astype(np.int64)
+        found.append(touch_of_solids(now, a[keep], b[keep], normal[keep], point[keep], foot[keep], code))
     return joined(found)
 
 

@@ -50,21 +50,44 @@ def piercing(
 
 
 @njit(cache=True)
+def _lies_on(p: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray, near: float) -> bool:
+    """Whether a point lies within `near` of a triangle's plane, above the triangle."""
+    n = np.cross(b - a, c - a)
+    size = np.sqrt(dot(n, n))
+    if not abs(dot(p - a, n)) <= near * size:
+        return False
+    above = True
+    for start, end in ((a, b), (b, c), (c, a)):
+        along = end - start
+        above = above and dot(np.cross(n, along), p - start) >= -near * size * np.sqrt(dot(along, along))
+    return above
+
+
+@njit(cache=True)
 def inside(
-    at: FloatArray, body: IntArray, times: IntArray, first_facet: IntArray, point: FloatArray, facets: IntArray, sides: IntArray
+    at: FloatArray,
+    body: IntArray,
+    times: IntArray,
+    near: FloatArray,
+    first_facet: IntArray,
+    point: FloatArray,
+    facets: IntArray,
+    sides: IntArray,
 ) -> BoolArray:
-    """Whether points (n, 3) lie inside bodies (n,): the solid angle under which they see the closed surface is 4 pi there, 0 outside, and
-    4 pi `times` (n,) where so many parts of one body overlap.
+    """Whether points (n, 3) lie inside bodies (n,), off their surface by `near` (n,) [m]: the solid angle under which they see the closed
+    surface is 4 pi there, 0 outside, and 4 pi `times` (n,) where so many parts of one body overlap.
 
     Source: A. Van Oosterom, J. Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30, 1983.
     """
     result = np.empty(len(at), dtype=np.bool_)
     for row in range(len(at)):
-        angle = 0.0
+        angle, touches = 0.0, False
         for f in range(first_facet[body[row]], first_facet[body[row] + 1]):
             for k in range(1, sides[f] - 1):
-                a, b, c = point[facets[f, 0]] - at[row], point[facets[f, k]] - at[row], point[facets[f, k + 1]] - at[row]
+                corners = point[facets[f, 0]], point[facets[f, k]], point[facets[f, k + 1]]
+                touches = touches or _lies_on(at[row], corners[0], corners[1], corners[2], near[row])
+                a, b, c = corners[0] - at[row], corners[1] - at[row], corners[2] - at[row]
                 la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
                 angle += 2.0 * np.arctan2(dot(a, np.cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
-        result[row] = angle > (4.0 * times[row] - 2.0) * np.pi
+        result[row] = angle > (4.0 * times[row] - 2.0) * np.pi and not touches
     return result

@@ -17,7 +17,7 @@ _FLUSH, _DESCENDS = 0.9, 0.01  # cosine between a facet around a vertex and one 
 _RISES = 1.2  # tangent of the slope up to which a facet lies over another one, rather than beside it
 _SAME_PLANE = 1.0 - 1e-10  # cosine
 _RIMS = 16
-_TIGHT = 1e-4  # of half a facet: what overlaps a face by more lies on its rim only where it is as near to that
+_TIGHT = 1e-5  # of half a facet: what overlaps a face by more lies on its rim only where it is as near to that
 _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it is round-off: its mean normal is taken
 
 
@@ -169,13 +169,15 @@ def touched_facets(
     depth: FloatArray,
     near: FloatArray,
     s: Surroundings,
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Rows that are contacts, their normals (nc, 3) and gaps (nc,) [m]; long because it is one decision, in the order of `vertices`.
+) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+    """Rows that are contacts, their normals (nc, 3) and gaps (nc,) [m], and the groups whose vertex is at a rim and touches
+    nothing only since it does not reach over it; long because it is one decision, in the order of `vertices`.
 
     first (groups + 1,): rows of a group, one vertex and the facets of one body near it; alert, depth, near (groups,) [m].
     """
     chosen = np.empty(len(vertex), dtype=np.int64)
-    n_chosen = 0
+    beyond = np.empty(len(first), dtype=np.int64)
+    n_chosen = n_beyond = 0
     N, gap = np.empty((len(vertex), 3)), np.empty(len(vertex))
     usable, under = np.empty(len(vertex), dtype=np.bool_), np.empty(len(vertex), dtype=np.bool_)
     score = np.empty(len(vertex))
@@ -213,7 +215,7 @@ def touched_facets(
                 score[row] = _facing(v, at(normal, row), s)
                 usable[row] = score[row] > FACING
         # 3. the least way out of the body (the nearest facet above it); of equal ones that which is faced most squarely
-        best, deepest = -1, np.inf
+        best, deepest, refused = -1, np.inf, False
         while True:
             best = -1
             for row in range(begin, end):
@@ -230,7 +232,7 @@ def touched_facets(
             beside = tight if height[best] < -tight else 2.0 * tol
             if _covers(v, facet[best], foot, n, tol, beside, inwards, start, s):
                 break
-            usable[best] = False
+            usable[best], refused = False, True
             deepest = min(deepest, abs(height[best]) + _ROLL * tol)  # where corners meet, the way out is none through a farther side
         # 4. over a smooth edge or corner: along the line to it
         rolls = False
@@ -248,6 +250,9 @@ def touched_facets(
                 n_chosen += 1
                 continue
         if best < 0:
+            if refused:
+                beyond[n_beyond] = group
+                n_beyond += 1
             continue
         # 5. that facet, and those that meet it in a concave corner
         chosen[n_chosen], gap[n_chosen] = best, height[best]
@@ -268,4 +273,4 @@ def touched_facets(
                 chosen[n_chosen], gap[n_chosen] = row, height[row]
                 N[n_chosen, 0], N[n_chosen, 1], N[n_chosen, 2] = at(normal, row)
                 n_chosen += 1
-    return chosen[:n_chosen].copy(), N[:n_chosen].copy(), gap[:n_chosen].copy()
+    return chosen[:n_chosen].copy(), N[:n_chosen].copy(), gap[:n_chosen].copy(), beyond[:n_beyond].copy()

@@ -21,6 +21,7 @@ from fcsim.contact_detection.general.vertices import VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _DEEPER = 2.0  # times the way out by a vertex: an edge that lies deeper leaves that way
+_OFF = 0.1  # of `near`: what is less inside is on the surface
 _ANOTHER_WAY = 0.9  # cosine between directions that are different
 
 
@@ -41,7 +42,8 @@ def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexCo
 
     Edges that overlap do so truly if one goes through both faces of the other, or if what lies between them is inside both bodies. Where
     an end is inside the other body, a much shorter way out by that end in another direction shows that the edges only cross in passing:
-    no contact.
+    no contact. So does one by a crossing of the same edge with another one beside it: an edge that cuts off the tip of a corner by a hair
+    crosses all three edges that meet there, and leaves by the shortest way.
     """
     if skin.dimension == 2:  # the edges of a polygon are its vertices
         near = near.take(np.zeros(len(near.bodies), dtype=bool))
@@ -59,22 +61,25 @@ def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexCo
         closed = own[~open_edges(found.edges[own], place[own], reach, near.near[of], skin, reference)]
         row, pierced, found = np.delete(row, closed), np.delete(pierced, closed), found.take(np.delete(np.arange(len(row)), closed))
     keep = pierced > 0
-    keep[~keep] = _overlap(skin, shape, found.take(~keep))
+    keep[~keep] = _overlap(skin, shape, found.take(~keep), near.near[pair[row[~keep]]])
     deep = np.flatnonzero(keep & (pierced < 2))
     keep[deep] = ~_leaves_by_a_vertex(skin, found.take(deep), vertices, near.near[pair[row[deep]]])
-    found = found.take(keep)
+    found, near_of = found.take(keep), near.near[pair[row[keep]]]
+    found = found.take(~_leaves_by_another_edge(skin, shape, found, near_of))
     return found.take(np.lexsort((found.edges[:, 1], found.edges[:, 0])))
 
 
-def _overlap(skin: Skin, shape: Shape, found: EdgeContacts) -> BoolArray:
-    """Whether the middle between the nearest points of both edges is inside both bodies; of a body with itself, inside it twice."""
+def _overlap(skin: Skin, shape: Shape, found: EdgeContacts, near: FloatArray) -> BoolArray:
+    """Whether the middle between the nearest points of both edges is inside both bodies; of a body with itself, inside it twice. (Where it
+    lies on a surface, it is not: in a stack of equal plates the middle between the outer edges of two is on the faces that touch.)"""
     ends = shape.point[skin.edges[found.edges]]
     nearest = ends[:, :, 0] + found.place[:, :, None] * (ends[:, :, 1] - ends[:, :, 0])
     bodies = skin.vertex_body[skin.edges[found.edges, 0]]
     middle = nearest.mean(axis=1)
     surface = (skin.first_facet, shape.point, skin.facets, skin.sides)
     times = np.where(bodies[:, 0] == bodies[:, 1], 2, 1)
-    return inside(middle, bodies[:, 0], times, *surface) & inside(middle, bodies[:, 1], times, *surface)
+    ours, theirs = (inside(middle, bodies[:, k], times, _OFF * near, *surface) for k in range(2))
+    return ours & theirs
 
 
 def _leaves_by_a_vertex(skin: Skin, found: EdgeContacts, vertices: VertexContacts, near: FloatArray) -> BoolArray:
@@ -93,4 +98,28 @@ def _leaves_by_a_vertex(skin: Skin, found: EdgeContacts, vertices: VertexContact
             shorter = -found.gap > _DEEPER * np.maximum(-vertices.gap[place], near)
             aligned = np.abs(np.einsum("cd,cd->c", found.normal, vertices.normal[place])) > _ANOTHER_WAY
             leaves |= inside & shorter & ~aligned
+    return leaves
+
+
+def _leaves_by_another_edge(skin: Skin, shape: Shape, found: EdgeContacts, near: FloatArray) -> BoolArray:
+    """Whether either edge crosses another one of the same body, no farther away than this crossing is deep, with a much shorter way out in
+    another direction."""
+    leaves = np.zeros(len(found.gap), dtype=bool)
+    if not np.any(found.gap < -near):
+        return leaves
+    ends = shape.point[skin.edges[found.edges]]
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    for own, other in ((0, 1), (1, 0)):
+        body = skin.vertex_body[skin.edges[found.edges[:, other], 0]]
+        key = found.edges[:, own] * skin.n_bodies + body
+        order = np.lexsort((-found.gap, key))
+        order = order[found.gap[order] <= near[order]]
+        shallow, first = np.unique(key[order], return_index=True)
+        least = order[first]
+        place = np.minimum(np.searchsorted(shallow, key), len(shallow) - 1)
+        least, known = least[place], shallow[place] == key
+        shorter = -found.gap > _DEEPER * np.maximum(-found.gap[least], near)
+        aligned = np.abs(np.einsum("cd,cd->c", found.normal, found.normal[least])) > _ANOTHER_WAY
+        beside = np.abs(found.place[:, own] - found.place[least, own]) * length[:, own] <= -found.gap
+        leaves |= known & shorter & ~aligned & beside
     return leaves

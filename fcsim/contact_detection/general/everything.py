@@ -30,6 +30,7 @@ from fcsim.mesh.part import Body
 _ALERT = 1e-2  # of a body's extent
 _ROUND, _DEFORMS = 1e-6, 1e-3  # of a facet: places nearer are one; flush sides of elastic bodies do not stay flush to round-off
 _SLOW = 0.1  # bodies that approach by less than this part of the alert distance in a step are looked at once
+_CREEPS = 1e-3  # the same of bodies whose corners pass each other
 _BETWEEN = 0.25  # of the smaller body, between two looks along the way
 
 
@@ -67,7 +68,7 @@ class Everything:
     _reference: Shape = field(init=False, repr=False)
     _curved: BoolArray = field(init=False, repr=False)
     _patch: IntArray = field(init=False, repr=False)
-    _latest: list[tuple[FloatArray, Contacts]] = field(init=False, repr=False, default_factory=list)
+    _latest: list[tuple[FloatArray, tuple[Contacts, IntArray]]] = field(init=False, repr=False, default_factory=list)
 
     __repr__ = brief
 
@@ -117,32 +118,32 @@ class Everything:
     def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
         """Contacts at `positions` (n_nodes, d) [m]; displacement (n_nodes, d) [m] of the step to come, see `Detection`."""
         x = self._checked("positions", positions)
-        now = self._here(x)
+        now, beyond = self._here(x)
         if displacement is None:
             return now
         way = self._checked("displacement", displacement)
-        fast, count, alert = self._fast(x, way)
+        fast, count, alert = self._fast(x, way, beyond)
         times = np.arange(count + 1) / max(count, 1)
-        return with_swept(now, lambda there: self._at(there, fast), x, way, times, alert) if count else now
+        return with_swept(now, lambda there: self._at(there, fast)[0], x, way, times, alert) if count else now
 
-    def _here(self, x: FloatArray) -> Contacts:
-        """Contacts at x of all bodies. The last answer is kept: where a step looks ahead, the next one begins."""
+    def _here(self, x: FloatArray) -> tuple[Contacts, IntArray]:
+        """`_at` x of all bodies. The last answer is kept: where a step looks ahead, the next one begins."""
         if not (self._latest and np.array_equal(self._latest[0][0], x)):
             self._latest[:] = [(x.copy(), self._at(x))]
         return self._latest[0][1]
 
-    def _at(self, x: FloatArray, among: NearBodies | None = None) -> Contacts:
-        """Contacts at x of all bodies, or of those pairs."""
+    def _at(self, x: FloatArray, among: NearBodies | None = None) -> tuple[Contacts, IntArray]:
+        """Contacts at x of all bodies, or of those pairs, and which bodies have corners beyond each other's rims, see `vertex_contacts`."""
         shape = shape_of(self.skin, x)
         if among is None:
             near = self._may_touch(near_bodies(shape.body_low, shape.body_high, self.lengths))
             among = with_folding(near, self.folding, self.lengths)
-        vertices = vertex_contacts(self.skin, shape, among, self._reference)
+        vertices, beyond = vertex_contacts(self.skin, shape, among, self._reference)
         edges = edge_contacts(self.skin, shape, among, vertices, self._reference)
         unseen = overlap_contacts(self.skin, shape, among, vertices, edges)
         if unseen is not None:
             vertices = VertexContacts._make(np.concatenate(both) for both in zip(vertices, unseen, strict=True))
-        return self._contacts(x, smoothed(self.skin, shape, vertices, self._curved, self._patch), edges)
+        return self._contacts(x, smoothed(self.skin, shape, vertices, self._curved, self._patch), edges), beyond
 
     def _may_touch(self, near: NearBodies) -> NearBodies:
         a, b = near.bodies.T
@@ -151,8 +152,9 @@ class Everything:
             keep &= ~np.isin(a * self.skin.n_bodies + b, self.excluded)
         return near if keep.all() else near.take(keep)
 
-    def _fast(self, x: FloatArray, way: FloatArray) -> tuple[NearBodies, int, float]:
-        """Bodies that may meet on their way, into how many parts it is cut, and the largest of their alert distances [m]."""
+    def _fast(self, x: FloatArray, way: FloatArray, beyond: IntArray) -> tuple[NearBodies, int, float]:
+        """Bodies that may meet on their way, into how many parts it is cut, and the largest of their alert distances [m]. Slow ones
+        have all that they may meet among their contacts at x, but corners `beyond` each other's rims."""
         skin = self.skin
         here, move = (np.pad(field[skin.node], ((0, 0), (0, 3 - skin.dimension))) for field in (x, way))
         least, most = (f.reduceat(move, skin.first_vertex[:-1], axis=0) for f in (np.minimum, np.maximum))
@@ -165,7 +167,7 @@ class Everything:
             own = slice(*skin.first_vertex[a[row] : a[row] + 2])
             motion[row] = np.ptp(deformation(here[own], move[own]), axis=0)
         distance = np.sqrt(np.einsum("pd,pd->p", motion, motion))
-        moving = distance > _SLOW * near.alert
+        moving = distance > np.where(np.isin(a * skin.n_bodies + b, beyond), _CREEPS, _SLOW) * near.alert
         near, distance = near.take(moving), distance[moving]
         if not len(distance):
             return near, 0, 0.0

@@ -37,9 +37,12 @@ class VertexContacts(NamedTuple):
         return VertexContacts._make(array[rows] for array in self)
 
 
-def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape) -> VertexContacts:
+def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape) -> tuple[VertexContacts, IntArray]:
     """Contacts of vertices with facets, sorted by (vertex, body of the facet, gap); each physical point once. A pair of a body with itself
-    needs its shape in the reference configuration, see `folding`."""
+    needs its shape in the reference configuration, see `folding`.
+
+    And the numbers a nb + b of bodies a <= b, sorted, of which a vertex at a rim is not held since it does not reach over it: it may
+    soon."""
     both = near.both_ways
     vertex, facet, pair = np.ascontiguousarray(near_facets(skin, shape, both).T)
     own = np.flatnonzero(both.itself[pair])
@@ -49,7 +52,7 @@ def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape
         own = np.flatnonzero(both.itself[pair])
     if not len(vertex):
         none = np.empty(0, dtype=np.int64)
-        return VertexContacts(none, none, np.empty((0, 4)), np.empty((0, 3)), np.empty(0))
+        return VertexContacts(none, none, np.empty((0, 4)), np.empty((0, 3)), np.empty(0)), none
     foot = feet(vertex, facet, shape.point, skin.facets, skin.sides, shape.normal)
     if len(own):
         of = pair[own]
@@ -59,7 +62,7 @@ def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape
     weights, normal, height, distance, feature = foot
     new = np.flatnonzero(np.append(len(vertex) > 0, (vertex[1:] != vertex[:-1]) | (pair[1:] != pair[:-1])))
     first, group = np.append(new, len(vertex)), pair[new]
-    rows, N, gap = touched_facets(
+    rows, N, gap, beyond = touched_facets(
         first, vertex, facet, weights, normal, height, distance, feature,
         both.alert[group], both.depth[group], both.near[group],
         Surroundings(
@@ -67,9 +70,10 @@ def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape
             skin.rim, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star,
         ),
     )  # fmt: skip
+    pairs = both.bodies[group[beyond]]
     found = VertexContacts(vertex[rows], facet[rows], weights[rows], N, gap)
     found = found.take(np.lexsort((found.gap, skin.facet_body[found.facet], found.vertex)))
-    return found.take(~_seen_from_the_other_side(skin, found))
+    return found.take(~_seen_from_the_other_side(skin, found)), np.unique(pairs.min(axis=1) * skin.n_bodies + pairs.max(axis=1))
 
 
 def _seen_from_the_other_side(skin: Skin, found: VertexContacts) -> BoolArray:

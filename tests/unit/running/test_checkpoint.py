@@ -217,3 +217,17 @@ def test_what_is_no_hdf5_file(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "c.h5").write_bytes(content)
     with pytest.raises(InputError, match=r"c\.h5: expected a checkpoint of an earlier run"):
         read_checkpoint(tmp_path / "c.h5")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda file: replaced(file, "law/values/opening", np.ones(3, dtype=np.complex128)), "expected variables of 3 contacts"),
+        (lambda file: replaced(file, "memory/0/frame", np.zeros((5, 3, 3))), r"frame \(5, 3, 3\) and r \(4, 3\) do not fit"),
+    ],
+    ids=["a wider type", "more frames than reactions"],
+)
+def test_wider_and_longer_arrays_do_not_fit(tmp_path: Path, change: Callable[[h5py.File], Any], said: str) -> None:
+    path = sealed(written(tmp_path / "checkpoint.h5", moment(), moment(3)), change)
+    with pytest.raises(InputError, match=said):
+        read_checkpoint(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fcsim import Everything, Gap, RigidBody, Simulation, SolverSettings, State, Support, Theta, Velocity, Witness, at_rest, build_model
 from fcsim.assembly.layout import DIRECTIONS
@@ -68,3 +69,45 @@ def test_a_law_that_does_not_ask_for_gaps_is_left_alone() -> None:
     run = tumbling(1.0, 2e-3, 60)
     run = Simulation(run.model, run.detector, Theta(2e-3, 0.5, Velocity(0.0)), 60, SETTINGS, initial=run.initial, witness=None)
     assert all(len([a for a in step.attempts if a.status == "solved"]) == step.substeps for step in run)
+
+
+def on_a_corner(name: str, rotation: Rotation, low: float) -> RigidBody:
+    """A unit cube of 1 t, turned, its lowest point at the height `low`."""
+    box, R = rigid_box(name, (1.0, 1.0, 1.0), (0, 0, 0), 1000.0), rotation.as_matrix()
+    points = box.points @ R.T
+    centre = np.array([0.0, 0.0, low - points[:, 2].min()])
+    return RigidBody(name, box.mass, box.inertia, centre, points + centre, box.surfaces)
+
+
+CORNER, EDGE_X, EDGE_Y = (
+    Rotation.align_vectors([[0, 0, 1]], [[1, 1, 1]])[0],
+    Rotation.from_euler("x", 45, degrees=True),
+    Rotation.from_euler("y", 45, degrees=True),
+)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"),
+    [(CORNER, CORNER), (EDGE_X, EDGE_Y), (Rotation.identity(), CORNER), (EDGE_X, EDGE_X), (EDGE_X, CORNER)],
+    ids=["corner on corner", "edge across edge", "corner on face", "edge along edge", "corner on edge"],
+)
+def test_a_cube_dropped_on_a_corner_or_an_edge_is_held_there(lower: Rotation, upper: Rotation) -> None:
+    """At 1 m/s, 1 mm a step: what comes beside faces is no contact before it is there. Inelastic: it stands on the spot, slowly losing its
+    balance, where an edge lies along an edge it slides off to one side."""
+    held = on_a_corner("held", lower, 0.0)
+    model = build_model(
+        [held, on_a_corner("dropped", upper, held.points[:, 2].max() + 1e-3)],
+        supports=[Support("held", DIRECTIONS[3])],
+        gravity=lambda t: np.array([0, 0, -9.81]),
+    )
+    start = at_rest(model)
+    v = start.v.copy()
+    model.rigid_part(v)[1, 2] = -1.0
+    witness = Witness(every=1, tolerance=10.0)
+    run = Simulation(model, Everything(model, 0.5), Theta(1e-3, 0.5, Gap()), 30, SETTINGS, initial=State(0.0, start.x, v), witness=witness)
+    for step in run:
+        assert step.overlap is not None and step.overlap.share <= 1e-4, step.number
+        assert step.ledger.created <= 1e-4 * step.ledger.supplied
+    if lower is not EDGE_X or upper is not EDGE_X:
+        assert model.rigid_part(step.state.x)[1, 2] == pytest.approx(-1e-3, abs=1e-4)
+        assert abs(model.rigid_part(step.state.v)[1, 2]) < 0.02

@@ -119,7 +119,7 @@ def test_turning_as_a_whole_is_no_way_towards_itself(angle: float) -> None:
     model, everything = alone(fork(STONE, 1.0, 0.1, 0.3, 20, 2))
     arm = model.reference - model.reference.mean(axis=0)
     way = angle * np.column_stack([-arm[:, 1], arm[:, 0]]) + [5.0, -3.0]
-    assert everything._fast(model.reference, way)[1] == 0
+    assert everything._fast(model.reference, way, np.zeros(0, dtype=np.int64))[1] == 0
 
 
 def test_legs_that_would_pass_each_other_in_a_step_are_seen() -> None:

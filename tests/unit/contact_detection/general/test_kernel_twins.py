@@ -114,12 +114,18 @@ def test_inside(seed: int) -> None:
     at = shape.point.mean(axis=0) + 0.6 * rng.normal(size=(300, 3))
     planes = ConvexHull(shape.point).equations
     expected = (at @ planes[:, :3].T + planes[:, 3]).max(axis=1) < 0
-    zero, one = np.zeros(len(at), dtype=np.int64), np.ones(len(at), dtype=np.int64)
-    assert np.array_equal(inside(at, zero, one, skin.first_facet, shape.point, skin.facets, skin.sides), expected)
-    assert not inside(at, zero, 2 * one, skin.first_facet, shape.point, skin.facets, skin.sides).any()
+    zero, one, exactly = np.zeros(len(at), dtype=np.int64), np.ones(len(at), dtype=np.int64), np.zeros(len(at))
+    assert np.array_equal(inside(at, zero, one, exactly, skin.first_facet, shape.point, skin.facets, skin.sides), expected)
+    margin = rng.uniform(0, 0.3, len(at))
+    deeper = (at @ planes[:, :3].T + planes[:, 3]).max(axis=1) < -margin
+    assert np.array_equal(inside(at, zero, one, margin, skin.first_facet, shape.point, skin.facets, skin.sides), deeper)
+    middle = shape.centre[:, None] + np.linspace(-1e-16, 1e-16, 3)[:, None] * shape.normal[:, None]
+    on, none = middle.reshape(-1, 3), np.zeros(3 * len(middle), dtype=np.int64)
+    assert not inside(on, none, none + 1, np.full(len(none), 1e-9), skin.first_facet, shape.point, skin.facets, skin.sides).any()
+    assert not inside(at, zero, 2 * one, exactly, skin.first_facet, shape.point, skin.facets, skin.sides).any()
     double = np.concatenate([skin.facets, skin.facets])
     count = np.array([0, len(double)])
-    assert np.array_equal(inside(at, zero, 2 * one, count, shape.point, double, np.tile(skin.sides, 2)), expected)
+    assert np.array_equal(inside(at, zero, 2 * one, exactly, count, shape.point, double, np.tile(skin.sides, 2)), expected)
 
 
 def test_edges_through_facets() -> None:
@@ -208,7 +214,7 @@ def test_vertices_of_convex_bodies(seed: int, distance: float) -> None:
     everything = Everything(model, 0.5, alert=5e-3)
     skin, shape = everything.skin, shape_of(everything.skin, model.reference)
     near = near_bodies(shape.body_low, shape.body_high, everything.lengths)
-    found = vertex_contacts(skin, shape, near, shape)
+    found, _ = vertex_contacts(skin, shape, near, shape)
     height = np.einsum("vfd,fd->vf", shape.point[:, None] - shape.centre[None], shape.normal)
     other = skin.vertex_body[:, None] != skin.facet_body[None]
     below = np.where(other, height, -np.inf).max(axis=1) < 0

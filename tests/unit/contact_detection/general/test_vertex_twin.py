@@ -27,6 +27,7 @@ class Twin:
     def __init__(self, *arguments: Any) -> None:
         for name, value in zip(inspect.signature(touched_facets.py_func).parameters, arguments, strict=True):
             setattr(self, name, value)
+        self.beyond: list[int] = []
         for name, value in self.s._asdict().items():
             setattr(self, name, value)
 
@@ -116,7 +117,7 @@ class Twin:
             usable = under & (height >= -depth) & (height <= tol)
         score = np.array([self.facing(v, self.normal[row]) for row in rows])
         usable &= score > 0.1
-        best, limit = -1, np.inf
+        best, limit, refused = -1, np.inf, False
         while (candidates := np.flatnonzero(usable & (np.abs(height) <= limit))).size:
             way = np.abs(height)
             best = candidates[0]
@@ -124,11 +125,11 @@ class Twin:
                 if way[c] < way[best] - tol or (way[c] <= way[best] + tol and score[c] > score[best] + 1e-9):
                     best = c
             n = self.normal[rows[best]]
-            tight = min(2 * tol, 1e-4 * depth)
+            tight = min(2 * tol, 1e-5 * depth)
             beside = tight if height[best] < -tight else 2 * tol
             if self.covers(v, self.facet[rows[best]], self.point[v] - height[best] * n, n, tol, beside):
                 break
-            usable[best], limit, best = False, min(limit, way[best] + 10 * tol), -1
+            usable[best], limit, best, refused = False, min(limit, way[best] + 10 * tol), -1, True
         f, feature = self.facet[closest], self.feature[closest]
         rolls = self.smooth_vertex[self.facets[f, feature - VERTEX]] if feature >= VERTEX else False
         if 0 < feature < VERTEX:
@@ -138,6 +139,7 @@ class Twin:
             if self.facing(v, direction) > 0.1:
                 return [(closest, direction, arm @ direction)]
         if best < 0:
+            self.beyond += [k] if refused else []
             return []
         kept = [best]
         for c in np.flatnonzero(under & (height >= -depth) & (height <= alert) & (score > 0.1)):
@@ -202,10 +204,11 @@ def test_touched_facets(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
         everything, positions = scene(name, np.random.default_rng(seed))
         everything(positions)
     found, groups = 0, 0
-    for arguments, (rows, normal, gap) in asked:
+    for arguments, (rows, normal, gap, beyond) in asked:
         twin = Twin(*arguments)
         expected = [contact for k in range(len(twin.first) - 1) for contact in twin.group(k)]
         assert [row for row, _, _ in expected] == rows.tolist()
+        assert twin.beyond == beyond.tolist()
         for (_, n, g), m, h in zip(expected, normal, gap, strict=True):
             assert_allclose(m, n, atol=1e-12)
             assert_allclose(h, g, atol=1e-12)
