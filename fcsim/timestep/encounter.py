@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -120,6 +121,14 @@ class Encounter:
         if not kept.values:
             return replace(earlier, stored=kept.stored, breaking=kept.breaking)
         return earlier.merged(self.contacts.identity, kept.values, kept.stored, kept.breaking)
+
+
+@dataclass(frozen=True, eq=False)
+class Anew:
+    """How contacts are found at the iterates of a step of statics: met, at v (n_dofs,), under their law; detection: the bare ones."""
+
+    met: Callable[[FloatArray], Encounter]
+    detection: Detection
 
 
 def encounter(

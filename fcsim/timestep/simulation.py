@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -24,7 +24,7 @@ from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
-from fcsim.timestep.encounter import Encounter, encounter, met_on_the_way
+from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.links.linked import linked, refuse_linkage
@@ -262,14 +262,13 @@ class Simulation:
         support = scheme.support_impulse(self.model, residual, impulse)
         return support + turning_impulse(self.model, answer.v, rigid_mass, after) if scheme.timing.moving else support
 
-    def _anew(self, start: Moment, equation: Equation) -> Callable[[FloatArray], Encounter] | None:
+    def _anew(self, start: Moment, equation: Equation) -> Anew | None:
         """What finds contacts at the iterates of a step of statics; None in dynamics."""
         if equation.scheme.timing.moving:
             return None
         model, state, trial = self.model, start.state, equation.met.meeting.trial
-        return lambda v: met_on_the_way(
-            model, self.detector, equation.scheme, state, v, proportions=self._proportions, variables=start.variables, trial=trial
-        )
+        known = partial(met_on_the_way, proportions=self._proportions, variables=start.variables, trial=trial)
+        return Anew(partial(known, model, self.detector, equation.scheme, state), self.detector)
 
     def _updated(self, state: State, after: State) -> State:
         """The state after a step with the internal variables at its end."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from fcsim.assembly.compliance import SystemFactor
 from fcsim.brief import brief
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
+from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning
 
 _MARGIN = 0.05
 """Of A's own stiffness: what A + B keeps of it at least in every direction."""
@@ -28,12 +29,14 @@ class StepCompliance:
     summed: W of this H where it is known already, from another right side of the step.
     bent: the geometric stiffness B of contacts on the bodies' unknowns, None = none: M is A + B with A of the factor. With P the unknowns
     that B touches, (A + B)^-1 = A^-1 - A^-1 P X P^T A^-1, X = (I + B_PP C)^-1 B_PP, C = P^T A^-1 P: A's factors stay the bodies' own.
+    leaning: gaps that do not close along their normals, see `Leaning`: M is (A + B) T. None = none.
     """
 
     factor: SystemFactor
     joint: FloatArray | None = None
     summed: Matrix | None = None
     bent: sp.csr_array | None = None
+    leaning: Leaning | None = None
 
     __repr__ = brief
 
@@ -53,6 +56,8 @@ class StepCompliance:
         matrix = self.factor.matrix()
         if self.bent is not None:
             matrix = sp.csr_array(matrix + self.bent)
+        if self.leaning is not None:
+            matrix = sp.csr_array(matrix - (matrix @ self.leaning.H) @ self.leaning.to_straight)
         if self.joint is None:
             return matrix
         return sp.csr_array(sp.block_diag([matrix, sp.diags_array(1 / self.joint[self._soft])], format="csr"))
@@ -80,6 +85,7 @@ class StepCompliance:
             pushed = np.zeros(own)
             pushed[self._touched] = self._correction @ v[self._touched]
             v = v - self.factor.solve(pushed)
+        v = v if self.leaning is None else self.leaning.lean(v)
         return v if self.joint is None else np.concatenate([v, self.joint[self._soft] * rhs[own:]])
 
     @cached_property
@@ -120,6 +126,8 @@ class StepCompliance:
         """Return W = H^T M^-1 H (m, m) for H (n, m) on the problem's unknowns."""
         if self.summed is not None:
             return self.summed
+        if self.leaning is not None:
+            return self._leant(H, dimension)
         H = sp.csc_array(H if self.joint is None else sp.csr_array(H)[: H.shape[0] - len(self._soft)])
         if self.bent is None:
             matrix = self._sum(H, dimension)
@@ -129,6 +137,16 @@ class StepCompliance:
             wide = wide if isinstance(wide, np.ndarray) else sp.csr_array(wide)
             matrix = _corrected(wide[:m, :m], wide[:m, m : m + k], self._correction, wide[m : m + k, :m], dimension)
         return matrix if self.joint is None else _with_diagonal(matrix, self.joint, dimension)
+
+    def _leant(self, H: sp.sparray, dimension: int) -> FloatArray:
+        """H^T T^-1 (A + B)^-1 H, T^-1 = I + H_c Y E^T."""
+        assert self.leaning is not None
+        m, wide = H.shape[1], sp.csc_array(sp.hstack([H, self.leaning.E]))
+        W = replace(self, leaning=None).delassus(wide, dimension)
+        W = W if isinstance(W, np.ndarray) else W.toarray()
+        W = W[: wide.shape[1], : wide.shape[1]]
+        leant: FloatArray = W[:m, :m] + (H.T @ self.leaning.H) @ (self.leaning.inverse @ W[m:, :m])
+        return leant
 
     def _sum(self, H: sp.sparray, dimension: int) -> Matrix:
         """H^T A^-1 H for H (n, m) on the bodies' unknowns, from their compliances."""

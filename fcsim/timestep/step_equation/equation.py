@@ -24,6 +24,7 @@ from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Attempt, Lead, Linearised
 from fcsim.timestep.step_equation.compliance import StepCompliance
+from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning, leaning
 from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE, Linearisation
 from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
 from fcsim.timestep.step_equation.mixing import Mixing
@@ -36,7 +37,8 @@ class Equation:
 
     met: its contacts; factor: of the step's M; rest (n_dofs,): right side without the elastic term; driven: values of the driven
     unknowns; share: of the whole step that it is; linked: the rows of its links; bent (n_dofs, n_dofs): geometric stiffness of contact that
-    is part of M, None = none; summed: W where it is known, see `StepCompliance`
+    is part of M, None = none; slanted (n_dofs, m): E of `leaning`, with the iterate v_i (n_dofs,) that it is of, None = none;
+    summed: W where it is known, see `StepCompliance`
     """
 
     scheme: Scheme
@@ -50,6 +52,7 @@ class Equation:
     share: float
     linked: Linked | None = None
     bent: sp.csr_array | None = None
+    slanted: tuple[sp.csr_array, FloatArray] | None = None
     summed: Matrix | None = None
 
     @cached_property
@@ -61,10 +64,22 @@ class Equation:
     def compliance(self) -> StepCompliance | LinkedCompliance:
         bent = None if self.bent is None else self._on_unknowns(self._on_unknowns(self.bent).T).T
         bent = bent if bent is None or not bent.nnz else sp.csr_array(bent)
-        own = StepCompliance(self.factor, self.met.compliance, self.summed, bent)
+        own = StepCompliance(self.factor, self.met.compliance, self.summed, bent, self.leaning)
         if self.linked is None:
             return own
         return LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance, summed=self.summed)
+
+    @cached_property
+    def leaning(self) -> Leaning | None:
+        """How gaps lean from their normals; None where they do not, and beside links."""
+        if self.slanted is None or self.linked is not None:
+            return None
+        return leaning(self._on_unknowns(self.met.scaled_H), self._on_unknowns(self.slanted[0]))
+
+    def _unknown(self, v: FloatArray) -> FloatArray:
+        """The bodies' unknowns of v (n_dofs,)."""
+        v = self.model.along(v)
+        return v[self.model.free_dofs] if self.model.driven == "eliminated" else v
 
     def _on_unknowns(self, H: sp.sparray) -> sp.csr_array:
         """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out."""
@@ -84,7 +99,12 @@ class Equation:
 
     @cached_property
     def _w(self) -> FloatArray:
-        return self.met.w if self._moved is None else self.met.w + self.met.scaled_H.T @ self._moved
+        w = self.met.w if self._moved is None else self.met.w + self.met.scaled_H.T @ self._moved
+        if self.leaning is None or self.slanted is None:
+            return w
+        E, v = self.slanted
+        arrived = self.model.of_driven(self.driven) - self.model.driven_share(v)  # what an iterate on the way has still to go
+        return w + E.T @ arrived
 
     @cached_property
     def _given(self) -> FloatArray:
@@ -107,6 +127,10 @@ class Equation:
         if self.linked is not None and isinstance(compliance, LinkedCompliance):
             G, b = compliance.matrix_of_links, self.linked.b
             b = b if self._moved is None else b + self.linked.G.T @ self._moved
+        if self.leaning is not None and self.slanted is not None:
+            v = self._unknown(self.slanted[1])
+            straight = replace(compliance, leaning=None).matrix()  # type: ignore[arg-type]
+            f = f + straight @ (self.leaning.straight(v) - v)
         f, terms = compliance.load(f), self.met.terms
         if self.met.moments is not None:
             rolling = np.zeros_like(mu) if terms.rolling is None else terms.rolling
@@ -117,6 +141,9 @@ class Equation:
         """The unknowns v (n_dofs,) of all dofs, in world axes, from the problem's."""
         model, v = self.model, np.empty(self.model.n_dofs)
         of_problem = self.compliance.bodies(of_problem)
+        if self.leaning is not None and self.slanted is not None:
+            begin = self._unknown(self.slanted[1])
+            of_problem = begin + self.leaning.straight(of_problem - begin)
         v[model.free_dofs] = of_problem if model.driven == "eliminated" else of_problem[model.free_dofs]
         v[model.driven_dofs] = self.driven
         return model.world(v)

@@ -9,7 +9,7 @@ contact is a global problem like any other step's: the solver begins where it en
 measured and linearised next, until R is below the tolerance and contact is where it was meant: quadratic where S_i is exact. Where R
 grows, or a body has no admissible state, (v, r) is gone only part of the way. In quasi-statics contacts are found anew at every iterate,
 with gaps brought back to the beginning of the step, so that u remains the increment over all of it, and A_i has their geometric stiffness
--d(H r)/dv (`contact_stiffness`); in dynamics they are those of the step.
+-d(H r)/dv (`contact_tangent`); in dynamics they are those of the step.
 
 A_i must be positive definite: a body that has lost stiffness gets a share of its first one beside, and converges more slowly for it.
 Bodies keep their tangent and factor while that differs by less than `KEPT`.
@@ -17,10 +17,10 @@ Bodies keep their tangent and factor while that differs by less than `KEPT`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.body_factors import Indefinite
@@ -30,10 +30,11 @@ from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
 from fcsim.solvers.memory import Kept
 from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
-from fcsim.timestep.encounter import Encounter
+from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt, Linearised
 from fcsim.timestep.step_equation.compliance import StepCompliance
-from fcsim.timestep.step_equation.contact_stiffness import contact_stiffness
+from fcsim.timestep.step_equation.contact_tangent.slopes import contact_slopes
+from fcsim.timestep.step_equation.contact_tangent.stiffness import by_formulas, contact_stiffness
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, longest_flight
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
@@ -91,11 +92,11 @@ def solve_nonlinear(
     past: Past,
     attempts: list[Attempt],
     clock: Clock,
-    anew: Callable[[FloatArray], Encounter] | None,
+    anew: Anew | None,
 ) -> tuple[Answer | None, Past]:
     """Return the answer, None where it is not found, and the past of the next step; as `solve_equation`, for models with nonlinear bodies.
 
-    anew: the contacts at an iterate v (n_dofs,), None where those of the step stay (dynamics).
+    anew: the contacts at an iterate, None where those of the step stay (dynamics).
     """
     return _Newton(equation, settings, extent, attempts, clock, anew).solve(past)
 
@@ -108,7 +109,7 @@ class _Newton:
         extent: float,
         attempts: list[Attempt],
         clock: Clock,
-        anew: Callable[[FloatArray], Encounter] | None,
+        anew: Anew | None,
     ) -> None:
         self.equation, self.settings, self.extent = equation, settings, extent
         self.attempts, self.clock, self.anew = attempts, clock, anew
@@ -131,7 +132,7 @@ class _Newton:
                 name = equation.model.deformable[error.body].name
                 return self._failed(f"body {name!r} has lost its stiffness: it buckles, snaps or softens, which dynamics can follow", past)
             left -= SLOWER if share else 1.0
-            equation, pushed = self._bent(replace(equation, factor=factor, bent=None), now)
+            equation, pushed = self._bent(replace(equation, factor=factor, bent=None, slanted=None), now)
             load = self._load(equation, now) + pushed
             problem = equation.problem(load)
             assert isinstance(problem, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
@@ -145,7 +146,9 @@ class _Newton:
                 else now.r
             )
             self.start = warm if self.start is None else self.start
-            tol = self.settings.tol * min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
+            # what a solver leaves open is in the next iterate's contacts: they would not settle to less
+            tol = self.settings.tol if self.anew is None else min(self.settings.tol, TOLERANCE)
+            tol *= min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
             tol *= CLOSER if share else 1.0
             tried = len(self.attempts)
             result, serving = solve_chain(self.settings, reduction, warm, tol, equation.share, self.attempts, past.serving, lead)
@@ -159,7 +162,7 @@ class _Newton:
             if found is None:
                 return self._failed("a body has no admissible state on the way to the answer", past)
             new, length = found
-            met = equation.met if self.anew is None else self.anew(new.v)
+            met = equation.met if self.anew is None else self.anew.met(new.v)
             settled = self.anew is None or self._settled(equation, met, new)
             new = new if self.anew is None else self._moved(replace(equation, met=met), equation.met, new)
             self.clock.lap("detection" if self.anew is not None else "assembly")
@@ -207,9 +210,10 @@ class _Newton:
         met = equation.met
         if self.anew is None or not np.any(now.r) or met.compliance is not None or met.adhesive_impulse is not None:
             return equation, 0.0
-        bent = contact_stiffness(equation.model, met.contacts, met.reaction(now.r), equation.model.advance(equation.state.x, now.v))
+        bent, slanted = self._slopes(equation, now)
         if bent is None:
             return equation, 0.0
+        equation = replace(equation, slanted=slanted)
         r = now.r.reshape(-1, met.rows)
         sticks = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKS) * met.contacts.mu * r[:, 0]
         kept = np.repeat(sticks[:, None], met.rows, axis=1)
@@ -217,11 +221,36 @@ class _Newton:
         pressed = np.flatnonzero(kept)
         normal = met.scaled_H[:, pressed]
         for held in (0.0, HELD * float(np.abs(bent.data).max())):
-            bending = replace(equation, bent=bent + held * (normal @ normal.T) if held else bent)
+            bending = replace(equation, bent=bent + held * (normal @ normal.T), slanted=None) if held else replace(equation, bent=bent)
             own = bending.compliance if isinstance(bending.compliance, StepCompliance) else bending.compliance.base
             if own.bent is not None and bending.bent is not None and own.positive:
                 return bending, bending.bent @ now.v - held * (normal @ (normal.T @ now.v + met.w[pressed])) if held else bent @ now.v
-        return equation, 0.0
+        return replace(equation, slanted=None), 0.0
+
+    def _slopes(self, equation: Equation, now: _Iterate) -> tuple[sp.csr_array | None, tuple[sp.csr_array, FloatArray] | None]:
+        """B, None where there is none, and E of the pressed contacts with the iterate, None where gaps close along normals; on
+        facets with their own normals by formulas, else by differences."""
+        met, model, x = equation.met, equation.model, equation.model.advance(equation.state.x, now.v)
+        reaction = met.reaction(now.r)
+        if self.anew is None or by_formulas(model, met.contacts, reaction, x):
+            return contact_stiffness(model, met.contacts, reaction, x), None
+        detection, d = self.anew.detection, met.contacts.dimension
+        those = np.flatnonzero(np.any(reaction.reshape(-1, d) != 0, axis=1))
+        pressed = met.contacts.take(those)
+        force = np.einsum("aij,ai->aj", pressed.frame, reaction.reshape(-1, d)[those])
+        motion = model.node_velocity(now.v, x)
+        soft = detection.nodes[detection.nodes < model.n_elastic // d]
+        nodes = soft, np.searchsorted(model.node_offset, soft, side="right") - 1
+        slopes = contact_slopes(detection, pressed, force, motion, nodes, model.positions(x))
+        if slopes is None:
+            return contact_stiffness(model, met.contacts, reaction, x), None
+        B, E = slopes
+        bent = sp.csr_array(model.contact_matrix(model.contact_matrix(B, x).T, x).T)
+        if met.terms.scale is not None:
+            return bent, None
+        rows = (d * those[:, None] + np.arange(d)).ravel()
+        columns = sp.csr_array((np.ones(len(rows)), (np.arange(len(rows)), rows)), shape=(len(rows), d * len(met.contacts)))
+        return bent, (sp.csr_array(model.contact_matrix(E, x) @ columns), now.v)
 
     def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray) -> FloatArray:
         """R(v, r) (n_dofs,), of the forces G l of links too, zero at driven dofs."""

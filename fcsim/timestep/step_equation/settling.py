@@ -18,7 +18,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.contact_law.law import Demand, Implicit, Variables
 from fcsim.timestep.chain import Clock, SolverSettings
-from fcsim.timestep.encounter import Encounter
+from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
 from fcsim.timestep.step_equation.mixing import Mixing
@@ -40,7 +40,7 @@ def solve_settled(
     past: Past,
     attempts: list[Attempt],
     clock: Clock,
-    anew: Callable[[Equation], Callable[[FloatArray], Encounter] | None],
+    anew: Callable[[Equation], Anew | None],
 ) -> tuple[Answer | None, Past]:
     """Return the answer with the law settled, None where there is none, and the past of the next step; as `solve_equation` and, for models
     with nonlinear bodies, `solve_nonlinear`, whose `anew` is given for an equation."""

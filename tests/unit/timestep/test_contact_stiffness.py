@@ -19,7 +19,7 @@ from fcsim.timestep.limits import Limits
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
-from fcsim.timestep.step_equation.contact_stiffness import contact_stiffness
+from fcsim.timestep.step_equation.contact_tangent.stiffness import contact_stiffness
 
 UNHINDERED = Limits(rotation=np.inf, strain=np.inf)
 

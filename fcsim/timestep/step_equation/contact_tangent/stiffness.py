@@ -11,8 +11,8 @@ the tangents without a spin about N, so that
     -d(H r) = -a_i dp on the slave's nodes,  phi_k dp + phi_k,a dxi_a p on the facet's                                           (3)
 
 It is symmetric without friction, and with friction not. It is exact for points on segments, triangles and bilinear quadrilaterals with
-these facets' own normals. Other contacts have none, and iterations converge linearly there: mortar, edges across edges, vertices, and
-interpolated normals, which are not the gradient of their gap, so that a stiffness alone does not mend it.
+these facets' own normals. Other contacts have none by these formulas: mortar, edges across edges, vertices, and interpolated normals,
+which are not the gradient of their gap, so that a stiffness alone does not do (`slopes`, `leaning`).
 
 Source: P. Wriggers, Computational Contact Mechanics, 2nd ed., Springer, 2006, chapter 9 (node to segment).
 """
@@ -60,6 +60,28 @@ def contact_stiffness(model: Model, contacts: Contacts, r: FloatArray, x: FloatA
     return sp.csr_array(model.contact_matrix(model.contact_matrix(nodal, x).T, x).T)
 
 
+def by_formulas(model: Model, contacts: Contacts, r: FloatArray, x: FloatArray) -> bool:
+    """Whether all contacts with reactions (m,) are points on facets with these facets' own normals."""
+    d = contacts.dimension
+    those = contacts.take(np.flatnonzero(np.any(r.reshape(len(contacts), -1) != 0, axis=1)))
+    own = 0
+    for corners in (2,) if d == 2 else (3, 4):
+        chosen, place = _on_facets(those, corners)
+        facets = those.take(chosen)
+        phi = -np.take_along_axis(facets.weights, place, axis=1)
+        first, _ = shape_gradients(phi)
+        t = np.einsum("akb,akd->abd", first, model.positions(x)[np.take_along_axis(facets.nodes, place, axis=1)])
+        own += int(np.count_nonzero(_flat(t, facets.frame[:, 0])))
+    return own == len(those)
+
+
+def _flat(t: FloatArray, N: FloatArray) -> BoolArray:
+    """Whether normals N (n, d) are those of facets with the tangents t (n, d - 1, d)."""
+    along = np.einsum("abd,ad->ab", t / np.linalg.norm(t, axis=2, keepdims=True), N)
+    flat: BoolArray = np.linalg.norm(along, axis=1) < _ASIDE
+    return flat
+
+
 def _on_facets(contacts: Contacts, corners: int) -> tuple[IntArray, IntArray]:
     """Contacts of points on facets with so many corners, and which of their nodes these are (nc, corners)."""
     nodes, weights = contacts.nodes, contacts.weights
@@ -84,7 +106,7 @@ def _stiffness(contacts: Contacts, place: IntArray, p: FloatArray, positions: Fl
     first, second = shape_gradients(phi)
     t = np.einsum("akb,akd->abd", first, corners)
     curved = np.einsum("kbc,akd->abcd", second, corners)
-    flat = np.linalg.norm(np.einsum("abd,ad->ab", t / np.linalg.norm(t, axis=2, keepdims=True), N), axis=1) < _ASIDE
+    flat = _flat(t, N)
     metric = np.einsum("abd,acd->abc", t, t)
     bent = np.einsum("ad,abcd->abc", N, curved)
     m = metric - contacts.gap[:, None, None] * bent

@@ -1,0 +1,1 @@
+"""How contact forces and gaps change as bodies move: geometric stiffness by formulas and by differences, gaps that lean."""
