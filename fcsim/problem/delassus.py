@@ -15,6 +15,7 @@ from typing import Literal, cast
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.brief import brief
@@ -39,7 +40,8 @@ class Delassus:
     unshifted: the operator of W alone, with which this one shares what W or its pattern decides.
 
     What is asked for is computed once and kept as long as this object; factors are not kept, since they are large: who uses one again
-    keeps it (see `Memory` for what serves the next problem). InputError where W is neither an array nor a sparse array.
+    keeps it (see `Memory` for what serves the next problem). A LinearOperator has products alone; InputError where it is to be eliminated, or
+    where W is nothing of these.
     """
 
     W: Matrix
@@ -52,8 +54,8 @@ class Delassus:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        if not isinstance(self.W, np.ndarray) and not sp.issparse(self.W):  # its entries are asked for, not its products alone
-            raise InputError(f"W: expected a NumPy array or a SciPy sparse array, got a {type(self.W).__name__}")
+        if not isinstance(self.W, np.ndarray | LinearOperator) and not sp.issparse(self.W):
+            raise InputError(f"W: expected a NumPy array, a SciPy sparse array or a LinearOperator, got a {type(self.W).__name__}")
 
     @property
     def size(self) -> int:
@@ -184,6 +186,8 @@ class Delassus:
     @cached_property
     def elimination(self) -> Elimination:
         """How a matrix with W's pattern is eliminated: dense, by fronts of whole joints, or by sparse elimination of single contacts."""
+        if isinstance(self.W, LinearOperator):
+            raise InputError(f"W: expected a NumPy array or a SciPy sparse array to eliminate, got a {type(self.W).__name__} without entries")
         if self.unshifted is not None:
             return self.unshifted.elimination
         if self.joints is not None:

@@ -160,6 +160,11 @@ def test_a_shift_shares_what_W_decides(storage: str) -> None:
     assert moved.symmetric_part.unshifted is None or moved.symmetric
 
 
-def test_what_has_no_entries_is_refused() -> None:
-    with pytest.raises(InputError, match=r"W: expected a NumPy array or a SciPy sparse array, got a _?\w*Operator"):
-        Delassus(aslinearoperator(np.eye(3)), 3)
+def test_what_has_products_alone_is_not_eliminated() -> None:
+    op = Delassus(aslinearoperator(2 * np.eye(3)), 3)  # as ACLM's compliance on the global form
+    assert_allclose(op.W @ np.ones(3), 2 * np.ones(3))
+    for ask in ("elimination", "stored"):
+        with pytest.raises(InputError, match=r"W: expected a NumPy array or a SciPy sparse array to eliminate, got a _?\w*Operator"):
+            getattr(op, ask)
+    with pytest.raises(InputError, match="W: expected a NumPy array, a SciPy sparse array or a LinearOperator, got a list"):
+        Delassus([[1.0]], 1)  # type: ignore[arg-type]
