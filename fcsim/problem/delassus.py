@@ -40,8 +40,8 @@ class Delassus:
     unshifted: the operator of W alone, with which this one shares what W or its pattern decides.
 
     What is asked for is computed once and kept as long as this object; factors are not kept, since they are large: who uses one again
-    keeps it (see `Memory` for what serves the next problem). A LinearOperator has products alone; InputError where it is to be eliminated, or
-    where W is nothing of these.
+    keeps it (see `Memory` for what serves the next problem). A LinearOperator has products alone; InputError where it is to be
+    eliminated, or where W is nothing of these.
     """
 
     W: Matrix
@@ -187,7 +187,9 @@ class Delassus:
     def elimination(self) -> Elimination:
         """How a matrix with W's pattern is eliminated: dense, by fronts of whole joints, or by sparse elimination of single contacts."""
         if isinstance(self.W, LinearOperator):
-            raise InputError(f"W: expected a NumPy array or a SciPy sparse array to eliminate, got a {type(self.W).__name__} without entries")
+            raise InputError(
+                f"W: expected a NumPy array or a SciPy sparse array to eliminate, got a {type(self.W).__name__} without entries"
+            )
         if self.unshifted is not None:
             return self.unshifted.elimination
         if self.joints is not None:

@@ -17,10 +17,10 @@ Bodies keep their tangent and factor while that differs by less than `KEPT`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.body_factors import Indefinite
@@ -33,11 +33,10 @@ from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt, Linearised
 from fcsim.timestep.step_equation.compliance import StepCompliance
-from fcsim.timestep.step_equation.contact_tangent.slopes import contact_slopes
-from fcsim.timestep.step_equation.contact_tangent.stiffness import by_formulas, contact_stiffness
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, longest_flight
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
+from fcsim.timestep.step_equation.tangent import tangent_by_differences, tangent_by_formulas
 from fcsim.timestep.warm_start import Reactions, warm_start
 
 TOLERANCE = 1e-9
@@ -59,6 +58,9 @@ MAX_ITERATIONS = 40
 
 SLOWER = 0.25
 """What an iteration with a stiffened body counts: its errors fall by a constant factor only."""
+
+SLANTED = "NSN-AC"
+"""Solves the problems of steps with E, see `_ways_to_solve`."""
 
 CLOSER = 0.01
 """Of the solver's tolerance where a body is stiffened: what the solver leaves open, times that stiffness, is in the residual."""
@@ -132,32 +134,34 @@ class _Newton:
                 name = equation.model.deformable[error.body].name
                 return self._failed(f"body {name!r} has lost its stiffness: it buckles, snaps or softens, which dynamics can follow", past)
             left -= SLOWER if share else 1.0
-            equation, pushed = self._bent(replace(equation, factor=factor, bent=None, slanted=None), now)
-            load = self._load(equation, now) + pushed
-            problem = equation.problem(load)
-            assert isinstance(problem, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
-            reduction = Reduction(problem, equation.compliance)
-            self.clock.lap("assembly")
-            warm = (
-                now.r
-                if self.start is not None
-                else warm_start(reduction.local, equation.met.contacts, past.reactions)
-                if problem.nc
-                else now.r
-            )
-            self.start = warm if self.start is None else self.start
+            plain = replace(equation, factor=factor, bent=None, slanted=None)
+            load = self._load(plain, now)
             # what a solver leaves open is in the next iterate's contacts: they would not settle to less
             tol = self.settings.tol if self.anew is None else min(self.settings.tol, TOLERANCE)
-            tol *= min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
-            tol *= CLOSER if share else 1.0
-            tried = len(self.attempts)
-            result, serving = solve_chain(self.settings, reduction, warm, tol, equation.share, self.attempts, past.serving, lead)
+            for equation, pushed, settings in self._ways(plain, now):
+                posed = equation.problem(load + pushed)
+                assert isinstance(posed, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
+                problem = posed
+                reduction = Reduction(problem, equation.compliance)
+                self.clock.lap("assembly")
+                cold = self.start is None and problem.nc > 0
+                warm = warm_start(reduction.local, equation.met.contacts, past.reactions) if cold else now.r
+                flight = min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
+                allowed = tol * flight * (CLOSER if share else 1.0)
+                if flight < 1.0 and settings is not self.settings:
+                    continue
+                tried: list[Attempt] = []
+                result, serving = solve_chain(settings, reduction, warm, allowed, equation.share, tried, past.serving, lead)
+                if result is not None:
+                    break
+            self.start = warm if self.start is None else self.start
+            self.attempts.extend(tried)
             self.clock.lap("solve")
             past = replace(past, serving=serving)
             if result is None:
                 return None, past
             if not self.done:
-                past = replace(past, lead=lead.after(self.attempts[tried].solver, self.attempts[-1].solver))
+                past = replace(past, lead=lead.after(tried[0].solver, tried[-1].solver))
             found = self._way(equation, now, equation.velocity(result.v), result)  # type: ignore[arg-type]
             if found is None:
                 return self._failed("a body has no admissible state on the way to the answer", past)
@@ -168,7 +172,7 @@ class _Newton:
             self.clock.lap("detection" if self.anew is not None else "assembly")
             self._note(problem, result, warm, new, length, factor, share)
             if length == 1 and new.residual <= 1 and settled:
-                return self._answer(equation, reduction, new, load, result), past
+                return self._answer(equation, reduction, new, load + pushed, result), past
             if self.anew is not None:
                 past, equation = past.of_the_same_step(equation.met.contacts, met.contacts, result.r), replace(equation, met=met)
             now = replace(new, term=self.inner.at(new.v, tangent=True))
@@ -201,7 +205,15 @@ class _Newton:
     def _load(self, equation: Equation, now: _Iterate) -> FloatArray:
         return equation.rest - self._linear(now.v) - now.term.force + equation.factor.apply_tangents(now.v)
 
-    def _bent(self, equation: Equation, now: _Iterate) -> tuple[Equation, FloatArray | float]:
+    def _ways(self, equation: Equation, now: _Iterate) -> Iterator[tuple[Equation, FloatArray | float, SolverSettings]]:
+        """The equation with B and E by differences, for one method that is quick to say whether it arrives; then with B by formulas for the
+        whole chain. Of a body that hardly anything holds W has rank one but for round-off, and E leaves nothing that has a solution."""
+        by_differences, pushed = self._bent(equation, now, differences=True)
+        if by_differences.slanted is not None:
+            yield by_differences, pushed, replace(self.settings, name=SLANTED, options={}, fallback=())
+        yield *self._bent(equation, now, differences=False), self.settings
+
+    def _bent(self, equation: Equation, now: _Iterate, *, differences: bool) -> tuple[Equation, FloatArray | float]:
         """The equation with the geometric stiffness B of its contacts under the iterate's reactions, and what it adds to the right side; in
         statics only, since contacts stay those of the step in dynamics.
 
@@ -210,7 +222,7 @@ class _Newton:
         met = equation.met
         if self.anew is None or not np.any(now.r) or met.compliance is not None or met.adhesive_impulse is not None:
             return equation, 0.0
-        bent, slanted = self._slopes(equation, now)
+        bent, slanted = (tangent_by_differences if differences else tangent_by_formulas)(equation, self.anew, now.v, now.r)
         if bent is None:
             return equation, 0.0
         equation = replace(equation, slanted=slanted)
@@ -226,31 +238,6 @@ class _Newton:
             if own.bent is not None and bending.bent is not None and own.positive:
                 return bending, bending.bent @ now.v - held * (normal @ (normal.T @ now.v + met.w[pressed])) if held else bent @ now.v
         return replace(equation, slanted=None), 0.0
-
-    def _slopes(self, equation: Equation, now: _Iterate) -> tuple[sp.csr_array | None, tuple[sp.csr_array, FloatArray] | None]:
-        """B, None where there is none, and E of the pressed contacts with the iterate, None where gaps close along normals; on
-        facets with their own normals by formulas, else by differences."""
-        met, model, x = equation.met, equation.model, equation.model.advance(equation.state.x, now.v)
-        reaction = met.reaction(now.r)
-        if self.anew is None or by_formulas(model, met.contacts, reaction, x):
-            return contact_stiffness(model, met.contacts, reaction, x), None
-        detection, d = self.anew.detection, met.contacts.dimension
-        those = np.flatnonzero(np.any(reaction.reshape(-1, d) != 0, axis=1))
-        pressed = met.contacts.take(those)
-        force = np.einsum("aij,ai->aj", pressed.frame, reaction.reshape(-1, d)[those])
-        motion = model.node_velocity(now.v, x)
-        soft = detection.nodes[detection.nodes < model.n_elastic // d]
-        nodes = soft, np.searchsorted(model.node_offset, soft, side="right") - 1
-        slopes = contact_slopes(detection, pressed, force, motion, nodes, model.positions(x))
-        if slopes is None:
-            return contact_stiffness(model, met.contacts, reaction, x), None
-        B, E = slopes
-        bent = sp.csr_array(model.contact_matrix(model.contact_matrix(B, x).T, x).T)
-        if met.terms.scale is not None:
-            return bent, None
-        rows = (d * those[:, None] + np.arange(d)).ravel()
-        columns = sp.csr_array((np.ones(len(rows)), (np.arange(len(rows)), rows)), shape=(len(rows), d * len(met.contacts)))
-        return bent, (sp.csr_array(model.contact_matrix(E, x) @ columns), now.v)
 
     def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray) -> FloatArray:
         """R(v, r) (n_dofs,), of the forces G l of links too, zero at driven dofs."""
