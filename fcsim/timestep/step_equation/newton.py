@@ -60,7 +60,7 @@ SLOWER = 0.25
 """What an iteration with a stiffened body counts: its errors fall by a constant factor only."""
 
 SLANTED = "NSN-AC"
-"""Solves the problems of steps with E, see `_ways_to_solve`."""
+"""Solves the problems with E, see `_Newton._ways`."""
 
 CLOSER = 0.01
 """Of the solver's tolerance where a body is stiffened: what the solver leaves open, times that stiffness, is in the residual."""
