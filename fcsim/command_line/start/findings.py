@@ -103,7 +103,7 @@ def _tried(script: str) -> tuple[bool, str]:
 
 def python() -> list[Finding]:
     """The interpreter and the packages of the core, which are imported by now."""
-    state: Literal["ok", "MISSING"] = "ok" if sys.version_info >= (3, 12) else "MISSING"
+    enough = sys.version_info >= (3, 12)
     core = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba", "h5py"))
     return [
         Finding(
