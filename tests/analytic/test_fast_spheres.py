@@ -92,3 +92,22 @@ def test_two_plates_hold_what_flies_askew_between_them(speed: float) -> None:
     bodies += [rigid_box(f"plate {x}", (1e-3, 20, 1), (x * radius, 0, 0), 1.0) for x in (-3, 3)]
     steps = flown(bodies, ["plate -3", "plate 3"], {"ball": [0.6 * speed * radius / H, 0.5 * speed * radius / H, 0]}, 6)
     assert place(steps[-1], 0)[0] <= 3 * radius - 5e-4 - radius * (1 - 1e-6)
+
+
+@pytest.mark.parametrize("turn", [pytest.param(0.02, marks=pytest.mark.slow), 0.15, pytest.param(0.5, marks=pytest.mark.slow)])
+def test_a_ball_rolls_over_the_edges_of_facets_without_a_kick(turn: float) -> None:
+    """It turns by up to half a radian a step over a floor of triangles. The point that touches next is another one each time."""
+    radius = 0.05
+    ball = rigid_sphere("ball", radius, (-1.0, 0.013, radius), 1.0)
+    floor = rigid_box("floor", (4.0, 1.0, 0.2), (0, 0, -0.1), 1.0, (7, 3, 1))
+    model = build_model([ball, floor], supports=[Support("floor", DIRECTIONS[3])], gravity=lambda t: np.array([0, 0, -9.81]))
+    start = at_rest(model)
+    v = start.v.copy()
+    first = model.dof_offset[model.number["ball"]]
+    v[first : first + 6] = [turn * radius / H, 0, 0, 0, turn / H, 0]
+    scheme, settings = Theta(H, 0.5, Gap()), SolverSettings(name="auto", tol=1e-10)
+    simulation = Simulation(model, ExactContacts(model, 0.3), scheme, 40, settings, State(0.0, start.x, v), witness=None)
+    for step in simulation:
+        at = step.model.dof_offset[step.model.number["ball"]]
+        assert abs(step.state.x[at + 2]) < 1e-6 * radius, step.number
+    assert step.state.v[first] == pytest.approx(turn * radius / H, rel=1e-6)
