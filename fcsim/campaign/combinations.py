@@ -13,7 +13,7 @@ from fcsim.tables import read_rows
 
 MOST = 100_000
 """More combinations than anybody makes: a slip of the pen."""
-_RANGE = re.compile(r"(?P<first>[^.\s/][^/\s]*?)\.\.(?P<last>[^/\s]+)/(?P<count>\d+)(?P<log>log)?")
+_RANGE = re.compile(r"(?P<first>[^/\s]+?)\.\.(?P<last>[^/\s]+)/(?P<count>\d+)(?P<log>log)?")
 
 
 def read_over(text: str) -> tuple[str, tuple[str, ...]]:

@@ -18,7 +18,7 @@ _OF_COLUMNS: dict[str, tuple[str, Callable[[FloatArray], float]]] = {
     "most_contacts": ("nc", lambda values: values.max()),
     "iterations": ("iterations", lambda values: values.sum()),
     "largest_error": ("error", lambda values: values.max()),
-    "steps_cut": ("substeps", lambda values: np.count_nonzero(values > 1)),
+    "steps_cut": ("substeps", lambda values: float(np.count_nonzero(values > 1))),
     "largest_penetration": ("penetration", lambda values: values.max()),
     "largest_overlap": ("overlap", lambda values: values.max()),
     "friction_dissipation": ("friction_dissipation", lambda values: values.sum()),

@@ -100,8 +100,8 @@ def _shown(value: Json) -> str:
 def joined(directory: Path, plan: Plan, accept_changes: bool = False) -> Plan:
     """The plan of a folder with that of this command: runs that are there stay, others come behind them.
 
-    Raises InputError where the folder holds something else, another case, other parameters, or where the case's script or a plugin is not as
-    it was, unless that is accepted.
+    Raises InputError where the folder holds something else, another case, other parameters, or where the case's script or a plugin is not
+    as it was, unless that is accepted.
     """
     if not (directory / FILE).is_file():
         _refuse_others(directory)
@@ -115,9 +115,10 @@ def joined(directory: Path, plan: Plan, accept_changes: bool = False) -> Plan:
         ("--set", _texts(stored.assignments), _texts(plan.assignments)),
     ):
         if before != now:
-            raise InputError(f"{directory}: expected a sweep of the same {what}, {before or 'none'}, got {now or 'none'}; choose another --out")
-    before, now = sorted(stored.sources.values()), sorted(plan.sources.values())
-    if before != now and not accept_changes:
+            raise InputError(
+                f"{directory}: expected a sweep of the same {what}, {before or 'none'}, got {now or 'none'}; choose another --out"
+            )
+    if sorted(stored.sources.values()) != sorted(plan.sources.values()) and not accept_changes:
         raise InputError(
             f"{directory}: expected the case and plugins as they were when the sweep began, {plan.script} or a plugin has changed; choose "
             "another --out, or go on all the same with --accept-changes (finished runs stay as they are)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import glob
 import json
 import os
 import signal
@@ -10,21 +11,21 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import IO
 
 from fcsim.apart.reading import with_our_modules
 from fcsim.bench.workers.killable import resident
-from fcsim.campaign.record import CRASHED, INTERRUPTED, MEMORY_LIMIT, STATUSES, TIME_LIMIT, Limits, Place, Record
+from fcsim.campaign.record import CRASHED, INTERRUPTED, MEMORY_LIMIT, STATUSES, TIME_LIMIT, Limits, Place, Record, stands
 from fcsim.memory import readable
 from fcsim.running.outputs import RunOptions
 from fcsim.runtime import THREAD_VARIABLES
 
 POLITE = 60.0
 """[s] that a run has to end its step and write its checkpoint, before it is killed."""
+WORKER = ("-m", "fcsim.campaign.worker")
 LOOK = 0.05
 """[s] between two looks at a process."""
 
@@ -50,52 +51,64 @@ class Task:
         return Place(Path(self.sweep), self.name)
 
 
-def make_run(task: Task, stop: threading.Event | None = None) -> Record | None:
-    """Make a run, or go on with it, and note how it ended; None where another process is at it. Long because it is one process' life.
+def make_run(task: Task, stop: threading.Event | None = None) -> Record:
+    """Make a run, or go on with it, and note how it ended.
 
-    A process above its memory limit is killed at once, since it grows; at its time limit, and once `stop` is set, it is asked to write its
-    checkpoint first. Raises OSError where log or record cannot be written.
+    Where another process is at it (a job that outlived its sweep), its end is waited for. A process above its memory limit is killed at
+    once, since it grows; at its time limit, and once `stop` is set, it is asked to write its checkpoint first. Raises OSError where log or
+    record cannot be written.
     """
     place = task.place
-    place.log.parent.mkdir(parents=True, exist_ok=True)
-    with place.log.open("a", encoding="utf-8") as log, _first(log) as alone:
-        if not alone:
-            return None
-        for left in place.record.parent.glob(f".{place.name}.*.partial*"):
+    for folder in (place.log.parent, place.record.parent):
+        folder.mkdir(parents=True, exist_ok=True)
+    with place.log.open("a", encoding="utf-8") as log:
+        waited, known = _waited(log, stop), place.known()
+        if _set(stop) or (waited and stands(known, task.limits)):
+            return known
+        for left in place.record.parent.glob(f".{glob.escape(place.name)}.*.partial*"):  # by a process that was killed as it wrote
             left.unlink(missing_ok=True)
-        begin = time.monotonic()
-        process = _started(task, log)
-        try:
-            how, peak = _watched(process, task.limits, stop, begin)
-            said = process.stdout.read() if process.stdout is not None else ""
-        finally:
-            if process.poll() is None:
-                _end(process, kill=False)
-            if process.stdout is not None:
-                process.stdout.close()
-        record = _record(said, process.returncode, how, task.limits)
-        record = replace(
-            record,
-            seconds=round(time.monotonic() - begin, 2),
-            peak_memory=round(peak, 1),
-            time_limit=task.limits.time,
-            memory_limit=task.limits.memory,
-        )
+        record = _made(task, log, stop)
         place.write(record)
         return record
 
 
-@contextmanager
-def _first(log: IO[str]) -> Iterator[bool]:
-    """Whether nobody else makes this run: the lock on its log goes with the process that holds it."""
+def _waited(log: IO[str], stop: threading.Event | None) -> bool:
+    """Take the lock on a run's log, which goes with the process that holds it; whether another one had to end first."""
+    waited = False
+    while not _set(stop):
+        try:
+            fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except BlockingIOError:
+            waited = True
+            time.sleep(10 * LOOK)
+        except OSError:  # no locks on this file system
+            break
+    return waited
+
+
+def _set(stop: threading.Event | None) -> bool:
+    return stop is not None and stop.is_set()
+
+
+def _made(task: Task, log: IO[str], stop: threading.Event | None) -> Record:
+    begin = time.monotonic()
+    process = _started(task, log)
     try:
-        fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        yield False
-        return
-    except OSError:  # no locks on this file system
-        pass
-    yield True
+        how, peak = _watched(process, task.limits, stop, begin)
+        said = process.stdout.read() if process.stdout is not None else ""
+    finally:
+        if process.poll() is None:
+            _end(process, kill=False)
+        if process.stdout is not None:
+            process.stdout.close()
+    return replace(
+        _record(said, process.returncode, how, task.limits),
+        seconds=round(time.monotonic() - begin, 2),
+        peak_memory=round(peak, 1),
+        time_limit=task.limits.time,
+        memory_limit=task.limits.memory,
+    )
 
 
 def _started(task: Task, log: IO[str]) -> subprocess.Popen[str]:
@@ -103,7 +116,7 @@ def _started(task: Task, log: IO[str]) -> subprocess.Popen[str]:
     for name in THREAD_VARIABLES:  # libraries that read them as they are loaded
         environment[name] = str(task.threads)
     process = subprocess.Popen(
-        [sys.executable, "-m", "fcsim.campaign.worker", str(os.getpid())],
+        [sys.executable, *WORKER, str(os.getpid())],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=log,
@@ -132,7 +145,7 @@ def _watched(process: subprocess.Popen[str], limits: Limits, stop: threading.Eve
         elif deadline is not None and time.monotonic() > deadline:
             how = TIME_LIMIT
             _end(process, kill=False)
-        elif stop is not None and stop.is_set():
+        elif _set(stop):
             how = INTERRUPTED
             _end(process, kill=False)
         else:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -65,6 +65,8 @@ class Progress:
 
 Watch = Callable[[Progress, Row | None], None]
 """Told each run that ends, and every half second None."""
+
+
 @dataclass(frozen=True)
 class News:
     """Of a launch: a task that has ended, None where none has for half a second, and those that are being made."""
@@ -125,7 +127,9 @@ def sweep(
         table = _Table.of(directory, whole)
         table.write()
         asked = {run.name for run in plan.runs}
-        waiting = [run for run in whole.runs if run.name in asked and not stands(table.rows[run.name].record, options.limits, options.retry)]
+        waiting = [
+            run for run in whole.runs if run.name in asked and not stands(table.rows[run.name].record, options.limits, options.retry)
+        ]
         try:
             _make(waiting, whole, directory, options, launch or processes(options.jobs), table, watch)
         finally:
@@ -174,7 +178,7 @@ def processes(jobs: int) -> Launch:
         stop = threading.Event()
         queue = list(reversed(tasks))
         with ThreadPoolExecutor(jobs) as executor, _stopping(stop):
-            running = {}
+            running: dict[Future[Record], Task] = {}
             while queue or running:
                 while queue and len(running) < jobs:
                     task = queue.pop()

@@ -1,7 +1,7 @@
 """The process of one run of a sweep: `python -m fcsim.campaign.worker PARENT`, with its task as JSON on stdin.
 
-What the run says goes to stderr, its log; the end of stdout is one line of JSON, how the run ended. The process dies with its parent, so that
-nothing runs on when a sweep is killed.
+What the run says goes to stderr, its log; the end of stdout is one line of JSON, how the run ended. The process dies with its parent,
+so that nothing runs on when a sweep is killed.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The command line: fcsim run | solve | info | render, compare | solvers | collection | bench | profile, report | limit, tilt, push,
-shake, a file beside for each of these, or in `sets` and `masonry`."""
+"""The command line: fcsim run | sweep | solve | info | render, compare | solvers | collection | bench | profile, report | limit, tilt,
+push, shake, a file beside for each of these, or in `sets` and `masonry`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from fcsim.command_line import info, render, run, solve, solvers
+from fcsim.command_line import info, render, run, solve, solvers, sweep
 from fcsim.command_line.masonry import trials
 from fcsim.command_line.sets import bench, collection, profile
 from fcsim.command_line.terminal import any_encoding, say, silence
@@ -27,7 +27,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"fcsim {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    for command in (run, solve, info, render, solvers, collection, bench, profile, trials):
+    for command in (run, sweep, solve, info, render, solvers, collection, bench, profile, trials):
         command.add_parser(commands)
     return parser
 
