@@ -20,11 +20,12 @@ from fcsim.errors import InputError, MissingDependency
 if TYPE_CHECKING:
     from submitit import AutoExecutor, Job
 
-type Kind = Literal["slurm", "local"]
+type Kind = Literal["slurm", "jobs"]
+"""jobs: of submitit's executor for this machine."""
 
 MARGIN = 240.0
 """[s] that a job has beyond its work's own limit: to start, to write a checkpoint, and what submitit wants as warning time."""
-LOOK = {"local": 0.2, "slurm": 2.0}
+LOOK = {"jobs": 0.2, "slurm": 2.0}
 """[s] between two looks at jobs."""
 
 
@@ -50,11 +51,12 @@ class Cluster:
 @dataclass(frozen=True)
 class Jobs:
     """Of jobs that were submitted: the number of one that has ended, None where none has since the last look, and the error that it
-    raised or why it left none, empty where it ended well; the numbers of those that have not ended."""
+    raised or why it left none, empty where it ended well; the numbers of those that have not ended; what its function returned."""
 
     ended: int | None
     error: str
     left: tuple[int, ...]
+    result: object
 
 
 def executor(folder: Path, cluster: Cluster, name: str) -> AutoExecutor:
@@ -66,7 +68,7 @@ def executor(folder: Path, cluster: Cluster, name: str) -> AutoExecutor:
     folder.mkdir(parents=True, exist_ok=True)
     memory = None if cluster.memory is None else cluster.memory / 1024
     try:
-        made = submitit.AutoExecutor(folder=folder, cluster=cluster.kind)
+        made = submitit.AutoExecutor(folder=folder, cluster="local" if cluster.kind == "jobs" else cluster.kind)
         made.update_parameters(
             name=name, timeout_min=math.ceil((cluster.seconds + MARGIN) / 60), cpus_per_task=cluster.threads, mem_gb=memory
         )
@@ -92,33 +94,34 @@ def run_jobs[T](function: Callable[[T], object], arguments: Sequence[T], folder:
     waiting = list(range(len(arguments)))[::-1]
     try:
         if cluster.kind == "slurm":
-            with _found_by_jobs():
+            with found_by_jobs():
                 running = dict(enumerate(hand_out.map_array(function, arguments)))
             waiting = []
         while running or waiting:
             while waiting and len(running) < cluster.at_once:
                 number = waiting.pop()
-                with _found_by_jobs():
+                with found_by_jobs():
                     running[number] = hand_out.submit(function, arguments[number])
             ended = [number for number, job in running.items() if job.done()]
             for number in ended:
-                error = _error(running.pop(number))
-                yield Jobs(number, error, (*running, *waiting))
+                job = running.pop(number)
+                error = error_of(job)
+                yield Jobs(number, error, (*running, *waiting), None if error else job.result())
             if not ended:
                 time.sleep(LOOK[cluster.kind])
-                yield Jobs(None, "", (*running, *waiting))
+                yield Jobs(None, "", (*running, *waiting), None)
     finally:
         cancel(running.values())
 
 
-def cancel(jobs: Iterable[Job[object]]) -> None:
+def cancel[T](jobs: Iterable[Job[T]]) -> None:
     """End jobs, which write what they have."""
     for job in jobs:
         with suppress(Exception):  # it has ended, or its cluster does not answer: nothing more can be done
             job.cancel(check=False)
 
 
-def _error(job: Job[object]) -> str:
+def error_of[T](job: Job[T]) -> str:
     """What a job that has ended raised, in one line."""
     error = job.exception()
     if error is None:
@@ -129,7 +132,7 @@ def _error(job: Job[object]) -> str:
 
 
 @contextmanager
-def _found_by_jobs() -> Iterator[None]:
+def found_by_jobs() -> Iterator[None]:
     """Jobs inherit the environment of who submits them; in it they find this fcsim."""
     before = os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(Path(__file__).parents[1]), before)))

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, positive, read_assignments
+from fcsim.command_line.assignments import add_launcher, add_plugin_option, checked_tolerance, cluster_of, positive, read_assignments
 from fcsim.command_line.terminal import Bar, print_table, say
-from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK, InputError
+from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
 from fcsim.interrupts import ended_by, ended_politely
 from fcsim.tables import cell
 
@@ -63,13 +63,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         sweep.add_argument(f"--{what}-every", type=int, default=default, metavar="K", help=text)
     sweep.add_argument("--retry", action="store_true", help="make also those anew that did not converge, failed or were refused")
     sweep.add_argument("--accept-changes", action="store_true", help="go on also where the case, its files or versions have changed")
-    sweep.add_argument("--launcher", choices=("processes", "slurm", "local"), default="processes", help=LAUNCHER)
-    sweep.add_argument("--cluster-option", action="append", default=[], metavar="NAME=VALUE", help="of Slurm: partition=..., account=...")
+    add_launcher(sweep, LAUNCHER)
     add_plugin_option(sweep)
     sweep.set_defaults(act=_sweep)
 
 
-LAUNCHER = "processes of this machine; an array of Slurm; or submitit's jobs on this machine (slurm, local: --time-limit needed)"
+LAUNCHER = "processes of this machine, an array of Slurm, or submitit's jobs on this machine (slurm, jobs: --time-limit needed)"
 
 
 def _sweep(options: argparse.Namespace) -> int:
@@ -127,19 +126,11 @@ def _settings(options: argparse.Namespace) -> SweepOptions:
 
 def _launch(options: argparse.Namespace, settings: SweepOptions, directory: Path) -> Launch | None:
     """Where the runs are made, None for processes of this machine."""
-    if options.launcher == "processes":
-        if options.cluster_option:
-            raise InputError(f"--cluster-option {options.cluster_option[0]}: expected --launcher slurm beside it")
-        return None
     from fcsim.campaign.jobs import on_cluster
-    from fcsim.cluster import Cluster
 
-    if settings.limits.time is None:
-        raise InputError(f"--launcher {options.launcher}: expected --time-limit SECONDS, which a job of a cluster needs")
-    asked = read_assignments(options.cluster_option)
-    return on_cluster(
-        directory, Cluster(options.launcher, settings.limits.time, settings.jobs, settings.threads, settings.limits.memory, asked)
-    )
+    limits = settings.limits
+    cluster = cluster_of(options, seconds=limits.time, at_once=settings.jobs, threads=settings.threads, memory=limits.memory)
+    return None if cluster is None else on_cluster(directory, cluster)
 
 
 class _Shown:
