@@ -41,7 +41,13 @@ def write_results(directory: Path, plan: Plan, rows: Sequence[Row]) -> None:
     with replacing_for_good(directory / CSV) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.write(line(columns))
         file.writelines(line(cell(given.get(column)) for column in columns) for given in tables)
-    content = {
+    with replacing_for_good(directory / JSON) as temporary:
+        temporary.write_text(json_text(results_of(plan, rows)), encoding="utf-8")
+
+
+def results_of(plan: Plan, rows: Sequence[Row]) -> dict[str, object]:
+    """What results.json holds."""
+    return {
         "case": plan.case,
         "assignments": plan.assignments,
         "varied": plan.varied,
@@ -59,8 +65,6 @@ def write_results(directory: Path, plan: Plan, rows: Sequence[Row]) -> None:
             for row in rows
         ],
     }
-    with replacing_for_good(directory / JSON) as temporary:
-        temporary.write_text(json_text(content), encoding="utf-8")
 
 
 def _cells(row: Row, varied: Mapping[str, str]) -> dict[str, object]:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.answers import answer
 from fcsim.command_line.assignments import add_launcher, add_plugin_option, checked_tolerance, cluster_of, positive, read_assignments
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
@@ -168,6 +169,10 @@ def _how_far(place: Place) -> str:
 
 def _print_results(plan: Plan, rows: Sequence[Row], directory: Path) -> None:
     """The table of the runs of this command, what failed by name, and where all is."""
+    from fcsim.campaign.results import results_of
+
+    if answer(results_of(plan, rows)):
+        return
     header = ("run", *plan.varied, "status", "steps", "iterations", "largest error", "seconds")
     table = [
         (
