@@ -31,6 +31,7 @@ from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.links.linked import linked, refuse_linkage
 from fcsim.timestep.remarks.opening import opening_remarks
+from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest, refuse_misplaced, updated
 from fcsim.timestep.step import Attempt, Moment, Step
@@ -188,10 +189,9 @@ class Simulation:
         while moment.number < self.steps:
             step = self._witnessed(self.step(moment, kept, anchor))
             moment, when = step.moment, f"step {step.number}, t = {step.state.t:.6g} s"
-            new = remarks(self.model, deformation := self._measure(step.state.x), when, said)
-            if after.number == 0 and step.number == 1:
-                opening = (*opening, *remark(step.struck))
+            new = remarks(self.model, deformation := self._measure(step.state.x), when, said) | spinning(step, self.detector, when, said)
             if step.number > after.number:
+                opening = (*opening, *remark(step.struck)) if step.number == 1 else opening
                 yield replace(step, remarks=(*opening, *new.values())) if new or opening else step
                 opening = ()
             said |= new.keys()
