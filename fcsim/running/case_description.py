@@ -60,7 +60,7 @@ def ignored(simulation: Simulation) -> tuple[str, ...]:
     model, scheme = simulation.model, simulation.scheme
     if model.beta and isinstance(scheme, QuasiStatic):
         return (f"the model's damping (beta = {model.beta:g} s) does nothing in statics",)
-    if isinstance(scheme, Theta) and scheme.theta == 0.5 and model.deformable and not (model.alpha or model.beta or model.nonlinear):
+    if isinstance(scheme, Theta) and scheme.theta == 0.5 and not (model.beta or model.alpha) and model.deformable and not model.nonlinear:
         return (
             "nothing damps the bodies (beta = 0, theta = 0.5): vibrations that impacts leave do not end. Where they are not meant, "
             "build_model(beta=...), some ten steps h, takes them away",
