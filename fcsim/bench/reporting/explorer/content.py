@@ -117,8 +117,8 @@ def _read_curves(path: Path) -> list[Value]:
         with path.open(encoding="utf-8", newline="") as file:
             for row in csv.DictReader(file):
                 values = [float(row[name]) for name in ("iteration", "seconds", "error")]
-                for kept, value in zip(curves.setdefault(row["solver"], ([], [], [])), values, strict=True):
-                    kept.append(value)
+                for values_so_far, value in zip(curves.setdefault(row["solver"], ([], [], [])), values, strict=True):
+                    values_so_far.append(value)
     except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise InputError(
             f"{path}: expected the columns solver, iteration, seconds, error of numbers, as fcsim profile --convergence writes ({error})"

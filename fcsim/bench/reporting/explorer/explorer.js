@@ -16,6 +16,7 @@ function time(seconds) {
   const [factor, unit] = seconds >= 1 ? [1, "s"] : seconds >= 1e-3 ? [1e3, "ms"] : [1e6, "µs"];
   return `${Number((seconds * factor).toPrecision(3))} ${unit}`;
 }
+const plain = text => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;");  // plotly reads some HTML in names
 const outcome = cell => cell.status.split(":")[0].toLowerCase().replaceAll("_", " ");
 const why = cell => cell.status.includes(":") ? `${outcome(cell)}: ${cell.status.slice(cell.status.indexOf(":") + 1).trim()}` : outcome(cell);
 const clocked = seconds => Math.max(seconds, bench.resolution);
@@ -119,8 +120,8 @@ function drawProfile() {
   at("profile").setAttribute("role", "img");
   at("profile").setAttribute("aria-label", `Performance profiles at tolerance ${part.name}`);
   Plotly.react("profile", bench.solvers.map((solver, k) => ({
-    x: part.profiles[solver].tau, y: part.profiles[solver].rho, name: solver, mode: "lines", line: { ...line(k), shape: "hv", width: solver === mine() ? 4 : 2 },
-    hovertemplate: `${solver.replaceAll("<", "&lt;")}<br>within %{x:.3g} times the fastest: %{y:.0%}<extra></extra>`,
+    x: part.profiles[solver].tau, y: part.profiles[solver].rho, name: plain(solver), mode: "lines", line: { ...line(k), shape: "hv", width: solver === mine() ? 4 : 2 },
+    hovertemplate: `${plain(solver)}<br>within %{x:.3g} times the fastest: %{y:.0%}<extra></extra>`,
   })), layout({
     xaxis: { type: "log", title: { text: "τ, times the time of the fastest" }, range: [0, Math.log10(part.largest)] },
     yaxis: { title: { text: `share of ${part.count} problems` }, range: [0, 1.02], tickformat: ".0%" },
@@ -154,9 +155,10 @@ function drawOne() {
     return tr;
   }));
   const curves = bench.curves[row.problem];
+  at("curve").hidden = !curves;  // before it is drawn: a plot takes the width that its place has
   if (!curves) Plotly.purge("curve");
   if (curves) Plotly.react("curve", curves.map((curve, k) => ({
-    x: curve.seconds, y: curve.error.map(v => v > 0 ? v : null), customdata: curve.iteration, name: curve.solver, mode: "lines+markers", marker: { size: 4 },
+    x: curve.seconds, y: curve.error.map(v => v > 0 ? v : null), customdata: curve.iteration, name: plain(curve.solver), mode: "lines+markers", marker: { size: 4 },
     line: line(Math.max(0, bench.solvers.indexOf(curve.solver)) || k), hovertemplate: "%{x:.3g} s, iteration %{customdata}: %{y:.1e}<extra></extra>",
   })), layout({ xaxis: { title: { text: "time [s]" }, type: "log" }, yaxis: { title: { text: "relative error" }, type: "log", exponentformat: "power" } }), { displayModeBar: false, responsive: true });
   const picture = bench.pictures[row.problem];

@@ -26,9 +26,7 @@ def explorer_section(comparison: Comparison, results: Path, collections: Sequenc
         measured = read_results(against)
         keys = {m.key for m in comparison.measurements}
         if not any(m.key in keys for m in measured):
-            raise InputError(
-                f"--against {against}: expected the results of a bench with a problem, solver and tolerance of this one's, found none in common"
-            )
+            raise InputError(f"--against {against}: expected results that share a problem, solver and tolerance, found none in common")
         other = (against.resolve().name if against.is_dir() else against.resolve().parent.name, measured)
     here = files("fcsim.bench.reporting.explorer")
     html = Template(here.joinpath("explorer.html").read_text(encoding="utf-8")).substitute(
