@@ -113,13 +113,13 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "
     head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in header)
     lines = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     said = f"<caption>{escape(caption)}</caption>" if caption else ""
-    return f'<div class="wide"><table>{said}<thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table></div>'
+    return f'<div class="wide" tabindex="0"><table>{said}<thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table></div>'
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> str:
     """A table of names and what they are."""
     rows = "\n".join(f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>' for name, value in pairs)
-    return f'<div class="wide"><table class="facts"><tbody>\n{rows}\n</tbody></table></div>'
+    return f'<div class="wide" tabindex="0"><table class="facts"><tbody>\n{rows}\n</tbody></table></div>'
 
 
 def markdown_text(text: str, folder: Path) -> tuple[str, set[str]]:
