@@ -1,5 +1,5 @@
-"""The command line: fcsim cases, new, doctor, completion | run | solve | info | render, compare | solvers | collection | bench |
-profile, report | limit, tilt, push, shake, a file beside for each of these, or in `start`, `sets` and `masonry`."""
+"""The command line: fcsim cases, new, doctor, completion | run | sweep | solve | info | render, compare | solvers | collection |
+bench | profile, report | limit, tilt, push, shake, a file beside for each of these, or in `start`, `sets` and `masonry`."""
 
 # PYTHON_ARGCOMPLETE_OK
 
@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from fcsim.command_line import info, render, run, solve, solvers
+from fcsim.command_line import info, render, run, solve, solvers, sweep
 from fcsim.command_line.answers import answering
 from fcsim.command_line.masonry import trials
 from fcsim.command_line.sets import bench, collection, profile
@@ -32,7 +32,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"fcsim {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    for command in (cases, begin, doctor, run, solve, info, render, solvers, collection, bench, profile, trials, completion):
+    for command in (cases, begin, doctor, run, sweep, solve, info, render, solvers, collection, bench, profile, trials, completion):
         command.add_parser(commands)
     _add_output_options(parser)
     return parser

@@ -55,11 +55,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _run(options: argparse.Namespace) -> int:
+    from fcsim.masonry.case import any_case
     from fcsim.running.run import RunOptions, run_case
     from fcsim.solvers.plugins import load_plugins
 
     load_plugins(options.plugin)
-    script = _case(options.case)
+    script = any_case(options.case)
     if options.parameters:
         _list_parameters(script)
         return EXIT_OK
@@ -94,18 +95,6 @@ def _run(options: argparse.Namespace) -> int:
         )
     _print_summary(summary, directory)
     return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED, "failed": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
-
-
-def _case(path: str) -> CaseScript:
-    """A case script, a known case by its name where no such path is there, or a masonry problem in JSON."""
-    if path.endswith(".json"):
-        from fcsim.masonry.case import masonry_case
-
-        return masonry_case(path)
-    from fcsim.running.case import load_case
-    from fcsim.running.known_cases import case_place
-
-    return load_case(case_place(path))
 
 
 def _list_parameters(script: CaseScript) -> None:

@@ -58,7 +58,7 @@ def _add_completers(parser: argparse.ArgumentParser) -> None:
             action.completer = _cases  # type: ignore[attr-defined]
         elif set(SOLVERS) & set(action.option_strings):
             action.completer = _solvers  # type: ignore[attr-defined]
-        elif "--set" in action.option_strings:
+        elif {"--set", "--over"} & set(action.option_strings):
             action.completer = _assignments  # type: ignore[attr-defined]
 
 
