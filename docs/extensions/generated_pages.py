@@ -4,6 +4,7 @@ from pathlib import Path
 
 import api_pages
 import command_pages
+import reached
 import solver_pages
 
 FOLDER = Path(__file__).resolve().parents[1] / "_generated"
@@ -12,7 +13,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "_generated"
 def generated():
     """{path below docs/_generated: text}"""
     pages = {f"api/{name}": text for name, text in api_pages.pages().items()}
-    return pages | {"solvers.md": solver_pages.page(), "command_line.md": command_pages.page()}
+    return pages | {"solvers.md": solver_pages.page(), "command_line.md": command_pages.page(), "more.md": reached.page()}
 
 
 def _write(app, config):
