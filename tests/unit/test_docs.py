@@ -57,7 +57,8 @@ def test_files_that_are_named_are_there(page: Path) -> None:
 
 def test_names_that_are_written_are_there() -> None:
     """`fcsim.x.y` of pages, docstrings and comments: rooms, files, and what is in them."""
-    sources = [*PAGES, *(ROOT / "fcsim").rglob("*.py"), *(ROOT / "cases").rglob("*.py")]
+    own = (path for path in (ROOT / "fcsim").rglob("*.py") if path.name != "moved.py")  # which names what was elsewhere before
+    sources = [*PAGES, *own, *(ROOT / "cases").rglob("*.py")]
     names = {name for path in sources for name in re.findall(r"(?<![\w./@-])fcsim(?:\.[A-Za-z_]\w*)+", path.read_text(encoding="utf-8"))}
     assert len(names) > 300
     assert not sorted(name for name in names if not name.endswith((".py", ".md")) and not _is_there(name))
