@@ -28,6 +28,7 @@ from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.links.linked import linked, refuse_linkage
+from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
 from fcsim.timestep.remarks.opening import opening_remarks
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest, refuse_misplaced
@@ -80,12 +81,9 @@ class Simulation:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        if self.keep < 0:
-            raise InputError(f"keep: expected a whole number >= 0, got {self.keep}")
-        if self.steps < 0:
-            raise InputError(f"steps: expected a whole number >= 0, got {self.steps}")
-        if not 0 <= self.cuttings <= 20:
-            raise InputError(f"cuttings: expected a whole number from 0 to 20, got {self.cuttings}")
+        refuse_arguments(self.model, self.detector, self.scheme)
+        for name, largest in (("keep", np.inf), ("steps", np.inf), ("cuttings", 20)):
+            object.__setattr__(self, name, whole_number(name, getattr(self, name), largest))
         if not self.created > 0:
             raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
         object.__setattr__(self, "model", self.model.moving(self.scheme.kinematics))
