@@ -152,7 +152,8 @@ def encounter(
     configuration = scheme.detection_configuration(model, state)
     positions, way = model.positions(configuration), scheme.way(model, state)
     moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
-    return under_law(model, scheme, state, detection(positions, moved), positions, proportions, variables)
+    contacts = detection(positions, moved)
+    return under_law(model, scheme, state, contacts, positions, proportions, variables, configuration=configuration)
 
 
 def met_on_the_way(

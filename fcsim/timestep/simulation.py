@@ -218,8 +218,8 @@ class Simulation:
                     )
                 cuts += 1
                 continue
-            ledger = moment.ledger.after(replace(part, before=None).energy)
-            part = replace(part, ledger=ledger)
+            last = part.last_energy()
+            part = replace(part, last=last, ledger=moment.ledger.after(last))
             if self.scheme.timing.moving:
                 # what moves slower than the solvers' floor is at rest
                 refuse_creation(part, self.created, 0.5 * self._free_mass * self.solver.floor**2, self._extent)
@@ -231,7 +231,7 @@ class Simulation:
                 return replace(
                     part, state=state, attempts=tuple(attempts), seconds=clock.seconds, substeps=substeps, before=before, cuts=cuts
                 )
-            before = part.energy if before is None else before.then(part.energy)
+            before = last if before is None else before.then(last)
             moment = part.moment
 
     def _begun(self, scheme: Scheme, start: Moment, cuts: int, attempts: list[Attempt]) -> tuple[Moment, Energy | None] | None:

@@ -140,7 +140,7 @@ class Step:
     attempts          what the solver chain tried, the last one converged; of all sub-steps
     seconds           by phase: detection, assembly, solve; of all sub-steps
     substeps          into how many parts the step was cut; 1 where it was not
-    before            balance of energy of the earlier sub-steps, None where there are none
+    before, last      balance of energy of the earlier sub-steps, None where there are none, and of the last; None: not made yet
     struck            balance of energy of an impact at the beginning, None where there was none, see `beginning.impact`
     whole_per_part    reactions of the whole step per reaction of the sub-step: the ratio of their lengths for impulses, 1 for forces
     cuts              see `Moment`
@@ -173,6 +173,7 @@ class Step:
     encounter: Encounter
     substeps: int = 1
     before: Energy | None = None
+    last: Energy | None = None
     whole_per_part: float = 1.0
     cuts: int = 0
     variables: Variables | None = None
@@ -219,14 +220,18 @@ class Step:
     @cached_property
     def energy(self) -> Energy:
         """The balance of energy over the step."""
+        last = self.last or self.last_energy()
+        return last if self.before is None else self.before.then(last)
+
+    def last_energy(self) -> Energy:
+        """The balance of energy over the last sub-step."""
         met, result = self.encounter, self.result
         acting = Acting(met.acting_H, met.reaction(result.r), met.velocity(result.u), met.rows)
         own = self.scheme.energy(self.model, self.previous, self.state, acting, self.support_impulse)
         own = own if self.linked is None else self._with_links(own, self.linked)
         before, after = self.encounter.meeting.variables or NOTHING, self.variables or NOTHING
         own = own.with_joints(before.stored, after.stored, after.breaking or Breaking())
-        own = own if self.struck is None else self.struck.then(own)
-        return own if self.before is None else self.before.then(own)
+        return own if self.struck is None else self.struck.then(own)
 
     def _with_links(self, own: Energy, linked: Linked) -> Energy:
         """The balance with the work of the links: the same scheme's with their rows as columns of H too."""

@@ -68,6 +68,7 @@ class _GroupMeasure:
         edges = np.unique(np.sort(self._cells[:, self._cell.edges].reshape(-1, 2), axis=1), axis=0)
         self._edges: IntArray = edges.T
         self._lengths = np.linalg.norm(self._points[edges[:, 0]] - self._points[edges[:, 1]], axis=1)
+        self._shortest = float(self._lengths.min())
 
     def _gradient(self, at: FloatArray) -> sp.csr_array:
         """(nq ncells d, nn): derivatives of nodal values by the points' coordinates at the places `at` (nq, d) of all cells."""
@@ -93,10 +94,13 @@ class _GroupMeasure:
         return np.abs(principal).max(axis=1)
 
     def inverted(self, y: FloatArray) -> BoolArray:
-        a, b = self._edges
-        change = np.linalg.norm(y[:, a] - y[:, b], axis=2) / self._lengths
         found = np.zeros(len(y), dtype=bool)
-        suspect = np.flatnonzero(change.max(axis=1) > SUSPECT)
+        farthest = np.sqrt(np.einsum("bni,bni->bn", y, y).max(axis=1))
+        suspect = np.flatnonzero(2 * farthest > SUSPECT * self._shortest)  # no edge can change by more
+        if suspect.size:
+            a, b = self._edges
+            change = np.linalg.norm(y[suspect][:, a] - y[suspect][:, b], axis=2) / self._lengths
+            suspect = suspect[change.max(axis=1) > SUSPECT]
         if suspect.size:
             H = self._displacement_gradient(self._gradient(self._where), y[suspect])
             found[suspect] = np.any(np.linalg.det(np.eye(y.shape[2]) + H) <= 0, axis=0)

@@ -102,7 +102,7 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     smallest = float(sizes.min(initial=np.inf))
     straight = h * model.node_velocity(v, begin)
     way = scheme.way(model, state)
-    if way is not None and np.abs(straight - h * model.node_velocity(way / h, begin)).max(initial=0.0) > _TURNED_ASIDE * smallest:
+    if way is not None and np.abs(model.node_velocity(h * v - way, begin)).max(initial=0.0) > _TURNED_ASIDE * smallest:
         return True
     moved = model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions
     counts = 0.5 * BORNE * smallest
