@@ -24,7 +24,13 @@ from fcsim.timestep.theta import Theta
 
 FIRST, RUNAWAY = 1e-6, 1e-3
 """Shares of the structure's extent that blocks move by."""
-_STEPS = 120
+_STEPS, _RESTING = 120, 12
+"""Steps of a trial; so many in a row without motion end it: rigid blocks that rest under a held load meet the same problem again."""
+_SLOW = 1e-3
+"""Share of the speed of a runaway below which blocks rest: an excess of the load by the resolution gives them 200 times that by then."""
+_SOLVER = SolverSettings(tol=1e-7)
+"""What stands moves by 1e-8 of its extent in all steps of a trial at this tolerance, a hundredth of first motion; at 1e-6 blocks creep into
+motion below the load at which they must move."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +61,14 @@ Watch = Callable[[Trial], None]
 
 
 def trial(problem: MasonryProblem, multiplier: float, *, duration: float, steps: int = _STEPS) -> Trial:
-    """Hold the load at `multiplier` for `duration` [s], or until the structure has run away."""
+    """Hold the load at `multiplier` for `duration` [s], or until the structure has run away, or rests."""
     displacement = speed = t = 0.0
-    fast = RUNAWAY * problem.size / duration
+    fast, resting = RUNAWAY * problem.size / duration, 0
     for step, displacement, speed in _held(problem, multiplier, duration, steps):
         t = step.state.t
+        resting = resting + 1 if speed < _SLOW * fast and displacement < _SLOW * RUNAWAY * problem.size else 0
+        if resting == _RESTING:
+            break
         if displacement > 3 * RUNAWAY * problem.size and speed > fast:
             break
     falls = displacement > RUNAWAY * problem.size and speed > fast
@@ -80,8 +89,7 @@ def fallen(problem: MasonryProblem, multiplier: float, *, share: float = 0.01, d
 def _held(problem: MasonryProblem, multiplier: float, duration: float, steps: int) -> Iterator[tuple[Step, float, float]]:
     """Steps under a held load, the largest displacement [m] and speed [m/s] of a free block's corner."""
     model, _ = structure(problem, multiplier=lambda t: multiplier)
-    solver = SolverSettings(name="PPA-NSN-AC")
-    simulation = Simulation(model, Everything(model, problem.friction), Theta(duration / steps), steps, solver, created=np.inf)
+    simulation = Simulation(model, Everything(model, problem.friction), Theta(duration / steps), steps, _SOLVER, created=np.inf)
     free = np.repeat([not block.support for block in problem.blocks], np.diff(model.node_offset))
     for step in simulation:
         moved = np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1)
