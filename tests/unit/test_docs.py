@@ -16,9 +16,6 @@ GUIDES = sorted((ROOT / "docs" / "guides").glob("*.md"))
 
 OWN = ("add_a_case", "add_a_contact_rule", "add_a_material", "add_a_solver", "from_dolfinx")
 """Guides whose examples are one script, run here; those of the other pages are tried by test_code_blocks.py."""
-MADE = re.compile(r"(^|/)_(generated|gallery)/")
-"""Pages that `make docs` makes, and whose links it checks: a clone has none."""
-
 EXAMPLES = [*(page for page in GUIDES if page.stem in OWN), ROOT / "docs" / "masonry.md"]
 
 
@@ -47,8 +44,8 @@ def test_the_examples_of_a_guide_run(page: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page: Path) -> None:
     links = re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8"))
-    links = [link for link in links if not MADE.search(link)]
-    assert not [link for link in links if not (page.parent / link).exists()]
+    built = ("_gallery/", "_generated/")  # by make docs, which takes a link that leads nowhere as an error
+    assert not [link for link in links if not any(part in link for part in built) and not (page.parent / link).exists()]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
