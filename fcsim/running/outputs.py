@@ -62,8 +62,8 @@ def witnessed(simulation: Simulation, options: RunOptions) -> Simulation:
 class Outputs:
     """Takes the steps of a run one after the other and writes what its options ask for."""
 
-    def __init__(self, directory: Path, case: Case, parameters: object, options: RunOptions, start: int) -> None:
-        self._directory, self._case, self._options = directory, case, options
+    def __init__(self, directory: Path, case: Case, parameters: object, options: RunOptions, start: int, origin: str) -> None:
+        self._directory, self._case, self._options, self._origin = directory, case, options, origin
         self._table = StepTable(directory / "steps.csv", case.sensors, start)
         self._series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
         self._compressor = Compressor()
@@ -84,7 +84,7 @@ class Outputs:
             release_freed_memory()
         if final or (options.checkpoint_every and step.number % options.checkpoint_every == 0):
             self._table.to_the_disk()
-            write_checkpoint(self._directory / "checkpoint.h5", step)
+            write_checkpoint(self._directory / "checkpoint.h5", step, self._origin)
         return {**step.seconds, "output": time.perf_counter() - begin}
 
     def _export(self, step: Step) -> None:
@@ -115,7 +115,7 @@ class Outputs:
 
     def _last_checkpoint(self) -> None:
         if self.last is not None:
-            write_checkpoint(self._directory / "checkpoint.h5", self.last)
+            write_checkpoint(self._directory / "checkpoint.h5", self.last, self._origin)
 
     def _table_with_units(self) -> None:
         write_hdf5(self._directory / "steps.csv", self._directory / "steps.h5", self._case.sensors)

@@ -128,16 +128,17 @@ def run_case(
     with alone_in(directory, "fcsim run"):
         moments = None
         if stored is not None:
-            moments = read_checkpoint(directory / "checkpoint.h5")
+            moments = read_checkpoint(directory / "checkpoint.h5", stored.origin)
             description = _resumed(description, stored, case, moments, directory, accept_changes)
         check_folder(directory, overwrite or resume)
         if moments is None:  # a new run, or one that stopped before its first checkpoint
             empty(directory)
+            description = description.begun()
         remove_partial_files(directory)
         write_description(directory, replace(description, status="running"))
         start = moments[0].number if moments else 0
         try:
-            outputs = Outputs(directory, case, parameters, options, start)
+            outputs = Outputs(directory, case, parameters, options, start, description.origin)
         except OSError as error:  # a disk that is full from the beginning
             write_end(directory, replace(description, status="failed", message=f"{type(error).__name__}: {error}", steps_done=start))
             raise
@@ -154,7 +155,7 @@ def _resumed(
         return now
     notes = accepted(changes(stored, now), accept)
     check_moments(moments, case.simulation.model, case.simulation.steps, directory / "checkpoint.h5")
-    return replace(now, overlap=stored.overlap, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
+    return replace(now, origin=stored.origin, overlap=stored.overlap, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
 
 
 def _run(

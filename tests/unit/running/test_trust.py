@@ -159,6 +159,31 @@ def test_rows_that_are_missing(case_folder: Path, run: Path) -> None:
         run_case(load_case(case_folder), {"steps": "6"}, run, PLAIN, resume=True)
 
 
+@pytest.mark.parametrize("other", ["parameters", "script"])
+def test_a_checkpoint_of_another_run(case_folder: Path, run: Path, tmp_path: Path, other: str) -> None:
+    """Of equal sizes and with a right checksum, it was gone on from as if it were this run's."""
+    script = case_folder / "two_blocks.py"
+    as_it_was = script.read_text()
+    if other == "script":
+        change_script(case_folder, run)
+    given = {"steps": "4", **({"E": "2e7"} if other == "parameters" else {})}
+    run_case(load_case(case_folder), given, tmp_path / "second", PLAIN)
+    script.write_text(as_it_was)
+    shutil.copy(tmp_path / "second" / "checkpoint.h5", run / "checkpoint.h5")
+    before = content(run)
+    for accept in (False, True):
+        with pytest.raises(InputError, match=r"checkpoint\.h5: expected a checkpoint of the run that run\.json describes"):
+            run_case(load_case(case_folder), {"steps": "6"}, run, PLAIN, resume=True, accept_changes=accept)
+    assert content(run) == before
+
+
+def test_accepted_changes_leave_the_run_the_same(case_folder: Path, run: Path) -> None:
+    """Its checkpoints from before and from behind are both its own."""
+    change_script(case_folder, run)
+    for steps in ("5", "6"):
+        assert run_case(load_case(case_folder), {"steps": steps}, run, PLAIN, resume=True, accept_changes=True).computed == 1
+
+
 def damage_value(file: h5py.File) -> None:
     file["x"][3] += 1e-3
 
