@@ -7,10 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from fcsim import runtime as _runtime
+from fcsim import surroundings as _surroundings
 from fcsim.version import __version__ as __version__
 
 _runtime.keep_freed_memory()
 _runtime.writable_caches()
+_surroundings.load_numba_alone()
 
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray

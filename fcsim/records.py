@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from fcsim.arrays import Json
 from fcsim.errors import InputError
-from fcsim.files import replacing_for_good
+from fcsim.files import regular, replacing_for_good
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -35,7 +35,7 @@ def _hints(kind: type) -> dict[str, type]:
 def read_json(path: Path) -> Json:
     """The content of a JSON file; InputError where it is none, too large, or no UTF-8 text."""
     try:
-        if path.stat().st_size > LARGEST:
+        if regular(path).stat().st_size > LARGEST:
             raise InputError(f"{path}: expected a description of at most {LARGEST} bytes, got {path.stat().st_size}")
         # some editors begin a text of UTF-8 with a mark
         content: Json = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_without_twins)

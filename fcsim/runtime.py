@@ -29,6 +29,7 @@ from types import ModuleType
 from threadpoolctl import LibController, ThreadpoolController
 
 from fcsim.errors import InputError, MissingDependency
+from fcsim.surroundings import without_local_options
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -122,28 +123,42 @@ def release_freed_memory() -> None:
 
 
 def _import(name: str) -> ModuleType:
+    with without_local_options():
+        module = _import_in_order(name)
+    _restore_signal_handlers()  # MPI may have taken some
+    return module
+
+
+def _import_in_order(name: str) -> ModuleType:
     if find_spec("dolfinx_solver") is not None:  # the wheel that brings dolfinx, petsc4py and MPI must be loaded before them
         import_module("dolfinx_solver")
     if has_petsc() and "petsc4py.PETSc" not in sys.modules:
         # PETSc's signal handlers would turn a closed pipe or Ctrl-C into an MPI abort
         import_module("petsc4py").init(["fcsim", "-no_signal_handler"])
         import_module("petsc4py.PETSc").Options().delValue("no_signal_handler")
-    module = import_module(name)
-    _restore_signal_handlers()  # MPI may have taken some
-    return module
+    return import_module(name)
 
 
 def dolfinx() -> ModuleType:
     """Return the dolfinx package (>= 0.10) with its mesh, fem and io modules loaded; MissingDependency where it is absent."""
     try:
         package = _import("dolfinx")
-        for module in ("mesh", "fem", "io"):
+        for module in ("mesh", "fem", "io", "jit"):
             import_module(f"dolfinx.{module}")
+        _read_options()
     except ImportError as error:
         raise MissingDependency(
             f"dolfinx is needed for assembly and cannot be imported ({error}): pip install 'fcsim[fem]', or bring dolfinx >= 0.10"
         ) from None
     return package
+
+
+@cache
+def _read_options() -> None:
+    """Have dolfinx and ffcx read their options now, once; they keep what they read."""
+    with without_local_options():
+        import_module("dolfinx.jit").get_options()
+        import_module("ffcx.options").get_options()
 
 
 def petsc() -> ModuleType:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from fcsim.command_line import bench, collection, info, masonry, profile, render, run, solve, solvers
-from fcsim.command_line.terminal import any_encoding, say, silence
+from fcsim.command_line.terminal import any_encoding, open_streams, refuse, say, silence
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError, InputError
 from fcsim.interrupts import ended_by, is_interrupt
 from fcsim.runtime import limited_threads
@@ -45,6 +45,7 @@ def _refuse_ranks(command: str, launcher: str | None) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
+    open_streams()
     any_encoding()
     options = _parser().parse_args(arguments)
     try:
@@ -52,13 +53,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with limited_threads():
             return int(options.act(options))
     except FcsimError as error:
-        say(f"fcsim: {error}", to_stderr=True)
+        refuse(error)
+        return EXIT_BAD_INPUT
+    except SystemExit as error:  # of a case's sensor: the run has failed, whatever it says
+        say(f"fcsim: a script ended the program (SystemExit: {error})", to_stderr=True)
         return EXIT_BAD_INPUT
     except BrokenPipeError:  # the reader of our output left, as `head` does
         silence(sys.stdout)
         return EXIT_OK
     except OSError as error:  # a folder that cannot be written, a full disk
-        say(f"fcsim: {error}", to_stderr=True)
+        refuse(error)
         return EXIT_BAD_INPUT
     except (KeyboardInterrupt, SystemError) as error:
         if not is_interrupt(error):

@@ -111,7 +111,7 @@ def run_case(
     two runs write into one folder. Returns the summary also when a step does not converge or the run is interrupted by Ctrl-C.
     """
     options = options or RunOptions()
-    directory = Path(directory)
+    directory = Path(directory).absolute()  # a script may change the working directory
     stored: Description | None = None
     if resume:
         assignments, stored = resumed_assignments(directory, script, assignments)
