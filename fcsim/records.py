@@ -10,6 +10,7 @@ import dataclasses
 import functools
 import json
 import math
+import re
 import types
 import typing
 from collections.abc import Mapping
@@ -38,7 +39,10 @@ def read_json(path: Path) -> Json:
         if regular(path).stat().st_size > LARGEST:
             raise InputError(f"{path}: expected a description of at most {LARGEST} bytes, got {path.stat().st_size}")
         # some editors begin a text of UTF-8 with a mark
-        content: Json = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_without_twins)
+        text = path.read_text(encoding="utf-8-sig")
+        content: Json = json.loads(text, object_pairs_hook=_without_twins)
+        if re.search(r"\\u[dD][89a-fA-F]", text):  # half a character, which no file of ours could take
+            json.dumps(content, ensure_ascii=False).encode()
         return content
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):
