@@ -1,6 +1,6 @@
 # `make help` lists the targets. Each makes the environment .venv/ by itself when it is absent or out of date.
 .DEFAULT_GOAL := help
-.PHONY: env wall test slow browser-test faults lint benchmark clean help
+.PHONY: env wall test slow browser-test faults mutation lint benchmark wheel clean help
 
 WALL := results/masonry_wall
 READY := .venv/.ready
@@ -46,8 +46,11 @@ lint: $(READY)  ## check style, types and who imports whom
 benchmark: $(READY)  ## seconds a step of the wall by phase and solver
 	.venv/bin/python benchmarks/wall.py
 
+wheel: $(READY)  ## build wheel and sdist, check them, install the wheel into an empty environment and try it there (PYTHON=... with another Python)
+	tools/wheel.sh
+
 clean:  ## remove the environment and caches (results/ stays)
-	rm -rf .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 help:

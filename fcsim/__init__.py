@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fcsim.assembly.supports import DrivenRotation, Support
     from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
     from fcsim.command_line.main import main
+    from fcsim.command_line.progress import progress
     from fcsim.contact_detection import Contacts, ContactSurface, Detector, Everything, ExactContacts, SurfacePair, two_pass
     from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
     from fcsim.contact_law import (
@@ -131,6 +132,7 @@ _HOME = {
     "laws_of_pairs": "contact_law",
     "load_case": "running.case",
     "main": "command_line.main",
+    "progress": "command_line.progress",
     "nodal_area": "assembly.loads",
     "part_from_dolfinx": "assembly.forms",
     "read_acceleration_record": "assembly.time_functions",
@@ -216,6 +218,7 @@ __all__ = [
     "main",
     "nodal_area",
     "part_from_dolfinx",
+    "progress",
     "read_acceleration_record",
     "read_fclib",
     "solve",

@@ -66,5 +66,5 @@ fi
 rm -f .venv/.installed .venv/.ready
 .venv/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[fem,view,optimisation,masonry,dev]'
 touch .venv/.installed
-.venv/bin/python tools/check_environment.py
+.venv/bin/python -m fcsim doctor --quiet
 touch .venv/.ready

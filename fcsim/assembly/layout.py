@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.mesh.part import Body, RigidBody
+from fcsim.mesh.part import Body, Placed, RigidBody
 
 DIRECTIONS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 """Degrees of freedom of a rigid body by dimension; a node has the first 2 or 3."""
@@ -101,16 +101,20 @@ class BodyLayout:
         return surfaces[surface] + self.node_offset[number]
 
 
-def in_order(bodies: Sequence[Body | RigidBody]) -> tuple[Body | RigidBody, ...]:
-    """Return the bodies with the deformable ones first; InputError for none, equal names, or 2D with 3D."""
-    if not bodies:
-        raise InputError("bodies: expected at least one body")
+def in_order(given: Sequence[Placed]) -> tuple[Body | RigidBody, ...]:
+    """Return the bodies with the deformable ones first; InputError for none, what is no body, equal names, or 2D with 3D."""
+    bodies = [body for body in given if isinstance(body, Body | RigidBody)]
+    if not bodies or len(bodies) < len(given):
+        got = next((type(other).__name__ for other in given if not isinstance(other, Body | RigidBody)), "none")
+        mend = "; a Part is placed by Body(name, part)" if got == "Part" else ""
+        raise InputError(f"bodies: expected at least one Body or RigidBody and nothing else, got {got}{mend}")
     names = [body.name for body in bodies]
     twice = {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else set()
     if twice:
         raise InputError(f"bodies: expected different names, got {', '.join(map(repr, sorted(twice)))} more than once")
     if len({body.dimension for body in bodies}) > 1:
-        raise InputError("bodies: expected all in 2D or all in 3D, got both")
+        flat, spatial = (next(body.name for body in bodies if body.dimension == d) for d in (2, 3))
+        raise InputError(f"bodies: expected all in 2D or all in 3D, got {flat!r} in 2D and {spatial!r} in 3D")
     return (*(b for b in bodies if isinstance(b, Body)), *(b for b in bodies if isinstance(b, RigidBody)))
 
 

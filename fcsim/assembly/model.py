@@ -25,7 +25,7 @@ from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.brief import brief
 from fcsim.errors import InputError
-from fcsim.mesh.part import Body, Kinematics, RigidBody, refuse_kinematics
+from fcsim.mesh.part import Kinematics, Placed, refuse_kinematics
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +287,7 @@ class Model(BodyLayout):
 
 
 def build_model(
-    bodies: Sequence[Body | RigidBody],
+    bodies: Sequence[Placed],
     *,
     supports: Sequence[Support | DrivenRotation] = (),
     loads: Sequence[Load] = (),
@@ -311,6 +311,8 @@ def build_model(
         raise InputError(f"driven: expected 'eliminated' or 'identity', got {driven!r}")
     if not (0 <= alpha < np.inf and 0 <= beta < np.inf):
         raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {alpha} and {beta}")
+    if gravity is not None and not callable(gravity):
+        raise InputError(f"gravity: expected a function of the time, as lambda t: (0.0, 0.0, -9.81), got {gravity!r}")
     model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven, kinematics)
     model.load(0.0)  # these two refuse what loads and supports get wrong before the run starts
     model.driven_velocity(0.0)

@@ -1,4 +1,4 @@
-"""What several commands take: --set NAME=VALUE, tolerances, limits, plugins."""
+"""What several commands take: --set NAME=VALUE, tolerances, limits, plugins, jobs of a cluster."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import argparse
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fcsim.errors import InputError
+
+if TYPE_CHECKING:
+    from fcsim.cluster import Cluster
 
 
 def read_assignments(texts: Sequence[str]) -> dict[str, str]:
@@ -40,3 +44,25 @@ def positive(option: str, value: float, *, infinite: bool = False) -> float:
 def add_plugin_option(parser: argparse.ArgumentParser) -> None:
     """Add --plugin FILE, which `fcsim.solvers.plugins.load_plugins` takes."""
     parser.add_argument("--plugin", type=Path, action="append", default=[], metavar="FILE", help="Python file that adds to SOLVERS")
+
+
+LAUNCHERS = ("local", "slurm", "jobs")
+
+
+def add_launcher(parser: argparse.ArgumentParser, text: str, choices: Sequence[str] = LAUNCHERS) -> None:
+    """Add --launcher and --cluster-option, which `cluster_of` reads."""
+    parser.add_argument("--launcher", choices=choices, default="local", help=text)
+    parser.add_argument("--cluster-option", action="append", default=[], metavar="NAME=VALUE", help="of Slurm: partition=..., account=...")
+
+
+def cluster_of(options: argparse.Namespace, *, seconds: float | None, at_once: int, threads: int, memory: float | None) -> Cluster | None:
+    """Where jobs are made, None for processes of this machine; seconds [s] and memory [MiB] of a job. InputError where something lacks."""
+    if options.cluster_option and options.launcher != "slurm":
+        raise InputError(f"--cluster-option {options.cluster_option[0]}: expected --launcher slurm beside it, got {options.launcher}")
+    if options.launcher not in ("slurm", "jobs"):
+        return None
+    if seconds is None:
+        raise InputError(f"--launcher {options.launcher}: expected --time-limit SECONDS, which a job of a cluster needs")
+    from fcsim.cluster import Cluster
+
+    return Cluster(options.launcher, seconds, at_once, threads, memory, read_assignments(options.cluster_option))

@@ -1,5 +1,7 @@
-"""The command line: fcsim run | solve | info | render, compare | solvers | collection | bench | profile, report | limit, tilt, push,
-shake, a file beside for each of these."""
+"""The command line: fcsim cases, new, doctor, completion | run | sweep | solve | info | render, compare | solvers | collection |
+bench | profile, report | limit, tilt, push, shake, a file beside for each of these, or in `start`, `sets` and `masonry`."""
+
+# PYTHON_ARGCOMPLETE_OK
 
 from __future__ import annotations
 
@@ -8,10 +10,15 @@ import os
 import sys
 from collections.abc import Sequence
 
-from fcsim.command_line import bench, collection, info, masonry, profile, render, run, solve, solvers
-from fcsim.command_line.terminal import any_encoding, open_streams, refuse, say, silence
+from fcsim.command_line import info, render, run, solve, solvers, sweep
+from fcsim.command_line.answers import answering
+from fcsim.command_line.masonry import trials
+from fcsim.command_line.sets import bench, collection, profile
+from fcsim.command_line.start import begin, cases, completion, doctor
+from fcsim.command_line.terminal import any_encoding, one_line, open_streams, say, silence, write
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError, InputError
 from fcsim.interrupts import ended_by, is_interrupt
+from fcsim.records import json_text
 from fcsim.runtime import limited_threads
 from fcsim.version import __version__
 
@@ -25,9 +32,23 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"fcsim {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    for command in (run, solve, info, render, solvers, collection, bench, profile, masonry):
+    for command in (cases, begin, doctor, run, sweep, solve, info, render, solvers, collection, bench, profile, trials, completion):
         command.add_parser(commands)
+    _add_output_options(parser)
     return parser
+
+
+def _add_output_options(parser: argparse.ArgumentParser) -> None:
+    """Give every command --quiet, and --json where it has none of its own."""
+    parsers = [parser]
+    for parent in parsers:
+        below = [action for action in parent._actions if isinstance(action, argparse._SubParsersAction)]
+        for action in below:
+            parsers += list(dict.fromkeys(action.choices.values()))
+        if parent is parser or not below:
+            parent.add_argument("--quiet", action="store_true", default=argparse.SUPPRESS, help="say nothing but errors")
+        if not below and "--json" not in parent._option_string_actions:
+            parent.add_argument("--json", action="store_true", dest="as_json", help="print the answer as JSON")
 
 
 RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_SIZE", "MPI_LOCALNRANKS")
@@ -47,28 +68,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     open_streams()
     any_encoding()
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    completion.complete(parser)
+    options = parser.parse_args(arguments)
+    with answering(quiet=getattr(options, "quiet", False), as_json=getattr(options, "as_json", False)) as answer:
+        code, message = _acted(options)
+        if message:
+            say(f"fcsim: {one_line(message)}", to_stderr=True)
+        if answer.document is not None:
+            about = {"command": options.command, "exit_code": code, **({"error": message} if message else {})}
+            write(json_text({**about, **answer.whole()}).rstrip())
+    return code
+
+
+def _acted(options: argparse.Namespace) -> tuple[int, str]:
+    """The exit code of a command, and the message of what ended it."""
     try:
         _refuse_ranks(options.command, getattr(options, "launcher", None))
         with limited_threads():
-            return int(options.act(options))
+            return int(options.act(options)), ""
     except FcsimError as error:
-        refuse(error)
-        return EXIT_BAD_INPUT
+        return EXIT_BAD_INPUT, str(error)
     except SystemExit as error:  # of a case's sensor: the run has failed, whatever it says
-        say(f"fcsim: a script ended the program (SystemExit: {error})", to_stderr=True)
-        return EXIT_BAD_INPUT
+        return EXIT_BAD_INPUT, f"a script ended the program (SystemExit: {error})"
     except BrokenPipeError:  # the reader of our output left, as `head` does
         silence(sys.stdout)
-        return EXIT_OK
+        return EXIT_OK, ""
     except OSError as error:  # a folder that cannot be written, a full disk
-        refuse(error)
-        return EXIT_BAD_INPUT
+        return EXIT_BAD_INPUT, str(error)
     except (KeyboardInterrupt, SystemError) as error:
         if not is_interrupt(error):
             raise
-        say(f"fcsim: interrupted by {ended_by(error)}", to_stderr=True)
-        return EXIT_INTERRUPTED
+        return EXIT_INTERRUPTED, f"interrupted by {ended_by(error)}"
 
 
 if __name__ == "__main__":

@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import argparse
 from contextlib import nullcontext
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.answers import answer, current
 from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, read_assignments
+from fcsim.command_line.progress import show_step
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
 from fcsim.interrupts import ended_politely
 from fcsim.memory import any_size
 
 if TYPE_CHECKING:
-    from fcsim.running.case import Case, CaseScript
+    from fcsim.running.case import CaseScript
     from fcsim.running.run import Summary
-    from fcsim.timestep.step import Step
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command `run`."""
     run = commands.add_parser("run", help="run a case", description="Run a case script and write its results into a folder.")
-    run.add_argument("case", help="folder of a case, as cases/masonry_wall, its script, or a masonry problem in JSON")
+    run.add_argument("case", help="a case: its folder or script, a name of `fcsim cases`, or a masonry problem in JSON")
     run.add_argument("--steps", type=int, help="number of steps")
     run.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="change a parameter of the case")
     run.add_argument("--out", type=Path, help="folder of the results (default: results/CASE)")
@@ -54,12 +55,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _run(options: argparse.Namespace) -> int:
+    from fcsim.masonry.case import any_case
     from fcsim.running.run import RunOptions, run_case
     from fcsim.solvers.plugins import load_plugins
 
     load_plugins(options.plugin)
     here = Path.cwd()  # a script may go elsewhere
-    script = _case(options.case)
+    script = any_case(options.case)
     if options.parameters:
         _list_parameters(script)
         return EXIT_OK
@@ -90,44 +92,26 @@ def _run(options: argparse.Namespace) -> int:
             overwrite=options.overwrite,
             accept_changes=options.accept_changes,
             announce=bar.say,
-            watch=lambda case, step: show_step(bar, case, step),
+            watch=lambda case, step: show_step(bar, case.simulation.steps, step),
         )
     _print_summary(summary, directory)
     return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED, "failed": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
 
 
-def _case(path: str) -> CaseScript:
-    """A case script, or a masonry problem in JSON."""
-    if path.endswith(".json"):
-        from fcsim.masonry.case import masonry_case
-
-        return masonry_case(path)
-    from fcsim.running.case import load_case
-
-    return load_case(path)
-
-
 def _list_parameters(script: CaseScript) -> None:
     defaults = script.parameters()
+    if answer({"case": script.name, "parameters": asdict(defaults)}):
+        return
     for parameter in fields(script.parameters):
         say(f"{parameter.name:20s} {getattr(defaults, parameter.name)}")
 
 
-def show_step(bar: Bar, case: Case, step: Step) -> None:
-    """Show the step that has just ended, and above the bar what was out of the ordinary in it."""
-    for remark in step.remarks:
-        bar.say(remark)
-    if step.substeps > 1:
-        bar.say(f"step {step.number}: cut into {step.substeps} parts")
-    elif step.fell_back:
-        tried = "; ".join(f"{a.solver} from {a.start}: {a.status}" for a in step.attempts)
-        bar.say(f"step {step.number}: fallback chain used ({tried})")
-    text = f"{len(step.contacts)} contacts, {step.result.iterations} iterations, error {step.result.error:.1e}"
-    bar.update(step.number, case.simulation.steps, text)
-
-
 def _print_summary(summary: Summary, directory: Path) -> None:
     """Print how the run ended, the seconds by phase and where the results are."""
+    if current().quiet and not summary.converged:
+        say(f"{summary.status}: {summary.message}", to_stderr=True)
+    if answer({"results": directory, **asdict(summary)}):
+        return
     phases = sum(summary.seconds.values())
     rows = [
         (phase, f"{seconds:.2f}", f"{seconds / max(summary.computed, 1):.4f}", f"{100 * seconds / phases:.0f} %" if phases else "-")

@@ -9,8 +9,11 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
 from types import TracebackType
 from typing import TextIO
+
+from fcsim.command_line.answers import current, table_of
 
 
 def printable(text: object) -> str:
@@ -19,7 +22,16 @@ def printable(text: object) -> str:
 
 
 def say(text: object = "", *, to_stderr: bool = False) -> None:
-    """Print a line; nothing from then on where the reader has left, or where the file that takes it is full."""
+    """Print a line, or keep it for the answer in JSON; nothing from then on where the reader has left, or where the file that takes it is
+    full. A line on standard error is for people and is always shown."""
+    if not to_stderr and current().silent:
+        current().lines.append(printable(text))
+        return
+    write(text, to_stderr=to_stderr)
+
+
+def write(text: object = "", *, to_stderr: bool = False) -> None:
+    """Print a line, whatever was asked for."""
     stream = sys.stderr if to_stderr else sys.stdout
     try:
         print(printable(text), file=stream, flush=True)
@@ -27,9 +39,9 @@ def say(text: object = "", *, to_stderr: bool = False) -> None:
         silence(stream)
 
 
-def refuse(error: Exception) -> None:
-    """Say what is wrong in one line, whatever the names of files in it."""
-    say(f"fcsim: {error}".replace("\n", "\\n"), to_stderr=True)
+def one_line(text: str) -> str:
+    """The text with its line ends as escapes: names of files may have some."""
+    return text.replace("\n", "\\n")
 
 
 def silence(stream: TextIO) -> None:
@@ -70,7 +82,10 @@ def table_lines(header: Sequence[str], rows: Iterable[Sequence[str]], *, texts: 
 
 
 def print_table(header: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = "", texts: int = 1) -> None:
-    """Print a table under its title."""
+    """Print a table under its title, or keep it for the answer in JSON."""
+    if current().silent:
+        current().tables.append(table_of(header, list(rows), title))
+        return
     if title:
         say(f"\n{title}")
     for line in table_lines(header, rows, texts=texts):
@@ -78,14 +93,16 @@ def print_table(header: Sequence[str], rows: Iterable[Sequence[str]], *, title: 
 
 
 class Bar:
-    """A progress bar on a terminal; elsewhere a line every `lines`-th part of the work, none where `lines` is 0.
+    """A progress bar on a terminal and in a notebook; elsewhere a line every `lines`-th part of the work, none where `lines` is 0 or
+    where only errors are asked for.
 
     own_estimate: what is shown beside the bar says how long it will take
     """
 
     def __init__(self, what: str, *, lines: int = 10, own_estimate: bool = False) -> None:
-        self._what, self._lines, self._told = what, lines, -1
-        self._live = _rich_bar(own_estimate) if sys.stderr.isatty() else None
+        quiet = current().quiet
+        self._what, self._lines, self._told = what, 0 if quiet else lines, -1
+        self._live = _rich_bar(own_estimate) if not quiet and (sys.stderr.isatty() or in_notebook()) else None
         self._tasks: dict[str, int] = {}
 
     def __enter__(self) -> Bar:
@@ -111,11 +128,21 @@ class Bar:
             say(f"{what} {done} of {total}: {text}", to_stderr=True)
 
     def say(self, text: str) -> None:
-        """A line that stays, above the bar."""
+        """A line that stays, above the bar; none where only errors are asked for."""
+        if current().quiet:
+            return
         if self._live is not None:
             self._live.console.print(printable(text), highlight=False, markup=False)
         else:
             say(text, to_stderr=True)
+
+
+def in_notebook() -> bool:
+    """Whether this is a notebook with the widgets that a bar is drawn by: a kernel of Jupyter and ipywidgets."""
+    if "ipykernel" not in sys.modules or find_spec("ipywidgets") is None:
+        return False
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return type(shell).__name__ == "ZMQInteractiveShell"
 
 
 def _rich_bar(own_estimate: bool):  # type: ignore[no-untyped-def]  # rich may be absent

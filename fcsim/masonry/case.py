@@ -16,7 +16,8 @@ from fcsim.masonry.models import read_model
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.pushes import pushed, tilted
 from fcsim.masonry.structure import BlocksAre, Stone, structure
-from fcsim.running.case import Case, CaseScript, History, Sensor
+from fcsim.running.case import Case, CaseScript, History, Sensor, load_case
+from fcsim.running.known_cases import case_place
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
@@ -61,6 +62,12 @@ def masonry_case(path: str | Path, mu: float | None = None) -> CaseScript:
         return build(read_model(path, mu=mu), parameters)
 
     return CaseScript(path.stem, path, Parameters, built, sha256(path))
+
+
+def any_case(path: str | Path) -> CaseScript:
+    """The case of a script, of a folder that holds one, of a known case by its name where no such path is there, or of a masonry problem
+    in JSON."""
+    return masonry_case(path) if str(path).endswith(".json") else load_case(case_place(path))
 
 
 def build(problem: MasonryProblem, p: Parameters) -> Case:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -120,6 +120,23 @@ class Part:
 
     __repr__ = brief
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str,
+            points: ArrayLike,
+            cells: ArrayLike,
+            cell_type: str,
+            surfaces: Mapping[str, ArrayLike],
+            material: AnyMaterial | ByRegion,
+            plane: Literal["strain", "stress"] = "strain",
+            thickness: float = 1.0,
+            *,
+            elements: str | None = None,
+            regions: Mapping[str, ArrayLike] = ...,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         what = f"Part {self.name!r}"
         if self.cell_type not in CELL_TYPES:
@@ -180,8 +197,14 @@ def _refuse_elements(part: Part) -> None:
         raise InputError(f"{what}: expected 'Q1' or 'Q1-enhanced' in plane stress, which has no volumetric locking, got 'Q1-bbar'")
 
 
+class Placed:
+    """What a model is made of: a `Body` or a `RigidBody`. The name by which a list of both is known to type checkers."""
+
+    name: str
+
+
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(Placed):
     """A part placed in space: a point X of the part stands at `rotation @ X + translation`.
 
     rotation (d, d) orthogonal with determinant +1; translation (d,) [m]
@@ -196,6 +219,18 @@ class Body:
     kinematics: Kinematics | None = field(default=None, kw_only=True)
 
     __repr__ = brief
+
+    if TYPE_CHECKING:  # what is given may be less than an array
+
+        def __init__(
+            self,
+            name: str,
+            part: Part,
+            rotation: ArrayLike | None = None,
+            translation: ArrayLike | None = None,
+            *,
+            kinematics: Kinematics | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         d = self.part.dimension
@@ -223,7 +258,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class RigidBody:
+class RigidBody(Placed):
     """A rigid body with 6 dofs (3D: v, omega) or 3 (2D), placed in space.
 
     mass [kg]; inertia about the centre of mass in the world axes of the reference configuration, (3, 3) or 2D (1, 1) [kg m^2];
@@ -240,6 +275,19 @@ class RigidBody:
     shape: ExactShape | None = None
 
     __repr__ = brief
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str,
+            mass: float,
+            inertia: ArrayLike,
+            centre: ArrayLike,
+            points: ArrayLike,
+            surfaces: Mapping[str, ArrayLike] = ...,
+            shape: ExactShape | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         what = f"RigidBody {self.name!r}"

@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from fcsim.errors import EXIT_BAD_INPUT, InputError
+from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
+from fcsim.interrupts import end_forks_of
 from fcsim.running.case import Case
 from fcsim.running.checkpoint import write_checkpoint
 from fcsim.running.fclib_series import write_step
@@ -74,7 +75,6 @@ class Outputs:
 
     def take(self, step: Step) -> Mapping[str, float]:
         """Write a step; return its seconds by phase, those of this writing under "output"."""
-        self._end_forks()
         begin, options = time.perf_counter(), self._options
         final = step.number == self._case.simulation.steps
         if self._series and (step.number % options.vtk_every == 0 or final):
@@ -89,12 +89,6 @@ class Outputs:
             self._table.to_the_disk()
             write_checkpoint(self._directory / "checkpoint.h5", step, self._origin)
         return {**step.seconds, "output": time.perf_counter() - begin}
-
-    def _end_forks(self) -> None:
-        """A sensor that forks leaves two programs in one run, both with its lock, that would write every row twice: the copy ends here."""
-        if os.getpid() != self._process:
-            os.write(2, f"fcsim: process {os.getpid()} is a fork of a run and ends; the run is process {self._process}\n".encode())
-            os._exit(EXIT_BAD_INPUT)
 
     def _export(self, step: Step) -> None:
         write_step(
@@ -113,7 +107,7 @@ class Outputs:
 
         On a full disk each is tried all the same. Raises the first error once all were.
         """
-        self._end_forks()
+        end_forks_of(self._process)
         first: OSError | None = None
         for write in (self._table.close, self._last_checkpoint, describe_end, self._table_with_units):
             try:

@@ -75,7 +75,7 @@ def part_from_dolfinx(
         *(name, points, cells, cell.name, named, given_material),
         plane=plane,
         thickness=thickness,
-        elements=elements,  # type: ignore[arg-type] # None: those of the cells, which the part says from then on
+        elements=elements,
         regions=regions,
     )
     if part.cell_type == cell.name:

@@ -24,8 +24,8 @@ from fcsim.bench.workers.siconos_client import siconos_version
 from fcsim.bench.workers.siconos_worker import CONFIGURATIONS
 from fcsim.bench.workers.solves import chain_like
 from fcsim.bench.workers.worker import judged
-from fcsim.command_line.bench import SICONOS_BEST
 from fcsim.command_line.main import main
+from fcsim.command_line.sets.bench import SICONOS_BEST
 from fcsim.export_fclib import GlobalRollingProblem, write_fclib
 from fcsim.linear.joints import FRONTS_FROM, joint_rows
 from fcsim.problem import GlobalProblem, LocalProblem

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.assignments import checked_tolerance, read_assignments
+from fcsim.command_line.assignments import add_launcher, checked_tolerance, cluster_of, positive, read_assignments
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK
 from fcsim.interrupts import ended_politely
 
 if TYPE_CHECKING:
+    from fcsim.cluster import Cluster
+    from fcsim.collection.build import Built
     from fcsim.collection.select import Selection
 
 
@@ -37,6 +39,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="change a parameter of the case"
     )
     build.add_argument("--authors", default="", help="for the README")
+    add_launcher(build, "here, or in a job: of Slurm, or of submitit on this machine (slurm, jobs: --time-limit needed)")
+    build.add_argument("--time-limit", type=float, metavar="SECONDS", help="of the job")
+    build.add_argument("--memory-limit", type=float, metavar="MIB", help="of the job")
     _add_iterations(build)
     _add_common(build)
     build.set_defaults(act=_build)
@@ -83,6 +88,24 @@ def _progress(bar: Bar) -> Callable[[str, int, int], None]:
     return lambda what, done, total: bar.update(done, total, what=what)
 
 
+def _by_job(options: argparse.Namespace, assignments: Mapping[str, str], cluster: Cluster) -> Built:
+    from fcsim.collection.jobs import Build, build_by_job
+
+    build = Build(
+        source=str(options.source.resolve()),
+        out=str(options.out.resolve()),
+        time_limit=options.time_limit,
+        memory_limit=options.memory_limit,
+        every=options.every,
+        assignments=assignments,
+        iterations=options.iterations,
+        authors=options.authors,
+        spectrum_up_to=options.spectrum_up_to,
+        overwrite=options.overwrite,
+    )
+    return build_by_job(build, cluster)
+
+
 def _build(options: argparse.Namespace) -> int:
     from fcsim.collection.build import build_collection
     from fcsim.collection.readme import one_a_problem
@@ -90,18 +113,26 @@ def _build(options: argparse.Namespace) -> int:
     assignments = read_assignments(options.assignments)
     if options.steps is not None:
         assignments["steps"] = str(options.steps)
+    for name in ("time_limit", "memory_limit"):
+        if getattr(options, name) is not None:
+            positive("--" + name.replace("_", "-"), getattr(options, name))
+    cluster = cluster_of(options, seconds=options.time_limit, at_once=1, threads=1, memory=options.memory_limit)
     with ended_politely(), Bar("problems", lines=0) as bar:
-        built = build_collection(
-            options.source,
-            options.out,
-            every=options.every,
-            assignments=assignments,
-            iterations=options.iterations,
-            authors=options.authors,
-            spectrum_up_to=options.spectrum_up_to,
-            overwrite=options.overwrite,
-            progress=_progress(bar),
-            watch=lambda case, step: bar.update(step.number, case.simulation.steps, what="steps"),
+        built = (
+            _by_job(options, assignments, cluster)
+            if cluster is not None
+            else build_collection(
+                options.source,
+                options.out,
+                every=options.every,
+                assignments=assignments,
+                iterations=options.iterations,
+                authors=options.authors,
+                spectrum_up_to=options.spectrum_up_to,
+                overwrite=options.overwrite,
+                progress=_progress(bar),
+                watch=lambda case, step: bar.update(step.number, case.simulation.steps, what="steps"),
+            )
         )
     _tell(built.notes)
     say(f"{len(one_a_problem(built.entries))} problems, {len(built.entries)} files: {built.directory} (README.md, manifest.csv)")

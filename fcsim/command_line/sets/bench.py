@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.assignments import add_plugin_option, positive
+from fcsim.command_line.assignments import LAUNCHERS, add_launcher, add_plugin_option, cluster_of, positive
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, InputError
 from fcsim.files import replacing
@@ -49,6 +49,9 @@ adds to the process that has read the problem (its resident memory is watched). 
 says to be solved above 1.01 times the tolerance is recorded as WRONG. flops are counted where the processor's counters may be read (Linux
 on x86-64, /proc/sys/kernel/perf_event_paranoid <= 2, rarely in virtual machines), for fcsim's own solvers; the column is empty elsewhere.
 
+In jobs of a cluster (pip install 'fcsim[cluster]'): --launcher slurm --jobs N; each job serves measurements one after the other, with the
+same limits on each; --out must be on a file system that all machines share.
+
 Over MPI: mpiexec -n N python -m mpi4py.futures -m fcsim bench ... --launcher mpi; rank 0 hands out, the others measure.
 """
 
@@ -69,7 +72,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     bench.add_argument("--memory-limit", type=float, metavar="MIB", help="of one solve, beyond the problem (default: none)")
     bench.add_argument("--jobs", type=int, default=1, metavar="N", help="measurements at a time (default 1; --launcher local)")
     bench.add_argument("--threads", type=int, default=1, metavar="N", help="of each measurement (default 1)")
-    bench.add_argument("--launcher", choices=("local", "mpi"), default="local", help="processes of this machine, or of MPI ranks")
+    add_launcher(
+        bench,
+        "processes of this machine, of MPI ranks, or in jobs: of Slurm, or of submitit on this machine",
+        (*LAUNCHERS, "mpi"),
+    )
+    bench.add_argument("--job-time", type=float, default=7200.0, metavar="SECONDS", help="that a job serves (default 7200; slurm, jobs)")
     bench.add_argument("--form", choices=("global", "local", "all"), default="all", help="problems in this form only (default all)")
     bench.add_argument("--dimension", type=int, choices=(2, 3), help="problems of this dimension only (default both)")
     bench.add_argument(
@@ -167,10 +175,11 @@ def _bench(options: argparse.Namespace) -> int:
     from fcsim.bench.problems import entries
     from fcsim.bench.results import FILE, read_results
     from fcsim.bench.run import Limits, bench
+    from fcsim.bench.workers.jobs import by_jobs
     from fcsim.bench.workers.launch import local, over_mpi
     from fcsim.solvers.plugins import load_plugins
 
-    for option in ("time_limit", "memory_limit", "jobs", "threads"):
+    for option in ("time_limit", "memory_limit", "jobs", "threads", "job_time"):
         if getattr(options, option) is not None:
             positive("--" + option.replace("_", "-"), getattr(options, option))
     load_plugins(options.plugin)
@@ -180,7 +189,12 @@ def _bench(options: argparse.Namespace) -> int:
     directory = options.out or Path("results") / "bench" / options.paths[0].resolve().stem
     limits = Limits(options.time_limit, options.memory_limit, options.skip_hopeless)
 
+    # a job's own memory holds the problem and what has read it, too: the limit on each solve is the worker's
+    cluster = cluster_of(options, seconds=options.job_time, at_once=options.jobs, threads=options.threads, memory=None)
+
     def launch() -> AbstractContextManager[Launcher | None]:
+        if cluster is not None:
+            return by_jobs(settings, cluster, directory / "jobs", options.time_limit)
         return over_mpi(settings) if options.launcher == "mpi" else local(settings, options.jobs)
 
     try:

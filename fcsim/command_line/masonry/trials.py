@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.masonry_histories import push_by_displacement, shake_ground
+from fcsim.command_line.masonry.histories import push_by_displacement, shake_ground
 from fcsim.command_line.terminal import print_table, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
 

@@ -1,0 +1,1 @@
+"""fcsim limit | tilt | push | shake: structures of blocks."""

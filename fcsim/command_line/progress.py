@@ -1,0 +1,37 @@
+"""A bar over the steps of a simulation, in a script or a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from fcsim.command_line.terminal import Bar
+
+if TYPE_CHECKING:
+    from fcsim.timestep.simulation import Simulation
+    from fcsim.timestep.step import Step
+
+
+def progress(simulation: Simulation) -> Iterator[Step]:
+    """The simulation's steps, with a bar on a terminal or in a notebook (there with `pip install 'fcsim[notebook]'`), and each remark
+    of a step as a line above it:
+
+        for step in progress(simulation): ...
+    """
+    with Bar("step") as bar:
+        for step in simulation:
+            show_step(bar, simulation.steps, step)
+            yield step
+
+
+def show_step(bar: Bar, steps: int, step: Step) -> None:
+    """Show the step that has just ended, and above the bar what was out of the ordinary in it."""
+    for remark in step.remarks:
+        bar.say(remark)
+    if step.substeps > 1:
+        bar.say(f"step {step.number}: cut into {step.substeps} parts")
+    elif step.fell_back:
+        tried = "; ".join(f"{a.solver} from {a.start}: {a.status}" for a in step.attempts)
+        bar.say(f"step {step.number}: fallback chain used ({tried})")
+    text = f"{len(step.contacts)} contacts, {step.result.iterations} iterations, error {step.result.error:.1e}"
+    bar.update(step.number, steps, text)

@@ -1,0 +1,1 @@
+"""fcsim collection | bench | profile | report: sets of FCLIB problems, made and measured."""

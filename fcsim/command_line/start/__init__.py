@@ -1,0 +1,1 @@
+"""fcsim cases | new | doctor | completion: what a newcomer begins with."""

@@ -1,0 +1,51 @@
+"""fcsim new: a folder with a small case that runs, to be changed."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from fcsim.command_line.answers import answer
+from fcsim.command_line.terminal import say
+from fcsim.errors import EXIT_OK, InputError
+from fcsim.files import plain_name, replacing
+
+TEMPLATE = Path(__file__).with_name("template.py")
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command `new`."""
+    new = commands.add_parser(
+        "new",
+        help="write a small case that runs, to begin with",
+        description="Write NAME/NAME.py, a commented case of two blocks that runs as it is: change it into your own.",
+    )
+    new.add_argument("name", metavar="NAME", help="name of the case, or a path whose last part is its name")
+    new.set_defaults(act=_new)
+
+
+def _new(options: argparse.Namespace) -> int:
+    script = write_case(Path(options.name))
+    folder = shlex.quote(str(script.parent))
+    if not answer({"case": script.stem, "script": script}):
+        say(f"{script}\nrun it: fcsim run {folder}; its parameters: fcsim run {folder} --parameters")
+    return EXIT_OK
+
+
+def write_case(folder: Path) -> Path:
+    """Write the case into the folder, whose name it takes, and return the script. InputError for a name that no module can have, or where
+    the script is there already."""
+    name = plain_name(folder.name, "fcsim new, NAME")
+    if not name.isidentifier():
+        raise InputError(f"fcsim new, NAME: expected letters, digits and '_', no digit first, got {name!r}")
+    script = folder / f"{name}.py"
+    if script.exists():
+        raise InputError(f"{script}: expected a name that is not taken, found a file")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{folder}: expected a folder or nothing there, found a file") from None
+    with replacing(script) as temporary:
+        temporary.write_text(TEMPLATE.read_text(encoding="utf-8").replace("NAME", name), encoding="utf-8")
+    return script

@@ -1,0 +1,78 @@
+"""--json and --quiet of every command: one document, or nothing but errors."""
+
+import argparse
+import json
+from pathlib import Path
+
+import pytest
+
+from fcsim.command_line.answers import answering, table_of
+from fcsim.command_line.main import _parser, main
+from fcsim.command_line.progress import progress
+from fcsim.command_line.terminal import print_table, say
+from fcsim.running.case import load_case
+from fcsim.running.parameters import parse_parameters
+
+
+def parsers(parser: argparse.ArgumentParser, path: str = "fcsim") -> list[tuple[str, argparse.ArgumentParser]]:
+    below = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    if not below:
+        return [(path, parser)]
+    return [found for action in below for name, command in action.choices.items() for found in parsers(command, f"{path} {name}")]
+
+
+def test_every_command_has_both() -> None:
+    for path, parser in parsers(_parser()):
+        options = {name for action in parser._actions for name in action.option_strings}
+        assert {"--json", "--quiet"} <= options, path
+
+
+def test_cells_that_are_numbers_are_numbers() -> None:
+    table = table_of(("name", "n", "", "error"), [("a", "10", "x y", "1.5e-8"), ("b", "-", "", "inf")], "title")
+    rows = [{"name": "a", "n": 10, "column 3": "x y", "error": 1.5e-8}, {"name": "b", "n": "-", "column 3": "", "error": "inf"}]
+    assert table == {"title": "title", "rows": rows}
+
+
+def test_lines_and_tables_are_kept(capsys: pytest.CaptureFixture[str]) -> None:
+    with answering(quiet=False, as_json=True) as answer:
+        say("a line")
+        print_table(("a",), [("1",)])
+        say("for people", to_stderr=True)
+    assert answer.whole() == {"tables": [{"title": "", "rows": [{"a": 1}]}], "text": ["a line"]}
+    assert capsys.readouterr() == ("", "for people\n")
+    say("a line")
+    assert capsys.readouterr().out == "a line\n"
+
+
+def test_a_run_answers_in_json(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The summary's numbers are those of run.json and of the folder."""
+    arguments = ["run", str(case_folder), "--out", str(tmp_path / "out"), "--export-every", "0", "--vtk-every", "0", "--steps", "3"]
+    assert main([*arguments, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["command"] == "run" and answer["exit_code"] == 0
+    assert (answer["status"], answer["steps"], answer["results"]) == ("finished", 3, str(tmp_path / "out"))
+    assert 0 < answer["largest_error"] <= 1e-8 and answer["seconds"]["solve"] >= 0
+    assert main([*arguments, "--json"]) == 2
+    refused = json.loads(capsys.readouterr().out)
+    assert refused["exit_code"] == 2 and "--overwrite" in refused["error"]
+
+
+def test_a_quiet_run(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["run", str(case_folder), "--out", str(tmp_path / "out"), "--export-every", "0", "--vtk-every", "0", "--quiet"]
+    assert main([*arguments, "--steps", "3"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main([*arguments, "--overwrite", "--set", "max_iterations=1", "--set", "fallback=off"]) == 1
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.startswith("not converged: ") and said.err.count("\n") == 1
+
+
+def test_quiet_may_stand_before_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--quiet", "cases"]) == 0 and main(["cases", "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_steps_with_a_bar(case_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script = load_case(case_folder)
+    simulation = script.build(parse_parameters(script, {"steps": "2"})).simulation
+    assert [step.number for step in progress(simulation)] == [1, 2]
+    assert "step 2 of 2: " in capsys.readouterr().err
