@@ -1,6 +1,6 @@
 # `make help` lists the targets. Each makes the environment .venv/ by itself when it is absent or out of date.
 .DEFAULT_GOAL := help
-.PHONY: env wall test slow browser-test faults mutation lint benchmark wheel clean help
+.PHONY: env wall test slow docs notebooks browser-test faults mutation lint benchmark wheel clean help
 
 WALL := results/masonry_wall
 READY := .venv/.ready
@@ -24,6 +24,19 @@ slow: $(READY)  ## run the slow tests
 browser-test: $(READY)  ## open a run's page in Chromium (skipped with a reason where there is none)
 	.venv/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[browser]'
 	.venv/bin/python -m pytest -m browser tests/browser $(PYTEST_ARGS)
+
+DOCS := .venv/.docs
+
+$(DOCS): $(READY)
+	.venv/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[docs]'
+	@touch $@
+
+docs: $(DOCS)  ## build the site, offline, into docs/_build/html
+	.venv/bin/python -m sphinx -W --keep-going -q -b html -c docs -d docs/_build/doctrees . docs/_build/html
+	@echo "The site's first page is docs/_build/html/index.html"
+
+notebooks: $(DOCS)  ## execute the notebooks of docs/notebooks
+	.venv/bin/python -m pytest -n 0 --nbmake docs/notebooks $(PYTEST_ARGS)
 
 FAULTS_SEED := $(shell date +%s)
 
@@ -50,7 +63,7 @@ wheel: $(READY)  ## build wheel and sdist, check them, install the wheel into an
 	tools/wheel.sh
 
 clean:  ## remove the environment and caches (results/ stays)
-	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv build dist docs/_build docs/_gallery docs/_generated *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 help:

@@ -6,6 +6,7 @@ The public names are loaded when first used, so that the core (FCLIB files, solv
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from fcsim import moved as _moved
 from fcsim import runtime as _runtime
 from fcsim import surroundings as _surroundings
 from fcsim.version import __version__ as __version__
@@ -13,6 +14,7 @@ from fcsim.version import __version__ as __version__
 _runtime.keep_freed_memory()
 _runtime.writable_caches()
 _surroundings.load_numba_alone()
+_moved.watch_imports()
 
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
@@ -232,6 +234,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
+    name = _moved.renamed(name)
     if name not in _HOME:
         raise AttributeError(f"module 'fcsim' has no attribute {name!r}")
     return getattr(import_module(f"fcsim.{_HOME[name]}"), name)

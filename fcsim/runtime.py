@@ -5,6 +5,9 @@
   ...) or FCSIM_THREADS says otherwise. A program that imports fcsim keeps its own number outside these calls.
 * Large arrays that are freed in one step and made again in the next stay with the process (`keep_freed_memory`).
 * `dolfinx()` and `petsc()` are the only doors to those packages: where the `dolfinx_solver` wheel exists it must be imported first.
+* The working directory is a place, not a source (`without_local_options`): numba reads .numba_config.yaml there (where compiled functions are
+  loaded from), dolfinx dolfinx_jit_options.json (arguments of the C compiler), PETSc .petscrc (files it writes, libraries it loads),
+  matplotlib matplotlibrc (programs it calls), and `python -c` every module: a folder of somebody else's results would run their code.
 * `gmsh_model()` is the only place that initialises and finalises gmsh, so that a failure inside cannot poison what comes next.
 """
 
@@ -29,7 +32,6 @@ from types import ModuleType
 from threadpoolctl import LibController, ThreadpoolController
 
 from fcsim.errors import InputError, MissingDependency
-from fcsim.surroundings import without_local_options
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -120,6 +122,37 @@ def release_freed_memory() -> None:
     """Return what malloc keeps to the system: before a fork, so that what the child takes shows in its resident memory."""
     if platform.libc_ver()[0] == "glibc":
         ctypes.CDLL(None).malloc_trim(ctypes.c_size_t(0))
+
+
+ELSEWHERE = Path(os.sep)
+ISOLATED = "-P"
+"""Of Python: no modules from the working directory."""
+
+
+@contextmanager
+def without_local_options() -> Iterator[None]:
+    """Load libraries, and have them read their options, as if the working directory held nothing; the user's own, in HOME, count.
+
+    The directory is the process's: other threads see the change for as long as the block lasts.
+    """
+    try:
+        here = os.open(os.curdir, getattr(os, "O_PATH", os.O_RDONLY))
+    except OSError:  # removed, or not to be read: nothing can come from it
+        yield
+        return
+    try:
+        os.chdir(ELSEWHERE)
+        yield
+    finally:
+        os.fchdir(here)
+        os.close(here)
+
+
+def load_numba_alone() -> None:
+    """Import numba without the working directory's options, where there are some; it is loaded when it is used otherwise."""
+    if Path(".numba_config.yaml").is_file():
+        with without_local_options():
+            import_module("numba")
 
 
 def _import(name: str) -> ModuleType:

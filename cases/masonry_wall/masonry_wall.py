@@ -166,7 +166,8 @@ def momentum_rate(model: Model, step: Step) -> np.ndarray:
     """(p+ - p-) / h of all blocks together (3,) [N]: what their reactions differ from statics by. The platens are the last two bodies."""
     change = model.apply_mass(step.state.v - step.previous.v)
     deformable, rigid = change[: model.n_elastic].reshape(-1, 3), model.rigid_part(change)[:-2, :3]
-    return (deformable.sum(axis=0) + rigid.sum(axis=0)) / (step.state.t - step.previous.t)
+    rate: np.ndarray = (deformable.sum(axis=0) + rigid.sum(axis=0)) / (step.state.t - step.previous.t)
+    return rate
 
 
 def vertical_rate(model: Model, step: Step, platen: int) -> float:

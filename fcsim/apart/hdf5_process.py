@@ -20,7 +20,7 @@ from fcsim.apart.reading import with_our_modules
 from fcsim.errors import InputError
 from fcsim.files import regular
 from fcsim.memory import readable
-from fcsim.surroundings import ISOLATED
+from fcsim.runtime import ISOLATED
 
 COMMAND = "import sys; from fcsim.apart.hdf5_reader import main; sys.exit(main())"
 SECONDS, SECONDS_PER_MB, PATIENCE = 10, 1.0, 300.0

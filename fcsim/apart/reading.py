@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.files import regular
-from fcsim.surroundings import ISOLATED
+from fcsim.runtime import ISOLATED
 
 PROCESS = "import sys; from {module} import main; raise SystemExit(main(*sys.argv[1:]))"
 SECONDS, SECONDS_PER_MB = 60.0, 5.0

@@ -282,6 +282,8 @@ class _GroupFactor:
             if mass:
                 units = "expected E, density, lengths and the step in one system of units, in statics a larger eta"
                 why = f"its stiffness hides its mass in round-off: {units}"
+                if not group.M.nnz or not np.any(group.M.data):
+                    why = "it has no mass: in dynamics a part needs a density > 0, or supports that hold it; statics: QuasiStatic(h)"
                 error = SingularMatrix(str(error).removesuffix(" (a body without supports?)"))
             raise InputError(f"part {group.part.name!r}: its system matrix is singular ({error}); {why}") from None
         self.surface = own_surface(model, group, touched)

@@ -6,6 +6,7 @@ Degrees of freedom: first the deformable bodies, d a node, in the order of the n
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -89,7 +90,9 @@ class BodyLayout:
     def body_number(self, name: str) -> int:
         """Return the number of the body of that name; InputError where there is none."""
         if name not in self.number:
-            raise InputError(f"body {name!r}: expected one of {', '.join(map(repr, self.number))}")
+            near = difflib.get_close_matches(str(name), self.number, 1)
+            mean = f" (did you mean {near[0]!r}?)" if near else ""
+            raise InputError(f"body {name!r}: expected one of {', '.join(map(repr, self.number))}{mean}")
         return self.number[name]
 
     def facets(self, body: str, surface: str) -> IntArray:
@@ -103,6 +106,8 @@ class BodyLayout:
 
 def in_order(given: Sequence[Placed]) -> tuple[Body | RigidBody, ...]:
     """Return the bodies with the deformable ones first; InputError for none, what is no body, equal names, or 2D with 3D."""
+    if isinstance(given, Placed):
+        raise InputError(f"bodies: expected several, in a list, got {given.name!r} alone: write [{given.name}]")
     bodies = [body for body in given if isinstance(body, Body | RigidBody)]
     if not bodies or len(bodies) < len(given):
         got = next((type(other).__name__ for other in given if not isinstance(other, Body | RigidBody)), "none")

@@ -196,7 +196,10 @@ class Model(BodyLayout):
         if self.gravity is not None:
             acceleration = np.zeros(self.n_dofs)
             d = self.dimension
-            g = np.asarray(self.gravity(t), dtype=np.float64)
+            try:
+                g = np.asarray(self.gravity(t), dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"gravity at t = {t} s: expected a function of t alone, lambda t: (0.0, 0.0, -9.81): {error}") from error
             if g.shape != (d,) or not np.all(np.isfinite(g)):
                 raise InputError(f"gravity at t = {t} s: expected an acceleration of {d} finite numbers [m/s^2], got {self.gravity(t)!r}")
             acceleration[: self.n_elastic].reshape(-1, d)[:] = g

@@ -67,6 +67,7 @@ def make_run(task: Task, stop: threading.Event | None = None) -> Record:
             return known
         for left in place.record.parent.glob(f".{glob.escape(place.name)}.*.partial*"):  # by a process that was killed as it wrote
             left.unlink(missing_ok=True)
+        place.record.unlink(missing_ok=True)  # of an earlier process, which is no longer the last
         record = _made(task, log, stop)
         place.write(record)
         return record

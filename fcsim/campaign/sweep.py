@@ -127,9 +127,7 @@ def sweep(
         table = _Table.of(directory, whole)
         table.write()
         asked = {run.name for run in plan.runs}
-        waiting = [
-            run for run in whole.runs if run.name in asked and not stands(table.rows[run.name].record, options.limits, options.retry)
-        ]
+        waiting = [run for run in whole.runs if run.name in asked and not _stands(table.rows[run.name].record, options)]
         try:
             _make(waiting, whole, directory, options, launch or processes(options.jobs), table, watch)
         finally:
@@ -137,6 +135,11 @@ def sweep(
                 table.rows[run.name] = row_of(directory, run)
             table.write()
         return [table.rows[run.name] for run in whole.runs if run.name in asked]
+
+
+def _stands(record: Record, options: SweepOptions) -> bool:
+    """See `stands`; what was refused since something has changed goes on where changes are accepted."""
+    return stands(record, options.limits, options.retry or (options.accept_changes and record.status == REFUSED))
 
 
 def _make(

@@ -37,7 +37,8 @@ NAME = "push"
 class Branch:
     """displacement (n,) [m], the mean along the load, and multiplier (n,); first the multiplier that sets the structure in motion.
 
-    held: whether blocks held on to each other to the end; False where one came off before, as a corner that passes another's
+    held: whether there was a state of rest at every displacement; False where the structure ran away from the last one though the push was
+    held: a further joint opens, or a block comes off
     """
 
     displacement: FloatArray
@@ -61,23 +62,24 @@ class Branch:
 
 
 def push_by_displacement(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Branch:
-    """Return the curve of multiplier by displacement until the multiplier is zero, a block comes off, or the displacement is `to` [m].
+    """Return the curve of multiplier by displacement until the multiplier is zero, it runs away, or the displacement is `to` [m].
 
     step [m]: of the displacement, by default 1e-3 of the structure's extent; shorter where the multiplier drops. to: by default half its
     extent. InputError where loads that grow have several directions, move
     nothing, or find a structure that falls already.
     """
     steps = [(displacement, multiplier) for _, displacement, multiplier in branch_steps(problem, step=step, to=to)]
-    came_off = len(steps) > 1 and steps[-1][1] < -_DROP * max(multiplier for _, multiplier in steps)
-    curve = np.array(steps[:-1] if came_off else steps)
-    return Branch(curve[:, 0], curve[:, 1], not came_off)
+    ran_away = len(steps) > 1 and steps[-1][1] < -_DROP * max(multiplier for _, multiplier in steps)
+    curve = np.array(steps[:-1] if ran_away else steps)
+    return Branch(curve[:, 0], curve[:, 1], not ran_away)
 
 
 def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Iterator[tuple[Step, float, float]]:
     """Yield the steps of `push_by_displacement`, each with its displacement [m] and multiplier.
 
-    The last multiplier may be below zero; it is far below where a block came off, which falls in that step as far as the regularising
-    mass lets it.
+    The last multiplier may be below zero. It is -inf where the structure ran away: in that step, however short, it moves as far as the
+    regularising mass lets it. What contacts bear goes on smoothly there, but the mechanism is another one, that of a joint which has
+    just opened, or of a block that came off, and the push by which it was held does not hold that.
     """
     step = 2.5e-4 * problem.size if step is None else step
     to = 0.5 * problem.size if to is None else to
@@ -97,10 +99,14 @@ def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: floa
         scheme, number = QuasiStatic(h, _SHARE * GRAVITY * h), 0 if moment is None else moment.number
         simulation = Simulation(model, detector, scheme, number + 1, SolverSettings(name="auto"), linkage=linkage, created=np.inf)
         taken = next(iter(simulation.run(moment)))
-        multiplier = (float(taken.link_force(NAME) @ along) - _regularisation(taken) / h) / load
+        lost = _regularisation(taken) / h / load
+        multiplier = float(taken.link_force(NAME) @ along) / load - lost
         if before is not None and before - multiplier > _DROP * largest and h > _SMALLEST * step:
             h *= 0.5
             continue
+        if before is not None and lost > _DROP * largest:
+            yield taken, taken.previous.t, -np.inf
+            return
         largest, before = max(largest, multiplier), multiplier
         yield taken, taken.previous.t, multiplier  # the forces are those of where the step begins
         if multiplier < _NOTHING * largest:

@@ -236,6 +236,11 @@ class Body(Placed):
         d = self.part.dimension
         refuse_kinematics(self.kinematics, f"Body {self.name!r}, kinematics")
         rotation = np.eye(d) if self.rotation is None else self.rotation
+        if np.shape(rotation) != (d, d):
+            raise InputError(
+                f"Body {self.name!r}, rotation: expected a rotation matrix {(d, d)}, got shape {np.shape(rotation)}; of an angle: "
+                "scipy.spatial.transform.Rotation.from_euler('z', 90, degrees=True).as_matrix()" + ("[:2, :2]" if d == 2 else "")
+            )
         translation = np.zeros(d) if self.translation is None else self.translation
         object.__setattr__(self, "rotation", _frozen(rotation, np.float64, f"Body {self.name!r}, rotation", (d, d)))
         object.__setattr__(self, "translation", _frozen(translation, np.float64, f"Body {self.name!r}, translation", (d,)))

@@ -127,6 +127,7 @@ def check_quality(part: Meshed, smallest: float = SMALLEST_SCALED_JACOBIAN) -> F
             f"Part {part.name!r}: expected elements with a scaled Jacobian >= {smallest:g} (1 = box, 0 = collapsed, < 0 = inverted), got "
             f"{bad.size} of {len(quality)} below, {inverted} of them inverted: elements {_first(bad)}; the worst is {quality[worst]:.3g} "
             f"at element {worst}"
+            + ("; all of them inside out: swap two nodes of every cell, or mirror the mesh" if inverted == len(quality) else "")
         )
     refuse_repeated(part.cells, f"Part {part.name!r}, cells")
     unused = np.flatnonzero(np.bincount(part.cells.ravel(), minlength=len(part.points)) == 0)

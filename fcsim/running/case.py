@@ -6,6 +6,7 @@ import dataclasses
 import importlib.util
 import re
 import sys
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import wraps
@@ -14,7 +15,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, TypedDict
 
 from fcsim.brief import brief
-from fcsim.errors import InputError
+from fcsim.errors import FcsimError, InputError
 from fcsim.files import plain_name, resolved, sha256
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
@@ -123,6 +124,8 @@ def load_case(path: str | Path) -> CaseScript:
         raise InputError(f"case {str(path)!r}: expected a script that can be loaded, {script} ends the program ({error})") from None
     except SyntaxError as error:
         raise InputError(f"case {str(path)!r}: {script} cannot be loaded as Python: {error}") from None
+    except Exception as error:
+        raise _of_the_script(error, script) from error
     return _checked(module, name, script, digest)
 
 
@@ -132,19 +135,40 @@ _TOO_LARGE = re.compile("Maximum allowed (dimension|size) exceeded|too large; ar
 
 def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseScript:
     parameters, build = getattr(module, "Parameters", None), getattr(module, "build", None)
-    if not (dataclasses.is_dataclass(parameters) and isinstance(parameters, type) and callable(build)):
-        raise InputError(f"case script {script}: expected a dataclass Parameters and a function build(parameters)")
+    what = f"case script {script}: expected a dataclass Parameters and a function build(parameters), found"
+    if not callable(build):
+        raise InputError(f"{what} no function build (`fcsim new NAME` writes a case that runs)")
+    if parameters is None:
+        raise InputError(f"{what} no Parameters")
+    if not (dataclasses.is_dataclass(parameters) and isinstance(parameters, type)):
+        raise InputError(f"{what} Parameters that is no dataclass: write @dataclass(frozen=True) above the class")
 
     @wraps(build)
     def built(values: DataclassInstance) -> Case:
         """The case; numbers that its script cannot compute with (a length of 0, a step of 1e-320) are the parameters' fault."""
         try:
-            return build(values)
+            case: object = build(values)
         except SystemExit as error:
             raise InputError(f"case {name!r}: expected a case from build(), it ends the program ({error})") from None
         except (ZeroDivisionError, OverflowError, MemoryError, ValueError) as error:
             if isinstance(error, ValueError) and not _TOO_LARGE.search(str(error)):
                 raise
             raise InputError(f"case {name!r}: expected parameters that its script can compute with: {error}") from error
+        except (NameError, TypeError, AttributeError, LookupError, ImportError) as error:
+            raise _of_the_script(error, script) from error
+        if not isinstance(case, Case):
+            mend = "; is the `return` missing?" if case is None else ""
+            mend = "; Case(name, title, simulation) makes one of it" if isinstance(case, Simulation) else mend
+            raise InputError(f"case script {script}: expected build to return a Case, got {type(case).__name__}{mend}")
+        return case
 
     return CaseScript(name, script, parameters, built, digest)
+
+
+def _of_the_script(error: Exception, script: Path) -> Exception:
+    """The InputError that names the script's line, where what was raised comes from the script itself and not from what it called; the
+    error itself elsewhere."""
+    frames = traceback.extract_tb(error.__traceback__)
+    if isinstance(error, FcsimError) or not frames or Path(frames[-1].filename) != script:
+        return error
+    return InputError(f"{script}, line {frames[-1].lineno}: {frames[-1].line}: {type(error).__name__}: {error}")

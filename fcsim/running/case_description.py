@@ -13,6 +13,7 @@ from fcsim.running.description import FORMAT, Bound, Column, Description, Histor
 from fcsim.running.resume import model_digest
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.theta import Theta
 from fcsim.version import __version__
 
 if TYPE_CHECKING:
@@ -55,9 +56,15 @@ def describe(
 
 
 def ignored(simulation: Simulation) -> tuple[str, ...]:
-    """What the model has and the scheme has no use for."""
-    if simulation.model.beta and isinstance(simulation.scheme, QuasiStatic):
-        return (f"the model's damping (beta = {simulation.model.beta:g} s) does nothing in statics",)
+    """What the model has and the scheme has no use for, and what both lack."""
+    model, scheme = simulation.model, simulation.scheme
+    if model.beta and isinstance(scheme, QuasiStatic):
+        return (f"the model's damping (beta = {model.beta:g} s) does nothing in statics",)
+    if isinstance(scheme, Theta) and scheme.theta == 0.5 and not (model.beta or model.alpha) and model.deformable and not model.nonlinear:
+        return (
+            "nothing damps the bodies (beta = 0, theta = 0.5): vibrations that impacts leave do not end. Where they are not meant, "
+            "build_model(beta=...), some ten steps h, takes them away",
+        )
     return ()
 
 

@@ -104,7 +104,7 @@ def open_run(directory: str | Path) -> RunFolder:
                 f"{directory}: expected the folder of a run (run.json, steps.csv, vtk/, as `fcsim run` writes), found no {name}"
             )
     description = read_description(directory)
-    return RunFolder(directory, description, read_columns(directory / "steps.csv"), _read_instants(directory / "vtk"))
+    return RunFolder(directory, description, read_columns(directory / "steps.csv"), instants_in(directory / "vtk"))
 
 
 def read_columns(path: Path) -> dict[str, NDArray]:
@@ -125,7 +125,8 @@ def _numbers_or_text(entries: list[str]) -> NDArray:
         return np.array(entries, dtype=np.str_)
 
 
-def _read_instants(directory: Path) -> tuple[Instant, ...]:
+def instants_in(directory: Path) -> tuple[Instant, ...]:
+    """The instants of the VTK series in `directory`, in the order of time; InputError where a file of theirs is missing."""
     files: dict[float, dict[str, Path | None]] = {}
     for series in SERIES:
         collection = directory / f"{series}.pvd"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
 import types
 import typing
@@ -38,7 +39,9 @@ def parse_parameters(script: CaseScript, assignments: Mapping[str, str]) -> Data
     values = {}
     for name, text in assignments.items():
         if name not in known:
-            raise InputError(f"--set {name}={text}: case {script.name} has the parameters {', '.join(known)}")
+            near = difflib.get_close_matches(name, known, 1)
+            mean = f"; did you mean {near[0]}?" if near else ""
+            raise InputError(f"--set {name}={text}: case {script.name} has the parameters {', '.join(known)}{mean}")
         values[name] = _parse(name, text, kinds[name], script.name)
     return script.parameters(**values)
 

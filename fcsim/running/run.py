@@ -170,6 +170,8 @@ def _run(
     status, message = "finished", ""
     tally, begin = _Tally(overlap=description.overlap), time.perf_counter()
     start = moments[0].number if moments else 0
+    if moments and start >= case.simulation.steps:
+        message = f"the run had its {start} steps already, and none was computed: --resume --steps {2 * start} goes on with it"
 
     def reached() -> int:
         return outputs.last.number if outputs.last is not None else start

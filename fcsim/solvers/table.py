@@ -6,6 +6,7 @@ Names: Acary, Brémond, Huber, "On solving contact problems with Coulomb frictio
 from __future__ import annotations
 
 from dataclasses import replace
+from difflib import get_close_matches
 
 from fcsim.errors import InputError
 from fcsim.solvers.automatic.stages import AutomaticOptions, automatic
@@ -180,5 +181,7 @@ def method(name: str) -> Method:
     """Return the method of that name or alias; an unknown one is an InputError that lists the table."""
     known = SOLVERS.get(name) or SOLVERS.get(ALIASES.get(name, ""))
     if known is None:
-        raise InputError(f"solver {name!r}: expected one of {', '.join((*SOLVERS, *ALIASES))}")
+        near = get_close_matches(name.upper(), (*SOLVERS, *ALIASES), 3, 0.7)
+        mean = f" (did you mean {' or '.join(near)}?)" if near else ""
+        raise InputError(f"solver {name!r}{mean}: expected one of {', '.join((*SOLVERS, *ALIASES))}")
     return known

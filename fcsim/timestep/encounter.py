@@ -14,6 +14,7 @@ from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import NOTHING, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
@@ -112,6 +113,19 @@ class Encounter:
         meeting = replace(self.meeting, trial=trial)
         terms = law.terms(meeting)
         return replace(self, contacts=replace(self.contacts, mu=terms.mu), meeting=meeting, terms=terms)
+
+    def eased(self, law: Law) -> Encounter | None:
+        """The same contacts without taking penetrations back in this step; None where the law `Gap` takes none back.
+
+        Coulomb's law need not have an answer where it is to push bodies out of each other: a wedge that friction locks is held by any
+        force, and by none where its gaps are a hair below zero. With w_N >= 0 bodies that stay where they are are an answer (V. Acary,
+        F. Cadoux, "Applications of an existence result for the Coulomb friction problem", Recent Advances in Contact Mechanics, 2013).
+        """
+        w = self.terms.w
+        if not isinstance(law, Gap) or not self.meeting.timing.moving or not (w[:, 0] < 0).any():
+            return None
+        w = np.column_stack([np.maximum(w[:, 0], 0.0), w[:, 1:]])
+        return replace(self, terms=replace(self.terms, w=w))
 
     def remember(self, law: Law, u: FloatArray, r: FloatArray, v: FloatArray) -> Variables | None:
         """The law's variables after the step with the problem's u, r (m,) and the velocity v (n_dofs,) at its end."""

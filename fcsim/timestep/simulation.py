@@ -22,19 +22,23 @@ from fcsim.errors import InputError, Penetration
 from fcsim.linkage import Linkage
 from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
+from fcsim.timestep.beginning.first_half import passes, refuse_going_through
+from fcsim.timestep.beginning.impact import remark, struck
 from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
-from fcsim.timestep.first_half import passed_unseen, refuse_going_through, refuse_passing
+from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import Limits, refuse_beyond, remarks
 from fcsim.timestep.links.linked import linked, refuse_linkage
+from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
 from fcsim.timestep.remarks.opening import opening_remarks
+from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.scheme import Scheme
-from fcsim.timestep.state import State, at_rest, refuse_misplaced
+from fcsim.timestep.state import State, at_rest, refuse_misplaced, updated
 from fcsim.timestep.step import Attempt, Moment, Step
 from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
-from fcsim.timestep.step_equation.equation import Answer, Equation, Past
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
 from fcsim.timestep.step_equation.penetration import penetration_at_end
@@ -80,12 +84,9 @@ class Simulation:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        if self.keep < 0:
-            raise InputError(f"keep: expected a whole number >= 0, got {self.keep}")
-        if self.steps < 0:
-            raise InputError(f"steps: expected a whole number >= 0, got {self.steps}")
-        if not 0 <= self.cuttings <= 20:
-            raise InputError(f"cuttings: expected a whole number from 0 to 20, got {self.cuttings}")
+        refuse_arguments(self.model, self.detector, self.scheme)
+        for name, largest in (("keep", np.inf), ("steps", np.inf), ("cuttings", 20)):
+            object.__setattr__(self, name, whole_number(name, getattr(self, name), largest))
         if not self.created > 0:
             raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
         object.__setattr__(self, "model", self.model.moving(self.scheme.kinematics))
@@ -186,9 +187,9 @@ class Simulation:
         while moment.number < self.steps:
             step = self._witnessed(self.step(moment, kept, anchor))
             moment, when = step.moment, f"step {step.number}, t = {step.state.t:.6g} s"
-            deformation = self._measure(step.state.x)
-            new = remarks(self.model, deformation, when, said)
+            new = remarks(self.model, deformation := self._measure(step.state.x), when, said) | spinning(step, self.detector, when, said)
             if step.number > after.number:
+                opening = (*opening, *remark(step.struck)) if step.number == 1 else opening
                 yield replace(step, remarks=(*opening, *new.values())) if new or opening else step
                 opening = ()
             said |= new.keys()
@@ -233,19 +234,22 @@ class Simulation:
             before = part.energy if before is None else before.then(part.energy)
             moment = part.moment
 
-    def _passes(self, scheme: Scheme, start: Moment, cuts: int) -> bool:
-        """Whether bodies pass each other before the contacts of the step are detected; InputError where it cannot be cut any more."""
-        met = passed_unseen(self.model, self.detector, scheme, start.state, self._proportions)
-        if met is not None and cuts == self.cuttings:
-            when = f"step {start.number}, t = {start.state.t:.6g} s"
-            refuse_passing(self.model, self.detector, scheme, start.state, met, when)
-            return False
-        return met is not None
+    def _begun(self, scheme: Scheme, start: Moment, cuts: int, attempts: list[Attempt]) -> tuple[Moment, Energy | None] | None:
+        """The moment after what strikes at the beginning of the step, and the balance of that impact; None where bodies would pass each
+        other before contacts are looked for: it is to be cut, or refused by InputError. See `beginning`."""
+        if scheme.h <= start.seen:
+            return start, None
+        if passes(self.model, self.detector, scheme, start, self._proportions, cuts == self.cuttings):
+            return None
+
+        def solve(equation: Equation, past: Past) -> tuple[Answer | None, Past]:
+            return solve_equation(equation, self.solver, self._extent, past, attempts, Clock())
+
+        made = struck(self.model, self.detector, scheme, start, self._proportions, self.linkage, self._system, solve)
+        return (start, None) if made is None else (replace(start, state=made.state), made.energy)
 
     def _met(self, scheme: Scheme, start: Moment, cuts: int, clock: Clock) -> Encounter | None:
         """The contacts of the step; None where bodies would pass each other in it: it is to be cut, or refused by InputError."""
-        if scheme.h > start.seen and self._passes(scheme, start, cuts):
-            return None
         met = encounter(self.model, self.detector, scheme, start.state, self._proportions, start.variables)
         clock.lap("detection")
         if met.passing is None:
@@ -270,21 +274,17 @@ class Simulation:
         known = partial(met_on_the_way, proportions=self._proportions, variables=start.variables, trial=trial)
         return Anew(partial(known, model, self.detector, equation.scheme, state), self.detector)
 
-    def _updated(self, state: State, after: State) -> State:
-        """The state after a step with the internal variables at its end."""
-        bodies = self.model.nonlinear
-        if not bodies:
-            return after
-        return replace(after, internal=bodies.inner(after.x, state.internal, after.t, after.t - state.t).variables)
-
     def _part(
         self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
     ) -> Step | None:
         """The step, or its next part of the length h / 2^cuts; None where it has no answer. What was tried goes into `attempts`;
         long because it is one step from its contacts to its end."""
-        model, state = self.model, start.state
-        scheme = self.scheme.cut(2**cuts) if cuts else self.scheme
-        met = self._met(scheme, start, cuts, clock)
+        model, scheme = self.model, self.scheme.cut(2**cuts) if cuts else self.scheme
+        begun = self._begun(scheme, start, cuts, attempts)
+        if begun is None:
+            return None
+        start, impact = begun
+        state, met = start.state, self._met(scheme, start, cuts, clock)
         if met is None:
             return None
         rest = scheme.right_hand_side(model, state)
@@ -306,7 +306,7 @@ class Simulation:
                 return None
             result, v, met = answer.result, answer.v, answer.met
             impulse = met.impulse(result.r) + links.impulse(result.multiplier)
-            after = self._updated(state, scheme.advance(model, state, v, impulse, rigid_mass))
+            after = updated(model, state, scheme.advance(model, state, v, impulse, rigid_mass))
             if not links.keep(model, scheme, v, after, attempts, 0.5**cuts):
                 if links.given_up:
                     return None
@@ -344,4 +344,5 @@ class Simulation:
             linearised=answer.linearised,
             linked=links.rows,
             penetration=penetration_at_end(model, self.detector, met, after),
+            struck=impact,
         )

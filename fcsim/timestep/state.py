@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,3 +58,11 @@ def refuse_misplaced(model: Model, state: State) -> None:
             f"initial state: expected what driven rotations turn where their angles at t = {state.t:g} s say, got it up to "
             f"{apart:.3g} m away"
         )
+
+
+def updated(model: Model, state: State, after: State) -> State:
+    """The state `after` a step from `state` with the internal variables at its end."""
+    bodies = model.nonlinear
+    if not bodies:
+        return after
+    return replace(after, internal=bodies.inner(after.x, state.internal, after.t, after.t - state.t).variables)

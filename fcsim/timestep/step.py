@@ -111,7 +111,7 @@ class Moment:
     """The end of step `number`, all that the next steps depend on: its state, the last reactions (newest first), and how many times
     the next step is halved before it is tried; variables: what the contact law remembers, None = nothing has been met yet; ledger:
     what contact has created so far; lead: which solver begins the next chain; seen: length of the step [s] that ended here and detected
-    contacts ahead of its end, 0 = none, see `first_half`."""
+    contacts ahead of its end, 0 = none, see `beginning`."""
 
     number: int
     state: State
@@ -141,6 +141,7 @@ class Step:
     seconds           by phase: detection, assembly, solve; of all sub-steps
     substeps          into how many parts the step was cut; 1 where it was not
     before            balance of energy of the earlier sub-steps, None where there are none
+    struck            balance of energy of an impact at the beginning, None where there was none, see `beginning.impact`
     whole_per_part    reactions of the whole step per reaction of the sub-step: the ratio of their lengths for impulses, 1 for forces
     cuts              see `Moment`
     encounter         the contacts under their law: what it was told and what it gave
@@ -182,6 +183,7 @@ class Step:
     linearised: tuple[Linearised, ...] = ()
     linked: Linked | None = None
     penetration: float = 0.0
+    struck: Energy | None = None
 
     __repr__ = brief
 
@@ -223,6 +225,7 @@ class Step:
         own = own if self.linked is None else self._with_links(own, self.linked)
         before, after = self.encounter.meeting.variables or NOTHING, self.variables or NOTHING
         own = own.with_joints(before.stored, after.stored, after.breaking or Breaking())
+        own = own if self.struck is None else self.struck.then(own)
         return own if self.before is None else self.before.then(own)
 
     def _with_links(self, own: Energy, linked: Linked) -> Energy:

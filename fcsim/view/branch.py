@@ -9,7 +9,7 @@ from fcsim.view.style import STYLE, figure, matplotlib, prefixed, save
 
 
 def draw_branch(branch: Branch, path: Path, title: str) -> Path:
-    """Draw the multiplier by displacement, its largest value and where the structure falls by itself or a block comes off."""
+    """Draw the multiplier by displacement, its largest value and where the structure falls by itself or runs away."""
     scale, unit = prefixed("m", branch.displacement)
     with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
         drawing = figure(7.0, 4.2, layout="constrained")
@@ -28,7 +28,7 @@ def draw_branch(branch: Branch, path: Path, title: str) -> Path:
         elif not branch.held:
             last = branch.displacement[-1] / scale, branch.multiplier[-1]
             axes.plot(*last, "x", color="#8c3333")
-            axes.annotate("a block comes off", last, xytext=(-6, 8), textcoords="offset points", ha="right", color="#8c3333")
+            axes.annotate("runs away", last, xytext=(-6, 8), textcoords="offset points", ha="right", color="#8c3333")
         axes.set_xlabel(f"mean displacement along the load [{unit}]")
         axes.set_ylabel("load multiplier")
         axes.set_ylim(bottom=0.0)

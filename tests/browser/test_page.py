@@ -7,7 +7,6 @@ Chromium of the system, driven by playwright; skipped with a reason where either
 
 import csv
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -20,9 +19,6 @@ from fcsim.view import render
 
 pytestmark = pytest.mark.browser
 
-CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
-GRAPHICS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
@@ -33,15 +29,6 @@ def run(tmp_path_factory):
     run_case(script, given, directory, RunOptions(export_every=0, vtk_every=2))
     render(directory, film=None, page=True)
     return directory
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on the PATH (Debian: apt-get install chromium)")
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install 'fcsim[browser]'")
-    with api.sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=GRAPHICS)
 
 
 @pytest.fixture

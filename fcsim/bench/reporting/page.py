@@ -25,11 +25,19 @@ PAGE = Template("""<!DOCTYPE html>
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy"
+ content="default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:;
+ worker-src blob:">
 <title>$title</title>
 <style>
-:root { --ink: #1a1a1a; --grey: #595959; --rule: #d4d4d4; --shade: #f4f5f6; --accent: #0072b2; }
+:root { --ink: #1a1a1a; --grey: #595959; --rule: #d4d4d4; --shade: #f4f5f6; --accent: #005b94;
+  --paper: #fff; --good: #00664a; --bad: #a33a00; }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #e9eaec; --grey: #b4b8bd; --rule: #3b4248; --shade: #20252a; --accent: #7cc4f5;
+    --paper: #15181b; --good: #6fd3ae; --bad: #ffa071; }
+}
 * { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 64rem; padding: 2rem 1.5rem 4rem; color: var(--ink); background: #fff;
+body { margin: 0 auto; max-width: 64rem; padding: 2rem 1.5rem 4rem; color: var(--ink); background: var(--paper);
   font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", Arial, sans-serif; }
 h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .4rem; }
 h2 { font-size: 1.35rem; margin: 2.6rem 0 .7rem; padding-top: .5rem; border-top: 2px solid var(--ink); }
@@ -40,9 +48,9 @@ p, li { max-width: 46rem; }
 nav ul { columns: 2; padding-left: 1.2rem; max-width: 46rem; }
 a { color: var(--accent); }
 figure { margin: 1rem 0; }
-figure img, .text img { display: block; max-width: 100%; height: auto; }
+figure img, .text img { background: #fff; display: block; max-width: 100%; height: auto; }
 figcaption, .small { color: var(--grey); font-size: .88rem; max-width: 46rem; }
-.wide { overflow-x: auto; margin: .8rem 0; }
+.wide { overflow-x: auto; margin: .8rem 0; max-width: 100%; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: var(--grey); padding-bottom: .3rem; }
 th, td { padding: .22rem .7rem; text-align: right; border-bottom: 1px solid var(--rule); vertical-align: top; }
@@ -56,6 +64,7 @@ code { font-family: ui-monospace, "DejaVu Sans Mono", Consolas, monospace; }
 details summary { cursor: pointer; color: var(--accent); }
 .text { border-left: 3px solid var(--rule); padding-left: 1rem; }
 @media print {
+  #explore { display: none; }
   body { max-width: none; padding: 0; font-size: 10pt; }
   nav, .screen { display: none; }
   h2, h3 { break-after: avoid; }
@@ -66,7 +75,9 @@ details summary { cursor: pointer; color: var(--accent); }
 </style>
 </head>
 <body>
+<main>
 $body
+</main>
 </body>
 </html>
 """)
@@ -103,13 +114,13 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "
     head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in header)
     lines = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     said = f"<caption>{escape(caption)}</caption>" if caption else ""
-    return f'<div class="wide"><table>{said}<thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table></div>'
+    return f'<div class="wide" tabindex="0"><table>{said}<thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table></div>'
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> str:
     """A table of names and what they are."""
     rows = "\n".join(f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>' for name, value in pairs)
-    return f'<div class="wide"><table class="facts"><tbody>\n{rows}\n</tbody></table></div>'
+    return f'<div class="wide" tabindex="0"><table class="facts"><tbody>\n{rows}\n</tbody></table></div>'
 
 
 def markdown_text(text: str, folder: Path) -> tuple[str, set[str]]:

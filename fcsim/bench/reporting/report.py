@@ -1,4 +1,4 @@
-"""The report of a bench: one self-contained HTML page."""
+"""The report of a bench: one self-contained HTML page, whose first section answers to the mouse and whose others need no script."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from html import escape
 from pathlib import Path
 
 from fcsim.bench.reporting.comparison import Comparison, ToleranceComparison
+from fcsim.bench.reporting.explorer import explorer_section
 from fcsim.bench.reporting.page import KINDS, data_uri, drawn, facts, markdown_text, page, picture, table
 from fcsim.bench.reporting.profile_plots import panels_figure, profile_figure
 from fcsim.bench.reporting.summary import AT_TIME_LIMIT, notes, number, tables
@@ -24,12 +25,21 @@ Sections = list[tuple[str, str, list[str]]]
 """(anchor, heading, HTML) of each section."""
 
 
-def write_report(comparison: Comparison, path: Path, *, results: Path, collections: Sequence[Path] = (), title: str | None = None) -> Path:
+def write_report(
+    comparison: Comparison,
+    path: Path,
+    *,
+    results: Path,
+    collections: Sequence[Path] = (),
+    title: str | None = None,
+    against: Path | None = None,
+) -> Path:
     """Write the page `path`, whole or not at all, and return it.
 
     results      the folder or file that the comparison was read from: the table itself and convergence plots in the folder are embedded
     collections  folders of problems with manifest.csv, README.md and pictures, as far as they are there
-    Raises InputError for a collection that is not a folder.
+    against      results of another bench, which the section "Problem by problem" sets beside this one
+    Raises InputError for a collection that is not a folder, see also `explorer_section`.
     """
     for folder in collections:
         if not folder.is_dir():
@@ -38,6 +48,7 @@ def write_report(comparison: Comparison, path: Path, *, results: Path, collectio
     with matplotlib().rc_context(STYLE):
         profiles = _profiles(comparison)
     sections: Sections = [
+        ("explore", "Problem by problem", explorer_section(comparison, results, collections, against)),
         ("measured", "What was measured", _measured(comparison)),
         ("limits", "Limits and what they hide", _limits(comparison)),
         ("profiles", "Performance profiles", profiles),

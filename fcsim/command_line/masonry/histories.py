@@ -77,7 +77,7 @@ def push_by_displacement(options: argparse.Namespace, problem: MasonryProblem) -
     elif branch.held:
         say(f"bears a multiplier still at {1e3 * branch.displacement[-1]:.5g} mm")
     else:
-        say(f"a block comes off at {1e3 * branch.displacement[-1]:.5g} mm: the curve ends there")
+        say(f"runs away at {1e3 * branch.displacement[-1]:.5g} mm though it is held: another joint opens there, or a block comes off")
     if options.out is not None:
         say(f"curve and picture: {options.out}")
     return EXIT_OK

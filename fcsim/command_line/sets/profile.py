@@ -44,6 +44,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     report.add_argument(
         "--collection", type=Path, action="append", default=[], metavar="DIR", help="folder of the problems; may be repeated"
     )
+    report.add_argument("--against", type=Path, metavar="DIR2", help="results of another bench, set beside this one problem by problem")
     report.add_argument("--title", help="title of the page")
     report.add_argument("--out", type=Path, metavar="FILE", help="the page (default: DIR/report.html)")
     report.set_defaults(act=_report)
@@ -141,5 +142,6 @@ def _report(options: argparse.Namespace) -> int:
     from fcsim.bench.reporting.report import write_report
 
     path = options.out or _folder(options.results) / "report.html"
-    say(write_report(_comparison(options), path, results=options.results, collections=options.collection, title=options.title))
+    of = {"results": options.results, "collections": options.collection, "title": options.title, "against": options.against}
+    say(write_report(_comparison(options), path, **of))
     return 0

@@ -18,7 +18,7 @@ from fcsim.contact_detection.exact.looks import looks
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, mesh_skin
 from fcsim.contact_detection.exact.meshes_on_planes import meshes_on_planes
 from fcsim.contact_detection.exact.pairs import balls_on_cylinders, on_planes, rounded_contacts
-from fcsim.contact_detection.exact.solids import Placed, Solids, Touch, placed, solids_of
+from fcsim.contact_detection.exact.solids import Placed, Solids, Touch, placed, round_points, solids_of
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.everything import Everything
@@ -131,15 +131,19 @@ class ExactContacts:
         if not count:
             return self._at(now, x, alert + closing)
         further, times = max(alert, closing), np.arange(1, count + 1) / count
-        met = with_swept(self._at(now, x, alert), lambda there: self._at(placed(self.solids, there), there, further), x, way, times, alert)
+
+        def met_at(there: FloatArray) -> Contacts:
+            return self._at(placed(self.solids, there), there, further, now)
+
+        met = with_swept(self._at(now, x, alert), met_at, x, way, times, alert)
         # a point of a solid moves with weights of both signs: its place is told by the master's columns, not by the signs
         alone = (met.identity - _FIRST) >> 56 == (6 if x.shape[1] == 3 else 4)  # vertices on planes are slaves of one node
         master = np.arange(met.nodes.shape[1]) >= np.where(alone, 1, x.shape[1] + 1)[:, None]
         weights = np.where(master & (met.nodes >= 0), -met.weights, 0.0)
         return replace(met, point=np.einsum("ak,akd->ad", weights, x[met.nodes]))
 
-    def _at(self, now: Placed, x: FloatArray, alert: float) -> Contacts:
-        """Contacts of the exact shapes as they stand, up to a gap of `alert` [m]."""
+    def _at(self, now: Placed, x: FloatArray, alert: float, begin: Placed | None = None) -> Contacts:
+        """Contacts of the exact shapes as they stand, up to a gap of `alert` [m]; begin: where they stood, see `round_points`."""
         found = [rounded_contacts(now, alert), on_planes(now, alert)]
         if x.shape[1] == 3:
             found += [balls_on_cylinders(now, alert), cylinders_with_cylinders(now, alert)]
@@ -147,6 +151,8 @@ class ExactContacts:
             found += [f(now, self.skin, x, alert) for f in (balls_on_meshes, sides_on_meshes, meshes_on_planes)]
             if x.shape[1] == 3:
                 found.append(cylinders_on_meshes(now, self.skin, x, alert))
+        if begin is not None:
+            found = [round_points(touch, now, begin) for touch in found]
         return join([self._contacts(touch, kind) for kind, touch in enumerate(found)])
 
     def _contacts(self, touch: Touch, kind: int) -> Contacts:

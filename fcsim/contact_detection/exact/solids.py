@@ -113,6 +113,36 @@ def leaves_by_its_side(now: Placed, solid: IntArray, along: FloatArray, gap: Flo
     return ~flat | (-gap <= np.maximum(now.solids.half[solid] - np.abs(along), 0.0)) | (gap > 0)
 
 
+def round_points(touch: Touch, there: Placed, begin: Placed) -> Touch:
+    """Contacts met on the way, `there`, with the weights of the points that touched in the same place of the solids where they stood at the
+    `begin`.
+
+    What is round rolls: the point at which it will touch is another one of its skin each time, always that along the normal. The point that
+    touches then comes down along a cycloid from where it is now, and to the law 0 <= g + h u_N, which takes its motion for straight, it
+    would seem to come by R (omega h)^2 / 2 too far.
+    """
+    solid = np.full(int(max(touch.bodies.max(initial=0), there.solids.body.max(initial=0))) + 1, -1)
+    solid[there.solids.body] = np.arange(len(there.solids.body))
+    weights = []
+    for side, node, own, point in (
+        (0, touch.slave_node, touch.slave_weights, touch.slave_point),
+        (1, touch.master_node, touch.master_weights, touch.master_point),
+    ):
+        k = solid[touch.bodies[:, side]]
+        curved = np.flatnonzero(np.isin(k, there.solids.of("sphere", "capsule", "cylinder")))
+        if not len(curved) or node.shape[1] != there.solids.node.shape[1]:
+            weights.append(own)
+            continue
+        k = k[curved]
+        arm = point[curved] - there.centre[k]
+        axial = np.where(np.isin(k, there.solids.of("sphere")), 0.0, np.einsum("nd,nd->n", arm, there.along[k]))[:, None]
+        place = begin.centre[k] + axial * begin.along[k] + arm - axial * there.along[k]
+        own = own.copy()
+        own[curved] = begin.weights(k, place)
+        weights.append(own)
+    return touch._replace(slave_weights=weights[0], master_weights=weights[1])
+
+
 def joined(parts: Sequence[Touch]) -> Touch:
     """Contacts one after the other."""
     return Touch._make(np.concatenate(arrays) for arrays in zip(*parts, strict=True))

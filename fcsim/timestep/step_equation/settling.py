@@ -52,6 +52,9 @@ def solve_settled(
 
     law = equation.scheme.law
     answer, past = solve(equation, past)
+    eased = None if answer is not None else equation.met.eased(law)
+    if eased is not None:
+        answer, past = solve(replace(equation, met=eased), past)
     if not isinstance(law, Implicit):
         return answer, past
     search = Search()

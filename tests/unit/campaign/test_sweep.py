@@ -164,6 +164,30 @@ def test_an_interrupt_ends_the_runs_and_the_same_call_goes_on(planned: Planned, 
         assert {row["how"]: row["status"] for row in csv.DictReader(file)}["hangs"] == "interrupted"
 
 
+def test_a_retry_that_was_killed_is_made_again(planned: Planned, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was noted of the process before is no longer true once another one has begun."""
+    plan, out = planned("how=diverges,well"), tmp_path / "out"
+    sweep(plan, out)
+
+    def killed(task: Task, log: object, stop: object) -> Record:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("fcsim.campaign.process._made", killed)
+        with pytest.raises(KeyboardInterrupt):
+            sweep(plan, out, SweepOptions(retry=True))
+    assert statuses(sweep(plan, out))["diverges"] == "not converged"
+    assert starts(out) == 3
+
+
+def test_what_was_refused_for_a_change_goes_on_where_changes_are_accepted(planned: Planned, tmp_path: Path) -> None:
+    plan, out = planned("how=well"), tmp_path / "out"
+    sweep(replace(plan, runs=()), out)
+    Place(out, plan.runs[0].name).write(Record("refused", "numpy was 2.4, is 2.5"))
+    assert statuses(sweep(plan, out)) == {"well": "refused"}
+    assert statuses(sweep(plan, out, SweepOptions(accept_changes=True))) == {"well": "finished"}
+
+
 def test_a_run_that_another_process_makes_is_waited_for(planned: Planned, tmp_path: Path) -> None:
     plan, out = planned("how=well"), tmp_path / "out"
     task = Task(str(out), plan.runs[0].name, plan.script, {})

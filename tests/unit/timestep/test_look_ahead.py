@@ -26,7 +26,7 @@ def tumbling(metre: float, h: float, steps: int) -> Simulation:
     v = start.v.copy()
     model.rigid_part(v)[:4, 3:] = rng.normal(size=(4, 3)) * 12
     model.rigid_part(v)[:4, :3] = rng.normal(size=(4, 3)) * metre
-    witness = Witness(every=1, tolerance=10.0)  # measured, not refused
+    witness = Witness(every=1, tolerance=0.01, stop=False)  # measured, not refused
     return Simulation(model, Everything(model, 0.4), Theta(h, 0.5, Gap()), steps, SETTINGS, initial=State(0.0, start.x, v), witness=witness)
 
 
@@ -47,7 +47,7 @@ def in_a_row(v: float, h: float, steps: int) -> Simulation:
     start = at_rest(model)
     velocity = start.v.copy()
     model.rigid_part(velocity)[0, 0] = v
-    witness = Witness(every=1, tolerance=10.0)
+    witness = Witness(every=1, tolerance=0.01, stop=False)
     scheme = Theta(h, 0.5, Gap())
     return Simulation(model, Everything(model, 0.0), scheme, steps, SETTINGS, initial=State(0.0, start.x, velocity), witness=witness)
 
@@ -103,7 +103,7 @@ def test_a_cube_dropped_on_a_corner_or_an_edge_is_held_there(lower: Rotation, up
     start = at_rest(model)
     v = start.v.copy()
     model.rigid_part(v)[1, 2] = -1.0
-    witness = Witness(every=1, tolerance=10.0)
+    witness = Witness(every=1, tolerance=0.01, stop=False)
     run = Simulation(model, Everything(model, 0.5), Theta(1e-3, 0.5, Gap()), 30, SETTINGS, initial=State(0.0, start.x, v), witness=witness)
     for step in run:
         assert step.overlap is not None and step.overlap.share <= 1e-4, step.number

@@ -18,8 +18,19 @@ from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
+from fcsim.timestep.step import Moment
 
 _SHARE = 1e-3  # of the smaller body: less is not passed through
+
+
+def passes(model: Model, detection: Detection, scheme: Scheme, start: Moment, proportions: Proportions, shortest: bool) -> bool:
+    """Whether bodies pass each other before the contacts of the step are detected: it is to be cut. InputError where it is the `shortest`
+    already."""
+    met = passed_unseen(model, detection, scheme, start.state, proportions)
+    if met is not None and shortest:
+        refuse_passing(model, detection, scheme, start.state, met, f"step {start.number}, t = {start.state.t:.6g} s")
+        return False
+    return met is not None
 
 
 def passed_unseen(model: Model, detection: Detection, scheme: Scheme, state: State, proportions: Proportions) -> Contacts | None:

@@ -1,0 +1,30 @@
+"""The arguments of a simulation that are of another kind than what is expected there."""
+
+from __future__ import annotations
+
+from numbers import Real
+
+from fcsim.assembly.model import Model
+from fcsim.errors import InputError
+
+
+def refuse_arguments(model: object, detector: object, scheme: object) -> None:
+    """InputError where a model, detector or scheme is none."""
+    if not isinstance(model, Model):
+        raise InputError(f"Simulation, model: expected what build_model(...) returns, got {type(model).__name__}")
+    if not (callable(detector) and hasattr(detector, "nodes")):
+        raise InputError(
+            "Simulation, detector: expected where bodies may touch, Everything(model, mu=0.5) or Detector([SurfacePair(...)], "
+            f"model.n_nodes), got {type(detector).__name__}"
+        )
+    if not hasattr(scheme, "timing"):
+        raise InputError(f"Simulation, scheme: expected one as Theta(h=1e-3), QuasiStatic(h=0.1) or GeneralisedAlpha(...), got {scheme!r}")
+
+
+def whole_number(name: str, value: object, largest: float = float("inf")) -> int:
+    """The value, from 0 on, as an int: 10.0 is one as well; InputError for 10.5, -5, "10"."""
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else -1.0
+    if not (number.is_integer() and 0 <= number <= largest):
+        span = ">= 0" if largest == float("inf") else f"from 0 to {largest:g}"
+        raise InputError(f"{name}: expected a whole number {span}, got {value!r}")
+    return int(number)

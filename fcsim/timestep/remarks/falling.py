@@ -1,0 +1,78 @@
+"""What is not held and what lies under it: bodies that fall for ever, or for most of the run, before they touch anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.layout import DIRECTIONS
+from fcsim.assembly.model import Model
+from fcsim.mesh.part import RigidBody
+from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
+
+ALONG = 0.99
+"""Cosine from which gravity points along an axis."""
+TOUCH = 1e-2
+"""Of the smallest body: gaps that are contacts to begin with."""
+MOST = 0.5
+"""Of a run."""
+MANY = 2000
+"""Bodies from which on their pairs are not compared."""
+
+
+def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, steps: int, held: BoolArray) -> Iterator[str]:
+    """Remarks on bodies under gravity (d,) [m/s^2] in a run of dynamics without links; held (nb,): those that a support names.
+
+    Nothing is said of bodies that move to begin with, that loads act on, or that stand beside exact shapes, whose points are not their
+    extent.
+    """
+    g = float(np.linalg.norm(gravity))
+    if g == 0 or not scheme.timing.moving or model.loads or len(model.bodies) < 2 or np.any(state.v):
+        return
+    if not model.supports:
+        directions = ", ".join(map(repr, DIRECTIONS[model.dimension]))
+        yield f"no support holds any body: all fall together under gravity. Hold the floor: Support('floor', ({directions}))"
+        return
+    axis = int(np.argmax(np.abs(gravity)))
+    exact = any(isinstance(body, RigidBody) and (body.shape is not None or not len(body.points)) for body in model.bodies)
+    if held.all() or exact or abs(gravity[axis]) < ALONG * g or len(model.bodies) > MANY:
+        return
+    gap, under = _gaps(model, model.positions(state.x), axis, float(np.sign(gravity[axis])))
+    names = [body.name for body in model.bodies]
+    lost = np.flatnonzero(~held & np.isinf(gap))
+    if lost.size:
+        more = f" and {lost.size - 1} more" if lost.size > 1 else ""
+        yield (
+            f"nothing lies under body {names[lost[0]]!r}{more}: it falls out of the scene. Is it where it is meant, and the floor large "
+            "enough?"
+        )
+        return
+    first = int(np.where(held, np.inf, gap).argmin())
+    smallest = min(float(np.ptp(body.points, axis=0).max()) for body in model.bodies)
+    time, whole = float(np.sqrt(2 * max(gap[first], 0.0) / g)), steps * scheme.h
+    count = int(np.ceil(time / scheme.h))
+    if gap[first] > TOUCH * smallest and time > MOST * whole:
+        ends = "more than the run has" if time > whole else f"most of the run's {steps}"
+        yield (
+            f"body {names[first]!r} is {gap[first]:.3g} m above {names[under[first]]!r} and falls for {time:.3g} s, {count} steps, {ends}, "
+            f"before anything touches: begin nearer, with a velocity (State), or take more steps"
+        )
+
+
+def _gaps(model: Model, positions: FloatArray, axis: int, sign: float) -> tuple[FloatArray, IntArray]:
+    """The least way (nb,) [m] along an axis in the direction of `sign` from each body's box to another's below, 0 where boxes reach into
+    each other, infinity where none is below; and which body that is (nb,)."""
+    points = np.split(positions, model.node_offset[1:-1])
+    low, high = np.array([p.min(axis=0) for p in points]), np.array([p.max(axis=0) for p in points])
+    others = [k for k in range(low.shape[1]) if k != axis]
+    shared = (np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None]))[..., others]
+    over = (shared > 0).all(axis=-1) & ~np.eye(len(points), dtype=bool)
+    bottom, top = (low, high) if sign < 0 else (-high, -low)
+    way = bottom[:, None, axis] - top[None, :, axis]
+    under = top[None, :, axis] <= top[:, None, axis]
+    gap = np.where(over & under, np.maximum(way, 0.0), np.inf)
+    nearest: IntArray = gap.argmin(axis=1).astype(np.int64)
+    return gap.min(axis=1), nearest

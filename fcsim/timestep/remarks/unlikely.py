@@ -1,0 +1,86 @@
+"""Numbers that can be computed with and are hardly meant: friction in per cent, E in GPa, density in g/cm^3, angles in degrees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.model import Model
+from fcsim.assembly.supports import DrivenRotation
+from fcsim.contact_detection import Detection, Detector
+from fcsim.mesh.part import Body
+from fcsim.timestep.scheme import Scheme
+
+STEEP = 3.0
+"""No two solids have more friction than rubber on rough ground, about 1.5."""
+SQUEEZED = 0.05
+"""Strain under its own weight that a body of small strain cannot have, see `fcsim.timestep.limits`."""
+FASTEST = 1.5e4
+"""[m/s] Sound runs slower in all solids but diamond and beryllium."""
+TURNED = 0.2
+"""[rad] A driven rotation in one step: contacts would be met at every thirtieth of a turn."""
+
+
+def steep_friction(detector: Detection) -> Iterator[str]:
+    """Coefficients of friction that are none."""
+    largest = max(_coefficients(detector), default=0.0)
+    if largest > STEEP:
+        yield (
+            f"the coefficient of friction is {largest:g}, an angle of {np.degrees(np.arctan(largest)):.3g} degrees: is it in per cent, or "
+            "an angle? mu is the tangent of the angle of friction, between 0 and about 1"
+        )
+
+
+def _coefficients(detector: Detection) -> list[float]:
+    """The coefficients that a detector holds as numbers; those of functions are not known before they are asked."""
+    if isinstance(detector, Detector):
+        given: list[object] = [pair.mu for pair in detector.pairs]
+    else:
+        mu = getattr(detector, "mu", None)
+        given = list(mu.values()) if isinstance(mu, Mapping) else [mu]
+    return [float(mu) for mu in given if isinstance(mu, int | float)]
+
+
+def soft_or_stiff(model: Model, gravity: FloatArray, on_earth: bool) -> Iterator[str]:
+    """Young's moduli that do not go with density, size and gravity: a body that its own weight crushes, or in which sound runs faster than
+    in any solid (said of SI units alone, which gravity tells)."""
+    g = float(np.linalg.norm(gravity))
+    for body in model.deformable:
+        E, density = getattr(body.part.material, "E", None), getattr(body.part.material, "density", None)
+        if not E or not density or g == 0:
+            continue
+        strain = density * g * _height(body, gravity / g) / E
+        if strain > SQUEEZED:
+            yield (
+                f"body {body.name!r} (E = {E:g}, density = {density:g}) would be squeezed by {100 * strain:.3g} % under its own weight: "
+                "is E in Pa (1 GPa is 1e9 Pa)?"
+            )
+            return
+        sound = float(np.sqrt(E / density))
+        if on_earth and sound > FASTEST:
+            yield (
+                f"in body {body.name!r} (E = {E:g}, density = {density:g}) sound would run at {sound:.3g} m/s, faster than in any solid: "
+                "is the density in kg/m^3 (1 g/cm^3 is 1000 kg/m^3), E in Pa?"
+            )
+            return
+
+
+def _height(body: Body, down: FloatArray) -> float:
+    return float(np.ptp(body.points @ down))
+
+
+def fast_turning(model: Model, scheme: Scheme, begin: float, steps: int) -> Iterator[str]:
+    """Driven rotations by more than contacts can follow in one step."""
+    times = np.linspace(begin, begin + steps * scheme.h, 6)[:-1]
+    for support in model.supports:
+        if not isinstance(support, DrivenRotation) or not steps:
+            continue
+        turned = max(abs(support.at(float(t) + scheme.h) - support.at(float(t))) for t in times)
+        if turned > TURNED:
+            yield (
+                f"body {support.body!r} is turned by {turned:.3g} rad, {np.degrees(turned):.3g} degrees, in one step: is the angle in "
+                "degrees? Angles are in radians (numpy.radians); if it is right, choose a smaller h"
+            )
+            return

@@ -1,0 +1,38 @@
+"""A plate that spins on its corners is told that its friction torque is that of four points; one that slides is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fcsim import Everything, Gap, Simulation, SolverSettings, State, Support, Theta, at_rest, build_model
+from fcsim.assembly.layout import DIRECTIONS
+from fcsim.contact_law import Spinning
+from fcsim.contact_law.law import Law
+from fcsim.mesh import rigid_box
+
+
+def remarks_of(velocity: list[float], law: Law, tilted: bool = False) -> list[str]:
+    up = np.array([0, 0, -9.81]) if not tilted else np.array([6.0, 0, -9.81])
+    bodies = [rigid_box("plate", (0.4, 0.3, 0.05), (0, 0, 0.025), 10.0), rigid_box("table", (2, 2, 0.2), (0, 0, -0.1), 1.0)]
+    model = build_model(bodies, supports=[Support("table", DIRECTIONS[3])], gravity=lambda t: up)
+    start = at_rest(model)
+    v = start.v.copy()
+    v[:6] = velocity
+    run = Simulation(model, Everything(model, 0.4), Theta(1e-3, 0.5, law), 4, SolverSettings(name="auto", tol=1e-8), State(0.0, start.x, v))
+    return [remark for step in run for remark in step.remarks if "spin on each other" in remark]
+
+
+def test_a_plate_that_spins_is_told_once() -> None:
+    (remark,) = remarks_of([0, 0, 0, 0, 0, 3.0], Gap())
+    assert "'plate' and 'table'" in remark and "4 points" in remark
+
+
+@pytest.mark.parametrize("velocity", [[1.0, 0, 0, 0, 0, 0], [1.0, 0, 0, 0, 0, 1.0], [0, 0, 0, 0, 0, 0]])
+def test_one_that_slides_or_rests_is_not(velocity: list[float]) -> None:
+    assert not remarks_of(velocity, Gap())
+    assert not remarks_of(velocity, Gap(), tilted=True)
+
+
+def test_nor_one_whose_law_resists_spinning() -> None:
+    assert not remarks_of([0, 0, 0, 0, 0, 3.0], Spinning(0.05, law=Gap()))
