@@ -30,6 +30,7 @@ extensions = [
     "plain_docstrings",
     "generated_pages",
     "redirect",
+    "offline",
 ]
 include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**", "cases/*/README.md", "tests/faults/README.md"]
 exclude_patterns = [
@@ -57,6 +58,7 @@ sphinx_gallery_conf = {
     "examples_dirs": ["docs/gallery"],
     "gallery_dirs": ["docs/_gallery"],
     "filename_pattern": r"\.py$",
+    "subsection_order": "gallery_pictures.by_section",
     "within_subsection_order": "gallery_pictures.by_difficulty",
     "image_scrapers": ("gallery_pictures.scrape", "matplotlib"),
     "reset_modules": ("matplotlib", "gallery_pictures.quiet_start"),

@@ -95,7 +95,7 @@ def wall_model(p: Parameters) -> Model:
     place = np.array([p.along * length, -p.distance - p.shot / 2, p.height * height])
     shot = rigid_box("shot", (p.shot,) * 3, place, p.density * p.shot**3)
     deep = 2.5 * length
-    ground = rigid_box("ground", (2 * length, 1.6 * deep, thickness), (length / 2, 0.6 * deep, -thickness / 2), 1.0)
+    ground = rigid_box("ground", (4 * length, 1.6 * deep, thickness), (length / 2, 0.6 * deep, -thickness / 2), 1.0)
     bricks: list[Body] = list(wall.bodies)
     return build_model(
         [*blocks_that_are(p.blocks_are, bricks), shot, ground],

@@ -14,6 +14,15 @@ ORDER = (
 )  # fmt: skip
 
 
+SECTIONS = ("masonry", "rigid", "verification", "machines")
+
+
+def by_section(folder):
+    """The sections of the gallery in the order of SECTIONS; one that is not there comes last, by its name."""
+    name = str(folder).rstrip("/").rsplit("/", 1)[-1]
+    return (SECTIONS.index(name) if name in SECTIONS else len(SECTIONS), name)
+
+
 def by_difficulty(file_name):
     """Examples in the order of ORDER; one that is not there comes last, by its name."""
     stem = file_name.rsplit("/", 1)[-1].removesuffix(".py")

@@ -26,6 +26,7 @@ from fcsim.problem import GlobalProblem, Judge, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.running.case import Case, load_case
 from fcsim.running.folder import RunFolder, open_run
+from fcsim.running.known_cases import case_place
 from fcsim.running.run import RunOptions, run_case
 from fcsim.timestep.step import Step
 
@@ -88,7 +89,7 @@ def build_collection(
             options = RunOptions(
                 export_every=every, export_iterations=iterations, vtk_every=1 << 60, checkpoint_every=0
             )  # VTK files of the last step only
-            if run_case(load_case(source), assignments or {}, made, options, watch=watch).status == "interrupted":
+            if run_case(load_case(case_place(source)), assignments or {}, made, options, watch=watch).status == "interrupted":
                 raise KeyboardInterrupt
         built = _write_collection(
             open_run(source if is_run else made), folder, _Kept(every, iterations, pictures), authors, spectrum_up_to, progress

@@ -22,7 +22,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="describe an FCLIB file or a model of blocks",
         description="Print what an FCLIB file holds, or what a model of blocks is: a masonry problem or COMPAS model in JSON, solids.",
     )
-    info.add_argument("file", type=Path)
+    info.add_argument("file", type=Path, metavar="FILE", help="FCLIB file (.hdf5), or a model of blocks")
     info.add_argument("--draw", type=Path, metavar="PICTURE", help="draw a model of blocks into this .png")
     info.add_argument("--scale", type=float, help="metres to a unit of length of surface and COMPAS files: 1e-3 for mm")
     info.set_defaults(act=_info)

@@ -27,7 +27,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="fcsim",
         description="Frictional contact between deformable bodies: run cases, solve and describe FCLIB problems.",
-        epilog="Exit codes: 0 all converged, 1 no convergence or penetration seen, 2 bad input, 130 interrupted.",
+        epilog="""To begin: fcsim doctor, fcsim cases, fcsim run masonry_wall, fcsim render results/masonry_wall, fcsim new NAME.
+Exit codes: 0 all converged, 1 no convergence or penetration seen, 2 bad input, 130 interrupted.""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"fcsim {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

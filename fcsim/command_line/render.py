@@ -12,8 +12,8 @@ from fcsim.errors import EXIT_OK
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands `render` and `compare`."""
     render = commands.add_parser("render", help="pictures, film, plots and page of a run", description="Draw a run's folder, off-screen.")
-    render.add_argument("directory", type=Path)
-    render.add_argument("--film", choices=("gif", "mp4", "none"), default="gif")
+    render.add_argument("directory", type=Path, metavar="DIR", help="folder of a run, as results/masonry_wall")
+    render.add_argument("--film", choices=("gif", "mp4", "none"), default="gif", help="kind of the film (default gif)")
     render.add_argument("--page", action="store_true", help="also page.html: the run in one file that a browser turns, plays and cuts")
     render.add_argument("--exaggeration", type=float, help="factor on displacements (default: chosen from their size)")
     render.set_defaults(act=_render)

@@ -25,11 +25,18 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Add the command `run`."""
     run = commands.add_parser("run", help="run a case", description="Run a case script and write its results into a folder.")
     run.add_argument("case", help="a case: its folder or script, a name of `fcsim cases`, or a masonry problem in JSON")
-    run.add_argument("--steps", type=int, help="number of steps")
-    run.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="change a parameter of the case")
+    run.add_argument("--steps", type=int, help="number of steps (default: the case's)")
+    run.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="assignments",
+        help="change a parameter; may be repeated",
+    )
     run.add_argument("--out", type=Path, help="folder of the results (default: results/CASE)")
-    run.add_argument("--solver", help="solver of every step (see fcsim solvers)")
-    run.add_argument("--tol", type=float, help="tolerance on the error of every step")
+    run.add_argument("--solver", help="solver of every step (see fcsim solvers; default: the case's)")
+    run.add_argument("--tol", type=float, help="tolerance on the error of every step, relative (default: the case's)")
     run.add_argument("--export-every", type=int, default=10, metavar="K", help="write an FCLIB file every K steps, 0 = none (default 10)")
     run.add_argument(
         "--export-iterations",
@@ -119,11 +126,9 @@ def _print_summary(summary: Summary, directory: Path) -> None:
     ]
     title = f"{summary.status}: {summary.computed} steps computed, {summary.wall_time:.1f} s"
     print_table(("phase", "seconds", "seconds a step", "share"), rows, title=title)
-    say(
-        f"iterations {summary.iterations}, largest error {summary.largest_error:.1e}, steps that needed the fallback chain "
-        f"{summary.fallbacks}, that another solver led since it had to answer before {summary.led}, that were cut {summary.cut}, largest "
-        f"residual of the energy balance {summary.energy_residual:.1e} J, energy that contacts created {summary.energy_created:.1e} J"
-    )
+    say(f"iterations {summary.iterations}, largest error {summary.largest_error:.1e}")
+    say(f"steps: {summary.fallbacks} needed the fallback chain, {summary.led} were led by one that answered before, {summary.cut} cut")
+    say(f"energy: largest residual of a step's balance {summary.energy_residual:.1e} J, created by contacts {summary.energy_created:.1e} J")
     if summary.overlap.depth:
         seen = summary.overlap
         say(f"largest overlap {seen.depth:.2e} m, {100 * seen.share:.2g} % of a body's extent, between {seen.between}")

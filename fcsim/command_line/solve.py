@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command `solve`."""
     solve = commands.add_parser("solve", help="solve an FCLIB problem", description="Solve the problem of an FCLIB file.")
-    solve.add_argument("file", type=Path)
+    solve.add_argument("file", type=Path, metavar="FILE", help="FCLIB file, as those of results/NAME/fclib")
     solve.add_argument("--solver", default="auto", help="name of a solver (see fcsim solvers; default auto, which chooses)")
     solve.add_argument("--tol", type=float, default=1e-8, help="tolerance on the error (default 1e-8)")
     solve.add_argument(

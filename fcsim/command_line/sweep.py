@@ -47,7 +47,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         epilog="Exit codes: 0 all finished; 1 some did not, the table says which; 2 bad input; 130 interrupted, the same command goes on.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    sweep.add_argument("case", help="folder of a case, its script, or a masonry problem in JSON")
+    sweep.add_argument("case", help="a case: its folder or script, a name of `fcsim cases`, or a masonry problem in JSON")
     sweep.add_argument("--over", action="append", default=[], metavar="NAME=VALUES", help="a parameter and its values; may be given again")
     sweep.add_argument("--table", type=Path, metavar="FILE", help="CSV file of combinations, each taken with all values of --over")
     sweep.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="a parameter of all runs")

@@ -17,6 +17,7 @@ DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "extensions"))
 
 import api_pages  # noqa: E402
+import offline  # noqa: E402
 import plain_docstrings  # noqa: E402
 import reached  # noqa: E402
 import solver_formulas  # noqa: E402
@@ -128,3 +129,10 @@ def test_every_page_is_reached_from_the_first():
     gathered = {ROOT / f"{name}.md" for name in re.findall(r"^/(\S+)$", reached.page(), re.MULTILINE)}
     assert found | gathered == reached.all_pages() and len(gathered) < 10
     assert "_generated/more" in (DOCS / "index.md").read_text(encoding="utf-8")
+
+
+def test_what_a_page_would_load_from_a_network_is_seen(tmp_path):
+    (tmp_path / "a.html").write_text('<a href="https://x.org">a link</a><img src="own.png"><script src="_static/own.js"></script>')
+    (tmp_path / "b.html").write_text('<script src="https://cdn.org/x.js"></script><link rel="stylesheet" href="//fonts.org/f.css">')
+    (tmp_path / "c.css").write_text('@import "https://fonts.org/f.css"; p { background: url(own.png) }')
+    assert [path.name for path, _ in offline.asked_elsewhere(tmp_path)] == ["b.html", "b.html", "c.css"]

@@ -30,7 +30,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
     build = actions.add_parser("build", help="write the problems of a run, or of a case that is run, as a collection")
     build.add_argument(
-        "source", type=Path, metavar="RUN_DIR|CASE", help="folder of a run with FCLIB files, or a case: its folder or script"
+        "source",
+        type=Path,
+        metavar="RUN_DIR|CASE",
+        help="folder of a run with FCLIB files, or a case: its folder or script, a name of `fcsim cases`",
     )
     build.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the collection")
     build.add_argument("--every", type=int, default=1, metavar="K", help="keep every K-th step (default 1)")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model
 from fcsim.mesh.part import RigidBody
@@ -40,9 +40,9 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
     exact = any(isinstance(body, RigidBody) and (body.shape is not None or not len(body.points)) for body in model.bodies)
     if held.all() or exact or abs(gravity[axis]) < ALONG * g or len(model.bodies) > MANY:
         return
-    gap, under = _gaps(model, model.positions(state.x), axis, float(np.sign(gravity[axis])))
+    way, below = _ways(model, model.positions(state.x), axis, float(np.sign(gravity[axis])))
     names = [body.name for body in model.bodies]
-    lost = np.flatnonzero(~held & np.isinf(gap))
+    lost = np.flatnonzero(~held & ~_above(below, held))
     if lost.size:
         more = f" and {lost.size - 1} more" if lost.size > 1 else ""
         yield (
@@ -50,29 +50,38 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
             "enough?"
         )
         return
-    first = int(np.where(held, np.inf, gap).argmin())
+    # bodies that fall keep their distances: the first to be stopped is the one that is nearest to a held one
+    to_held = np.where(below & ~held[:, None] & held[None], way, np.inf)
+    first, under = (int(k) for k in np.unravel_index(to_held.argmin(), to_held.shape))
+    gap = float(to_held[first, under])
     smallest = min(float(np.ptp(body.points, axis=0).max()) for body in model.bodies)
-    time, whole = float(np.sqrt(2 * max(gap[first], 0.0) / g)), steps * scheme.h
+    time, whole = float(np.sqrt(2 * gap / g)), steps * scheme.h
     count = int(np.ceil(time / scheme.h))
-    if gap[first] > TOUCH * smallest and time > MOST * whole:
+    if gap > TOUCH * smallest and time > MOST * whole:
         ends = "more than the run has" if time > whole else f"most of the run's {steps}"
         yield (
-            f"body {names[first]!r} is {gap[first]:.3g} m above {names[under[first]]!r} and falls for {time:.3g} s, {count} steps, {ends}, "
+            f"body {names[first]!r} is {gap:.3g} m above {names[under]!r} and falls for {time:.3g} s, {count} steps, {ends}, "
             f"before anything touches: begin nearer, with a velocity (State), or take more steps"
         )
 
 
-def _gaps(model: Model, positions: FloatArray, axis: int, sign: float) -> tuple[FloatArray, IntArray]:
-    """The least way (nb,) [m] along an axis in the direction of `sign` from each body's box to another's below, 0 where boxes reach into
-    each other, infinity where none is below; and which body that is (nb,)."""
+def _ways(model: Model, positions: FloatArray, axis: int, sign: float) -> tuple[FloatArray, BoolArray]:
+    """The ways (nb, nb) [m] along an axis in the direction of `sign` from each body's box to each other's, 0 where they reach into each
+    other; and which lie below which, so that a fall ends there (nb, nb)."""
     points = np.split(positions, model.node_offset[1:-1])
     low, high = np.array([p.min(axis=0) for p in points]), np.array([p.max(axis=0) for p in points])
     others = [k for k in range(low.shape[1]) if k != axis]
     shared = (np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None]))[..., others]
-    over = (shared > 0).all(axis=-1) & ~np.eye(len(points), dtype=bool)
-    bottom, top = (low, high) if sign < 0 else (-high, -low)
-    way = bottom[:, None, axis] - top[None, :, axis]
-    under = top[None, :, axis] <= top[:, None, axis]
-    gap = np.where(over & under, np.maximum(way, 0.0), np.inf)
-    nearest: IntArray = gap.argmin(axis=1).astype(np.int64)
-    return gap.min(axis=1), nearest
+    bottom, top = (low[:, axis], high[:, axis]) if sign < 0 else (-high[:, axis], -low[:, axis])
+    below = (shared > 0).all(axis=-1) & (top[None] <= top[:, None]) & ~np.eye(len(points), dtype=bool)
+    return np.maximum(bottom[:, None] - top[None], 0.0), below
+
+
+def _above(below: BoolArray, held: BoolArray) -> BoolArray:
+    """(nb,) Bodies over a held one, or over one that is."""
+    above = held
+    while True:
+        more = above | (below & above[None]).any(axis=1)
+        if np.array_equal(more, above):
+            return above
+        above = more

@@ -76,3 +76,28 @@ def test_steps_with_a_bar(case_folder: Path, capsys: pytest.CaptureFixture[str])
     simulation = script.build(parse_parameters(script, {"steps": "2"})).simulation
     assert [step.number for step in progress(simulation)] == [1, 2]
     assert "step 2 of 2: " in capsys.readouterr().err
+
+
+NOTEBOOK = """
+from types import SimpleNamespace
+from fcsim.command_line import terminal
+from fcsim.command_line.progress import progress
+class Simulation(list):
+    steps = 2
+def step(number):
+    result = SimpleNamespace(iterations=1, error=1e-9)
+    return SimpleNamespace(number=number, remarks=(), substeps=1, fell_back=False, contacts=(), result=result)
+print([found.number for found in progress(Simulation([step(1), step(2)]))])
+"""
+
+
+@pytest.mark.slow
+def test_a_bar_in_a_notebook() -> None:
+    """A real kernel: the bar is a widget, and no line goes to the notebook's standard error."""
+    pytest.importorskip("ipywidgets")
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(NOTEBOOK)])
+    nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    outputs = notebook.cells[0].outputs
+    assert any("application/vnd.jupyter.widget-view+json" in output.get("data", {}) for output in outputs)
+    assert [output["text"] for output in outputs if output["output_type"] == "stream"] == ["[1, 2]\n"]
