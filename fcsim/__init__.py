@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 from fcsim import moved as _moved
 from fcsim import runtime as _runtime
-from fcsim import surroundings as _surroundings
 from fcsim.version import __version__ as __version__
 
 _runtime.keep_freed_memory()
 _runtime.writable_caches()
-_surroundings.load_numba_alone()
+_runtime.load_numba_alone()
 _moved.watch_imports()
 
 if TYPE_CHECKING:

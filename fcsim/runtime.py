@@ -5,8 +5,8 @@
   ...) or FCSIM_THREADS says otherwise. A program that imports fcsim keeps its own number outside these calls.
 * Large arrays that are freed in one step and made again in the next stay with the process (`keep_freed_memory`).
 * `dolfinx()` and `petsc()` are the only doors to those packages: where the `dolfinx_solver` wheel exists it must be imported first.
-* The working directory is a place, not a source (`without_local_options`): numba reads .numba_config.yaml there (where compiled functions are
-  loaded from), dolfinx dolfinx_jit_options.json (arguments of the C compiler), PETSc .petscrc (files it writes, libraries it loads),
+* The working directory is a place, not a source (`without_local_options`): numba reads .numba_config.yaml there (where compiled functions
+  are loaded from), dolfinx dolfinx_jit_options.json (arguments of the C compiler), PETSc .petscrc (files it writes, libraries it loads),
   matplotlib matplotlibrc (programs it calls), and `python -c` every module: a folder of somebody else's results would run their code.
 * `gmsh_model()` is the only place that initialises and finalises gmsh, so that a failure inside cannot poison what comes next.
 """

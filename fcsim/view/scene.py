@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.running.folder import Instant, RunFolder
-from fcsim.surroundings import ISOLATED, without_local_options
+from fcsim.runtime import ISOLATED, without_local_options
 from fcsim.view.framed import Framed
 from fcsim.view.standing_before import standing_before
 

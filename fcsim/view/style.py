@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fcsim.errors import MissingDependency
 from fcsim.files import replacing
-from fcsim.surroundings import without_local_options
+from fcsim.runtime import without_local_options
 
 if TYPE_CHECKING:
     from types import ModuleType

@@ -19,8 +19,7 @@ from fcsim.bench.results import Measurement
 from fcsim.bench.workers.killable import Row
 from fcsim.bench.workers.worker import Request, Settings, blank
 from fcsim.errors import InputError, MissingDependency
-from fcsim.runtime import THREAD_VARIABLES
-from fcsim.surroundings import ISOLATED
+from fcsim.runtime import ISOLATED, THREAD_VARIABLES
 
 _MPI_VARIABLES = ("PMI", "PMIX", "MPI", "OMPI", "HYDRA", "HYDI", "MPIR", "MPICH")
 _LOCAL_RANK = ("MPI_LOCALRANKID", "OMPI_COMM_WORLD_LOCAL_RANK", "SLURM_LOCALID")

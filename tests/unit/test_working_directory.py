@@ -16,7 +16,7 @@ from fcsim.mesh.blocks import brick
 from fcsim.mesh.io import write_mesh
 from fcsim.mesh.material import Material
 from fcsim.problem import LocalProblem
-from fcsim.surroundings import without_local_options
+from fcsim.runtime import without_local_options
 
 ROOT = Path(__file__).parents[2]
 MODULES = ("json", "h5py", "numpy", "resource", "gmsh", "meshio", "numba", "yaml", "sitecustomize", "fcsim", "dolfinx", "matplotlib")
