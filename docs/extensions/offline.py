@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-from sphinx.util import logging
-
 ELSEWHERE = re.compile(
     r'<(?:script|img|iframe|source|video|embed|object)\b[^>]*?(?:src|data)=["\'](?:https?:)?//[^"\']+'
     r'|<link\b(?=[^>]*rel=["\'](?:stylesheet|preload|preconnect|icon|modulepreload))[^>]*href=["\'](?:https?:)?//[^"\']+'
@@ -23,6 +21,8 @@ def asked_elsewhere(folder):
 
 
 def _check(app, exception):
+    from sphinx.util import logging
+
     if exception is None and app.builder.format == "html":
         for path, what in asked_elsewhere(app.outdir):
             logging.getLogger(__name__).warning("%s loads from a network: %s", path.relative_to(app.outdir), what)

@@ -8,6 +8,7 @@ import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.answers import answer
 from fcsim.command_line.assignments import add_plugin_option
 from fcsim.command_line.terminal import say, table_lines
 from fcsim.errors import EXIT_OK
@@ -28,6 +29,19 @@ def _solvers(options: argparse.Namespace) -> int:
     from fcsim.solvers.plugins import load_plugins
 
     load_plugins(options.plugin)
+    table = [
+        {
+            "name": name,
+            "family": m.family,
+            "dimensions": m.dimensions,
+            "source": m.source,
+            "options": _described(m.options),
+            "limits": m.limits,
+        }
+        for name, m in SOLVERS.items()
+    ]
+    if answer({"solvers": table, "aliases": ALIASES}):
+        return EXIT_OK
     rows = [(name, m.family, ",".join(map(str, m.dimensions)), m.source) for name, m in SOLVERS.items()]
     lines = table_lines(("name", "family", "dim", "source"), rows, texts=4)
     say(lines[0])

@@ -126,7 +126,7 @@ def remark(energy: Energy | None) -> tuple[str, ...]:
         return ()
     return (
         "bodies that touch, or would meet within half a step, begin with velocities into each other: they were struck at once, which "
-        f"took {lost:.4g} of their {energy.kinetic + lost:.4g} J and left momentum as it was",
+        f"took {lost:.4g} of their {energy.kinetic + lost:.4g} J, as an inelastic impact does",
     )
 
 

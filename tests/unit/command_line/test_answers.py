@@ -66,6 +66,13 @@ def test_a_quiet_run(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert said.out == "" and said.err.startswith("not converged: ") and said.err.count("\n") == 1
 
 
+def test_solvers_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["solvers", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert {"NSN-AC", "NSGS-AC", "auto"} <= {entry["name"] for entry in answer["solvers"]} and "text" not in answer
+    assert all(entry["dimensions"] and entry["source"] for entry in answer["solvers"])
+
+
 def test_quiet_may_stand_before_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--quiet", "cases"]) == 0 and main(["cases", "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")

@@ -41,6 +41,7 @@ def test_a_step_is_drawn_and_saved_whole(made, tmp_path):
         drawn.save(tmp_path / "wall.jpg")
 
 
+@pytest.mark.slow
 def test_contacts_and_several_steps(made):
     assert image(picture(made(4), what="contacts", view="front")).std() > 8
     four = image(picture(made(3), made(1), made(2), made(4), made(4)))  # the order of time, each once
@@ -66,6 +67,7 @@ def test_what_cannot_be_meant_is_refused(made, fake):
         picture(made(1), made(2), what="contacts")
 
 
+@pytest.mark.slow
 def test_a_run_in_millimetres_is_a_page_with_its_steps():
     """A block of 20 x 10 mm in units of mm, t, s: the page has every instant, the row of each step and no address."""
     steel = Material(E=2.1e5, nu=0.3, density=7.8e-9)
