@@ -12,6 +12,7 @@ from fcsim.version import __version__ as __version__
 
 _runtime.keep_freed_memory()
 _runtime.writable_caches()
+_runtime.load_numba_alone()
 _moved.watch_imports()
 
 if TYPE_CHECKING:

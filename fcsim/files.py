@@ -8,7 +8,7 @@ import os
 import re
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
@@ -34,7 +34,8 @@ def replacing(path: Path) -> Iterator[Path]:
             error.filename = str(path)  # a full disk does not say which file it was, and the temporary name tells nobody anything
         raise
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # a disk that has become read-only meanwhile: what went wrong first is what is told
+            temporary.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -101,8 +102,24 @@ def alone_in(directory: Path, what: str) -> Iterator[None]:
 
 def inside(directory: Path, path: Path) -> Path:
     """`path`, which links and .. must not lead out of `directory`; InputError where they do."""
-    if not path.resolve().is_relative_to(directory.resolve()):
-        raise InputError(f"{path}: expected a place within {directory}, it leads to {path.resolve()}")
+    place = resolved(path)
+    if not place.is_relative_to(resolved(directory)):
+        raise InputError(f"{path}: expected a place within {directory}, it leads to {place}")
+    return path
+
+
+def resolved(path: Path) -> Path:
+    """The absolute place that a path leads to, links followed; InputError for links in a circle."""
+    try:
+        return path.resolve()
+    except RuntimeError:  # Python's error for it
+        raise InputError(f"{path}: expected a file or folder, found links in a circle") from None
+
+
+def regular(path: Path) -> Path:
+    """`path`, unless a pipe or a device is there, whose reading may never end; InputError for these."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise InputError(f"{path}: expected a file, got a pipe or a device")
     return path
 
 

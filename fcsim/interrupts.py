@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
+
+from fcsim.errors import EXIT_BAD_INPUT
 
 ENDING = {signal.SIGINT: "the keyboard", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP (the terminal was closed)"}
 
@@ -44,6 +47,14 @@ def ended_by(error: BaseException | None) -> str:
     while error is not None and not isinstance(error, Ended):
         error = error.__cause__ or error.__context__
     return error.by if error is not None else "the keyboard"
+
+
+def end_forks_of(process: int) -> None:
+    """End this process where it is a fork of the run's, which has the run's lock and would write its files a second time: a case script
+    that forks in a sensor leaves two programs in one run."""
+    if os.getpid() != process:
+        os.write(2, f"fcsim: process {os.getpid()} is a fork of a run and ends; the run is process {process}\n".encode())
+        os._exit(EXIT_BAD_INPUT)
 
 
 def is_interrupt(error: BaseException) -> bool:

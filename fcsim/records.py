@@ -10,6 +10,7 @@ import dataclasses
 import functools
 import json
 import math
+import re
 import types
 import typing
 from collections.abc import Mapping
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from fcsim.arrays import Json
 from fcsim.errors import InputError
-from fcsim.files import replacing_for_good
+from fcsim.files import regular, replacing_for_good
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -35,10 +36,13 @@ def _hints(kind: type) -> dict[str, type]:
 def read_json(path: Path) -> Json:
     """The content of a JSON file; InputError where it is none, too large, or no UTF-8 text."""
     try:
-        if path.stat().st_size > LARGEST:
+        if regular(path).stat().st_size > LARGEST:
             raise InputError(f"{path}: expected a description of at most {LARGEST} bytes, got {path.stat().st_size}")
         # some editors begin a text of UTF-8 with a mark
-        content: Json = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_without_twins)
+        text = path.read_text(encoding="utf-8-sig")
+        content: Json = json.loads(text, object_pairs_hook=_without_twins)
+        if re.search(r"\\u[dD][89a-fA-F]", text):  # half a character, which no file of ours could take
+            json.dumps(content, ensure_ascii=False).encode()
         return content
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):

@@ -5,6 +5,9 @@
   ...) or FCSIM_THREADS says otherwise. A program that imports fcsim keeps its own number outside these calls.
 * Large arrays that are freed in one step and made again in the next stay with the process (`keep_freed_memory`).
 * `dolfinx()` and `petsc()` are the only doors to those packages: where the `dolfinx_solver` wheel exists it must be imported first.
+* The working directory is a place, not a source (`without_local_options`): numba reads .numba_config.yaml there (where compiled functions
+  are loaded from), dolfinx dolfinx_jit_options.json (arguments of the C compiler), PETSc .petscrc (files it writes, libraries it loads),
+  matplotlib matplotlibrc (programs it calls), and `python -c` every module: a folder of somebody else's results would run their code.
 * `gmsh_model()` is the only place that initialises and finalises gmsh, so that a failure inside cannot poison what comes next.
 """
 
@@ -121,29 +124,74 @@ def release_freed_memory() -> None:
         ctypes.CDLL(None).malloc_trim(ctypes.c_size_t(0))
 
 
+ELSEWHERE = Path(os.sep)
+ISOLATED = "-P"
+"""Of Python: no modules from the working directory."""
+
+
+@contextmanager
+def without_local_options() -> Iterator[None]:
+    """Load libraries, and have them read their options, as if the working directory held nothing; the user's own, in HOME, count.
+
+    The directory is the process's: other threads see the change for as long as the block lasts.
+    """
+    try:
+        here = os.open(os.curdir, getattr(os, "O_PATH", os.O_RDONLY))
+    except OSError:  # removed, or not to be read: nothing can come from it
+        yield
+        return
+    try:
+        os.chdir(ELSEWHERE)
+        yield
+    finally:
+        os.fchdir(here)
+        os.close(here)
+
+
+def load_numba_alone() -> None:
+    """Import numba without the working directory's options, where there are some; it is loaded when it is used otherwise."""
+    if Path(".numba_config.yaml").is_file():
+        with without_local_options():
+            import_module("numba")
+
+
 def _import(name: str) -> ModuleType:
+    with without_local_options():
+        module = _import_in_order(name)
+    _restore_signal_handlers()  # MPI may have taken some
+    return module
+
+
+def _import_in_order(name: str) -> ModuleType:
     if find_spec("dolfinx_solver") is not None:  # the wheel that brings dolfinx, petsc4py and MPI must be loaded before them
         import_module("dolfinx_solver")
     if has_petsc() and "petsc4py.PETSc" not in sys.modules:
         # PETSc's signal handlers would turn a closed pipe or Ctrl-C into an MPI abort
         import_module("petsc4py").init(["fcsim", "-no_signal_handler"])
         import_module("petsc4py.PETSc").Options().delValue("no_signal_handler")
-    module = import_module(name)
-    _restore_signal_handlers()  # MPI may have taken some
-    return module
+    return import_module(name)
 
 
 def dolfinx() -> ModuleType:
     """Return the dolfinx package (>= 0.10) with its mesh, fem and io modules loaded; MissingDependency where it is absent."""
     try:
         package = _import("dolfinx")
-        for module in ("mesh", "fem", "io"):
+        for module in ("mesh", "fem", "io", "jit"):
             import_module(f"dolfinx.{module}")
+        _read_options()
     except ImportError as error:
         raise MissingDependency(
             f"dolfinx is needed for assembly and cannot be imported ({error}): pip install 'fcsim[fem]', or bring dolfinx >= 0.10"
         ) from None
     return package
+
+
+@cache
+def _read_options() -> None:
+    """Have dolfinx and ffcx read their options now, once; they keep what they read."""
+    with without_local_options():
+        import_module("dolfinx.jit").get_options()
+        import_module("ffcx.options").get_options()
 
 
 def petsc() -> ModuleType:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fcsim.errors import InputError
-from fcsim.files import replacing_for_good
+from fcsim.files import regular, replacing_for_good
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -82,7 +82,7 @@ def write_table(path: Path, kind: type[DataclassInstance], rows: Iterable[Datacl
 def read_rows(path: Path) -> list[list[str]]:
     """The cells of a table of text, header first, torn last lines as they are; InputError where the file is no text."""
     try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets begin it with a mark
+        text = regular(path).read_text(encoding="utf-8-sig")  # spreadsheets begin it with a mark
         if "\0" in text:
             raise InputError(f"{path}: expected a table as text, it holds zero bytes")
         return list(csv.reader(io.StringIO(text, newline="")))

@@ -31,9 +31,11 @@ from fcsim import (
     two_pass,
 )
 from fcsim.assembly.layout import DIRECTIONS
+from fcsim.memory import refuse_beyond_memory
 from fcsim.mesh import BlockKind, blocks_that_are, brick, rigid_box
 
 GRAVITY = 9.81  # [m/s^2]
+BYTES_PER_BRICK = 2e4
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ def build(p: Parameters) -> Case:
     """Return the case with the given parameters."""
     if p.bricks < 1:
         raise InputError(f"stack, bricks: expected a whole number >= 1, got {p.bricks}")
+    refuse_beyond_memory(f"stack: {p.bricks} bricks", BYTES_PER_BRICK * p.bricks)
     model = stack_model(p)
     table, top = model.number["table"], model.number[f"brick {p.bricks}"]
     detector = Detector(stack_contacts(model, p), model.n_nodes)

@@ -18,7 +18,9 @@ from pathlib import Path
 from fcsim.apart.hdf5_content import About, Content, Group, decoded
 from fcsim.apart.reading import with_our_modules
 from fcsim.errors import InputError
+from fcsim.files import regular
 from fcsim.memory import readable
+from fcsim.runtime import ISOLATED
 
 COMMAND = "import sys; from fcsim.apart.hdf5_reader import main; sys.exit(main())"
 SECONDS, SECONDS_PER_MB, PATIENCE = 10, 1.0, 300.0
@@ -44,7 +46,7 @@ def opened_apart(path: Path) -> Group:
 
 
 def _asked(path: Path, more: About) -> tuple[About, bytearray]:
-    size = path.stat().st_size
+    size = regular(path).stat().st_size
     seconds = math.ceil(SECONDS + SECONDS_PER_MB * size / 1e6)
     memory = MEMORY + MEMORY_PER_BYTE * size
     request = {"path": str(path.absolute()), "seconds": seconds, "memory": memory, **more}
@@ -90,7 +92,7 @@ def _process() -> subprocess.Popen[bytes]:
     if not _PROCESS or _PROCESS[0].poll() is not None:
         _PROCESS[:] = [
             subprocess.Popen(
-                [sys.executable, "-c", COMMAND],
+                [sys.executable, ISOLATED, "-c", COMMAND],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

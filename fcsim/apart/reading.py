@@ -13,6 +13,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from fcsim.errors import InputError, MissingDependency
+from fcsim.files import regular
+from fcsim.runtime import ISOLATED
 
 PROCESS = "import sys; from {module} import main; raise SystemExit(main(*sys.argv[1:]))"
 SECONDS, SECONDS_PER_MB = 60.0, 5.0
@@ -26,11 +28,11 @@ def read_apart[T](path: Path, module: str, arguments: Sequence[str], loaded: Cal
 
     InputError for what that says of the file, and where it crashes, hangs or fills memory.
     """
-    megabytes = path.stat().st_size / 1e6
+    megabytes = regular(path).stat().st_size / 1e6
     environment = with_our_modules()
     with TemporaryDirectory(prefix="fcsim-mesh-") as folder:
         out = Path(folder) / "mesh.npz"
-        command = [sys.executable, "-c", PROCESS.format(module=module), str(path), str(out), *arguments]
+        command = [sys.executable, ISOLATED, "-c", PROCESS.format(module=module), str(path), str(out), *arguments]
         patience = SECONDS + SECONDS_PER_MB * megabytes
         try:
             done = subprocess.run(command, env=environment, capture_output=True, timeout=patience, check=False, stdin=subprocess.DEVNULL)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.files import note_read
+from fcsim.files import note_read, regular
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
@@ -150,7 +150,7 @@ def _read[T: Table](path: Path, column: str, quantity: str, time: str, kind: typ
     if quantity not in UNITS:
         raise InputError(f"quantity: expected one of {', '.join(UNITS)}, got {quantity!r}")
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = regular(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: expected a CSV file of times and values: {error}") from None
     note_read(path)

@@ -14,7 +14,7 @@ from fcsim.collection.folder import members, parse_name
 from fcsim.collection.manifest import AT_REST, MANIFEST, Entry, read_manifest
 from fcsim.errors import InputError
 from fcsim.export_fclib import FclibFile, Solution, read_fclib
-from fcsim.files import sha256
+from fcsim.files import resolved, sha256
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, Judge, LocalProblem, check
 
@@ -85,7 +85,7 @@ def _check(directory: Path, place: str, stated: dict[str, list[Entry]] | None) -
     path = directory / place
     if not path.is_file():
         return Checked(place, failures=("missing: the manifest lists it, the folder does not hold it",))
-    if entry is not None and not path.resolve().is_relative_to(directory.resolve()):
+    if entry is not None and not resolved(path).is_relative_to(resolved(directory)):
         return Checked(place, failures=("a link that leads out of the collection",))
     failures = ["not in the manifest"] if stated is not None and entry is None else []
     if len(entries) > 1:

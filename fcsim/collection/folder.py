@@ -14,7 +14,7 @@ from pathlib import Path
 
 from fcsim.collection.manifest import MANIFEST, read_manifest
 from fcsim.errors import InputError
-from fcsim.files import alone_in
+from fcsim.files import alone_in, resolved
 
 FORMS = ("global", "local")
 BESIDE = (MANIFEST, "README.md", "picture.png", "distributions.png", "selection.png")
@@ -28,7 +28,7 @@ def whole_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
     `path` holds something, unless it is a collection, all of it, and may be overwritten.
     """
     refuse_folder(path, overwrite)
-    path = path.resolve()
+    path = resolved(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_abandoned(path)
     temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=PARTIAL, dir=path.parent))
@@ -83,7 +83,7 @@ def refuse_folder(path: Path, overwrite: bool, source: Path | None = None) -> No
 
     Only a folder whose manifest.csv lists all that it holds counts as a collection that may be replaced.
     """
-    if source is not None and source.resolve().is_relative_to(path.resolve()):
+    if source is not None and resolved(source).is_relative_to(resolved(path)):
         raise InputError(f"{path}: expected a folder apart from {source}, which the collection is made from")
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: expected a new folder for the collection, found a file")

@@ -147,7 +147,7 @@ def _grade_all(
         if progress is not None:
             progress("cold starts", done, len(found))
     if not graded:
-        raise InputError(f"{asked.directory}: expected problems that {asked.solver} can be tried on, none is left:\n" + "\n".join(notes))
+        raise InputError(f"{asked.directory}: expected problems that {asked.solver} can be tried on, none is left: " + "; ".join(notes))
     graded.sort(key=lambda g: (natural(g.name.fclib_set), np.inf if g.name.step is None else g.name.step, natural(g.member.stem)))
     return graded, notes
 

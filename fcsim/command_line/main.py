@@ -15,7 +15,7 @@ from fcsim.command_line.answers import answering
 from fcsim.command_line.masonry import trials
 from fcsim.command_line.sets import bench, collection, profile
 from fcsim.command_line.start import begin, cases, completion, doctor
-from fcsim.command_line.terminal import any_encoding, say, silence, write
+from fcsim.command_line.terminal import any_encoding, one_line, open_streams, say, silence, write
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError, InputError
 from fcsim.interrupts import ended_by, is_interrupt
 from fcsim.records import json_text
@@ -68,6 +68,7 @@ def _refuse_ranks(command: str, launcher: str | None) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
+    open_streams()
     any_encoding()
     parser = _parser()
     completion.complete(parser)
@@ -75,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with answering(quiet=getattr(options, "quiet", False), as_json=getattr(options, "as_json", False)) as answer:
         code, message = _acted(options)
         if message:
-            say(f"fcsim: {message}", to_stderr=True)
+            say(f"fcsim: {one_line(message)}", to_stderr=True)
         if answer.document is not None:
             about = {"command": options.command, "exit_code": code, **({"error": message} if message else {})}
             write(json_text({**about, **answer.whole()}).rstrip())
@@ -90,6 +91,8 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
             return int(options.act(options)), ""
     except FcsimError as error:
         return EXIT_BAD_INPUT, str(error)
+    except SystemExit as error:  # of a case's sensor: the run has failed, whatever it says
+        return EXIT_BAD_INPUT, f"a script ended the program (SystemExit: {error})"
     except BrokenPipeError:  # the reader of our output left, as `head` does
         silence(sys.stdout)
         return EXIT_OK, ""

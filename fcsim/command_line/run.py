@@ -67,6 +67,7 @@ def _run(options: argparse.Namespace) -> int:
     from fcsim.solvers.plugins import load_plugins
 
     load_plugins(options.plugin)
+    here = Path.cwd()  # a script may go elsewhere
     script = any_case(options.case)
     if options.parameters:
         _list_parameters(script)
@@ -92,7 +93,7 @@ def _run(options: argparse.Namespace) -> int:
         summary = run_case(
             script,
             assignments,
-            directory,
+            here / directory,
             settings,
             resume=options.resume,
             overwrite=options.overwrite,

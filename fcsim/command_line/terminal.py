@@ -39,12 +39,28 @@ def write(text: object = "", *, to_stderr: bool = False) -> None:
         silence(stream)
 
 
+def one_line(text: str) -> str:
+    """The text with its line ends as escapes: names of files may have some."""
+    return text.replace("\n", "\\n")
+
+
 def silence(stream: TextIO) -> None:
     """Let a standard stream write to nowhere, also what Python flushes at its end."""
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     except (OSError, ValueError):  # a stream that is no file
         return
+
+
+def open_streams() -> None:
+    """Put nothing in the place of standard streams that are closed (`2>&-`): a file of results would take their number, and what a library
+    prints would go into it."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(number, True)
+    os.close(number)
+    sys.stdin = sys.stdin or open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 - as long as the program
+    sys.stdout = sys.stdout or open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    sys.stderr = sys.stderr or open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
 
 
 def any_encoding() -> None:

@@ -120,7 +120,7 @@ def _write_matrix(group: h5py.Group, matrix: Matrix, storage: Storage, compresso
 
 
 def _write_info(group: h5py.Group, texts: dict[str, str | None]) -> None:
-    given = {name: text.encode() for name, text in texts.items() if text is not None}
+    given = {name: text.encode("utf-8", "backslashreplace") for name, text in texts.items() if text is not None}
     if given:
         info = group.create_group("info")
         for name, text in given.items():  # one byte more than the text: the reference library wants the closing NUL

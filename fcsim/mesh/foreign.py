@@ -69,7 +69,8 @@ def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> N
             except InputError:
                 raise
             except Exception as error:  # gmsh's only exception class, and names of groups that are no UTF-8
-                raise InputError(f"{path}: expected a mesh that gmsh can read, got: {str(error).replace(str(alone), path.name)}") from None
+                said = str(error).replace(str(alone), path.name) or "nothing that it gives a reason for"
+                raise InputError(f"{path}: expected a mesh that gmsh can read, got: {said}") from None
     refuse_others(path)
     mesh = quietly(path, "a mesh that meshio can read", lambda: _read_meshio(path))
     blocks = quietly(path, "a mesh with groups that can be read", lambda: _blocks(mesh))

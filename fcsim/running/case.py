@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 from fcsim.brief import brief
 from fcsim.errors import FcsimError, InputError
-from fcsim.files import plain_name, sha256
+from fcsim.files import plain_name, resolved, sha256
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
 
@@ -108,7 +108,7 @@ class CaseScript:
 def load_case(path: str | Path) -> CaseScript:
     """Load the case script at `path`: a folder `cases/name` holding `name.py`, or the script itself."""
     given = Path(path)
-    script = given / f"{given.resolve().name}.py" if given.is_dir() else given
+    script = given / f"{resolved(given).name}.py" if given.is_dir() else given
     if not script.is_file() or script.suffix != ".py":
         raise InputError(f"case {str(path)!r}: expected a folder NAME that holds NAME.py, or such a script; found no {script}")
     name = script.stem
@@ -120,6 +120,8 @@ def load_case(path: str | Path) -> CaseScript:
     sys.modules[spec.name] = module  # dataclasses look their module up
     try:
         spec.loader.exec_module(module)
+    except SystemExit as error:  # with 0 nothing would have been done, and well
+        raise InputError(f"case {str(path)!r}: expected a script that can be loaded, {script} ends the program ({error})") from None
     except SyntaxError as error:
         raise InputError(f"case {str(path)!r}: {script} cannot be loaded as Python: {error}") from None
     except Exception as error:
@@ -146,6 +148,8 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
         """The case; numbers that its script cannot compute with (a length of 0, a step of 1e-320) are the parameters' fault."""
         try:
             case: object = build(values)
+        except SystemExit as error:
+            raise InputError(f"case {name!r}: expected a case from build(), it ends the program ({error})") from None
         except (ZeroDivisionError, OverflowError, MemoryError, ValueError) as error:
             if isinstance(error, ValueError) and not _TOO_LARGE.search(str(error)):
                 raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import asdict, fields
 from pathlib import Path
 
@@ -25,9 +26,10 @@ MEMORIES = 100
 """More reactions of earlier steps than any run keeps."""
 
 
-def write_checkpoint(path: Path, step: Step) -> None:
-    """Write the end of a step and its anchor, see `Simulation.run`."""
+def write_checkpoint(path: Path, step: Step, origin: str = "") -> None:
+    """Write the end of a step and its anchor, see `Simulation.run`; origin: which run it is of, see `Description`."""
     with replacing_hdf5_for_good(path) as file:
+        file.attrs["origin"] = origin
         _write_moment(file, step.moment)
         _write_moment(file.create_group("anchor"), step.anchor)
         file.attrs["sha256"] = content_digest(file)
@@ -57,15 +59,26 @@ def _write_moment(group: h5py.Group, moment: Moment) -> None:
 
 
 def content_digest(file: h5py.File | Group) -> str:
-    """SHA-256 of the names, types, shapes and values of all datasets and attributes but the digest itself."""
+    """SHA-256 of the names, types, shapes and bytes of all datasets and attributes but the digest itself.
+
+    Of bytes, not of what is printed: that has eight digits of an array, and others once a case has called `np.set_printoptions`.
+    """
     digest = hashlib.sha256()
+
+    def add(place: list[str], value: object) -> None:
+        if isinstance(value, str):
+            digest.update(json.dumps([*place, "text", value]).encode())
+            return
+        values = np.asarray(value)
+        if values.dtype.hasobject:
+            raise ValueError(f"{'/'.join(place)}: expected numbers or a text")
+        digest.update(json.dumps([*place, values.dtype.str, values.shape]).encode() + values.tobytes())
 
     def take(name: str, entry: h5py.Group | h5py.Dataset | Group | Array) -> None:
         for key in sorted(set(entry.attrs) - {"sha256"}):
-            digest.update(f"{name}@{key}={entry.attrs[key]!r};".encode())
+            add([name, key], entry.attrs[key])
         if isinstance(entry, h5py.Dataset | Array):
-            values = np.ascontiguousarray(entry[()])
-            digest.update(f"{name}:{values.dtype.str}{values.shape};".encode() + values.tobytes())
+            add([name], entry[()])
         else:
             for key in sorted(entry):
                 if isinstance(entry, Group) or isinstance(entry.get(key, getlink=True), h5py.HardLink):
@@ -76,11 +89,12 @@ def content_digest(file: h5py.File | Group) -> str:
 
 
 class _Changed(InputError):
-    """The checksum of another content."""
+    """The checksum of another content, or the checkpoint of another run."""
 
 
-def read_checkpoint(path: Path) -> tuple[Moment, Moment] | None:
-    """The moment to go on from, and its anchor; None where there is no checkpoint, InputError where it is not as it was written."""
+def read_checkpoint(path: Path, origin: str | None = None) -> tuple[Moment, Moment] | None:
+    """The moment to go on from, and its anchor; None where there is no checkpoint, InputError where it is not as it was written, or is
+    of a run of another origin (None: of any)."""
     if not path.is_file():
         return None
     try:
@@ -89,6 +103,8 @@ def read_checkpoint(path: Path) -> tuple[Moment, Moment] | None:
         stated, found = file.attrs.get("sha256"), content_digest(file)
         if stated != found:
             raise _Changed(f"{path}: expected the checkpoint as it was written; its checksum does not agree with what it holds")
+        if origin is not None and file.attrs.get("origin") != origin:
+            raise _Changed(f"{path}: expected a checkpoint of the run that run.json describes, got one of another run")
         return _read_moment(file), _read_moment(_group(file, "anchor"))
     except _Changed:
         raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -72,6 +73,7 @@ class Description:
 
     parameters   the case's, all of them; assignments: those given, as texts
     bodies       their names, in the order of the numbers that VTK files have for them
+    origin       SHA-256 of what the run began with, which its checkpoints repeat; see `begun`
     sources      SHA-256 of the script, and of the meshes and tables that it read, by their paths; model: of the mesh as it was built
     status       running, finished, not converged, interrupted or failed; message: why; steps_done: up to where the files go
     overlap      the largest that the witness saw; notes: what is to be known of the results
@@ -96,10 +98,17 @@ class Description:
     versions: Mapping[str, str] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
     model: str = ""
+    origin: str = ""
     status: str = ""
     message: str = ""
     steps_done: int | None = None
     overlap: SeenOverlap = field(default_factory=SeenOverlap)
+
+    def begun(self) -> Description:
+        """As it is where the run begins: with its origin, that of its case, parameters (but the number of steps), sources and versions."""
+        parameters = {name: value for name, value in self.parameters.items() if name != "steps"}
+        began = (self.case, parameters, self.scheme, self.solver, self.tol, self.versions, self.sources, self.model)
+        return replace(self, origin=hashlib.sha256(json_text(began).encode()).hexdigest())
 
     @property
     def is_a_runs(self) -> bool:

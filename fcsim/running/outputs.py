@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
+from fcsim.interrupts import end_forks_of
 from fcsim.running.case import Case
 from fcsim.running.checkpoint import write_checkpoint
 from fcsim.running.fclib_series import write_step
@@ -62,8 +64,9 @@ def witnessed(simulation: Simulation, options: RunOptions) -> Simulation:
 class Outputs:
     """Takes the steps of a run one after the other and writes what its options ask for."""
 
-    def __init__(self, directory: Path, case: Case, parameters: object, options: RunOptions, start: int) -> None:
-        self._directory, self._case, self._options = directory, case, options
+    def __init__(self, directory: Path, case: Case, parameters: object, options: RunOptions, start: int, origin: str) -> None:
+        self._directory, self._case, self._options, self._origin = directory, case, options, origin
+        self._process = os.getpid()
         self._table = StepTable(directory / "steps.csv", case.sensors, start)
         self._series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
         self._compressor = Compressor()
@@ -84,7 +87,7 @@ class Outputs:
             release_freed_memory()
         if final or (options.checkpoint_every and step.number % options.checkpoint_every == 0):
             self._table.to_the_disk()
-            write_checkpoint(self._directory / "checkpoint.h5", step)
+            write_checkpoint(self._directory / "checkpoint.h5", step, self._origin)
         return {**step.seconds, "output": time.perf_counter() - begin}
 
     def _export(self, step: Step) -> None:
@@ -104,6 +107,7 @@ class Outputs:
 
         On a full disk each is tried all the same. Raises the first error once all were.
         """
+        end_forks_of(self._process)
         first: OSError | None = None
         for write in (self._table.close, self._last_checkpoint, describe_end, self._table_with_units):
             try:
@@ -115,7 +119,7 @@ class Outputs:
 
     def _last_checkpoint(self) -> None:
         if self.last is not None:
-            write_checkpoint(self._directory / "checkpoint.h5", self.last)
+            write_checkpoint(self._directory / "checkpoint.h5", self.last, self._origin)
 
     def _table_with_units(self) -> None:
         write_hdf5(self._directory / "steps.csv", self._directory / "steps.h5", self._case.sensors)

@@ -111,7 +111,7 @@ def run_case(
     two runs write into one folder. Returns the summary also when a step does not converge or the run is interrupted by Ctrl-C.
     """
     options = options or RunOptions()
-    directory = Path(directory)
+    directory = Path(directory).absolute()  # a script may change the working directory
     stored: Description | None = None
     if resume:
         assignments, stored = resumed_assignments(directory, script, assignments)
@@ -128,16 +128,17 @@ def run_case(
     with alone_in(directory, "fcsim run"):
         moments = None
         if stored is not None:
-            moments = read_checkpoint(directory / "checkpoint.h5")
+            moments = read_checkpoint(directory / "checkpoint.h5", stored.origin)
             description = _resumed(description, stored, case, moments, directory, accept_changes)
         check_folder(directory, overwrite or resume)
         if moments is None:  # a new run, or one that stopped before its first checkpoint
             empty(directory)
+            description = description.begun()
         remove_partial_files(directory)
         write_description(directory, replace(description, status="running"))
         start = moments[0].number if moments else 0
         try:
-            outputs = Outputs(directory, case, parameters, options, start)
+            outputs = Outputs(directory, case, parameters, options, start, description.origin)
         except OSError as error:  # a disk that is full from the beginning
             write_end(directory, replace(description, status="failed", message=f"{type(error).__name__}: {error}", steps_done=start))
             raise
@@ -154,7 +155,7 @@ def _resumed(
         return now
     notes = accepted(changes(stored, now), accept)
     check_moments(moments, case.simulation.model, case.simulation.steps, directory / "checkpoint.h5")
-    return replace(now, overlap=stored.overlap, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
+    return replace(now, origin=stored.origin, overlap=stored.overlap, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
 
 
 def _run(

@@ -13,6 +13,7 @@ import numpy as np
 
 from fcsim.errors import InputError
 from fcsim.files import replacing, replacing_hdf5
+from fcsim.interrupts import end_forks_of
 from fcsim.running.case import Sensor
 from fcsim.tables import read_rows
 from fcsim.timestep.step import Step
@@ -27,7 +28,7 @@ class StepTable:
     """
 
     def __init__(self, path: Path, sensors: Sequence[Sensor], start: int) -> None:
-        self._sensors = sensors
+        self._sensors, self._process = sensors, os.getpid()
         header = [*COLUMNS, *(f"seconds_{phase}" for phase in PHASES), *(sensor.column for sensor in sensors)]
         kept = _rows_up_to(path, start, header) if start else []
         with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
@@ -39,7 +40,9 @@ class StepTable:
         """Add the row of a step; seconds by phase."""
         values = [_text(measure(step)) for _, measure in COLUMNS.values()]
         phases = [f"{seconds.get(phase, 0.0):.5f}" for phase in PHASES]
-        self._writer.writerow([*values, *phases, *(_text(sensor.measure(step)) for sensor in self._sensors)])
+        measured = [_text(sensor.measure(step)) for sensor in self._sensors]
+        end_forks_of(self._process)
+        self._writer.writerow([*values, *phases, *measured])
         self._file.flush()
 
     def to_the_disk(self) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.running.folder import Instant, RunFolder
+from fcsim.runtime import ISOLATED, without_local_options
 from fcsim.view.framed import Framed
 from fcsim.view.standing_before import standing_before
 
@@ -52,10 +53,11 @@ def offscreen() -> ModuleType:
     choices += ["vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"] if sys.platform == "linux" else []
     for choice in [*choices, None]:
         environment = {name: value for name, value in os.environ.items() if name != variable} | ({variable: choice} if choice else {})
-        if subprocess.run([sys.executable, "-c", _PROBE], env=environment, capture_output=True, check=False).returncode == 0:
+        if subprocess.run([sys.executable, ISOLATED, "-c", _PROBE], env=environment, capture_output=True, check=False).returncode == 0:
             os.environ.pop(variable, None)
             os.environ.update({variable: choice} if choice else {})
-            import pyvista
+            with without_local_options():  # of matplotlib, which it loads
+                import pyvista
 
             return pyvista
     raise MissingDependency(

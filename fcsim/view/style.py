@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fcsim.errors import MissingDependency
 from fcsim.files import replacing
+from fcsim.runtime import without_local_options
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -56,8 +57,9 @@ LEAST = {"m": 0.0999, "Pa": 0.0999}  # 0.36 mm and 0.45 MPa rather than 360 µm 
 def matplotlib() -> ModuleType:
     """Return the matplotlib package; MissingDependency where it is absent."""
     try:
-        import matplotlib
-        import matplotlib.figure
+        with without_local_options():
+            import matplotlib
+            import matplotlib.figure
     except ImportError as error:
         raise MissingDependency(f"matplotlib cannot be imported ({error}), which pictures need: pip install 'fcsim[view]'") from None
     return matplotlib

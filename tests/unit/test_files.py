@@ -1,15 +1,17 @@
 """Files are there whole or not at all."""
 
+import os
 import resource
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from fcsim.files import replacing, replacing_hdf5
+from fcsim.errors import InputError
+from fcsim.files import inside, regular, replacing, replacing_hdf5, resolved
 
 
 @pytest.fixture
@@ -62,3 +64,34 @@ def test_a_full_disk_is_an_error_that_names_the_file(tmp_path: Path, no_file_abo
     with pytest.raises(OSError, match=r"File too large: .*b\.txt'"), replacing(tmp_path / "b.txt") as temporary:
         temporary.write_bytes(bytes(200_000))
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("call", [lambda path: inside(path.parent, path), resolved], ids=["inside", "resolved"])
+def test_links_in_a_circle(tmp_path: Path, call: Callable[[Path], Path]) -> None:
+    """Python's RuntimeError reached the user as a traceback."""
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(InputError, match=r"/a: expected a file or folder, found links in a circle"):
+        call(tmp_path / "a")
+
+
+def test_pipes_and_devices_are_not_read(tmp_path: Path) -> None:
+    """A pipe without a writer hangs, /dev/zero has no end."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(InputError, match="expected a file, got a pipe or a device"):
+            regular(path)
+    assert regular(tmp_path) == tmp_path and regular(tmp_path / "none") == tmp_path / "none"
+
+
+def test_what_went_wrong_first_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that is read-only by now lets the temporary file stay, too."""
+    path = tmp_path / "a.txt"
+    with pytest.raises(OSError, match="No space") as told, replacing(path) as temporary:
+
+        def read_only(*_: object, **__: object) -> None:
+            raise OSError(30, "Read-only file system", str(temporary))
+
+        monkeypatch.setattr(Path, "unlink", read_only)
+        raise OSError(28, "No space left on device", str(temporary))
+    assert told.value.filename == str(path)

@@ -11,6 +11,7 @@ from fcsim.errors import InputError
 from fcsim.memory import any_size, free_memory, readable, refuse_beyond_memory
 from fcsim.mesh import brick, rigid_box, running_bond
 from fcsim.mesh.material import Material
+from fcsim.running.case import load_case
 
 STONE = Material(1e9, 0.2, 2000.0)
 WALL = Path(__file__).parents[2] / "cases" / "masonry_wall"
@@ -68,6 +69,14 @@ def test_meshes_and_walls_that_no_machine_holds() -> None:
             running_bond(3, number, material=STONE)
         with pytest.raises(InputError, match="courses: expected a whole number"):
             running_bond(number, 3.5, material=STONE)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("bricks", [10**8, 2**63])
+def test_a_stack_that_no_machine_holds(bricks: int) -> None:
+    """Refused before there is a list of its bricks, which took all the memory there is."""
+    script = load_case(WALL.parent / "stack")
+    with pytest.raises(InputError, match=rf"stack: {bricks} bricks: takes about"):
+        script.build(script.parameters(bricks=bricks))  # type: ignore[call-arg]
 
 
 def test_a_run_says_its_size_and_refuses_one_too_large(

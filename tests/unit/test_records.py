@@ -44,3 +44,13 @@ def test_other_encodings_are_named(tmp_path: Path, encoding: str) -> None:
     (tmp_path / "a.json").write_text('{"ä": 1}', encoding=encoding)
     with pytest.raises(InputError, match=r"a\.json: expected JSON: 'utf-8' codec"):
         read_json(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize("text", ['{"title": "\\ud800"}', '{"\\uDFFF": 1}'])
+def test_half_a_character_is_refused(tmp_path: Path, text: str) -> None:
+    """No file of ours could take it: a run ended at its first FCLIB file."""
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(InputError, match=r"a\.json: expected JSON: .*surrogates not allowed"):
+        read_json(tmp_path / "a.json")
+    (tmp_path / "b.json").write_text('{"title": "\\ud83e\\uddf1"}')
+    assert read_json(tmp_path / "b.json") == {"title": "\U0001f9f1"}

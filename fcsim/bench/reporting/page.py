@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 from fcsim.errors import MissingDependency
+from fcsim.files import resolved
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -139,7 +140,7 @@ def markdown_text(text: str, folder: Path) -> tuple[str, set[str]]:
     def replace(found: re.Match[str]) -> str:
         source, alt = found["source"], found["alt"]
         path = folder / unquote(source)
-        inside = "://" not in source and path.resolve().is_relative_to(folder.resolve())
+        inside = "://" not in source and resolved(path).is_relative_to(resolved(folder))
         if not inside or not path.is_file() or path.suffix.lower() not in KINDS:
             return f"[{alt or 'picture'}]"
         embedded.add(path.relative_to(folder).as_posix())

@@ -19,7 +19,7 @@ from fcsim.bench.results import Measurement
 from fcsim.bench.workers.killable import Row
 from fcsim.bench.workers.worker import Request, Settings, blank
 from fcsim.errors import InputError, MissingDependency
-from fcsim.runtime import THREAD_VARIABLES
+from fcsim.runtime import ISOLATED, THREAD_VARIABLES
 
 _MPI_VARIABLES = ("PMI", "PMIX", "MPI", "OMPI", "HYDRA", "HYDI", "MPIR", "MPICH")
 _LOCAL_RANK = ("MPI_LOCALRANKID", "OMPI_COMM_WORLD_LOCAL_RANK", "SLURM_LOCALID")
@@ -61,7 +61,7 @@ class WorkerProcess:
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, known))
         self._said = TemporaryFile("w+", errors="replace")  # noqa: SIM115 - as long as the process
         process = subprocess.Popen(
-            [sys.executable, "-m", "fcsim.bench.workers.worker"],
+            [sys.executable, ISOLATED, "-m", "fcsim.bench.workers.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._said,

@@ -17,6 +17,8 @@ from fcsim.mesh.part import RigidBody
 
 FLAT = 1e-6
 """A polygon's corners lie in its plane to this part of its size."""
+SMALLEST_VOLUME = 1e-9
+"""Of what a surface bounds, as a share of its size cubed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,8 @@ class ClosedSurface:
         six = np.linalg.det(corners)
         volume = float(six.sum()) / 6
         total = corners.sum(axis=1)
-        arm = np.einsum("f,fd->d", six, total) / (24 * volume)
+        with np.errstate(divide="ignore", invalid="ignore"):  # of a body without volume: not finite
+            arm = np.einsum("f,fd->d", six, total) / np.float64(24 * volume)
         second = (np.einsum("f,fki,fkj->ij", six, corners, corners) + np.einsum("f,fi,fj->ij", six, total, total)) / 120
         return volume, origin + arm, second - volume * np.outer(arm, arm)
 
@@ -75,7 +78,7 @@ def closed_surface(name: str, points: ArrayLike, faces: Sequence[Sequence[int]] 
     _refuse_open(what, x, triangles)
     triangles = _consistent(what, x, triangles)
     volume = np.linalg.det((x - x.mean(axis=0))[triangles]).sum() / 6
-    if not abs(volume) > 1e-9 * size**3:
+    if not abs(volume) > SMALLEST_VOLUME * size**3:
         raise InputError(f"{what}: expected a surface around a volume, got {volume:.3g} m^3 within {size:.3g} m")
     return ClosedSurface(name, x, triangles[:, ::-1] if volume < 0 else triangles, polygons)
 
@@ -85,7 +88,12 @@ def rigid_solid(surface: ClosedSurface, *, density: float | None = None, mass: f
     given = mass if density is None else density
     if (density is None) == (mass is None) or not (np.isfinite(given) and given > 0):  # type: ignore[arg-type,operator]
         raise InputError(f"{surface.name!r}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")
+    size = float(np.ptp(surface.points, axis=0).max())
     volume, centre, second = surface.moments()
+    if not volume > SMALLEST_VOLUME * size**3:
+        raise InputError(
+            f"{surface.name!r}: expected points around a volume, got {volume:.3g} m^3 within {size:.3g} m (placed too far away?)"
+        )
     rho = density if mass is None else mass / volume
     assert rho is not None
     inertia = rho * (np.trace(second) * np.eye(3) - second)

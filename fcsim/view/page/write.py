@@ -17,6 +17,7 @@ from fcsim.running.folder import RunFolder
 from fcsim.view.page.curves import drawn, graphs, shown_rows, table, units
 from fcsim.view.page.motion import motion
 from fcsim.view.scene import Survey, colour_map, left_out
+from fcsim.view.style import matplotlib
 
 SCRIPTS = ("numbers", "space", "curves", "page")
 """One after the other, as the page has them."""
@@ -84,8 +85,7 @@ def _standing_before(seen: Survey) -> list[int]:
 
 def _colours() -> list[tuple[float, str]]:
     """The colours of the stress, as in pictures: (share of the range, colour) from 0 to 1."""
-    from matplotlib.colors import to_hex
-
+    to_hex = matplotlib().colors.to_hex
     return [(float(share), to_hex(colour_map()(share))) for share in np.linspace(0.0, 1.0, 11)]
 
 

@@ -144,3 +144,37 @@ def test_mpiexec_itself(case_folder: Path, tmp_path: Path) -> None:
     command = [str(program), "-n", "2", sys.executable, "-m", "fcsim", "run", str(case_folder), "--out", str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode != 0 and done.stderr.count("got 2 ranks of MPI") == 2 and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_streams_that_are_closed(case_folder: Path, tmp_path: Path, closed: str) -> None:
+    """A run ended in an AttributeError of None, and result files took the numbers of the streams, into which libraries print."""
+    arguments = ["run", str(case_folder), "--out", str(tmp_path / "out"), "--steps", "1", "--export-every", "0", "--vtk-every", "0"]
+    done = fcsim(*arguments, shell=closed)
+    assert done.returncode == 0 and open_run(tmp_path / "out").description.status == "finished"
+
+
+def test_bad_input_is_one_line_whatever_the_file_is_called(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a\nb\x1b[2J.hdf5"
+    path.write_text("x")
+    for given in (path, tmp_path / "no\nsuch"):
+        assert main(["info", str(given)]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith("fcsim: ") and said.count("\n") == 1 and "\x1b" not in said
+
+
+LEAVING = {
+    "as it is loaded": ("@dataclass(frozen=True)", "import sys; sys.exit(0)\n\n@dataclass(frozen=True)"),
+    "as it is built": ("    part = brick(", "    raise SystemExit(0)\n    part = brick("),
+}
+
+
+@pytest.mark.parametrize("when", LEAVING)
+def test_a_script_that_leaves_is_no_success(case_folder: Path, tmp_path: Path, when: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """sys.exit(0) of a case script ended `fcsim run` with exit code 0 and nothing done."""
+    script = case_folder / "two_blocks.py"
+    text = script.read_text()
+    assert LEAVING[when][0] in text
+    script.write_text(text.replace(*LEAVING[when], 1))
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "out")]) == 2
+    assert "ends the program (0)" in capsys.readouterr().err and not (tmp_path / "out").exists()

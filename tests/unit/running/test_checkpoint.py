@@ -101,10 +101,63 @@ def test_the_digest_is_of_names_types_shapes_and_values(tmp_path: Path) -> None:
         file.attrs["b"], file.attrs["a"], file.attrs["sha256"] = 2, 1, "left out"
         file["g/x"] = np.arange(6.0).reshape(2, 3)
         file["g"].attrs["c"] = "text"
-        expected = hashlib.sha256(
-            f"@a={file.attrs['a']!r};@b={file.attrs['b']!r};g@c='text';g/x:<f8(2, 3);".encode() + np.arange(6.0).tobytes()
-        )
-        assert content_digest(file) == expected.hexdigest()
+        one, two = (np.int64(k).tobytes() for k in (1, 2))
+        parts = (b'["", "a", "<i8", []]', one, b'["", "b", "<i8", []]', two, b'["g", "c", "text", "text"]', b'["g/x", "<f8", [2, 3]]')
+        assert content_digest(file) == hashlib.sha256(b"".join(parts) + np.arange(6.0).tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("printed", [{"precision": 2}, {"legacy": "1.13"}, {"threshold": 0, "edgeitems": 1}], ids=str)
+def test_the_digest_is_not_of_what_is_printed(tmp_path: Path, printed: dict[str, Any]) -> None:
+    """A case script may set how NumPy prints; `repr` of an array has eight digits, and three dots beyond a thousand entries."""
+    path = written(tmp_path / "c.h5", moment(), moment(3))
+    with np.printoptions(**printed):
+        found = read_checkpoint(path)
+        assert found is not None
+        written(tmp_path / "d.h5", *found)
+    again = read_checkpoint(tmp_path / "d.h5")
+    assert again is not None
+    assert_same(again[0], moment())
+
+
+def next_after(file: h5py.File, place: str, k: int) -> None:
+    values = file.attrs[place]
+    values[k] = np.nextafter(values[k], 7.0)
+    file.attrs[place] = values
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_the_last_digit_of_the_ledger_is_seen(tmp_path: Path, k: int) -> None:
+    path = written(tmp_path / "c.h5", moment(), moment(3))
+    with h5py.File(path, "r+") as file:
+        next_after(file, "ledger", k)
+    with pytest.raises(InputError, match="its checksum does not agree"):
+        read_checkpoint(path)
+
+
+def test_one_entry_of_many_in_an_attribute_is_seen(tmp_path: Path) -> None:
+    digests = set()
+    for k in range(2):
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            file.attrs["many"] = np.arange(2000) + k * (np.arange(2000) == 1000)
+            digests.add(content_digest(file))
+    assert len(digests) == 2
+
+
+def test_a_checkpoint_says_which_run_it_is_of(tmp_path: Path) -> None:
+    step: Any = SimpleNamespace(moment=moment(), anchor=moment(3))
+    write_checkpoint(tmp_path / "c.h5", step, "ab12")
+    assert read_checkpoint(tmp_path / "c.h5", "ab12") is not None and read_checkpoint(tmp_path / "c.h5") is not None
+    for other in ("", "ab13"):
+        with pytest.raises(InputError, match=r"c\.h5: expected a checkpoint of the run that run\.json describes, got one of another run"):
+            read_checkpoint(tmp_path / "c.h5", other)
+
+
+def test_texts_in_an_array_are_none_of_a_checkpoint(tmp_path: Path) -> None:
+    path = written(tmp_path / "c.h5", moment(), moment(3))
+    with h5py.File(path, "r+") as file:
+        file["texts"] = np.array(["a", "b"], dtype=h5py.string_dtype())
+    with pytest.raises(InputError, match="expected a checkpoint of an earlier run: texts: expected numbers or a text"):
+        read_checkpoint(path)
 
 
 CHANGES: dict[str, Callable[[h5py.File], Any]] = {
@@ -117,6 +170,7 @@ CHANGES: dict[str, Callable[[h5py.File], Any]] = {
     "no digest": lambda f: f.attrs.__delitem__("sha256"),
     "an array more": lambda f: f.__setitem__("y", np.zeros(2)),
     "an array less": lambda f: f.__delitem__("rate"),
+    "the origin": lambda f: f.attrs.__setitem__("origin", "another"),
     "an attribute less": lambda f: f.attrs.__delitem__("seen"),
 }
 

@@ -13,7 +13,7 @@ import pytest
 from fcsim.command_line.main import main
 from fcsim.errors import InputError
 from fcsim.files import alone_in
-from fcsim.running.case import Case, load_case
+from fcsim.running.case import Case, CaseScript, load_case
 from fcsim.running.description import SPARE, Description, read_description, write_description, write_end
 from fcsim.running.folder import open_run
 from fcsim.running.run import RunOptions, run_case
@@ -159,6 +159,31 @@ def test_rows_that_are_missing(case_folder: Path, run: Path) -> None:
         run_case(load_case(case_folder), {"steps": "6"}, run, PLAIN, resume=True)
 
 
+@pytest.mark.parametrize("other", ["parameters", "script"])
+def test_a_checkpoint_of_another_run(case_folder: Path, run: Path, tmp_path: Path, other: str) -> None:
+    """Of equal sizes and with a right checksum, it was gone on from as if it were this run's."""
+    script = case_folder / "two_blocks.py"
+    as_it_was = script.read_text()
+    if other == "script":
+        change_script(case_folder, run)
+    given = {"steps": "4", **({"E": "2e7"} if other == "parameters" else {})}
+    run_case(load_case(case_folder), given, tmp_path / "second", PLAIN)
+    script.write_text(as_it_was)
+    shutil.copy(tmp_path / "second" / "checkpoint.h5", run / "checkpoint.h5")
+    before = content(run)
+    for accept in (False, True):
+        with pytest.raises(InputError, match=r"checkpoint\.h5: expected a checkpoint of the run that run\.json describes"):
+            run_case(load_case(case_folder), {"steps": "6"}, run, PLAIN, resume=True, accept_changes=accept)
+    assert content(run) == before
+
+
+def test_accepted_changes_leave_the_run_the_same(case_folder: Path, run: Path) -> None:
+    """Its checkpoints from before and from behind are both its own."""
+    change_script(case_folder, run)
+    for steps in ("5", "6"):
+        assert run_case(load_case(case_folder), {"steps": steps}, run, PLAIN, resume=True, accept_changes=True).computed == 1
+
+
 def damage_value(file: h5py.File) -> None:
     file["x"][3] += 1e-3
 
@@ -273,3 +298,41 @@ def test_copies_go_on(case_folder: Path, run: Path, tmp_path: Path) -> None:
     assert run_case(load_case(case_folder), {"steps": "5"}, tmp_path / "copy", PLAIN, resume=True).computed == 1
     with h5py.File(tmp_path / "copy" / "checkpoint.h5") as file:
         assert np.isfinite(file["x"][()]).all() and len(file.attrs["sha256"]) == 64
+
+
+def sensing(folder: Path, call: str) -> CaseScript:
+    """The case with a call in its sensor, at each step."""
+    script = folder / "two_blocks.py"
+    text = script.read_text()
+    assert text.count("lambda s: ") == 1
+    text = text.replace("lambda s: ", f"lambda s: 0 * ({call}) + ").replace(
+        "import numpy as np", "import os\nimport sys\n\nimport numpy as np"
+    )
+    script.write_text(text)
+    return load_case(folder)
+
+
+def test_a_script_that_goes_elsewhere(case_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """os.chdir in a script took the results along."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    script = sensing(case_folder, f"os.chdir({str(tmp_path / 'elsewhere')!r}) or 0")
+    options = RunOptions(export_every=1, vtk_every=1, checkpoint_every=1)
+    assert run_case(script, {"steps": "2"}, "out", options).status == "finished"
+    assert not any((tmp_path / "elsewhere").iterdir()) and len(open_run(tmp_path / "out").columns["step"]) == 2
+
+
+def test_a_sensor_that_forks(case_folder: Path, tmp_path: Path) -> None:
+    """The copy of the program had the run's lock too and wrote every row again."""
+    script = sensing(case_folder, "0 if s.number != 2 or (child := os.fork()) == 0 else os.waitpid(child, 0)[0] * 0")
+    assert run_case(script, {"steps": "4"}, tmp_path / "out", PLAIN).status == "finished"
+    assert open_run(tmp_path / "out").columns["step"].tolist() == [1, 2, 3, 4]
+
+
+def test_a_sensor_that_leaves(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With sys.exit(0), which was the exit code."""
+    sensing(case_folder, "0 if s.number < 2 else sys.exit(0)")
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "out"), "--vtk-every", "0", "--export-every", "0"]) == 2
+    assert "a script ended the program (SystemExit: 0)" in capsys.readouterr().err
+    found = read_description(tmp_path / "out")
+    assert (found.status, found.message) == ("failed", "SystemExit: 0")

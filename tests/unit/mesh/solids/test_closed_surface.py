@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -97,3 +99,12 @@ def test_mass_or_density() -> None:
     for given in ({}, {"mass": 1.0, "density": 1.0}, {"mass": -1.0}, {"density": float("nan")}):
         with pytest.raises(InputError, match="density > 0"):
             rigid_solid(surface, **given)
+
+
+@pytest.mark.parametrize("far", [1e17, 4.6e18, 1e300])
+def test_a_body_so_far_away_that_nothing_is_left_of_its_shape(far: float) -> None:
+    """Moved there by a pose, once its surface was checked: a division by its volume of zero."""
+    surface = closed_surface("cube", CUBE, HEX)
+    moved = replace(surface, points=surface.points + np.array([far, 0.0, 0.0]))
+    with pytest.raises(InputError, match=r"'cube': expected points around a volume, got 0 m\^3 within 1 m \(placed too far away\?\)"):
+        rigid_solid(moved, mass=2.0)
