@@ -76,7 +76,10 @@ def mutated(code: str, name: str, occurrence: int) -> str | None:
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
-    return mutate_code(code, get_operator(name)(), occurrence)
+    try:
+        return mutate_code(code, get_operator(name)(), occurrence)
+    except AttributeError:  # exceptions that have a module before their name are more than its operator for them knows
+        return None
 
 
 COMPILED = ("checkpoint", "folder")

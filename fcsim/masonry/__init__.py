@@ -8,6 +8,7 @@ from fcsim.masonry.limit_analysis.friction_reduction import friction_factor
 from fcsim.masonry.limit_analysis.joints import Joint, joints_of
 from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
+from fcsim.masonry.limit_analysis.reactions import SupportForces, support_forces
 from fcsim.masonry.models import read_model
 from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce
 from fcsim.masonry.pushes import pushed, tilted
@@ -30,6 +31,7 @@ __all__ = [
     "PointForce",
     "Shake",
     "Stone",
+    "SupportForces",
     "Trial",
     "analyse",
     "associative_limit",
@@ -46,6 +48,7 @@ __all__ = [
     "shake",
     "shaken",
     "structure",
+    "support_forces",
     "tilted",
     "trial",
     "write_masonry",

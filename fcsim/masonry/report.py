@@ -12,7 +12,9 @@ from fcsim.files import replacing_for_good
 from fcsim.masonry.branch import Branch
 from fcsim.masonry.collapse import Bracket
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
+from fcsim.masonry.limit_analysis.reactions import SupportForces
 from fcsim.masonry.openings import Opening
+from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.shake import Shake
 from fcsim.records import write_record
 from fcsim.version import __version__
@@ -53,6 +55,23 @@ def write_analysis(directory: Path, analysis: LimitAnalysis, seen: Bracket | Non
     largest = max(float(np.abs(velocities[:, :d]).max()), 1e-300)
     rows = [(body.name, *(f"{value / largest:.6g}" for value in row)) for body, row in zip(model.rigid, velocities, strict=True)]
     _write_csv(directory / "blocks.csv", ("block", *names), rows)
+
+
+def support_summary(problem: MasonryProblem, multiplier: float, found: Sequence[SupportForces]) -> Mapping[str, object]:
+    """What supports may bear, in JSON's types."""
+    supports = {f.name: {"least": f.least.tolist(), "largest": f.largest.tolist()} for f in found}
+    return {"name": problem.name, "version": __version__, "multiplier": multiplier, "supports [N]": supports}
+
+
+def write_supports(directory: Path, found: Sequence[SupportForces]) -> None:
+    """Write what supports may bear into a folder: supports.csv."""
+    directory.mkdir(parents=True, exist_ok=True)
+    rows = [
+        (f.name, axis, f"{1e-3 * low:.9g}", f"{1e-3 * high:.9g}")
+        for f in found
+        for axis, low, high in zip("xz" if len(f.least) == 2 else "xyz", f.least, f.largest, strict=True)
+    ]
+    _write_csv(directory / "supports.csv", ("support", "along", "least [kN]", "largest [kN]"), rows)
 
 
 def branch_summary(branch: Branch) -> Mapping[str, object]:

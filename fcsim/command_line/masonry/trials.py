@@ -30,7 +30,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     limit.add_argument(
         "--friction", action="store_true", help="the factor by which all friction could be reduced, in place of the multiplier"
     )
-    limit.add_argument("--multiplier", type=float, default=0.0, help="of the loads that grow, with --friction (default 0)")
+    limit.add_argument(
+        "--thrust", action="store_true", help="the least and the largest force of each support in equilibrium, in place of the multiplier"
+    )
+    limit.add_argument("--multiplier", type=float, default=0.0, help="of the loads that grow, with --friction and --thrust (default 0)")
     limit.set_defaults(act=_limit)
     tilt = commands.add_parser(
         "tilt",
@@ -109,10 +112,14 @@ def _limit(options: argparse.Namespace) -> int:
 
     problem = _read(options)
     problem = problem if options.direction is None else pushed(problem, options.direction)
+    if options.friction and options.thrust:
+        raise InputError("--friction, --thrust: expected one of them, got both")
     if options.friction:
         return _friction(options, problem)
+    if options.thrust:
+        return _thrust(options, problem)
     if options.multiplier:
-        raise InputError("--multiplier: expected it with --friction")
+        raise InputError("--multiplier: expected it with --friction or --thrust")
     return _report(options, analyse(problem, options.tolerance), None)
 
 
@@ -134,6 +141,29 @@ def _friction(options: argparse.Namespace, problem: MasonryProblem) -> int:
     else:
         said = f"factor of safety by reduction of friction {factor:.5g}: it needs mu {problem.mu / factor:.5g} of {problem.mu:g}"
     say(f"{problem.title or problem.name}: {said}")
+    return EXIT_OK
+
+
+def _thrust(options: argparse.Namespace, problem: MasonryProblem) -> int:
+    from fcsim.masonry import limit_problem, support_forces
+    from fcsim.masonry.report import support_summary, write_supports
+
+    found = support_forces(limit_problem(problem, tolerance=options.tolerance), options.multiplier)
+    if options.out is not None:
+        write_supports(options.out, found)
+    if options.json:
+        from fcsim.records import json_text
+
+        say(json_text(support_summary(problem, options.multiplier, found)).rstrip())
+        return EXIT_OK
+    say(f"{problem.title or problem.name}: what its supports may bear in equilibrium")
+    axes = "xz" if problem.dimension == 2 else "xyz"
+    rows = [
+        (f.name, axis, f"{1e-3 * low:.6g}", f"{1e-3 * high:.6g}")
+        for f in found
+        for axis, low, high in zip(axes, f.least, f.largest, strict=True)
+    ]
+    print_table(("support", "along", "least [kN]", "largest [kN]"), rows, texts=2)
     return EXIT_OK
 
 

@@ -66,9 +66,15 @@ class Program:
         self.balance = sp.hstack([sp.diags_array(self.arm) @ problem.H, sp.csc_array(self.live[:, None])], format="csc")
 
     def solve(
-        self, *, given: FloatArray | None = None, slip: Slip | None = None, at_most: float = np.inf, sign: float = 1.0
+        self,
+        *,
+        given: FloatArray | None = None,
+        slip: Slip | None = None,
+        at_least: float = 0.0,
+        at_most: float = np.inf,
+        sign: float = 1.0,
     ) -> Answer | None:
-        """The largest lambda <= at_most, or with sign = -1 the least; None where the program has no answer.
+        """The largest lambda <= at_most, or with sign = -1 the least >= at_least; None where the program has no answer.
 
         given (nc,) [N]: the normal forces of Tresca's disks in place of Coulomb's cones; slip: the mechanism to which forces are to belong.
         """
@@ -77,7 +83,7 @@ class Program:
             rows.append(self._belonging(slip))
             right.append(np.zeros(rows[-1].shape[0]))
         equal = sp.vstack(rows, format="csc"), np.concatenate(right)
-        low = 0.0 if slip is None else -np.inf
+        low = at_least / self.natural if slip is None else -np.inf
         found = (self._linear if self.problem.contacts.dimension == 2 else self._conic)(
             *equal, None if given is None else given / self.force, (low, at_most / self.natural), sign
         )

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import astuple, fields
+from dataclasses import astuple, fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -229,6 +229,7 @@ FORGED: list[tuple[str, Callable[[h5py.File], Any], str]] = [
     ("identities that are no numbers", lambda f: replaced(f, "memory/0/identity", np.zeros(4)), "do not fit"),
     ("fewer identities", lambda f: replaced(f, "memory/0/identity", np.arange(3)), "do not fit"),
     ("variables of fewer contacts", lambda f: replaced(f, "law/values/opening", np.zeros(2)), "expected variables of 3 contacts"),
+    ("variables of more contacts", lambda f: replaced(f, "law/values/opening", np.zeros(4)), "expected variables of 3 contacts"),
     ("variables of another type", lambda f: replaced(f, "law/values/opening", np.zeros(3, "f4")), "expected variables of 3 contacts"),
     ("identities of two axes", lambda f: replaced(f, "law/identity", np.zeros((3, 1), int)), "expected variables of 3 contacts"),
     ("no state", lambda f: f.__delitem__("v"), "earlier run"),
@@ -257,6 +258,17 @@ def test_what_cannot_be_a_checkpoint(tmp_path: Path, change: Callable[[h5py.File
         with h5py.File(path, "r+") as file:
             change(file)
     with pytest.raises(InputError, match=r"checkpoint\.h5: expected a checkpoint of an earlier run: .*" * (said != "earlier run") + said):
+        read_checkpoint(path)
+
+
+def test_as_many_reactions_as_a_run_keeps_and_no_more(tmp_path: Path) -> None:
+    states, few = moment(5, full=False), tuple(reactions(1, age) for age in range(MEMORIES + 1))
+    full = replace(states, memory=few[:MEMORIES])
+    found = read_checkpoint(written(tmp_path / "full.h5", full, states))
+    assert found is not None
+    assert_same(found[0], full)
+    path = written(tmp_path / "more.h5", replace(states, memory=few), states)
+    with pytest.raises(InputError, match="101 reactions of earlier steps"):
         read_checkpoint(path)
 
 

@@ -1,0 +1,110 @@
+"""What supports may bear: by statics for a flat arch of two stones, a stone on the ground, a stone on a slope."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcsim.command_line.main import main
+from fcsim.errors import EXIT_BAD_INPUT, EXIT_OK, InputError
+from fcsim.masonry import MasonryProblem, limit_problem, read_masonry, support_forces
+
+G = 9.81
+DENSITY = 2000.0
+
+
+def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> list[list[float]]:
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    return [[(high if c else low)[k] for k, c in enumerate(corner)] for corner in corners]
+
+
+def written(folder: Path, blocks: list[dict[str, Any]], mu: float, dimension: int) -> Path:
+    data = {
+        "schema": "masonry-problem/1",
+        "name": "stones",
+        "dimension": dimension,
+        "contact": {"mu": mu},
+        "loads": [
+            {"kind": "acceleration", "value": [0, 0, -G]},
+            {"kind": "acceleration", "value": [G, 0, 0], "scaled_by_multiplier": True},
+        ],
+        "blocks": blocks,
+    }
+    path = folder / "stones.json"
+    path.write_text(json.dumps(data))
+    return path
+
+
+def flat_arch(folder: Path, a: float, h: float, depth: float, mu: float, dimension: int) -> MasonryProblem:
+    """Two stones a x h side by side between two walls."""
+    blocks = [
+        {"id": "left wall", "vertices": box((-2 * a, 0, 0), (-a, depth, h)), "support": True},
+        {"id": "right wall", "vertices": box((a, 0, 0), (2 * a, depth, h)), "support": True},
+        {"id": "left", "vertices": box((-a, 0, 0), (0, depth, h)), "density": DENSITY},
+        {"id": "right", "vertices": box((0, 0, 0), (a, depth, h)), "density": DENSITY},
+    ]
+    return read_masonry(written(folder, blocks, mu, dimension))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 50.0])
+@pytest.mark.parametrize(("mu", "slips"), [(4.0, False), (0.6, True)])
+def test_a_flat_arch_of_two_stones(tmp_path: Path, dimension: int, size: float, mu: float, slips: bool) -> None:
+    """Each stone of weight w: hinges below at the walls and above in the middle ask H h >= w a / 2, the walls' friction mu H >= w. It can
+    be wedged as hard as one likes; one wall may then push the stones up and the other down, the thrust leaning from one to the other."""
+    a, h, depth = 0.4 * size, 0.5 * size, 0.3 * size
+    w = DENSITY * G * a * h * depth
+    left, right = support_forces(limit_problem(flat_arch(tmp_path, a, h, depth, mu, dimension)))
+    assert (left.name, right.name) == ("left wall", "right wall")
+    least = max(w * a / (2 * h), w / mu)
+    assert (least == w / mu) is slips
+    assert left.least[0] == pytest.approx(least, rel=1e-5) and right.largest[0] == pytest.approx(-least, rel=1e-5)
+    assert left.largest[0] == math.inf and right.least[0] == -math.inf
+    for wall in (left, right):
+        assert (wall.least[-1], wall.largest[-1]) == (-math.inf, math.inf)
+
+
+def test_a_stone_on_the_ground_is_determined(tmp_path: Path) -> None:
+    blocks = [
+        {"id": "ground", "vertices": box((-2, 0, -1), (2, 1, 0)), "support": True},
+        {"id": "not touched", "vertices": box((5, 0, 0), (6, 1, 1)), "support": True},
+        {"id": "stone", "vertices": box((0, 0, 0), (0.5, 1, 1)), "density": DENSITY},
+    ]
+    path = written(tmp_path, blocks, 0.7, 2)
+    (ground,) = support_forces(limit_problem(read_masonry(path)), 0.3)  # of the weight, to +x
+    w = DENSITY * G * 0.5
+    assert np.allclose([ground.least, ground.largest], [-0.3 * w, w], rtol=1e-9)
+    with pytest.raises(
+        InputError, match=r"'stones': expected a structure that bears its loads at the multiplier 0\.51, got one that falls"
+    ):
+        support_forces(limit_problem(read_masonry(path)), 0.51)  # it tips at 0.5
+    with pytest.raises(InputError, match="multiplier: expected a finite number, got nan"):
+        support_forces(limit_problem(read_masonry(path)), math.nan)
+
+
+def test_the_thrust_of_an_arch_that_others_computed(tmp_path: Path) -> None:
+    """`arch_point_load`: thrust of its own weight 21.14 to 34.45 kN, by another program (references_masonry.md 1.2)."""
+    path = Path(__file__).resolve().parents[4] / "shared" / "masonry" / "arch_point_load.json"
+    if not path.is_file():
+        pytest.skip("the shared masonry problems are not beside this repository")
+    for support in support_forces(limit_problem(read_masonry(path))):
+        thrust = sorted(abs(np.array([support.least[0], support.largest[0]])))
+        assert np.allclose(thrust, [21.14e3, 34.45e3], rtol=3e-4)
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flat_arch(tmp_path, 0.4, 0.5, 0.3, 0.6, 2)
+    path = str(tmp_path / "stones.json")
+    assert main(["limit", path, "--thrust", "--out", str(tmp_path / "out")]) == EXIT_OK
+    said = capsys.readouterr().out
+    assert "left wall" in said and "1.962" in said and "inf" in said  # w / mu
+    assert (tmp_path / "out" / "supports.csv").read_text().splitlines()[1] == "left wall,x,1.962,inf"
+    assert main(["limit", path, "--thrust", "--json"]) == EXIT_OK
+    assert json.loads(capsys.readouterr().out)["supports [N]"]["left wall"]["least"][0] == pytest.approx(1962.0)
+    assert main(["limit", path, "--thrust", "--friction"]) == EXIT_BAD_INPUT
+    assert main(["limit", path, "--multiplier", "0.1"]) == EXIT_BAD_INPUT
