@@ -152,7 +152,7 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
             raise InputError(f"case {name!r}: expected a case from build(), it ends the program ({error})") from None
         except (ZeroDivisionError, OverflowError, MemoryError, ValueError) as error:
             if isinstance(error, ValueError) and not _TOO_LARGE.search(str(error)):
-                raise
+                raise _of_the_script(error, script) from error
             raise InputError(f"case {name!r}: expected parameters that its script can compute with: {error}") from error
         except (NameError, TypeError, AttributeError, LookupError, ImportError) as error:
             raise _of_the_script(error, script) from error
@@ -165,10 +165,18 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
     return CaseScript(name, script, parameters, built, digest)
 
 
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
 def _of_the_script(error: Exception, script: Path) -> Exception:
-    """The InputError that names the script's line, where what was raised comes from the script itself and not from what it called; the
-    error itself elsewhere."""
+    """The InputError that names the script's line, where what was raised comes from the script itself and not from fcsim, which it called;
+    of ValueErrors those of other libraries count too (`default_rng(-1)`); the error itself elsewhere."""
     frames = traceback.extract_tb(error.__traceback__)
-    if isinstance(error, FcsimError) or not frames or Path(frames[-1].filename) != script:
+    own = [k for k, frame in enumerate(frames) if Path(frame.filename) == script.resolve()]
+    if isinstance(error, FcsimError) or not own:
         return error
-    return InputError(f"{script}, line {frames[-1].lineno}: {frames[-1].line}: {type(error).__name__}: {error}")
+    called = frames[own[-1] + 1 :]
+    if called and (not isinstance(error, ValueError) or any(_PACKAGE in Path(frame.filename).parents for frame in called)):
+        return error
+    line = frames[own[-1]]
+    return InputError(f"{script}, line {line.lineno}: {line.line}: {type(error).__name__}: {error}")

@@ -95,3 +95,25 @@ def test_parameters_that_a_script_cannot_compute_with(tmp_path: Path) -> None:
     script = load_case(tmp_path / "ratio.py")
     with pytest.raises(InputError, match="case 'ratio': expected parameters that its script can compute with: float division by zero"):
         script.build(script.parameters(h=0.0))
+
+
+def test_what_a_library_refuses_is_said_with_the_scripts_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = """
+from dataclasses import dataclass
+import numpy as np
+
+@dataclass(frozen=True)
+class Parameters:
+    seed: int = -1
+
+def build(parameters):
+    np.random.default_rng(parameters.seed)
+"""
+    monkeypatch.chdir(tmp_path)
+    Path("dice.py").write_text(script)
+    for path in (Path("dice.py"), tmp_path / "dice.py"):
+        case = load_case(path)
+        with pytest.raises(
+            InputError, match=r"dice\.py, line 10: np\.random\.default_rng\(parameters\.seed\): ValueError: expected non-negative"
+        ):
+            case.build(case.parameters())

@@ -246,6 +246,7 @@ FORGED: list[tuple[str, Callable[[h5py.File], Any], str]] = [
     ("a link within", lambda f: f.__setitem__("soft", h5py.SoftLink("/x")), "soft is a link"),
     ("a link without", lambda f: f.__setitem__("anchor/out", h5py.ExternalLink("a.h5", "/x")), "out is a link"),
     ("a circle", circle, "groups in a circle"),
+    ("more groups than it has", lambda f: [f.create_group(f"group {k}") for k in range(3 * MEMORIES)], "groups in a circle"),
 ]
 
 
@@ -264,9 +265,10 @@ def test_what_cannot_be_a_checkpoint(tmp_path: Path, change: Callable[[h5py.File
 def test_as_many_reactions_as_a_run_keeps_and_no_more(tmp_path: Path) -> None:
     states, few = moment(5, full=False), tuple(reactions(1, age) for age in range(MEMORIES + 1))
     full = replace(states, memory=few[:MEMORIES])
-    found = read_checkpoint(written(tmp_path / "full.h5", full, states))
+    found = read_checkpoint(written(tmp_path / "full.h5", full, full))
     assert found is not None
     assert_same(found[0], full)
+    assert_same(found[1], full)
     path = written(tmp_path / "more.h5", replace(states, memory=few), states)
     with pytest.raises(InputError, match="101 reactions of earlier steps"):
         read_checkpoint(path)
