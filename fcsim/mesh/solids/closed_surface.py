@@ -17,6 +17,8 @@ from fcsim.mesh.part import RigidBody
 
 FLAT = 1e-6
 """A polygon's corners lie in its plane to this part of its size."""
+LARGEST = 1e60
+"""[m] Extents from which on moments of inertia leave the range of floats."""
 SMALLEST_VOLUME = 1e-9
 """Of what a surface bounds, as a share of its size cubed."""
 
@@ -68,6 +70,8 @@ def closed_surface(name: str, points: ArrayLike, faces: Sequence[Sequence[int]] 
     size = float(np.ptp(x, axis=0).max()) if len(x) else 0.0
     if not size > 0:
         raise InputError(f"{what}: expected points that span a volume, got {len(x)} at one place")
+    if not size < LARGEST:
+        raise InputError(f"{what}: expected points whose volume is a number, got an extent of {size:.3g} m")
     triangles = np.concatenate([_triangles(what, x, face) for face in faces]) if len(faces) else np.empty((0, 3), dtype=np.int64)
     _, first, place = np.unique(np.round((x - x.min(axis=0)) / (1e-9 * size)), axis=0, return_index=True, return_inverse=True)
     triangles = first[place.ravel()][triangles]

@@ -13,6 +13,7 @@ from fcsim.arrays import FloatArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.errors import Unphysical
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
@@ -206,7 +207,14 @@ def solve_equation(
         clock.lap("assembly")
         if start is None:
             start = r = _start(reduction, rolling, equation.met, past.reactions)
-        tol = settings.tol * min(1.0, longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction))
+        flight = longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction)
+        tol = settings.tol * min(1.0, flight)
+        if tol < ROUND:
+            far = 1 / max(flight, 1e-300)
+            raise Unphysical(
+                f"t = {equation.state.t:.6g} s: without contact bodies would move by {far:.3g} times the model's size, {extent:.3g} m, in "
+                "one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's units, a shorter step"
+            )
         first = len(attempts)
         if rolling is None:
             result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
@@ -244,6 +252,10 @@ def _start(reduction: Reduction, rolling: RollingReduction | None, met: Encounte
     if rolling is None:
         return warm_start(reduction.local, met.contacts, reactions)
     return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
+
+
+ROUND = float(np.finfo(np.float64).eps)
+"""Tolerances below it are met by nothing."""
 
 
 def longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
-from fcsim.errors import InputError, NotConverged
+from fcsim.errors import InputError, NotConverged, Unphysical
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
@@ -128,3 +128,16 @@ def test_going_on_after_a_cut_step_is_bit_by_bit_the_same() -> None:
 def test_refusals(cuttings: int) -> None:
     with pytest.raises(InputError, match="cuttings"):
         pressed(QuasiStatic(0.5), 2, 4, cuttings)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("gravity", [1e20, 1e200])
+def test_a_flight_beside_which_round_off_hides_everything(gravity: float) -> None:
+    """No tolerance that floats have tells a penetration from such a step's free motion: it is said, not tried for minutes."""
+    model = build_model(
+        [rigid_box("cube", (1, 1, 1), (0, 0, 0.5), 1.0), rigid_box("plane", (4, 4, 1), (0, 0, -0.5), 1.0)],
+        supports=[Support("plane", ("x", "y", "z", "rx", "ry", "rz"))],
+        gravity=lambda t: (0.0, 0.0, -gravity),
+    )
+    with pytest.raises(Unphysical, match=r"bodies would move by .* times the model's size, 4 m, in one step"):
+        list(Simulation(model, Everything(model, 0.5), Theta(1e-2), 2))

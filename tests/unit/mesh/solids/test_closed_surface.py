@@ -108,3 +108,11 @@ def test_a_body_so_far_away_that_nothing_is_left_of_its_shape(far: float) -> Non
     moved = replace(surface, points=surface.points + np.array([far, 0.0, 0.0]))
     with pytest.raises(InputError, match=r"'cube': expected points around a volume, got 0 m\^3 within 1 m \(placed too far away\?\)"):
         rigid_solid(moved, mass=2.0)
+
+
+@pytest.mark.parametrize("far", [1e61, 1e155, 1e300])
+def test_a_solid_beyond_the_range_of_floats_is_refused(far: float) -> None:
+    points = CUBE.copy()
+    points[3, 0] = -far
+    with pytest.raises(InputError, match="'far': expected points whose volume is a number, got an extent of"):
+        closed_surface("far", points, HEX)
