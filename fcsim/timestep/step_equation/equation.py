@@ -207,14 +207,7 @@ def solve_equation(
         clock.lap("assembly")
         if start is None:
             start = r = _start(reduction, rolling, equation.met, past.reactions)
-        flight = longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction)
-        tol = settings.tol * min(1.0, flight)
-        if tol < ROUND:
-            far = 1 / max(flight, 1e-300)
-            raise Unphysical(
-                f"t = {equation.state.t:.6g} s: without contact bodies would move by {far:.3g} times the model's size, {extent:.3g} m, in "
-                "one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's units, a shorter step"
-            )
+        tol = _tolerance(settings.tol, reduction, extent, equation)
         first = len(attempts)
         if rolling is None:
             result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
@@ -256,6 +249,18 @@ def _start(reduction: Reduction, rolling: RollingReduction | None, met: Encounte
 
 ROUND = float(np.finfo(np.float64).eps)
 """Tolerances below it are met by nothing."""
+
+
+def _tolerance(tol: float, reduction: Reduction, extent: float, equation: Equation) -> float:
+    """Of the step's problem for that of the settings; Unphysical where no numbers meet it."""
+    flight = longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction)
+    if tol * flight < ROUND:
+        raise Unphysical(
+            f"t = {equation.state.t:.6g} s: without contact bodies would move by {1 / max(flight, 1e-300):.3g} times the model's size, "
+            f"{extent:.3g} m, in one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's "
+            "units, a shorter step"
+        )
+    return tol * min(1.0, flight)
 
 
 def longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:
