@@ -217,3 +217,22 @@ def test_problems_do_not_change() -> None:
     problem = LocalProblem(np.eye(3), np.zeros(3), np.array([0.3]))
     with pytest.raises(AttributeError):
         problem.q = np.ones(3)  # type: ignore[misc]
+
+
+def test_the_answer_is_that_of_the_equation() -> None:
+    """u = W r + q, which is U for R by construction."""
+    assert_allclose(local_problem().answer(R).u, U, atol=1e-14)
+
+
+@pytest.mark.parametrize("given", [{"G": np.ones((4, 1))}, {"b": np.zeros(1)}])
+def test_constraints_of_global_problems_are_given_both_or_not(given: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="G and b: expected both or none"):
+        GlobalProblem(**global_arguments(**given))
+
+
+def test_what_is_stored_as_it_is_eliminated_stays() -> None:
+    dense, sparse = local_problem(), local_problem(W=sp.csr_array(2 * np.eye(9)))
+    assert dense.stored() is dense
+    again = sparse.stored()
+    assert again is not sparse and again.stored() is again
+    assert_allclose(again.answer(R).u, U, atol=1e-14)
