@@ -32,18 +32,10 @@ def run(tmp_path_factory):
 
 
 @pytest.fixture
-def opened(browser, run, request):
+def opened(visited, run, request):
     """The page, ready, and what it said and asked for; of the width and colours that a test's parameter names."""
-    width, height, scheme = getattr(request, "param", (1280, 900, "light"))
-    page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
-    page.said, page.asked = [], []
-    page.on("console", lambda message: page.said.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda error: page.said.append(str(error)))
-    page.on("request", lambda asked: page.asked.append(asked.url))
-    page.goto((run / "page.html").resolve().as_uri())
-    page.wait_for_selector("html[data-ready]", timeout=120_000)
-    yield page
-    page.close()
+    with visited(run / "page.html", *getattr(request, "param", ())) as page:
+        yield page
 
 
 def rows(run):

@@ -46,17 +46,9 @@ def pages(tmp_path_factory):
 
 
 @pytest.fixture
-def opened(browser, pages, request):
-    width, height, scheme = getattr(request, "param", (1280, 900, "light"))
-    page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
-    page.said, page.asked = [], []
-    page.on("console", lambda message: page.said.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda error: page.said.append(str(error)))
-    page.on("request", lambda asked: page.asked.append(asked.url) if not asked.url.startswith(("data:", "blob:")) else None)
-    page.goto(pages[1].resolve().as_uri())
-    page.wait_for_selector("html[data-ready]", timeout=60_000)
-    yield page
-    page.close()
+def opened(visited, pages, request):
+    with visited(pages[1], *getattr(request, "param", ())) as page:
+        yield page
 
 
 def names(page):

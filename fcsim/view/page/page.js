@@ -33,14 +33,24 @@ function play(on) {
 
 function most(values) { let found = 0; for (const value of values) found = Math.max(found, Math.abs(value)); return found; }
 
+// Plotly asks the button once a drawn frame: where frames are slow, a click falls between two. What lies under the pointer is kept instead.
 function bindPick() {
-  $("view").on("plotly_click", event => {
-    const point = event.points[0];
-    if (point.curveNumber < 2) pick = { vertex: point.pointNumber };
-    else if (point.curveNumber === 3) { const c = place[point.pointNumber]; pick = { contact: c, identity: contacts.identity && contacts.identity[c], slave: contacts.slave && contacts.slave[c], master: contacts.master && contacts.master[c] }; }
-    else return;
-    showPicked();
-  });
+  const view = $("view");
+  let under = null, pressed = null;
+  view.on("plotly_hover", event => { under = event.points[0]; });
+  view.on("plotly_unhover", () => { under = null; });
+  view.addEventListener("pointerdown", event => { pressed = [event.clientX, event.clientY]; }, true);
+  view.addEventListener("pointerup", event => {
+    if (under && pressed && Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) < 4) picked(under);
+    pressed = null;
+  }, true);
+}
+
+function picked(point) {
+  if (point.curveNumber < 2) pick = { vertex: point.pointNumber };
+  else if (point.curveNumber === 3) { const c = place[point.pointNumber]; pick = { contact: c, identity: contacts.identity && contacts.identity[c], slave: contacts.slave && contacts.slave[c], master: contacts.master && contacts.master[c] }; }
+  else return;
+  showPicked();
 }
 
 async function begin() {
