@@ -1,4 +1,4 @@
-"""A collection built by a job of a cluster, within limits, while the one who asked waits for it."""
+"""A collection that is asked for: built here, or by a job of a cluster, within limits, while the one who asked waits for it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from fcsim.bench.workers.killable import FINISHED, Task, run_killable
 from fcsim.cluster import Cluster, run_jobs
@@ -17,11 +20,11 @@ from fcsim.linear.storage import SUM_UP_TO
 
 @dataclass(frozen=True)
 class Build:
-    """What `build_collection` is asked for, and the limits of the process that does it: wall time [s], resident memory [MiB]."""
+    """What `build_collection` is asked for, and the limits of the job that does it: wall time [s], resident memory [MiB], None: none."""
 
     source: str
     out: str
-    time_limit: float
+    time_limit: float | None = None
     memory_limit: float | None = None
     every: int = 1
     assignments: Mapping[str, str] = field(default_factory=dict)
@@ -30,23 +33,29 @@ class Build:
     spectrum_up_to: int = SUM_UP_TO
     overwrite: bool = False
 
+    def here(self, **told: Any) -> Built:
+        """Build in this process; told: `progress` and `watch` of `build_collection`."""
+        return build_collection(
+            self.source,
+            self.out,
+            every=self.every,
+            assignments=self.assignments,
+            iterations=self.iterations,
+            authors=self.authors,
+            spectrum_up_to=self.spectrum_up_to,
+            overwrite=self.overwrite,
+            **told,
+        )
+
 
 def build_limited(build: Build) -> tuple[str, Built | None]:
     """Build in a child with limits: how it ended, FINISHED or in words, and what it built."""
 
     def items() -> Iterator[Built]:
-        yield build_collection(
-            build.source,
-            build.out,
-            every=build.every,
-            assignments=build.assignments,
-            iterations=build.iterations,
-            authors=build.authors,
-            spectrum_up_to=build.spectrum_up_to,
-            overwrite=build.overwrite,
-        )
+        yield build.here()
 
-    ended = next(run_killable([Task(None, items, build.time_limit, build.memory_limit)]))
+    seconds = np.inf if build.time_limit is None else build.time_limit
+    ended = next(run_killable([Task(None, items, seconds, build.memory_limit)]))
     return ended.how, ended.items[-1] if ended.how == FINISHED and ended.items else None
 
 

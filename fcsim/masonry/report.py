@@ -63,15 +63,22 @@ def support_summary(problem: MasonryProblem, multiplier: float, found: Sequence[
     return {"name": problem.name, "version": __version__, "multiplier": multiplier, "supports [N]": supports}
 
 
-def write_supports(directory: Path, found: Sequence[SupportForces]) -> None:
-    """Write what supports may bear into a folder: supports.csv."""
-    directory.mkdir(parents=True, exist_ok=True)
-    rows = [
-        (f.name, axis, f"{1e-3 * low:.9g}", f"{1e-3 * high:.9g}")
+SUPPORT_COLUMNS = ("support", "along", "least [kN]", "largest [kN]")
+
+
+def support_rows(found: Sequence[SupportForces], digits: int) -> list[tuple[str, ...]]:
+    """A row a component of each support's force, under SUPPORT_COLUMNS."""
+    return [
+        (f.name, axis, f"{1e-3 * low:.{digits}g}", f"{1e-3 * high:.{digits}g}")
         for f in found
         for axis, low, high in zip("xz" if len(f.least) == 2 else "xyz", f.least, f.largest, strict=True)
     ]
-    _write_csv(directory / "supports.csv", ("support", "along", "least [kN]", "largest [kN]"), rows)
+
+
+def write_supports(directory: Path, found: Sequence[SupportForces]) -> None:
+    """Write what supports may bear into a folder: supports.csv."""
+    directory.mkdir(parents=True, exist_ok=True)
+    _write_csv(directory / "supports.csv", SUPPORT_COLUMNS, support_rows(found, digits=9))
 
 
 def branch_summary(branch: Branch) -> Mapping[str, object]:

@@ -30,6 +30,13 @@ MOST = 500
 """Instants of one picture or page: more are a run's, whose folder `fcsim render` draws."""
 
 
+def _saved(place: Path, content: bytes) -> Path:
+    place.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(place) as temporary:
+        temporary.write_bytes(content)
+    return place
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
     """A picture as PNG; a notebook shows it where it is the last value of a cell."""
@@ -43,10 +50,7 @@ class Picture:
         place = Path(path)
         if place.suffix.lower() != ".png":
             raise InputError(f"path: expected the name of a .png file, got {str(path)!r}")
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(place) as temporary:
-            temporary.write_bytes(self.png)
-        return place
+        return _saved(place, self.png)
 
     def _repr_png_(self) -> bytes:
         return self.png
@@ -62,11 +66,7 @@ class Interactive:
 
     def save(self, path: str | Path) -> Path:
         """Write the page, whole or not at all, and return its path."""
-        place = Path(path)
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(place) as temporary:
-            temporary.write_text(self.html, encoding="utf-8")
-        return place
+        return _saved(Path(path), self.html.encode())
 
     def _repr_html_(self) -> str:
         style = "width: 100%; height: 46rem; border: 1px solid #999"

@@ -146,7 +146,7 @@ def _friction(options: argparse.Namespace, problem: MasonryProblem) -> int:
 
 def _thrust(options: argparse.Namespace, problem: MasonryProblem) -> int:
     from fcsim.masonry import limit_problem, support_forces
-    from fcsim.masonry.report import support_summary, write_supports
+    from fcsim.masonry.report import SUPPORT_COLUMNS, support_rows, support_summary, write_supports
 
     found = support_forces(limit_problem(problem, tolerance=options.tolerance), options.multiplier)
     if options.out is not None:
@@ -157,13 +157,7 @@ def _thrust(options: argparse.Namespace, problem: MasonryProblem) -> int:
         say(json_text(support_summary(problem, options.multiplier, found)).rstrip())
         return EXIT_OK
     say(f"{problem.title or problem.name}: what its supports may bear in equilibrium")
-    axes = "xz" if problem.dimension == 2 else "xyz"
-    rows = [
-        (f.name, axis, f"{1e-3 * low:.6g}", f"{1e-3 * high:.6g}")
-        for f in found
-        for axis, low, high in zip(axes, f.least, f.largest, strict=True)
-    ]
-    print_table(("support", "along", "least [kN]", "largest [kN]"), rows, texts=2)
+    print_table(SUPPORT_COLUMNS, support_rows(found, digits=6), texts=2)
     return EXIT_OK
 
 

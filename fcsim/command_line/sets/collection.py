@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +13,6 @@ from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK
 from fcsim.interrupts import ended_politely
 
 if TYPE_CHECKING:
-    from fcsim.cluster import Cluster
-    from fcsim.collection.build import Built
     from fcsim.collection.select import Selection
 
 
@@ -91,26 +89,8 @@ def _progress(bar: Bar) -> Callable[[str, int, int], None]:
     return lambda what, done, total: bar.update(done, total, what=what)
 
 
-def _by_job(options: argparse.Namespace, assignments: Mapping[str, str], cluster: Cluster) -> Built:
-    from fcsim.collection.jobs import Build, build_by_job
-
-    build = Build(
-        source=str(options.source.resolve()),
-        out=str(options.out.resolve()),
-        time_limit=options.time_limit,
-        memory_limit=options.memory_limit,
-        every=options.every,
-        assignments=assignments,
-        iterations=options.iterations,
-        authors=options.authors,
-        spectrum_up_to=options.spectrum_up_to,
-        overwrite=options.overwrite,
-    )
-    return build_by_job(build, cluster)
-
-
 def _build(options: argparse.Namespace) -> int:
-    from fcsim.collection.build import build_collection
+    from fcsim.collection.jobs import Build, build_by_job
     from fcsim.collection.readme import one_a_problem
 
     assignments = read_assignments(options.assignments)
@@ -120,23 +100,25 @@ def _build(options: argparse.Namespace) -> int:
         if getattr(options, name) is not None:
             positive("--" + name.replace("_", "-"), getattr(options, name))
     cluster = cluster_of(options, seconds=options.time_limit, at_once=1, threads=1, memory=options.memory_limit)
+    build = Build(
+        source=str(options.source if cluster is None else options.source.resolve()),
+        out=str(options.out if cluster is None else options.out.resolve()),
+        time_limit=options.time_limit,
+        memory_limit=options.memory_limit,
+        every=options.every,
+        assignments=assignments,
+        iterations=options.iterations,
+        authors=options.authors,
+        spectrum_up_to=options.spectrum_up_to,
+        overwrite=options.overwrite,
+    )
     with ended_politely(), Bar("problems", lines=0) as bar:
-        built = (
-            _by_job(options, assignments, cluster)
-            if cluster is not None
-            else build_collection(
-                options.source,
-                options.out,
-                every=options.every,
-                assignments=assignments,
-                iterations=options.iterations,
-                authors=options.authors,
-                spectrum_up_to=options.spectrum_up_to,
-                overwrite=options.overwrite,
-                progress=_progress(bar),
-                watch=lambda case, step: bar.update(step.number, case.simulation.steps, what="steps"),
+        if cluster is not None:
+            built = build_by_job(build, cluster)
+        else:
+            built = build.here(
+                progress=_progress(bar), watch=lambda case, step: bar.update(step.number, case.simulation.steps, what="steps")
             )
-        )
     _tell(built.notes)
     say(f"{len(one_a_problem(built.entries))} problems, {len(built.entries)} files: {built.directory} (README.md, manifest.csv)")
     return EXIT_OK if built.complete else EXIT_NOT_CONVERGED

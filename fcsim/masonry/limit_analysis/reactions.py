@@ -51,15 +51,15 @@ def support_forces(problem: LimitProblem, multiplier: float = 0.0) -> tuple[Supp
         )
     model, d = problem.model, problem.model.dimension
     numbers = [k for k, block in enumerate(problem.problem.blocks) if block.support and (problem.contacts.bodies == k).any()]
-    forces = np.abs(model.rigid_part(load)[:, :d]).sum()
-    return tuple(_of_support(problem, load, number, _UNBOUNDED * forces) for number in numbers)
+    forces = float(np.abs(model.rigid_part(load)[:, :d]).sum())
+    H = sp.csr_array(model.contact_matrix(contact_matrix(problem.contacts, model.n_nodes), np.zeros(model.n_dofs)))
+    return tuple(_of_support(problem, H, load, number, _UNBOUNDED * forces) for number in numbers)
 
 
-def _of_support(problem: LimitProblem, load: FloatArray, number: int, most: float) -> SupportForces:
+def _of_support(problem: LimitProblem, H: sp.csr_array, load: FloatArray, number: int, most: float) -> SupportForces:
+    """The bounds of one support's force: H (n_dofs, m) with the rows of held dofs, load (n_dofs,) [N, N m], most [N]."""
     model, d = problem.model, problem.model.dimension
     bounds = np.empty((2, d))
-    nodal = contact_matrix(problem.contacts, model.n_nodes)
-    H = sp.csr_array(model.contact_matrix(nodal, np.zeros(model.n_dofs)))
     number_of = np.arange(model.n_dofs)
     for axis in range(d):
         dof = int(model.rigid_part(number_of)[number, axis])

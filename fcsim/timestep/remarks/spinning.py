@@ -6,13 +6,13 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.contact_detection import Detection, Detector
+from fcsim.problem import SLIP
 from fcsim.timestep.step import Step
 
 FEW, LEAST = 12, 3
 """Contacts of a flat joint: more are a mesh of it, fewer are no face."""
 FLAT = 0.999
 """Cosine between normals of one flat joint."""
-_SLIPS = 2
 
 
 def spinning(step: Step, detection: Detection, when: str, said: frozenset[str]) -> dict[str, str]:
@@ -27,7 +27,7 @@ def spinning(step: Step, detection: Detection, when: str, said: frozenset[str]) 
         return {}
     if isinstance(detection, Detector) and any(pair.candidates != "nodes" for pair in detection.pairs):
         return {}
-    slips = (step.contact_status == _SLIPS) & (step.contact_force[:, 0] > 0)
+    slips = (step.contact_status == SLIP) & (step.contact_force[:, 0] > 0)
     if np.count_nonzero(slips) < LEAST:
         return {}
     count = len(step.model.bodies)
