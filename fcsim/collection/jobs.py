@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from fcsim.bench.workers.killable import FINISHED, Task, run_killable
 from fcsim.cluster import Cluster, run_jobs
-from fcsim.collection.build import Built, build_collection
+from fcsim.collection.build import Built, Progress, build_collection
 from fcsim.errors import InputError
 from fcsim.linear.storage import SUM_UP_TO
+from fcsim.running.case import Case
+from fcsim.timestep.step import Step
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,8 @@ class Build:
     spectrum_up_to: int = SUM_UP_TO
     overwrite: bool = False
 
-    def here(self, **told: Any) -> Built:
-        """Build in this process; told: `progress` and `watch` of `build_collection`."""
+    def here(self, progress: Progress | None = None, watch: Callable[[Case, Step], None] | None = None) -> Built:
+        """Build in this process; progress and watch are those of `build_collection`."""
         return build_collection(
             self.source,
             self.out,
@@ -44,7 +45,8 @@ class Build:
             authors=self.authors,
             spectrum_up_to=self.spectrum_up_to,
             overwrite=self.overwrite,
-            **told,
+            progress=progress,
+            watch=watch,
         )
 
 
