@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from fcsim.command_line.main import main
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_OK, InputError
@@ -108,3 +109,46 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert json.loads(capsys.readouterr().out)["supports [N]"]["left wall"]["least"][0] == pytest.approx(1962.0)
     assert main(["limit", path, "--thrust", "--friction"]) == EXIT_BAD_INPUT
     assert main(["limit", path, "--multiplier", "0.1"]) == EXIT_BAD_INPUT
+
+
+@pytest.mark.parametrize(("size", "floor_mu", "wall_mu", "degrees"), [(1.0, 0.6, 0.3, 65), (1e-3, 0.9, 0.0, 55), (200.0, 0.5, 0.8, 70)])
+def test_a_plank_that_leans_at_a_wall(tmp_path: Path, size: float, floor_mu: float, wall_mu: float, degrees: float) -> None:
+    """A corner on the floor, one at the wall: four forces, three equations, in units of its weight and its length."""
+    e = np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
+    corners = np.array([[0, 0], 3 * e, 3 * e + 0.2 * np.array([-e[1], e[0]]), 0.2 * np.array([-e[1], e[0]])])
+    low, right = corners[corners[:, 1].argmin()], corners[corners[:, 0].argmax()]
+    corners, right, low = corners - [0, low[1]], right - [0, low[1]], low - [0, low[1]]
+
+    def prism(name: str, points: Any, **more: Any) -> dict[str, Any]:
+        vertices = [[size * x, y, size * z] for y in (0.0, 0.3 * size) for x, z in points]
+        sides = [[k, k + 4, (k + 1) % 4 + 4, (k + 1) % 4] for k in range(4)]
+        return {"id": name, "vertices": vertices, "faces": [[0, 1, 2, 3], [7, 6, 5, 4], *sides]} | more
+
+    (x, z), centre = right, corners.mean(axis=0)
+    blocks = [
+        prism("floor", [(-9, -1), (9, -1), (9, 0), (-9, 0)], support=True),
+        prism("wall", [(x, z / 2), (x + 1, z / 2), (x + 1, z + 2), (x, z + 2)], support=True),
+        prism("plank", corners, density=DENSITY),
+    ]
+    path = written(tmp_path, blocks, floor_mu, 2)
+    data = json.loads(path.read_text())
+    data["contact"]["mu_between"] = [{"between": ["wall", "plank"], "mu": wall_mu}]
+    path.write_text(json.dumps(data))
+
+    foot, head = low - centre, right - centre  # unknowns: floor T, N, wall N (to the left), T (upwards)
+    balance = [[1, 0, -1, 0], [0, 1, 0, 1], [-foot[1], foot[0], head[1], head[0]]]
+    cones = [[1, -floor_mu, 0, 0], [-1, -floor_mu, 0, 0], [0, 0, -wall_mu, 1], [0, 0, -wall_mu, -1]]
+
+    def extremes(of: Any) -> list[float]:
+        ends = []
+        for sign in (1.0, -1.0):
+            bounds = [(None, None), (0, None), (0, None), (None, None)]
+            answer = linprog(sign * np.array(of), A_eq=balance, b_eq=[0, 1, 0], A_ub=cones, b_ub=np.zeros(4), bounds=bounds)
+            ends.append(sign * answer.fun)
+        return ends
+
+    weight = DENSITY * G * 3 * 0.2 * 0.3 * size**3
+    found = {support.name: support for support in support_forces(limit_problem(read_masonry(path)))}
+    for name, axis, of in (("floor", 0, [1, 0, 0, 0]), ("floor", 1, [0, 1, 0, 0]), ("wall", 0, [0, 0, -1, 0]), ("wall", 1, [0, 0, 0, 1])):
+        ends = np.array([found[name].least[axis], found[name].largest[axis]]) / weight
+        assert np.allclose(ends, extremes(of), rtol=1e-8, atol=1e-9), (name, axis)
