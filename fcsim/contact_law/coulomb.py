@@ -18,6 +18,8 @@ RECOVERY = 0.1
 """Share of the smaller body's size by which a penetration is taken back a second, unless told otherwise."""
 TOUCHING = 1e-8
 """A gap below this share of the smaller body's size is contact for the law on velocities: the twins of a flat impact differ by less."""
+NO_GAP = 1e-7
+"""A gap or penetration between rigid bodies below this share of the smaller one's size is none: some hundred steps' errors of solvers."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,8 @@ class Gap:
     recovery [1/s]: a penetration, g < 0, that is there already is taken back by at most recovery times the smaller body's size a
     second: 0 <= max(g/h, -recovery size) + u_N ⊥ r_N. So much deeper than h recovery size nothing lies in a sound run, and the law is
     that of LMGC90; where bodies begin within each other, or something was not seen in time, they come out slowly. With recovery = inf
-    it is gone after one step, thrown out at the velocity |g|/h: energy from nothing. Quasi-statics have no time to go by: there it is
+    it is gone after one step, thrown out at the velocity |g|/h: energy from nothing. Gaps of up to 1e-7 sizes between rigid bodies are none
+    in dynamics (see `closing`), but with recovery = inf. Quasi-statics have no time to go by: there it is
     taken back in one step.
     friction: see `fcsim.contact_law.friction`; None = the coefficients of the pairs. Contacts are points: the friction torque of a
     face about its normal depends on which points carry (0.77 to 1.85 of that of uniform pressure); docs/contact_laws.md has the rule by
@@ -91,8 +94,15 @@ class Velocity:
 
 
 def closing(meeting: Meeting, recovery: float) -> FloatArray:
-    """w_N (nc,) = max(g / length_per_u, -recovery size) + bend / length_per_u in the unit of u; not bounded in quasi-statics."""
+    """w_N (nc,) = max(g / length_per_u, -recovery size) + bend / length_per_u in the unit of u; not bounded in quasi-statics.
+
+    In dynamics gaps between rigid bodies of at most `NO_GAP` sizes are none, w_N = 0, but for recovery = inf. They are what solvers leave, and faces that rest in
+    more points than they need answer them with other points that carry: a thousand stacked boxes, gaps of up to 1e-8 sizes after their
+    last impact, took 105 s in that step, 4 s without them.
+    """
     timing, gap = meeting.timing, meeting.contacts.gap
+    if timing.moving and recovery != inf:
+        gap = np.where(meeting.between_rigid & (np.abs(gap) <= NO_GAP * meeting.size), 0.0, gap)
     w = gap / timing.length_per_u
     deep = gap < 0
     if recovery != inf and timing.moving and deep.any():

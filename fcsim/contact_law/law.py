@@ -129,6 +129,11 @@ class Meeting:
         return self.proportions.size_at(self.contacts)
 
     @cached_property
+    def between_rigid(self) -> BoolArray:
+        """Whether both bodies are rigid (nc,)."""
+        return self.proportions.between_rigid(self.contacts)
+
+    @cached_property
     def area(self) -> FloatArray:
         """Area (nc,) [m^2] that each contact stands for."""
         return self.proportions.area_at(self.contacts, self.positions)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
@@ -27,17 +27,23 @@ class Proportions:
     size      (nbodies,) [m] the smallest of a body's extents along its principal axes that is not flat
     facets    (nf, k) node numbers of all named surfaces, each facet once, -1 = none
     thickness (nf,) [m] of the facets' parts in 2D; 1 in 3D
+    rigid     (nbodies,) whether a body is
     """
 
     size: FloatArray
     facets: IntArray
     thickness: FloatArray
+    rigid: BoolArray
 
     __repr__ = brief
 
     def size_at(self, contacts: Contacts) -> FloatArray:
         """Size (nc,) [m] of the smaller of the two bodies."""
         return self.size[contacts.bodies].min(axis=1)
+
+    def between_rigid(self, contacts: Contacts) -> BoolArray:
+        """Whether both bodies are rigid (nc,)."""
+        return self.rigid[contacts.bodies].all(axis=1)
 
     def round_off_at(self, contacts: Contacts) -> FloatArray:
         """Round-off (nc,) [m] of the gaps."""
@@ -104,7 +110,8 @@ def proportions(model: Model) -> Proportions:
         thickness.append(np.full(len(own), body.part.thickness if isinstance(body, Body) and model.dimension == 2 else 1.0))
     width = max((array.shape[1] for array in facets), default=2)
     padded = [np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=-1) for array in facets]
-    return Proportions(size, np.concatenate(padded), np.concatenate(thickness))
+    rigid = np.array([not isinstance(body, Body) for body in model.bodies])
+    return Proportions(size, np.concatenate(padded), np.concatenate(thickness), rigid)
 
 
 def _size(points: FloatArray) -> float:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair, two_pass
+from fcsim.contact_detection.general.everything import Everything
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
-from fcsim.contact_law.law import Remembered, Terms, Variables
+from fcsim.contact_law.coulomb import Gap
+from fcsim.contact_law.law import Meeting, Remembered, Terms, Timing, Variables
 from fcsim.contact_law.proportions import proportions
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
@@ -39,6 +42,34 @@ def test_variables_are_kept_by_contact() -> None:
 def test_sizes_are_the_least_extents_that_are_not_flat() -> None:
     bodies = [rigid_box("plank", (4.0, 0.3, 0.05), (0, 0, 0), 1.0), rigid_box("cube", (2.0, 2.0, 2.0), (5, 0, 0), 1.0)]
     assert_allclose(proportions(build_model(bodies)).size, [0.05, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("rigid", "moving", "recovery", "gap", "expected"),
+    [
+        (True, True, 0.1, 0.9e-7, 0.0),
+        (True, True, 0.1, -0.9e-7, 0.0),
+        (True, True, 0.1, 2e-7, 2e-4),
+        (True, True, 0.1, -2e-7, -2e-4),
+        (True, True, inf, 0.9e-7, 0.9e-4),
+        (True, False, 0.1, 0.9e-7, 0.9e-7),
+        (False, True, 0.1, 0.9e-7, 0.9e-4),
+    ],
+)
+def test_gaps_that_solvers_leave_are_none_between_rigid_bodies(
+    rigid: bool, moving: bool, recovery: float, gap: float, expected: float
+) -> None:
+    """w_N = g / h with h = 1 ms (statics: g) on a cube of 1 m; 0 up to 1e-7 m between rigid bodies that move."""
+    floor = rigid_rectangle("floor", (4, 1), (0, -0.5), 1.0)
+    cube = rigid_rectangle("cube", (1, 1), (0, 0.5 + gap), 1.0)
+    soft = Body("cube", rectangle("c", (1.0, 1.0), (1, 1), SOFT), translation=np.array([-0.5, gap]))
+    model = build_model([floor, cube if rigid else soft])
+    positions = model.positions(np.zeros(model.n_dofs))
+    contacts = Everything(model, 0.5)(positions)
+    timing = Timing(1e-3, 0.5, 1e-3, 1e3) if moving else Timing(1.0, 1.0, 1.0, 1.0, moving=False)
+    meeting = Meeting(contacts, positions, np.zeros((len(contacts), 2)), 0.0, timing, None, proportions(model))
+    w = Gap(recovery).terms(meeting).w[:, 0]
+    assert len(w) == 2 and w == pytest.approx([expected] * 2, rel=1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize("candidates", ["nodes", "faces", "gauss", "mortar", "segments"])
