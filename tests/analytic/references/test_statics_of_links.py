@@ -40,8 +40,8 @@ ANY = Limits(rotation=np.inf, strain=np.inf)
 )
 def test_a_beam_rolled_up_into_a_circle(unit: float, force: float, angle: float, cells: int, n: int) -> None:
     """A plate glued to the end of a slender cantilever is turned, by 2 pi in the end: the moment at the plate and at the clamp is
-    E I theta / L all the way and the end comes back to the clamp (Euler's elastica of no transverse force). The plate turns by 45 degrees a step: with the
-    rows of a step's beginning its moment is short by the cosine of that."""
+    E I theta / L all the way and the end comes back to the clamp (Euler's elastica of no transverse force). The plate turns by 45 degrees
+    a step: with the rows of a step's beginning its moment is short by the cosine of that."""
     L, h, E = unit, 0.02 * unit, 1e6 * force / unit**2
     strip = rectangle("strip", (L, h), (cells, 1), saint_venant_kirchhoff(E, 0.0, 1e-12 * E / unit**2), elements="Q2", plane="stress")
     plate = rigid_rectangle("plate", (0.01 * unit, h), (L + 0.005 * unit, 0.5 * h), 1e-12 * E)
