@@ -136,6 +136,6 @@ def _print_summary(summary: Summary, directory: Path) -> None:
         say(note)
     if summary.message:
         say(summary.message)
-    say(f"results: {directory} (run.json, steps.csv, vtk/*.pvd for ParaView, fclib/)")
+    say(f"results: {directory} (run.json, steps.csv, vtk/run.pvd for ParaView, fclib/)")
     if summary.converged:
         say(f"pictures, film and plots: fcsim render {directory}")

@@ -102,7 +102,7 @@ def test_a_click_picks_a_body_and_says_its_numbers(opened, run):
     if node.min() < 1e-5:  # of a block: its displacement is the file's
         said = dict(line.split("\t") for line in opened.inner_text("#numbers").splitlines())["displacement"]
         factor = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "m": 1.0}[said.split()[1]]
-        near = np.linalg.norm(np.asarray(data["displacement"])[node < 1e-5], axis=1)
+        near = np.linalg.norm(np.asarray(data["displacement [m]"])[node < 1e-5], axis=1)
         assert np.abs(near - float(said.split()[0]) * factor).min() < 1e-3 * near.max()
 
 

@@ -16,11 +16,11 @@ import pyvista as pv
 from fcsim.running.folder import open_run
 from fcsim.view import render
 from fcsim.view.film import film_instants
+from fcsim.view.joints.surface import surface_of
 from fcsim.view.page import motion as motion_of_page
 from fcsim.view.page.curves import drawn, graphs, shown_rows
 from fcsim.view.page.encoding import scaled, size, whole
 from fcsim.view.page.motion import motion
-from fcsim.view.page.surface import surface_of
 from fcsim.view.page.write import write_page
 from fcsim.view.scene import survey
 
@@ -72,14 +72,14 @@ def test_the_motion_is_that_of_the_files(run_directory):
     blocks, rigid = pv.read(run.instants[-1].blocks), pv.read(run.instants[-1].rigid)
     places = decoded(content["vertices"]).reshape(-1, 3) + content["low"]
     last = places + decoded(content["displacement"])[-1].reshape(-1, 3)
-    true = np.vstack([np.asarray(data.points) + data["displacement"] for data in (blocks, rigid)])
+    true = np.vstack([np.asarray(data.points) + data["displacement [m]"] for data in (blocks, rigid)])
     nearest = np.array([np.linalg.norm(true - point, axis=1).min() for point in last])
     assert nearest.max() < np.sqrt(3) / 2 / 32767 * 1.01 * np.ptp(true)  # half a multiple along each axis
-    assert decoded(content["stress"]).max() == pytest.approx(max(pv.read(i.blocks)["von_mises"].max() for i in run.instants), rel=1e-3)
+    assert decoded(content["stress"]).max() == pytest.approx(max(pv.read(i.blocks)["von_mises [Pa]"].max() for i in run.instants), rel=1e-3)
     contacts = pv.read(run.instants[-1].contacts)
     first = content["contacts"]["first"]
     np.testing.assert_allclose(
-        decoded(content["contacts"]["reaction"])[first[-2] :], contacts["reaction"], atol=1e-4 * np.abs(contacts["reaction"]).max()
+        decoded(content["contacts"]["reaction"])[first[-2] :], contacts["reaction [N]"], atol=1e-4 * np.abs(contacts["reaction [N]"]).max()
     )
     np.testing.assert_array_equal(decoded(content["contacts"]["status"])[first[-2] :, 0], contacts["status"])
 
