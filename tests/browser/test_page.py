@@ -13,11 +13,14 @@ import pytest
 import pyvista as pv
 
 from fcsim.running.case import load_case
+from fcsim.running.folder import open_run
 from fcsim.running.outputs import RunOptions
 from fcsim.running.run import run_case
 from fcsim.view import render
+from fcsim.view.joints import configuration, find_joints
 
 pytestmark = pytest.mark.browser
+TITLE = "$('view').data[5].colorbar.title.text"
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +121,25 @@ def test_hiding_cutting_and_colouring_change_what_is_drawn(opened):
     for kind in opened.eval_on_selector_all("#colour option", "options => options.map(option => option.value)"):
         opened.select_option("#colour", kind)
     assert opened.said == []
+
+
+def test_openings_of_joints_are_those_of_the_surfaces(opened, run):
+    """Drawn where the joints of the files have opened, in the colour of their width."""
+    instants = open_run(run).instants
+    joints = find_joints(instants[0], planar=False)
+    opening = np.array([np.maximum(joints.opening(configuration(instant)), 0) for instant in instants])
+    opened.check("#joints")
+    for place in (19, 5):
+        slide(opened, place)
+        factor = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "m": 1.0}[re.search(r"\[(.*)\]", opened.evaluate(TITLE)).group(1)]
+        drawn = np.array(opened.evaluate("$('view').data[5].intensity")) * factor
+        expected = opening[place][opening[place] > 1e-3 * opening.max()]
+        assert abs(len(drawn) - len(expected)) <= 0.01 * len(expected) + 1  # one of a hair may be on either side
+        assert drawn.max() == pytest.approx(expected.max(), abs=1e-4 * opening.max())
+        assert drawn.sum() == pytest.approx(expected.sum(), rel=2e-3)
+    opened.uncheck("#joints")
+    assert opened.evaluate("$('view').data[5].x.length") == 0
+    assert opened.evaluate("$('view').data[6].x.length") == 0  # this wall has no gravity
 
 
 def test_play_goes_to_the_end_and_stops(opened):

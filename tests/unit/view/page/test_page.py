@@ -8,14 +8,18 @@ import gzip
 import json
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import pyvista as pv
 
-from fcsim.running.folder import open_run
+from fcsim.running.description import Description
+from fcsim.running.folder import RunFolder, instants_in, open_run
+from fcsim.running.vtk_series import SeriesWriter
 from fcsim.view import render
 from fcsim.view.film import film_instants
+from fcsim.view.joints import configuration, find_joints
 from fcsim.view.joints.surface import surface_of
 from fcsim.view.page import motion as motion_of_page
 from fcsim.view.page.curves import drawn, graphs, shown_rows
@@ -82,6 +86,25 @@ def test_the_motion_is_that_of_the_files(run_directory):
         decoded(content["contacts"]["reaction"])[first[-2] :], contacts["reaction [N]"], atol=1e-4 * np.abs(contacts["reaction [N]"]).max()
     )
     np.testing.assert_array_equal(decoded(content["contacts"]["status"])[first[-2] :, 0], contacts["status"])
+
+
+def test_gravity_and_joints_are_in_it(fake, tmp_path):
+    """Gravity of each instant as the run had it; corners of a joint's facets by the page's own vertices."""
+    model = replace(fake.wall(3, 4), gravity=lambda t: (9.81 * t, 0.0, -9.81))
+    writer = SeriesWriter(tmp_path / "vtk", model)
+    for number in (10, 20):
+        writer.write(fake.step(model, number, 20, 4))
+    instants = instants_in(tmp_path / "vtk")
+    content = motion(RunFolder(tmp_path, Description(), {}, instants), instants, lambda done, total: None)
+    np.testing.assert_allclose(content["gravity"], [(9.81 * instant.t, 0.0, -9.81) for instant in instants])
+    joints = find_joints(instants[0], planar=False)
+    found = content["joints"]
+    places = decoded(content["vertices"]).reshape(-1, 3) + content["low"]
+    vertex, weight = decoded(found["vertex"]), decoded(found["weight"]).reshape(-1, 3, 3)
+    corners = np.einsum("fck,fkd->fcd", weight, places[vertex.astype(int)])
+    np.testing.assert_allclose(corners, joints.corners(configuration(instants[0], 0.0)), atol=1e-4 * np.ptp(places))
+    for row, instant in zip(decoded(found["opening"]), instants, strict=True):
+        np.testing.assert_allclose(row, np.maximum(joints.opening(configuration(instant)), 0), atol=1e-4 * row.max())
 
 
 def test_many_instants_are_thinned_to_the_room_there_is(run_directory, monkeypatch):
