@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from fcsim.arrays import BoolArray, FloatArray
+from fcsim.assembly.kinematics.recent import Recent
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.mesh.part import RigidBody
 
@@ -37,6 +38,8 @@ class RigidBodies:
         points = [body.points for body in bodies]
         self._body = np.repeat(np.arange(len(points)), [len(p) for p in points])
         self._arm = np.concatenate([p - body.centre for p, body in zip(points, bodies, strict=True)]) if bodies else np.empty((0, d))
+        # a step asks twenty times for three configurations, and SciPy takes as long for two bodies as for a hundred
+        self._exp, self._composed, self._turned_mass = Recent(_exp), Recent(_composed), Recent(self._mass_of)
 
     @cached_property
     def turning(self) -> bool:
@@ -48,7 +51,7 @@ class RigidBodies:
         """Rotation matrices R (nr, d, d)."""
         angle = q[:, self.dimension :]
         if self.dimension == 3:
-            return _exp(angle)
+            return self._exp(angle)
         c, s = np.cos(angle[:, 0]), np.sin(angle[:, 0])
         return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
 
@@ -56,7 +59,7 @@ class RigidBodies:
         """Return the configuration q moved by dq: translations add, rotations are composed, exp(dq) exp(q), to an angle up to pi."""
         moved = q + dq
         if self.dimension == 3 and self.count:
-            moved[:, 3:] = (Rotation.from_rotvec(dq[:, 3:]) * Rotation.from_rotvec(q[:, 3:])).as_rotvec()
+            moved[:, 3:] = self._composed(dq[:, 3:], q[:, 3:])
         return moved
 
     @cached_property
@@ -70,8 +73,8 @@ class RigidBodies:
         return M
 
     def mass(self, q: FloatArray) -> FloatArray:
-        """M = diag(m I, R J R^T) (nr, k, k); one and the same array for all q where no inertia is `turning`."""
-        return self._mass_of(self.rotation(q)) if self.turning else self.reference_mass
+        """M = diag(m I, R J R^T) (nr, k, k), read-only; one and the same array for all q where no inertia is `turning`."""
+        return self._turned_mass(self.rotation(q)) if self.turning else self.reference_mass
 
     def _mass_of(self, R: FloatArray) -> FloatArray:
         M = self.reference_mass.copy()
@@ -129,6 +132,11 @@ class RigidBodies:
 def _exp(angle: FloatArray) -> FloatArray:
     """Rotation matrices (n, 3, 3) of rotation vectors (n, 3)."""
     return Rotation.from_rotvec(angle).as_matrix().reshape(-1, 3, 3) if len(angle) else np.empty((0, 3, 3))
+
+
+def _composed(last: FloatArray, first: FloatArray) -> FloatArray:
+    """Rotation vectors (n, 3) of the rotation by `first` and then by `last` (n, 3)."""
+    return (Rotation.from_rotvec(last) * Rotation.from_rotvec(first)).as_rotvec()
 
 
 def _cross(a: FloatArray) -> FloatArray:

@@ -213,6 +213,9 @@ def _points(model: Model, link: Jointed) -> _Points:
 
 def _controlled(model: Model, link: Control, what: str) -> _Points:
     """The points of a control, which have no fellows."""
+    for point in link.points:
+        if not (isinstance(point, tuple | list) and len(point) == 3):
+            raise InputError(f"{what}: expected points (body, place, weight), got {point!r}")
     weights = np.array([weight for _, _, weight in link.points], dtype=np.float64)
     if not (len(weights) and np.all(np.isfinite(weights)) and weights.min() > 0):
         raise InputError(f"{what}: expected points with weights > 0, got {weights.tolist()}")

@@ -14,9 +14,11 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.brief import brief
 from fcsim.errors import InputError
-from fcsim.problem import Checks, natural_map_residual
+from fcsim.problem import Checks, GlobalProblem, LocalProblem, natural_map_residual
 from fcsim.problem.infeasible import Certificate
 from fcsim.problem.judge import relative
+from fcsim.problem.reduction import Reduction
+from fcsim.solvers.derivative import GlobalDerivative, LocalDerivative, derivative
 from fcsim.solvers.memory import Memory
 
 ERRORS = ("scaled", "published")
@@ -271,3 +273,15 @@ class Result:
     @property
     def time(self) -> float:
         return sum(self.seconds.values())
+
+    def derivative(
+        self, problem: GlobalProblem | LocalProblem | Reduction, *, margin: float | None = None
+    ) -> LocalDerivative | GlobalDerivative:
+        """How this solution of `problem` changes with its data, by the implicit function theorem on the contacts' statuses.
+
+        What comes back takes changes of the data `forward` (W, q, mu; of a global problem M, f, w, mu) and gradients of a scalar
+        `backward`. margin: share of ||q|| up to which a part of a contact's scaled reaction or of its velocity counts as zero, default
+        100 times the scaled error. InputError where this is no solution of the problem, contacts are on the border between two statuses
+        (touching without a reaction, about to slide), or reactions are not unique.
+        """
+        return derivative(problem, self.r, margin)

@@ -28,7 +28,7 @@ from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
-from fcsim.timestep.limits import Limits, refuse_beyond, remarks
+from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond, remarks
 from fcsim.timestep.links.linked import linked, refuse_linkage
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
 from fcsim.timestep.remarks.opening import opening_remarks
@@ -141,7 +141,7 @@ class Simulation:
 
     @cached_property
     def _measure(self) -> DeformationMeasure:
-        return DeformationMeasure(self.model.groups, len(self.model.deformable))
+        return DeformationMeasure(self.model.groups, len(self.model.deformable), min(NAMED_STRAIN, self.limits.strain))
 
     @cached_property
     def _extent(self) -> float:

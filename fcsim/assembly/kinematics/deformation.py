@@ -38,9 +38,9 @@ class Deformation:
 class DeformationMeasure:
     """Measures the bodies of groups."""
 
-    def __init__(self, groups: Sequence[Group], count: int) -> None:
-        """count: number of deformable bodies."""
-        self._count = count
+    def __init__(self, groups: Sequence[Group], count: int, unseen: float = 0.0) -> None:
+        """count: number of deformable bodies; unseen: strain below which an upper bound of it will do."""
+        self._count, self._unseen = count, unseen
         self._groups = [_GroupMeasure(group) for group in groups]
 
     def __call__(self, x: FloatArray) -> Deformation:
@@ -51,7 +51,7 @@ class DeformationMeasure:
             group = measure.floating.group
             frames = measure.floating.frames(measure.floating.displacement(x))
             rotation[group.members] = angle_of(frames.rotation)
-            strain[group.members] = measure.strain(frames.strained)
+            strain[group.members] = measure.strain(frames.strained, self._unseen)
             inverted[group.members] = measure.inverted(frames.strained)
             turning[group.members], finite[group.members] = group.rotates, group.finite
         return Deformation(rotation, strain, inverted, turning, finite)
@@ -65,6 +65,8 @@ class _GroupMeasure:
         self._points = self.floating.arm
         self._cells = group.part.cells
         self._inside = self._gradient(self._cell.inside)
+        components = np.sqrt(np.asarray(self._inside.multiply(self._inside).sum(axis=1)).reshape(-1, self._points.shape[1]).sum(axis=1))
+        self._strain_per_motion = float(components.max()) * np.sqrt(self._cells.shape[1])
         edges = np.unique(np.sort(self._cells[:, self._cell.edges].reshape(-1, 2), axis=1), axis=0)
         self._edges: IntArray = edges.T
         self._lengths = np.linalg.norm(self._points[edges[:, 0]] - self._points[edges[:, 1]], axis=1)
@@ -86,7 +88,12 @@ class _GroupMeasure:
         values = operator @ y.transpose(1, 0, 2).reshape(nn, nb * d)
         return values.reshape(-1, d, nb, d).transpose(0, 2, 3, 1)
 
-    def strain(self, y: FloatArray) -> FloatArray:
+    def strain(self, y: FloatArray, unseen: float) -> FloatArray:
+        """Largest principal strain in size (nb,) of y (nb, nn, d); where all are below `unseen`, a bound:
+        ||H|| <= ||grad N|| ||y_cell||."""
+        bound = self._strain_per_motion * np.sqrt(np.einsum("bni,bni->bn", y, y).max(axis=1))
+        if bound.max(initial=0.0) < unseen:
+            return bound
         H = self._displacement_gradient(self._inside, y)
         epsilon = 0.5 * (H + H.swapaxes(2, 3))
         most = np.argmax(np.einsum("qbij,qbij->qb", epsilon, epsilon), axis=0)

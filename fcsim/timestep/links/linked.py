@@ -13,6 +13,12 @@ g(x_m) + L theta u+: with l = F / phi, phi the force of a unit l,
 
     u+ + C l + b = 0,  1 / C = (k theta^2 L + c theta L / h) / phi,                                                         (2)
     b = C (k (theta g(x_m) + (1 - theta) g) + c (1 - theta) u) / phi
+
+In statics equilibrium is that of the end of the step, so each round takes the rows anew where the last one ended, x',
+
+    G = G(x'),  b = g(x') - G^T v,  of springs b = C k (g(x') - G^T v),                                                     (3)
+
+Newton's method on the links; with those of the beginning a body that turns by an angle takes a moment times its cosine.
 """
 
 from __future__ import annotations
@@ -51,14 +57,24 @@ class Linked:
         """Which rows (p,) are kept exactly."""
         return self.compliance == 0
 
-    def missing(self, model: Model, scheme: Scheme, after: State) -> FloatArray:
-        """How far the rows (p,) [m] are from kept where the next step will look; 0 for springs."""
+    def missing(self, model: Model, scheme: Scheme, v: FloatArray, after: State) -> FloatArray:
+        """How far the rows (p,) [m] are from kept where the next step will look; of springs, in statics, from what they were taken for."""
         gap = self.linkage.rows(scheme.detection_configuration(model, after), self.rows).gap
-        return np.where(self.kept, gap - self.target, 0.0)
+        if scheme.timing.moving or self.kept.all():
+            return np.where(self.kept, gap - self.target, 0.0)
+        stiffness = np.where(self.kept, 1.0, self.linkage.stiffness)
+        taken = self.G.T @ v + np.divide(self.b, self.compliance * stiffness, out=np.zeros_like(gap), where=stiffness * self.compliance > 0)
+        return np.where(self.kept, gap - self.target, np.where(stiffness > 0, gap - taken, 0.0))
 
-    def bent(self, scheme: Scheme, missing: FloatArray) -> Linked:
-        """The rows with what is missing in b, (1)."""
-        return replace(self, b=self.b + missing / scheme.timing.length_per_u)
+    def bent(self, model: Model, scheme: Scheme, v: FloatArray, after: State, missing: FloatArray) -> Linked:
+        """The rows with what is missing after v (n_dofs,) in b, (1); in statics those of the end, (3)."""
+        if scheme.timing.moving:
+            return replace(self, b=self.b + missing / scheme.timing.length_per_u)
+        rows = self.linkage.rows(after.x)
+        G = self.linkage.matrix(rows, after.x)
+        short = rows.gap - self.target - G.T @ v
+        stiffness = np.where(self.kept, 1.0, self.linkage.stiffness)
+        return replace(self, rows=rows, G=G, b=np.where(self.kept, short, self.compliance * stiffness * short))
 
     def refuse_contradictions(self, v: FloatArray, length_per_u: float, extent: float) -> None:
         """InputError where v (n_dofs,) does not keep a row that is to be kept exactly."""

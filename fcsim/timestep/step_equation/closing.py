@@ -36,7 +36,7 @@ class Closing:
         if self.rows is None:
             return True
         self.rows.refuse_contradictions(v, scheme.timing.length_per_u, self._extent)
-        missing = self.rows.missing(model, scheme, after)
+        missing = self.rows.missing(model, scheme, v, after)
         worst = float(np.abs(missing).max(initial=0.0)) / self._extent
         if worst <= CLOSED:
             return True
@@ -45,5 +45,5 @@ class Closing:
             self.given_up = True
             attempts.append(Attempt("links", "the free motion", "did not close", worst, ROUNDS, share, CLOSED))
             return False
-        self.rows = self.rows.bent(scheme, missing)
+        self.rows = self.rows.bent(model, scheme, v, after, missing)
         return False

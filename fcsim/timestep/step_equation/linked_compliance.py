@@ -2,6 +2,8 @@
 
 With S = G^T M^-1 G + C, l = - S^-1 (G^T M^-1 f + b) and v = M^-1 (f + G l). For the contacts W becomes W - V S^-1 V^T, V = H^T M^-1 G. The
 problem that solvers and files see has for each compliant row an unknown of its own, C l, with 1 / C on the diagonal of M and 1 in G.
+
+Where S has lost too much to round-off, as of bodies that only links hold in statics, the saddle point is factored as a whole instead.
 """
 
 from __future__ import annotations
@@ -16,6 +18,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
+from fcsim.linear.factors import SingularMatrix
+from fcsim.timestep.links.saddle_point import SaddlePoint
 from fcsim.timestep.step_equation.compliance import StepCompliance
 
 SPARSE_FROM, FILLED = 200, 0.1
@@ -27,14 +31,24 @@ PIVOT = 1e-10
 REDUNDANT = 1e-11
 """Eigenvalues of the scaled S below this share of the largest are rows that others say already."""
 
+TRUSTED = 1e-7
+"""Of the largest eigenvalue of the scaled S: where smaller ones count, half of the digits of what they say are lost."""
+
+
+HELD = 1e-6
+"""What links leave of a free motion: where less, the rest is the difference of two large numbers."""
+
 
 class _Inverse:
-    """S^-1 of a symmetric S >= 0, dense or sparse, on its range where rows are redundant."""
+    """S^-1 of a symmetric S >= 0, dense or sparse, on its range where rows are redundant.
+
+    rank: of S; trusted: whether what is left of the digits suffices."""
 
     def __init__(self, S: Matrix) -> None:
         scale = np.sqrt(S.diagonal())
         self._scale = 1 / np.where(scale > 0, scale, 1.0)  # rows that nothing can move stay out
         self._factor: Callable[[FloatArray], FloatArray] | None = None
+        self.rank, self.trusted = len(scale), True
         if not isinstance(S, np.ndarray):
             D = sp.diags_array(self._scale)
             self._factor = _sparse_factor(D @ S @ D)
@@ -43,14 +57,16 @@ class _Inverse:
             scaled = S * self._scale[:, None] * self._scale
             try:
                 factor = sla.cho_factor(scaled)
-                if np.diag(factor[0]).min() ** 2 > PIVOT:
-                    self._factor = partial(sla.cho_solve, factor)
+                if (least := np.diag(factor[0]).min() ** 2) > PIVOT:
+                    self._factor, self.trusted = partial(sla.cho_solve, factor), bool(least > TRUSTED)
             except np.linalg.LinAlgError:
                 pass
         if self._factor is None:
             values, self._vectors = np.linalg.eigh(scaled)
             kept = values > REDUNDANT * max(values.max(initial=0.0), 1.0)
             self._values = np.where(kept, 1 / np.where(kept, values, 1.0), 0.0)
+            self.rank = int(np.count_nonzero(kept))
+            self.trusted = not np.any(kept & (values <= TRUSTED * values.max(initial=0.0)))
 
     def __call__(self, rhs: FloatArray) -> FloatArray:
         """S^-1 rhs for rhs (p,) or (p, k)."""
@@ -123,6 +139,22 @@ class LinkedCompliance:
         S = sp.csc_array(S)[:p, :p]
         return _Inverse(0.5 * (S + S.T) + sp.diags_array(self.compliance))
 
+    @cached_property
+    def _whole(self) -> SaddlePoint | None:
+        """The saddle point; None where it is singular."""
+        try:
+            return SaddlePoint(self.base.matrix(), self._on_base, self.compliance)
+        except SingularMatrix:
+            return None
+
+    @cached_property
+    def _saddle(self) -> SaddlePoint | None:
+        """The saddle point where S is not to be trusted, or has lost rows that G has; None else."""
+        inverse = self._inverse
+        if (inverse.trusted and inverse.rank == self.compliance.size) or self._whole is None:
+            return None
+        return None if inverse.trusted and self._whole.rank == inverse.rank else self._whole
+
     def _with_contacts(self, H: sp.sparray, d: int) -> Matrix:
         """[H, G]^T M^-1 [H, G] of the base in blocks of d, G filled up to whole blocks."""
         n, p = self._on_base.shape
@@ -136,11 +168,18 @@ class LinkedCompliance:
         """Return (v, l) of [[M, -G], [-G^T, -C]] (v, l) = rhs, rhs (n + p,)."""
         k, p = len(self._soft), self.G.shape[1]
         f, soft, b = np.split(rhs, [len(rhs) - p - k, len(rhs) - p])
-        v, s = self.base.solve(f), self.compliance[self._soft] * soft
-        known = self._on_base.T @ v + b
+        s = self.compliance[self._soft] * soft
+        known = b.copy()
         known[self._soft] += s
-        multiplier = -self._inverse(known)
-        v = v + self.base.solve(self._on_base @ multiplier)
+        found = None if self._saddle is None else self._saddle.solve(f, known)
+        if found is None:
+            free = self.base.solve(f)
+            multiplier = -self._inverse(self._on_base.T @ free + known)
+            found = free + self.base.solve(self._on_base @ multiplier), multiplier
+            flight, way = (abs(self._on_base).T @ np.abs(v) for v in (free, found[0]))
+            if HELD * float(flight.max(initial=0.0)) > float(way.max(initial=0.0)) and self._whole is not None:
+                found = self._whole.solve(f, known)
+        v, multiplier = found
         return np.concatenate([v, s + self.compliance[self._soft] * multiplier[self._soft], multiplier])
 
     def delassus(self, H: sp.sparray, dimension: int) -> Matrix:
@@ -149,12 +188,17 @@ class LinkedCompliance:
             return self.summed
         m, p = H.shape[1], self.G.shape[1]
         own = sp.csr_array(H)[: self._on_base.shape[0]]
+        if self._saddle is not None:
+            return self._saddle.delassus(own)
         whole = self._with_contacts(own, dimension)
         whole = whole if isinstance(whole, np.ndarray) else sp.csr_array(whole)
         W, V = whole[:m, :m], _dense(whole[:m, m : m + p])
         touched = np.flatnonzero(np.abs(V).max(axis=1, initial=0.0) > 0)
         tile = V[touched] @ self._inverse(V[touched].T)
         tile = 0.5 * (tile + tile.T)
+        before = W.diagonal()[touched]
+        if np.any(before - np.diag(tile) < HELD * before) and self._whole is not None:
+            return self._whole.delassus(own)
         if isinstance(W, np.ndarray):
             W = W.copy()
             W[np.ix_(touched, touched)] -= tile

@@ -112,6 +112,8 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     if not len(held):
         return False
     slide = scheme.timing.length_per_u * np.abs((met.H.T @ v).reshape(len(held), -1)[:, 1:]).max(axis=1)
+    if slide.max() * np.abs(straight).max(initial=0.0) <= 0.25 * smallest * counts:  # no node moves by more than twice that beside the mean
+        return False
     angle = (_turns(model, straight) / (0.5 * np.maximum(sizes, 1e-300)))[held.bodies].max(axis=1)
     return bool(np.any(slide * angle > counts))  # N . du less N' . du, of nodes that go straight
 

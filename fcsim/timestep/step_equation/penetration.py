@@ -25,14 +25,15 @@ def penetration_at_end(model: Model, detection: Detection, met: Encounter, after
     positions, deepest = model.positions(after.x), 0.0
     if not met.meeting.timing.moving:
         return max(0.0, float(-detection(positions).gap.min(initial=0.0)))
-    moved = positions - met.meeting.positions
+    moved, smallest = positions - met.meeting.positions, float(met.meeting.proportions.size.min(initial=np.inf))
     for contacts in (met.meeting.contacts, met.left):
         if contacts is None or not len(contacts):
             continue
         deep = -(contacts.gap + _closing(contacts, moved))
-        if np.any(deep > LOOKED_AT * met.meeting.proportions.size_at(contacts)):
+        most = float(deep.max())
+        if most > LOOKED_AT * smallest and np.any(deep > LOOKED_AT * met.meeting.proportions.size_at(contacts)):
             return max(0.0, float(-detection(positions).gap.min(initial=0.0)))
-        deepest = max(deepest, float(deep.max()))
+        deepest = max(deepest, most)
     return deepest
 
 

@@ -154,3 +154,20 @@ def test_deformation_is_measured_without_the_rotation(d: int) -> None:
     pushed = np.zeros_like(X)
     pushed[0, 0] = 0.3
     assert measure(pushed.ravel()).inverted.tolist() == [True, False]
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_strain_that_need_not_be_known_has_a_bound(d: int) -> None:
+    """Below the `unseen` strain the measure may say more than there is, never less, and never as much as `unseen`."""
+    model, rng = model_of(d), np.random.default_rng(d)
+    exact, seen = DeformationMeasure(model.groups, 2), DeformationMeasure(model.groups, 2, 0.05)
+    bounds = 0
+    for size in np.geomspace(1e-6, 0.3, 40):
+        x = size * rng.standard_normal(model.n_dofs)
+        true, found = exact(x).strain, seen(x).strain
+        if np.array_equal(true, found):
+            assert (found > 0).all()
+        else:
+            bounds += 1
+            assert (true <= found).all() and (found < 0.05).all()
+    assert 5 < bounds < 35
