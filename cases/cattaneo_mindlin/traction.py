@@ -43,7 +43,7 @@ class Refinement(NamedTuple):
 
 
 def refine(script: CaseScript, assignments: dict[str, str], divisions: int) -> Refinement:
-    p = parse_parameters(script, {**assignments, "divisions": str(divisions)})
+    p: Any = parse_parameters(script, {**assignments, "divisions": str(divisions)})
     module = sys.modules[script.build.__module__]
     case = script.build(p)
     model = case.simulation.model

@@ -96,7 +96,8 @@ def granular_model(p: Parameters) -> Model:
 
 def centres(model: Model, x: FloatArray) -> FloatArray:
     """Centres of the rigid bodies (nr, 3) [m]."""
-    return np.array([body.centre for body in model.rigid]) + model.rigid_part(x)[:, :3]
+    found: FloatArray = np.array([body.centre for body in model.rigid]) + model.rigid_part(x)[:, :3]
+    return found
 
 
 if __name__ == "__main__":

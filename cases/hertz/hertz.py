@@ -88,7 +88,7 @@ class Hertz:
         if not approach:
             return 0.0
         if self.d == 3:
-            return 4 / 3 * self.modulus * np.sqrt(self.R) * approach**1.5
+            return float(4 / 3 * self.modulus * np.sqrt(self.R) * approach**1.5)
         return float(brentq(lambda P: self.approach(P) - approach, 1e-12 * self.modulus * self.R, self.modulus * self.R / 2))
 
     def radius_of_forces(self, r: FloatArray, forces: FloatArray) -> float:

@@ -101,12 +101,12 @@ class ExactSolution:
 
     def mean_velocity(self, t: ArrayLike) -> NDArray[np.float64]:
         """Velocity [m/s] of the centre of mass, towards the wall: from v0 linearly to -v0 during the contact."""
-        return np.interp(t, [self.start, self.end], [self.p.speed, -self.p.speed])
+        return np.interp(np.asarray(t, dtype=np.float64), [self.start, self.end], [self.p.speed, -self.p.speed])
 
     def elastic_energy(self, t: ArrayLike) -> NDArray[np.float64]:
         """Elastic energy [J]: grows to all of the impact's at half of the contact's time, and back to none."""
         middle = 0.5 * (self.start + self.end)
-        return np.interp(t, [self.start, middle, self.end], [0.0, self.impact_energy, 0.0])
+        return np.interp(np.asarray(t, dtype=np.float64), [self.start, middle, self.end], [0.0, self.impact_energy, 0.0])
 
 
 def build(p: Parameters) -> Case:

@@ -9,6 +9,7 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcsim import (
     Body,
@@ -108,7 +109,7 @@ def sheet_and_tools(p: Parameters) -> Model:
     )
 
 
-def sag(model: Model, x: FloatArray, middle: FloatArray, end: int) -> float:
+def sag(model: Model, x: FloatArray, middle: NDArray[np.integer], end: int) -> float:
     """How far the middle's mean stands below the end [m]."""
     y = model.positions(x)[:, 1]
     return float(y[end] - y[middle].mean())

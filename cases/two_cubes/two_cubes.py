@@ -27,6 +27,7 @@ from fcsim import (
     main,
     nodal_area,
 )
+from fcsim.arrays import FloatArray
 from fcsim.mesh import brick
 
 
@@ -62,11 +63,12 @@ def build(p: Parameters) -> Case:
     simulation = Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(1 / max(p.steps, 1)), p.steps, settings)
     upper, area = model.number["upper"], nodal_area(model, "upper", "z-")
 
-    def pressure(step: Step) -> np.ndarray:
+    def pressure(step: Step) -> FloatArray:
         """Nodal pressures [Pa] on the upper cube: its contact forces, wherever they act in a facet, spread on the nodes."""
         own = (step.H @ step.result.r)[model.dof_offset[upper] + 2 : model.dof_offset[upper + 1] : 3]
         share = area[model.node_offset[upper] : model.node_offset[upper + 1]]
-        return own[share > 0] / share[share > 0]
+        spread: FloatArray = own[share > 0] / share[share > 0]
+        return spread
 
     return Case(
         name="two_cubes",

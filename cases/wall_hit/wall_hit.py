@@ -71,7 +71,7 @@ def build(p: Parameters) -> Case:
     start = at_rest(model)
     v = start.v.copy()
     v[model.dof_offset[shot] + 1] = p.speed
-    weight = -float(model.load(0.0).sum()) - GRAVITY * model.bodies[ground].mass  # gravity acts along z alone
+    weight = -float(model.load(0.0).sum()) - GRAVITY * model.rigid[ground - len(model.deformable)].mass  # gravity acts along z alone
     settings = SolverSettings(name=p.solver, tol=p.tol)
     simulation = Simulation(model, Everything(model, p.mu), Theta(p.h, p.theta, Gap()), p.steps, settings, State(0.0, start.x, v))
     return Case(

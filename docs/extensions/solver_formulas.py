@@ -32,6 +32,7 @@ METHODS = {
     "newton": NEWTON,
     "nsgs": SWEEP,
     "nncg": r"p \leftarrow \beta p - (s - S(s)),\quad s \leftarrow S(s) + \beta p,\quad \beta = \|s - S(s)\|^2/\|s_- - S(s_-)\|^2,\quad S\ \text{a sweep}",
+    "anderson": r"r \leftarrow S(r) - \sum_j \gamma_j\,\Delta S(r_j),\quad \gamma = \arg\min \|f - \textstyle\sum_j \gamma_j\,\Delta f_j\|,\quad f = S(r) - r,\quad S\ \text{a sweep}",
     "nsgsv": r"r = W^{-1}(u - q)\quad\text{swept over the contacts' velocities}\ u_a",
     "proximal_point": r"r_{k+1}\ \text{solves}\quad u = (W + \alpha D)\,r + q - \alpha D\,r_k,\quad K^* \ni u + g(u) \perp r \in K",
     "levenberg_marquardt": r"\Delta r = -D^{1/2}(J^T J + \lambda^2 I)^{-1} J^T F,\quad J = \frac{dF}{dr} D^{1/2}",

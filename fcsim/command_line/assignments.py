@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from fcsim.errors import InputError
 
 if TYPE_CHECKING:
     from fcsim.cluster import Cluster
+    from fcsim.running.case import CaseScript
 
 
 def read_assignments(texts: Sequence[str]) -> dict[str, str]:
@@ -25,6 +27,19 @@ def read_assignments(texts: Sequence[str]) -> dict[str, str]:
         if assignments.setdefault(name, value) != value:
             raise InputError(f"--set {text}: expected one value of {name}, got {assignments[name]} before")
     return assignments
+
+
+def given_by_options(options: argparse.Namespace, script: CaseScript) -> dict[str, str]:
+    """The parameters that --steps, --solver and --tol set, as texts. InputError where the case has none of that name."""
+    given = {name: str(value) for name in ("steps", "solver", "tol") if (value := getattr(options, name)) is not None}
+    known = [field.name for field in dataclasses.fields(script.parameters)]
+    for name, text in given.items():
+        if name not in known:
+            raise InputError(
+                f"--{name} {text}: case {script.name} has no parameter {name} that it could set, but {', '.join(known)}; give its "
+                f"Parameters a field {name} that build uses, or change it in the script"
+            )
+    return given
 
 
 def checked_tolerance(tol: float) -> float:

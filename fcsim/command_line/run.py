@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fcsim.command_line.answers import answer, current
-from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, read_assignments
+from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, given_by_options, read_assignments
 from fcsim.command_line.progress import show_step
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
@@ -75,9 +75,7 @@ def _run(options: argparse.Namespace) -> int:
     assignments = read_assignments(options.assignments)
     if options.tol is not None and options.tol >= 0:
         checked_tolerance(options.tol)
-    for name in ("steps", "solver", "tol"):
-        if getattr(options, name) is not None:
-            assignments[name] = str(getattr(options, name))
+    assignments |= given_by_options(options, script)
     directory = options.out or Path("results") / script.name
     forms = ("global", "local") if options.export_form == "both" else (options.export_form,)
     settings = RunOptions(
@@ -136,6 +134,6 @@ def _print_summary(summary: Summary, directory: Path) -> None:
         say(note)
     if summary.message:
         say(summary.message)
-    say(f"results: {directory} (run.json, steps.csv, vtk/*.pvd for ParaView, fclib/)")
+    say(f"results: {directory} (run.json, steps.csv, vtk/run.pvd for ParaView, fclib/)")
     if summary.converged:
         say(f"pictures, film and plots: fcsim render {directory}")

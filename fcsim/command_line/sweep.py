@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fcsim.command_line.answers import answer
-from fcsim.command_line.assignments import add_launcher, add_plugin_option, checked_tolerance, cluster_of, positive, read_assignments
+from fcsim.command_line.assignments import (
+    add_launcher,
+    add_plugin_option,
+    checked_tolerance,
+    cluster_of,
+    given_by_options,
+    positive,
+    read_assignments,
+)
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
 from fcsim.interrupts import ended_by, ended_politely
@@ -84,9 +92,7 @@ def _sweep(options: argparse.Namespace) -> int:
     assignments = read_assignments(options.assignments)
     if options.tol is not None:
         checked_tolerance(options.tol)
-    for name in ("steps", "solver", "tol"):
-        if getattr(options, name) is not None:
-            assignments[name] = str(getattr(options, name))
+    assignments |= given_by_options(options, script)
     rows = read_table_of_values(options.table) if options.table is not None else []
     chosen = combinations([read_over(text) for text in options.over], rows)
     plan = make_plan(script, assignments, chosen, options.plugin)

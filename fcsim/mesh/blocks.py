@@ -50,11 +50,11 @@ def part_from_gmsh(
 
 def brick(
     name: str,
-    size: Sequence[float],
+    size: Sequence[float] | FloatArray,
     divisions: Sequence[int],
     material: AnyMaterial,
     cell: str = "hexahedron",
-    origin: Sequence[float] = (0.0, 0.0, 0.0),
+    origin: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
     *,
     elements: str | None = None,
 ) -> Part:
@@ -69,14 +69,14 @@ def brick(
 
 def rectangle(
     name: str,
-    size: Sequence[float],
+    size: Sequence[float] | FloatArray,
     divisions: Sequence[int],
     material: AnyMaterial,
     cell: str = "quadrilateral",
     *,
     plane: Literal["strain", "stress"] = "strain",
     thickness: float = 1.0,
-    origin: Sequence[float] = (0.0, 0.0),
+    origin: Sequence[float] | FloatArray = (0.0, 0.0),
     elements: str | None = None,
 ) -> Part:
     """Return a rectangle from `origin` to `origin + size` [m] with surfaces "x-", "x+", "y-", "y+".
@@ -89,7 +89,9 @@ def rectangle(
     )
 
 
-def rigid_box(name: str, size: Sequence[float], centre: Sequence[float], mass: float, divisions: Sequence[int] | None = None) -> RigidBody:
+def rigid_box(
+    name: str, size: Sequence[float] | FloatArray, centre: Sequence[float] | FloatArray, mass: float, divisions: Sequence[int] | None = None
+) -> RigidBody:
     """Return a rigid homogeneous box of edges `size` [m] around `centre` [m], `mass` [kg], with six named surfaces of quadrilaterals.
 
     Inertia m/12 diag(ly^2 + lz^2, lx^2 + lz^2, lx^2 + ly^2). `divisions` = (nx, ny, nz) facets along the edges, by default one
@@ -101,7 +103,7 @@ def rigid_box(name: str, size: Sequence[float], centre: Sequence[float], mass: f
 
 
 def rigid_rectangle(
-    name: str, size: Sequence[float], centre: Sequence[float], mass: float, divisions: Sequence[int] | None = None
+    name: str, size: Sequence[float] | FloatArray, centre: Sequence[float] | FloatArray, mass: float, divisions: Sequence[int] | None = None
 ) -> RigidBody:
     """Return a rigid homogeneous rectangle of edges `size` [m] around `centre` [m], `mass` [kg], with four named surfaces.
 
@@ -113,7 +115,7 @@ def rigid_rectangle(
 
 
 def _hull(
-    name: str, size: Sequence[float], centre: Sequence[float], divisions: Sequence[int] | None, dimension: int
+    name: str, size: Sequence[float] | FloatArray, centre: Sequence[float] | FloatArray, divisions: Sequence[int] | None, dimension: int
 ) -> tuple[FloatArray, dict[str, IntArray]]:
     """Nodes on the boundary of a box, and its surfaces numbered in them."""
     _check_numbers(name, "centre", centre, dimension)

@@ -82,7 +82,7 @@ class RunningBond:
 def running_bond(
     courses: int = 3,
     blocks: float = 3.5,
-    block_size: Sequence[float] = (0.2, 0.1, 0.1),
+    block_size: Sequence[float] | FloatArray = (0.2, 0.1, 0.1),
     divisions: Sequence[int] = (8, 4, 4),
     *,
     material: AnyMaterial,
@@ -138,7 +138,7 @@ def running_bond(
     return RunningBond(tuple(bodies), np.array(course), np.array(position), size)
 
 
-def _check(courses: float, blocks: float, block_size: Sequence[float], divisions: Sequence[int], gap: float) -> None:
+def _check(courses: float, blocks: float, block_size: Sequence[float] | FloatArray, divisions: Sequence[int], gap: float) -> None:
     """InputError for what no wall can be laid from, see `running_bond`."""
     d = len(block_size)
     if d not in (2, 3):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from fcsim.brief import brief
 from fcsim.errors import FcsimError, InputError
@@ -100,7 +100,7 @@ class CaseScript:
 
     name: str
     path: Path
-    parameters: type[DataclassInstance]
+    parameters: type[Any]  # the case's own dataclass: a script that runs another's case knows its fields, mypy cannot
     build: Callable[..., Case]
     sha256: str
 

@@ -2,16 +2,14 @@
 
 DIR/run.json   case, title, parameters, and which columns the plots take, see `description`
 DIR/steps.csv  one row a step
-DIR/vtk/       blocks, contacts and rigid bodies: a .pvd collection of each, one .vtu or .vtp file an instant
+DIR/vtk/       run.pvd, and blocks, contacts and rigid bodies of each instant as .vtu and .vtp files
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,34 +17,11 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.brief import brief
 from fcsim.errors import InputError
-from fcsim.files import inside, replacing
 from fcsim.running.description import FILE, Description, Plots, read_description
+from fcsim.running.series.collection import files_of
 from fcsim.tables import read_rows
 
-SERIES = ("blocks", "contacts", "rigid")
-
-
-def read_collection(path: Path) -> list[tuple[float, str]]:
-    """Return the (time [s], file name) entries of a ParaView collection (.pvd), in its order."""
-    try:
-        entries = ElementTree.parse(path).getroot().findall("./Collection/DataSet")
-        found = [(float(entry.attrib["timestep"]), entry.attrib["file"]) for entry in entries]
-        if not all(math.isfinite(t) for t, _ in found):
-            raise ValueError("a time that is no finite number")
-        return found
-    except (ElementTree.ParseError, KeyError, ValueError, LookupError) as error:
-        raise InputError(f"{path}: expected a ParaView collection (.pvd) with a time and a file in each entry: {error}") from None
-
-
-def write_collection(path: Path, entries: list[tuple[float, str]]) -> None:
-    """Write a ParaView collection (.pvd) of (time [s], file name relative to the collection)."""
-    root = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
-    collection = ElementTree.SubElement(root, "Collection")
-    for t, file in entries:
-        ElementTree.SubElement(collection, "DataSet", timestep=repr(float(t)), group="", part="0", file=file)
-    ElementTree.indent(root)
-    with replacing(path) as temporary:
-        ElementTree.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)
+DRAWN = ("blocks", "contacts", "rigid")
 
 
 @dataclass(frozen=True)
@@ -128,11 +103,7 @@ def _numbers_or_text(entries: list[str]) -> NDArray:
 def instants_in(directory: Path) -> tuple[Instant, ...]:
     """The instants of the VTK series in `directory`, in the order of time; InputError where a file of theirs is missing."""
     files: dict[float, dict[str, Path | None]] = {}
-    for series in SERIES:
-        collection = directory / f"{series}.pvd"
-        for t, name in read_collection(collection) if collection.is_file() else []:
-            file = inside(directory, directory / name)
-            if not file.is_file():
-                raise InputError(f"{collection}: expected the file {name} of t = {t} s beside it, found none")
-            files.setdefault(t, dict.fromkeys(SERIES))[series] = file
+    for entry, file in files_of(directory):
+        if entry.series in DRAWN:
+            files.setdefault(entry.t, dict.fromkeys(DRAWN))[entry.series] = file
     return tuple(Instant(t, **files[t]) for t in sorted(files))

@@ -3,7 +3,7 @@
 DIR/run.json       case, title, parameters, versions, status, and which columns the plots take
 DIR/steps.csv      one row a step: contacts, solver, checks, energies, seconds, the case's sensors
 DIR/steps.h5       the same with units, written when the run ends
-DIR/vtk/           ParaView series of blocks, contacts, rigid bodies
+DIR/vtk/           run.pvd, the ParaView series of blocks, contacts, rigid bodies, links
 DIR/fclib/global/  FCLIB files (and local/ where asked for)
 DIR/checkpoint.h5  state and the last reactions: what `--resume` goes on from
 """

@@ -144,6 +144,8 @@ def _way(chosen: Method, solver: str, options: Options, given: Reduced) -> tuple
     if run is None:
         form = {Reduction: "a global problem", Elimination: "a mixed local problem"}.get(type(given), "a local problem without constraints")
         ways = [name for name, way in (("global", chosen.run_global), ("mixed local", chosen.run_mixed)) if way is not None]
+        if not ways:
+            raise InputError(f"option linear: expected 'auto' for {solver!r}, which works on the local form alone, got 'kkt'")
         raise InputError(f"option linear: expected 'kkt' with a {' or '.join(ways)} problem for {solver!r}, got it with {form}")
     return run, given
 

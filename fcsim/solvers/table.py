@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from fcsim.errors import InputError
 from fcsim.solvers.automatic.stages import AutomaticOptions, automatic
 from fcsim.solvers.base import Method, Options
+from fcsim.solvers.gauss_seidel.anderson import AndersonOptions, anderson
 from fcsim.solvers.gauss_seidel.conjugate import nncg
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, SweepOptions, nsgs
@@ -101,6 +102,7 @@ SOLVERS: dict[str, Method] = {
     "NSGS-EXACT": _nsgs("EXACT", "Bonnefon, Daviet 2011"),
     "NSGS-NCP": _nsgs("NCP-FB", "Glocker 1999", options=GaussSeidelOptions(local_iterations=100)),
     "NNCG": Method(nncg, SweepOptions(), "Gauss-Seidel", "Silcowitz-Hansen, Niebe, Erleben 2010"),
+    "NSGS-AA": Method(anderson, AndersonOptions(), "Gauss-Seidel", "Anderson 1965; Walker, Ni 2011"),
     "NSGSV": Method(nsgsv, VelocityOptions(), "Gauss-Seidel", _BOOK, "NSGSV"),
     "PPA-NSN-AC": Method(
         proximal_point, ProximalOptions(internal="NSN-AC", internal_options={"max_iterations": 30}), "proximal point", _BOOK, "PROX"
@@ -142,6 +144,12 @@ SOLVERS: dict[str, Method] = {
     "EG-VI-UPK": Method(extragradient, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_EG"),
     "EG-VI-UTK": Method(extragradient, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_EG (SOLODOV)"),
     "ADMM": Method(admm, AdmmOptions(), "ADMM", "Boyd et al. 2011; Goldstein et al. 2014", "ADMM", run_global=admm_global),
+    "ADMM-SPECTRAL": Method(
+        admm,
+        AdmmOptions(rho_update="spectral", balancing_ratio=10.0, acceleration="none"),
+        "ADMM",
+        "Carpentier, Le Lidec, Montaut 2024",
+    ),
     "TRESCA": Method(tresca, FixedPointOptions(), "convex programs", "Haslinger 1983", "TFP"),
     "CYLINDER-QP": Method(tresca, FixedPointOptions(internal="projected gradient"), "convex programs", _BOOK, "CONVEXQP_CYLINDER"),
     "FP-VI-CYL": Method(tresca, FixedPointOptions(internal="FP-VI-UPK"), "convex programs", _BOOK, "VI_FPP_Cylinder"),

@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.running.folder import Instant, RunFolder
-from fcsim.view.scene import Scene, Survey, colour_map, read
+from fcsim.view.joints import Joints, find_joints
+from fcsim.view.joints.draw import crack_colours, draw_joints, opened
+from fcsim.view.scene import Scene, Survey, colour_map, gravity_of, read
 from fcsim.view.style import BLUE, GREY, RED, STYLE, figure, matplotlib, prefixed, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
 WIDTH = 10.0  # of every page [inch], whatever the resolution
@@ -28,8 +31,8 @@ LONGEST_SEGMENT = 0.12  # of the width of the picture
 def write_pictures(
     run: RunFolder, seen: Survey, directory: Path, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[Path]:
-    """Write stress.png (bodies.png where all are rigid and have none) and contacts.png (last instant) and instants.png (four instants)
-    into `directory`; return what was written."""
+    """Write stress.png (bodies.png where all are rigid and have none), contacts.png, cracks.png where joints have opened (last instant)
+    and instants.png (four instants) into `directory`; return what was written."""
     last = run.instants[-1]
     written = []
     with matplotlib().rc_context(STYLE):
@@ -39,9 +42,12 @@ def write_pictures(
             if len(run.instants) > 1:
                 written.append(save(instants_figure(run, scene, _spread(run.instants, 4)), directory / "instants.png"))
         progress(2, 3)
-        if last.contacts is not None:
-            with Scene(seen, "front", margin=LONGEST_SEGMENT / 3) as scene:
+        with Scene(seen, "front", margin=LONGEST_SEGMENT / 3) as scene:
+            if last.contacts is not None:
                 written.append(save(contact_figure(run, scene, last), directory / "contacts.png"))
+            joints = find_joints(run.instants[0], seen.planar)
+            if (cracks := crack_figure(run, scene, last, joints)) is not None:
+                written.append(save(cracks, directory / "cracks.png"))
         progress(3, 3)
     return written
 
@@ -50,7 +56,7 @@ def stress_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
     """The deformed shape of an instant, coloured by von Mises stress where bodies have one, with title and colour bar."""
     page = _Page(scene)
     page.title(run.title, describe(run, scene, instant))
-    page.image(scene.image(instant))
+    page.gravity(page.image(scene.image(instant)), instant)
     page.colour_bar()
     return page.drawing
 
@@ -78,6 +84,7 @@ def contact_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
 
     page = _Page(scene)
     axes = page.image(scene.image(instant, coloured=False))
+    page.gravity(axes, instant)
     from matplotlib.collections import LineCollection
     from matplotlib.lines import Line2D
 
@@ -111,6 +118,21 @@ def contact_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
     scale, unit = prefixed("N", largest)
     handles.append(Line2D([], [], color=GREY, linewidth=1.6, label=f"reaction (longest of the run: {largest / scale:.3g} {unit})"))
     page.drawing.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.02), ncols=4, handletextpad=0.5, columnspacing=1.8)
+    page.title(run.title, describe(run, scene, instant))
+    return page.drawing
+
+
+def crack_figure(run: RunFolder, scene: Scene, instant: Instant, joints: Joints) -> Figure | None:
+    """The joints by their opening since the beginning, which their surfaces tell, however far they are apart; None where none opened."""
+    opening = opened(joints, instant, float((scene.survey.high - scene.survey.low).max()))
+    if not opening.any():
+        return None
+    page = _Page(scene)
+    axes = page.image(scene.image(instant, coloured=False))
+    draw_joints(axes, scene, instant, joints, opening)
+    page.gravity(axes, instant)
+    scale, unit = prefixed("m", opening)
+    page.bar((0.0, float(opening.max()) / scale), crack_colours(), f"opening of joints [{unit}]")
     page.title(run.title, describe(run, scene, instant))
     return page.drawing
 
@@ -176,17 +198,41 @@ class _Page:
     def colour_bar(self) -> None:
         if self.scene.survey.stress is None:
             return
+        scale, unit = prefixed("Pa", self.scene.survey.stress)
+        low, high = self.scene.survey.stress
+        self.bar((low / scale, high / scale), colour_map(), f"von Mises stress [{unit}]", extend="max")
+
+    def bar(self, ends: tuple[float, float], colours: Colormap, label: str, extend: str = "neither") -> None:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
-        scale, unit = prefixed("Pa", self.scene.survey.stress)
         axes = self.drawing.add_axes((0.25, 0.56 / self.height, 0.5, 0.14 / self.height))
-        low, high = self.scene.survey.stress
-        bar = self.drawing.colorbar(
-            ScalarMappable(Normalize(low / scale, high / scale), colour_map()), cax=axes, orientation="horizontal", extend="max"
-        )
-        bar.set_label(f"von Mises stress [{unit}]", labelpad=2)
+        bar = self.drawing.colorbar(ScalarMappable(Normalize(*ends), colours), cax=axes, orientation="horizontal", extend=extend)
+        bar.set_label(label, labelpad=2)
         bar.outline.set_linewidth(0.5)
+
+    def gravity(self, axes: Axes, instant: Instant) -> None:
+        """An arrow along gravity of that instant, in the upper right corner; nothing where there is none, or it is along the view."""
+        g = gravity_of(instant)
+        if g is None:
+            return
+        seen = np.array([g @ self.scene.right, -(g @ self.scene.up)])
+        if np.linalg.norm(seen) < 0.1 * np.linalg.norm(g):
+            return
+        length = 0.045 * self.scene.width
+        along = length * seen / np.linalg.norm(seen)
+        centre = np.array([self.scene.width - 1.1 * length, -0.15 * length])
+        tail, tip = centre - along / 2, centre + along / 2
+        axes.annotate(
+            "",
+            tip,
+            tail,
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-|>", "color": GREY, "linewidth": 1.8, "shrinkA": 0, "shrinkB": 0},
+        )
+        axes.annotate(
+            "g", (centre[0] + 0.35 * length, centre[1]), color=GREY, fontsize=11, style="italic", va="center", annotation_clip=False
+        )
 
 
 def _spread(instants: tuple[Instant, ...], number: int) -> list[Instant]:

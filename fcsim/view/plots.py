@@ -170,6 +170,8 @@ def convergence_plot(run: RunFolder) -> Figure | None:
         if name == "error":
             values = np.where(values > 0, values, np.nan)  # an exact zero has no place on a logarithmic axis
             axes.set_yscale("log")
+            if not np.any(np.isfinite(values)):
+                axes.set_ylim(1e-16, 1.0)
             if (tolerance := run.description.tol) is not None and tolerance > 0:
                 axes.axhline(tolerance, color=RED, linestyle=(0, (6, 2)), linewidth=1.4, label=f"tolerance {tolerance:.0e}")
         axes.plot(number, values, ".", color=BLUE, markersize=5)
@@ -180,7 +182,7 @@ def convergence_plot(run: RunFolder) -> Figure | None:
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2)
         if name == "iterations":
-            axes.set_ylim(bottom=0)
+            axes.set_ylim(0, max(1.0, 1.05 * float(np.nanmax(values, initial=0.0))))  # all of 0 have no range
             axes.yaxis.get_major_locator().set_params(integer=True)
     panels[0].set_title(run.title)
     panels[-1].set_xlabel("step")

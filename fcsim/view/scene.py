@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.running.folder import Instant, RunFolder
+from fcsim.running.series.units import without_unit
 from fcsim.runtime import ISOLATED, without_local_options
 from fcsim.view.framed import Framed
 from fcsim.view.standing_before import standing_before
@@ -88,12 +89,23 @@ class Survey:
 
 
 def read(path: Path) -> DataSet:
-    """Return the data set of a .vtu or .vtp file."""
+    """Return the data set of a .vtu or .vtp file, its arrays by their names without units."""
     with warnings.catch_warnings(action="ignore", category=UserWarning):  # of VTK's reader: the error below says it
         data = offscreen().read(path)
+    for arrays in (data.point_data, data.cell_data, data.field_data):
+        for array in [arrays.VTKObject.GetAbstractArray(k) for k in range(arrays.VTKObject.GetNumberOfArrays())]:
+            array.SetName(without_unit(array.GetName() or ""))
     if "displacement" not in data.point_data:
         raise InputError(f"{path}: expected a VTK file of points with a displacement, could not read one")
     return data
+
+
+def gravity_of(instant: Instant) -> NDArray[np.float64] | None:
+    """(3,) [m/s^2] at an instant; None where there is none, or the file says none, as those of fcsim 0.2."""
+    if instant.contacts is None or "gravity" not in (fields := read(instant.contacts).field_data):
+        return None
+    g = np.asarray(fields["gravity"], dtype=np.float64).ravel()
+    return g if g.any() else None
 
 
 def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | None = None) -> Survey:

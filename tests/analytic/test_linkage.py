@@ -306,7 +306,7 @@ def test_links_and_contact_in_one_problem_as_files_hold_it(tmp_path: Any) -> Non
 
     SeriesWriter(tmp_path, step.model).write(step)
     points = pyvista.read(next(tmp_path.glob("links_*.vtp")))
-    assert points["force"][points["link"] == 0].sum(axis=0)[:2] == pytest.approx(step.link_force("pin"))
+    assert points["force [N]"][points["link"] == 0].sum(axis=0)[:2] == pytest.approx(step.link_force("pin"))
     assert points.points[0, :2] == pytest.approx([1.0, 0.05], abs=0.02)
     assert answers[1].link_force("pin") == pytest.approx(0.5 * step.link_force("pin"), rel=1e-4, abs=1e-4)
 

@@ -92,4 +92,4 @@ def test_vtk_files_hold_quadratic_cells(tmp_path: Any) -> None:
     assert set(grid.celltypes) == {24}
     assert grid.n_points == len(step.model.deformable[0].part.points)
     assert grid.compute_cell_sizes()["Volume"].sum() == pytest.approx(0.5)
-    assert np.allclose(grid["displacement"], step.state.x[: 3 * grid.n_points].reshape(-1, 3))
+    assert np.allclose(grid["displacement [m]"], step.state.x[: 3 * grid.n_points].reshape(-1, 3))

@@ -13,11 +13,14 @@ import pytest
 import pyvista as pv
 
 from fcsim.running.case import load_case
+from fcsim.running.folder import open_run
 from fcsim.running.outputs import RunOptions
 from fcsim.running.run import run_case
 from fcsim.view import render
+from fcsim.view.joints import configuration, find_joints
 
 pytestmark = pytest.mark.browser
+TITLE = "$('view').data[5].colorbar.title.text"
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +63,7 @@ def test_the_slider_moves_the_bodies_to_where_the_files_have_them(opened, run):
         slide(opened, place)
         data = pv.read(sorted((run / "vtk").glob("blocks_*.vtu"))[place])
         surface = data.extract_surface(algorithm="dataset_surface")
-        true = np.asarray(surface.points) + 1000 * surface["displacement"]
+        true = np.asarray(surface.points) + 1000 * surface["displacement [m]"]
         drawn = np.array(opened.evaluate("['x', 'y', 'z'].map(axis => Array.from($('view').data[0][axis]))")).T
         assert max(np.linalg.norm(drawn - point, axis=1).min() for point in true) < 1e-4 * np.ptp(true)
         assert f"t = {float(rows(run)[int(data.field_data['TimeValue'][0] / 1e-3 + 0.5) - 1]['t']):.6g}" in opened.inner_text("#when")
@@ -102,7 +105,7 @@ def test_a_click_picks_a_body_and_says_its_numbers(opened, run):
     if node.min() < 1e-5:  # of a block: its displacement is the file's
         said = dict(line.split("\t") for line in opened.inner_text("#numbers").splitlines())["displacement"]
         factor = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "m": 1.0}[said.split()[1]]
-        near = np.linalg.norm(np.asarray(data["displacement"])[node < 1e-5], axis=1)
+        near = np.linalg.norm(np.asarray(data["displacement [m]"])[node < 1e-5], axis=1)
         assert np.abs(near - float(said.split()[0]) * factor).min() < 1e-3 * near.max()
 
 
@@ -118,6 +121,26 @@ def test_hiding_cutting_and_colouring_change_what_is_drawn(opened):
     for kind in opened.eval_on_selector_all("#colour option", "options => options.map(option => option.value)"):
         opened.select_option("#colour", kind)
     assert opened.said == []
+
+
+def test_openings_of_joints_are_those_of_the_surfaces(opened, run):
+    """Drawn where the joints of the files have opened, in the colour of their width."""
+    instants = open_run(run).instants
+    joints = find_joints(instants[0], planar=False)
+    opening = np.array([np.maximum(joints.opening(configuration(instant)), 0) for instant in instants])
+    opened.check("#joints")
+    for place in (19, 5):
+        slide(opened, place)
+        factor = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "m": 1.0}[re.search(r"\[(.*)\]", opened.evaluate(TITLE)).group(1)]
+        drawn = np.array(opened.evaluate("$('view').data[5].intensity")) * factor
+        expected = opening[place][opening[place] > 1e-3 * opening.max()]
+        assert abs(len(drawn) - len(expected)) <= 0.01 * len(expected) + 1  # one of a hair may be on either side
+        assert drawn.max() == pytest.approx(expected.max(), abs=1e-4 * opening.max())
+        assert drawn.sum() == pytest.approx(expected.sum(), rel=2e-3)
+    opened.uncheck("#joints")
+    assert opened.evaluate("$('view').data[5].x.length") == 0
+    x, y, z = (opened.evaluate(f"$('view').data[6].{axis}.slice(0, 2)") for axis in "xyz")  # the arrow of gravity: down
+    assert x[0] == x[1] and y[0] == y[1] and z[1] < z[0]
 
 
 def test_play_goes_to_the_end_and_stops(opened):

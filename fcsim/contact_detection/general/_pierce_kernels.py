@@ -19,6 +19,11 @@ def pierced(
     if not (min(high, low) < 0.0 < max(high, low)):
         return False
     at = p + high / (high - low) * (q - p)
+    if sides[f] == 2:
+        start, along = point[facets[f, 0]], point[facets[f, 1]] - point[facets[f, 0]]
+        place, whole = dot(at - start, along), dot(along, along)
+        margin = near * np.sqrt(whole)
+        return -margin <= place <= whole + margin
     inside = True
     for l in range(sides[f]):
         a = point[facets[f, l]]
@@ -90,4 +95,17 @@ def inside(
                 la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
                 angle += 2.0 * np.arctan2(dot(a, np.cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
         result[row] = angle > (4.0 * times[row] - 2.0) * np.pi and not touches
+    return result
+
+
+@njit(cache=True)
+def inside_polygon(at: FloatArray, body: IntArray, first_facet: IntArray, point: FloatArray, facets: IntArray) -> BoolArray:
+    """Whether points (n, 3) of the plane lie inside bodies (n,): their sides turn once around them."""
+    result = np.empty(len(at), dtype=np.bool_)
+    for row in range(len(at)):
+        angle = 0.0
+        for f in range(first_facet[body[row]], first_facet[body[row] + 1]):
+            a, b = point[facets[f, 0]] - at[row], point[facets[f, 1]] - at[row]
+            angle += np.arctan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
+        result[row] = abs(angle) > np.pi
     return result

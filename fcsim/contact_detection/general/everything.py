@@ -16,8 +16,8 @@ from fcsim.contact_detection.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.edges import EdgeContacts, edge_contacts
 from fcsim.contact_detection.general.folding import deformation, folding_bodies, with_folding
 from fcsim.contact_detection.general.near import Lengths, NearBodies, near_bodies
-from fcsim.contact_detection.general.overlaps import overlap_contacts
 from fcsim.contact_detection.general.smoothing import smoothed
+from fcsim.contact_detection.general.unseen.overlaps import overlap_contacts
 from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
 from fcsim.contact_detection.skin.boundary import boundary_of
 from fcsim.contact_detection.skin.closed_skin import closed_skin

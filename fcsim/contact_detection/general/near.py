@@ -68,6 +68,12 @@ def near_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
     return kernels.item_pairs(near.bodies, *boxes, *points, skin.first_facet, shape.low, shape.high, near.alert, reach)
 
 
+def near_vertices(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
+    """Rows (vertex of the first body, vertex of the second, pair) that are nearer than `depth`."""
+    points = (skin.first_vertex, shape.point, shape.point)
+    return kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *points, *points, near.depth, near.depth)
+
+
 def near_edges_and_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
     """Rows (edge of the first body, facet of the second, pair) whose boxes overlap."""
     ends = shape.point[skin.edges]
@@ -75,6 +81,12 @@ def near_edges_and_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArra
     none = np.zeros(len(near.bodies))
     facets = (skin.first_facet, shape.low, shape.high)
     return kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items, *facets, none, none)
+
+
+def near_facets_of_both(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
+    """Rows (facet of the first body, facet of the second, pair) whose boxes overlap."""
+    none, facets = np.zeros(len(near.bodies)), (skin.first_facet, shape.low, shape.high)
+    return kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *facets, *facets, none, none)
 
 
 def near_edges(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:

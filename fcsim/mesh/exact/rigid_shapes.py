@@ -24,7 +24,12 @@ def rigid_sphere(name: str, radius: float, centre: Sequence[float] | FloatArray,
 
 
 def rigid_capsule(
-    name: str, radius: float, length: float, centre: Sequence[float] | FloatArray, mass: float, axis: Sequence[float] | None = None
+    name: str,
+    radius: float,
+    length: float,
+    centre: Sequence[float] | FloatArray,
+    mass: float,
+    axis: Sequence[float] | FloatArray | None = None,
 ) -> RigidBody:
     """Return an exact homogeneous capsule: a cylinder of `length` [m] between two half balls of `radius` [m]; in 2D a stadium.
 
@@ -48,7 +53,12 @@ def rigid_capsule(
 
 
 def rigid_cylinder(
-    name: str, radius: float, length: float, centre: Sequence[float] | FloatArray, mass: float, axis: Sequence[float] | None = None
+    name: str,
+    radius: float,
+    length: float,
+    centre: Sequence[float] | FloatArray,
+    mass: float,
+    axis: Sequence[float] | FloatArray | None = None,
 ) -> RigidBody:
     """Return an exact homogeneous cylinder of `radius` and `length` [m] with flat ends, in 3D; axis: by default z.
 
@@ -63,7 +73,9 @@ def rigid_cylinder(
     return _body(name, ExactShape("cylinder", float(radius), float(length), direction), centre, mass, inertia)
 
 
-def rigid_plane(name: str, point: Sequence[float] | FloatArray, normal: Sequence[float], size: float = 1.0, mass: float = 1.0) -> RigidBody:
+def rigid_plane(
+    name: str, point: Sequence[float] | FloatArray, normal: Sequence[float] | FloatArray, size: float = 1.0, mass: float = 1.0
+) -> RigidBody:
     """Return the half-space below `point` (d,) [m], whose `normal` points out of it: an endless floor or wall, to be held by a support.
 
     size [m]: edge of the square that pictures show; mass and its inertia matter only where nothing holds it.
@@ -91,7 +103,7 @@ def _point(name: str, argument: str, values: Sequence[float] | FloatArray) -> Fl
     return array
 
 
-def _direction(name: str, axis: Sequence[float] | None, d: int) -> FloatArray:
+def _direction(name: str, axis: Sequence[float] | FloatArray | None, d: int) -> FloatArray:
     direction = np.eye(d)[-1] if axis is None else np.asarray(axis, dtype=np.float64)
     length = float(np.linalg.norm(direction)) if direction.shape == (d,) else 0.0
     if not (np.isfinite(length) and length > 0):

@@ -17,10 +17,11 @@ OWN = (
     r"checkpoint\.h5",
     r"film\.(gif|mp4)",
     r"page\.html",
+    r"vtk/run\.pvd",
     r"vtk/(blocks|contacts|rigid|links)(\.pvd|_\d{5,}\.vt[up])",
     r"fclib/(global|local)/.+-i\d+-\d+-\d{5,}\.hdf5",
     r"plots/(reaction|energies|contacts|convergence|phases)\.(png|svg)",
-    r"pictures/(stress|bodies|instants|contacts)\.png",
+    r"pictures/(stress|bodies|instants|contacts|cracks)\.png",
 )
 
 

@@ -10,7 +10,8 @@ with the scaled multiplier zeta (the local form's -zeta rho is the velocity u + 
 
 Sources: Boyd et al., Found. Trends Mach. Learn. 3, 2011 (ADMM, over-relaxation, residual balancing); Wohlberg, arXiv:1704.06209, 2017
 (scaled residuals); Goldstein, O'Donoghue, Setzer, Baraniuk, SIAM J. Imaging Sci. 7, 2014 (acceleration with restart); Ghadimi et al.,
-IEEE Trans. Automat. Control 60, 2015 (rho from the eigenvalues); Kanno 2021 and Siconos 4.4 (friction).
+IEEE Trans. Automat. Control 60, 2015 (rho from the eigenvalues); Kanno 2021 and Siconos 4.4 (friction); Carpentier, Le Lidec, Montaut,
+"From compliant to rigid contact simulation", Robotics: Science and Systems 2024 (spectral update of rho).
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from fcsim.solvers.variational.splittings import GlobalSplitting, LocalSplitting
 from fcsim.solvers.variational.watches import LightCriterion, ProblemWatch, Watch
 
 INITIAL_RHO = ("given", "norm", "eigenvalues")
-RHO_UPDATES = ("constant", "residual balancing", "scaled residual balancing")
+RHO_UPDATES = ("constant", "residual balancing", "scaled residual balancing", "spectral")
 ACCELERATIONS = ("none", "accelerated", "accelerated with restart")
 SYMMETRIES = ("check", "assume", "symmetrise", "unsymmetric")
 RESCALINGS = ("none", "scalar", "contacts")
@@ -45,7 +46,9 @@ RESCALINGS = ("none", "scalar", "contacts")
 class AdmmOptions(Options):
     """initial_rho: "given" (`rho`), "norm" (rho ||W||), "eigenvalues" (rho sqrt(lambda_min lambda_max) of W); of M, H in global form
     the same for W = H^T M^-1 H. rho_update: constant, or times / over `balancing_factor` where primal and dual residual differ by more
-    than `balancing_ratio`, at most every `balancing_interval` iterations, an interval that doubles with each change.
+    than `balancing_ratio`, at most every `balancing_interval` iterations, an interval that doubles with each change; "spectral": with the
+    factor (lambda_max / lambda_min)^spectral_power of W, so that 1 / spectral_power changes lead from one eigenvalue to the other, and an
+    interval that stays (W alone, not with linear="kkt").
     relaxation: alpha in (0, 2); acceleration, `restart_eta`: its factor of decrease. symmetry: check whether W is symmetric, assume
     it, replace W by its symmetric part, or treat it as unsymmetric. rescaling of r and u: none, by one number, by one for each contact.
     linear: "kkt" works on the global form without W.
@@ -58,6 +61,7 @@ class AdmmOptions(Options):
     balancing_factor: float = 5.0
     balancing_ratio: float = 5.0
     balancing_interval: int = 20
+    spectral_power: float = 0.05
     relaxation: float = 1.0
     acceleration: str = "accelerated with restart"
     restart_eta: float = 0.999
@@ -77,8 +81,9 @@ class AdmmOptions(Options):
             raise InputError(f"option rho: expected a number > 0, got {self.rho}")
         if not 0 < self.relaxation < 2:
             raise InputError(f"option relaxation: expected a number between 0 and 2, got {self.relaxation}")
-        if not 0 < self.restart_eta < 1:
-            raise InputError(f"option restart_eta: expected a number between 0 and 1, got {self.restart_eta}")
+        for name in ("restart_eta", "spectral_power"):
+            if not 0 < getattr(self, name) < 1:
+                raise InputError(f"option {name}: expected a number between 0 and 1, got {getattr(self, name)}")
         for name in ("balancing_factor", "balancing_ratio"):
             if not getattr(self, name) > 1:
                 raise InputError(f"option {name}: expected a number > 1, got {getattr(self, name)}")
@@ -99,6 +104,8 @@ def admm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: 
     """ADMM on the global form: W is not formed."""
     if options.rescaling != "none":
         raise InputError(f"option rescaling: expected 'none' with linear='kkt', got {options.rescaling!r}")
+    if options.rho_update == "spectral":
+        raise InputError("option rho_update: expected one that does without the eigenvalues of W with linear='kkt', got 'spectral'")
     p = reduction.problem
     HT = sp.csr_array(p.H.T)
 
@@ -190,13 +197,20 @@ def _scales(operator: Delassus, rescaling: str) -> FloatArray:
     return np.repeat(1 / np.sqrt(diagonal), d)
 
 
-def _balancing(primal: float, dual: float, sizes: tuple[float, float], options: AdmmOptions) -> float:
-    """What rho is to be multiplied by: the primal residual falls and the dual one grows with rho."""
-    if options.rho_update == "scaled residual balancing":
+def _balancing(primal: float, dual: float, sizes: tuple[float, float], factor: float, options: AdmmOptions) -> float:
+    """What rho is to be multiplied by, factor or its inverse: the primal residual falls and the dual one grows with rho."""
+    if options.rho_update != "residual balancing":
         primal, dual = primal / (sizes[0] or 1.0), dual / (sizes[1] or 1.0)
     if primal > options.balancing_ratio * dual:
-        return options.balancing_factor
-    return 1 / options.balancing_factor if dual > options.balancing_ratio * primal else 1.0
+        return factor
+    return 1 / factor if dual > options.balancing_ratio * primal else 1.0
+
+
+def _factor(splitting: LocalSplitting | GlobalSplitting, options: AdmmOptions) -> float:
+    """By what rho is changed: a constant, or a power of W's condition."""
+    if options.rho_update == "spectral" and isinstance(splitting, LocalSplitting):
+        return splitting.condition**options.spectral_power
+    return options.balancing_factor
 
 
 def iterate(
@@ -207,7 +221,7 @@ def iterate(
     z_hat, zeta_hat, momentum, energy = z, zeta, 1.0, np.inf
     g: FloatArray | float = 0.0 if mu is None else coulomb_term(splitting.velocity(z, zeta), mu, d)
     light = LightCriterion(10 * watch.target)
-    since, interval = 0, options.balancing_interval
+    since, interval, change = 0, options.balancing_interval, _factor(splitting, options)
     status = watch.visit(splitting.answer(z, zeta), None, True)
     while status is None:
         x = splitting.linear(z_hat - zeta_hat, g)  # step 1
@@ -227,7 +241,7 @@ def iterate(
             status = Status.STAGNATED
         factor = 1.0
         if options.rho_update != "constant" and since >= interval and status is None:
-            factor = _balancing(primal, dual, (float(np.linalg.norm(z)), rho * float(np.linalg.norm(zeta))), options)
+            factor = _balancing(primal, dual, (float(np.linalg.norm(z)), rho * float(np.linalg.norm(zeta))), change, options)
         if factor != 1:
             try:
                 splitting.set_rho(rho * factor)
@@ -235,7 +249,7 @@ def iterate(
                 return Iterate(splitting.answer(z, zeta), Status.SINGULAR)
             zeta = zeta / factor
             z_hat, zeta_hat, momentum, energy = z, zeta, 1.0, np.inf
-            since, interval = 0, 2 * interval
+            since, interval = 0, interval if options.rho_update == "spectral" else 2 * interval
         elif options.acceleration == "none":
             z_hat, zeta_hat = z, zeta
         else:

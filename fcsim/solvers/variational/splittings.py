@@ -77,6 +77,11 @@ class LocalSplitting:
         self._x = np.zeros(size)
         return True
 
+    @property
+    def condition(self) -> float:
+        """lambda_max / lambda_min of W, the latter no less than 1e-6 of the former."""
+        return self._vi.operator.norm / self._vi.operator.least_singular_value
+
     def start(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
         z = self._vi.project(r)
         if self._x is not None:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.running.folder import Instant, RunFolder
+from fcsim.view.joints import Joints, find_joints
+from fcsim.view.joints.surface import Surface, surface_of
 from fcsim.view.page.encoding import Encoded, scaled, size, whole
-from fcsim.view.page.surface import Surface, surface_of
-from fcsim.view.scene import read
+from fcsim.view.scene import gravity_of, read
 
 BYTES = 9_000_000
 """Of all arrays of a page; a run of more instants than fit in is shown by fewer of them, evenly spread."""
@@ -30,22 +31,30 @@ class _Series:
     points: FloatArray
     surface: Surface
     cell: IntArray
+    count: int
     displacement: list[FloatArray] = field(default_factory=list)
     speed: list[FloatArray] = field(default_factory=list)
     stress: list[FloatArray] = field(default_factory=list)
 
 
-def motion(run: RunFolder, instants: Sequence[Instant], progress: Callable[[int, int], None]) -> dict[str, object]:
+def motion(run: RunFolder, instants: Sequence[Instant], progress: Callable[[int, int], None], planar: bool = False) -> dict[str, object]:
     """Return the encoded motion of the run, with as many of the `instants` as fit into BYTES, the first and the last among them.
 
     t (n,); vertices (nv, 3) [m], triangle (nt, 3), line (nl, 2), body (nv,), cell (nt,): which entry of the stresses a triangle has;
-    displacement (n, nv, 3) [m], speed (n, nv) [m/s], stress (n, ncells) [Pa]; contacts: first (n + 1,) and arrays over all of them.
+    displacement (n, nv, 3) [m], speed (n, nv) [m/s], stress (n, ncells) [Pa]; contacts: first (n + 1,) and arrays over all of them;
+    joints, where there are any: vertex (nf, k) and weight (nf, k k) of the corners of their facets, opening (n, nf) [m];
+    gravity (n, 3) [m/s^2] or None.
     InputError: files that cannot be read, or of other meshes than the first instant's.
     """
-    series, contacts = _read(run, instants, progress)
+    joints = find_joints(instants[0], planar)
+    series, contacts, opening = _read(run, instants, joints, progress)
+    gravity = [None if (g := gravity_of(instant)) is None else g.tolist() for instant in instants]
     keep = np.arange(len(instants))
     while True:
         encoded = _encode(series, contacts, [instant.t for instant in instants], keep)
+        encoded["gravity"] = [gravity[k] for k in keep]
+        if len(joints):
+            encoded["joints"] = _encode_joints(joints, series, np.stack([opening[k] for k in keep]))
         excess = size(encoded) / BYTES
         if excess <= 1 or len(keep) < 3:
             return {**encoded, "left_out": len(instants) - len(keep)}
@@ -53,31 +62,34 @@ def motion(run: RunFolder, instants: Sequence[Instant], progress: Callable[[int,
 
 
 def _read(
-    run: RunFolder, instants: Sequence[Instant], progress: Callable[[int, int], None]
-) -> tuple[list[_Series], list[dict[str, NDArray]]]:
+    run: RunFolder, instants: Sequence[Instant], joints: Joints, progress: Callable[[int, int], None]
+) -> tuple[list[_Series], list[dict[str, NDArray]], list[FloatArray]]:
     series: dict[str, _Series] = {}
-    contacts = []
+    contacts, opening = [], []
     for number, instant in enumerate(instants):
+        places = []
         for name, path in (("blocks", instant.blocks), ("rigid", instant.rigid)):
             if path is None:
                 continue
             if name not in series:
                 data, surface = surface_of(path)
                 cell = np.unique(surface.cell, return_inverse=True)
-                series[name] = _Series(np.asarray(data.points)[surface.node], surface, cell[1].ravel())
+                series[name] = _Series(np.asarray(data.points)[surface.node], surface, cell[1].ravel(), data.n_points)
             one, data = series[name], read(path)
             if data.n_points <= one.surface.node.max(initial=0) or data.n_cells <= one.surface.cell.max(initial=0):
                 raise InputError(f"{path}: expected the mesh of the other instants of {run.directory}, found another one")
+            places.append(np.asarray(data.points, dtype=float) + data["displacement"])
             one.displacement.append(np.asarray(data["displacement"])[one.surface.node])
             one.speed.append(np.linalg.norm(np.asarray(data["velocity"])[one.surface.node], axis=1))
             if "von_mises" in data.cell_data:
                 one.stress.append(np.asarray(data["von_mises"])[np.unique(one.surface.cell)])
+        opening.append(joints.opening(np.vstack(places)) if len(joints) and places else np.empty(0))
         contacts.append({} if instant.contacts is None else _contacts_of(instant))
         progress(number + 1, len(instants))
     counts = {len(one.displacement) for one in series.values()}
     if counts - {len(instants)}:
         raise InputError(f"{run.directory}: expected blocks and rigid bodies at each instant of vtk/, found some missing")
-    return list(series.values()), contacts
+    return list(series.values()), contacts, opening
 
 
 def _contacts_of(instant: Instant) -> dict[str, NDArray]:
@@ -113,6 +125,22 @@ def _encode(series: list[_Series], contacts: list[dict[str, NDArray]], times: li
     if any(contacts):
         content["contacts"] = _encode_contacts([contacts[k] for k in keep], low)
     return content
+
+
+def _encode_joints(joints: Joints, series: list[_Series], opening: FloatArray) -> dict[str, object]:
+    """Corners by the page's vertices, of which a point of the data set has one at least."""
+    of_point, begin = [], 0
+    for one in series:
+        vertex = np.zeros(one.count, dtype=np.int64)
+        vertex[one.surface.node] = np.arange(begin, begin + len(one.surface.node))
+        of_point.append(vertex)
+        begin += len(one.surface.node)
+    own = np.concatenate(of_point)[joints.own]
+    return {
+        "vertex": whole(own.astype(np.int32)),
+        "weight": scaled(joints.corner.reshape(len(joints), -1)),
+        "opening": scaled(np.maximum(opening, 0.0)),
+    }
 
 
 def _encode_contacts(contacts: list[dict[str, NDArray]], low: FloatArray) -> dict[str, Encoded | list[int]]:

@@ -59,6 +59,9 @@ async function begin() {
     motion = await unpack(run.motion);
     contacts = run.motion.contacts ? await unpack(run.motion.contacts) : null;
     if (contacts) { contacts.most = 0; for (let c = 0; c < contacts.reaction.values.length / 3; c++) contacts.most = Math.max(contacts.most, Math.hypot(...[0, 1, 2].map(i => contacts.reaction.at(3 * c + i)))); }
+    joints = run.motion.joints ? await unpack(run.motion.joints) : null;
+    if (joints) joints.most = most(joints.opening.values) * run.motion.joints.opening.scale;
+    if (!joints || joints.most <= 1e-9 * Math.max(...run.high.map((h, i) => h - run.low[i]))) $("joints").closest("label").hidden = true;
     motion.mostSpeed = most(motion.speed.values) * run.motion.speed.scale;
     motion.mostMove = 0;
     for (let v = 0; v < motion.displacement.values.length / 3; v++) motion.mostMove = Math.max(motion.mostMove, moved(0, v));
@@ -77,11 +80,13 @@ async function begin() {
   const count = motion ? motion.t.length : (run.columns.t || []).length;
   $("instant").max = Math.max(0, count - 1);
   if (count) show(count - 1);
+  await new Promise(shown => requestAnimationFrame(() => setTimeout(shown)));  // the bodies are seen before the curves are drawn
+  performance.mark("first picture");
   drawCurves();
 
   if (motion) {
     bindPick();
-    for (const id of ["colour", "contacts", "forces", "edges", "through", "cut"]) $(id).addEventListener("change", () => { $("where").hidden = $("cut").value === ""; drawSpace(); });
+    for (const id of ["colour", "contacts", "forces", "joints", "edges", "through", "cut"]) $(id).addEventListener("change", () => { $("where").hidden = $("cut").value === ""; drawSpace(); });
     $("where").addEventListener("input", drawSpace);
     $("scale").addEventListener("change", () => { const given = +$("scale").value; if (given >= 0 && isFinite(given)) { scale = given; drawSpace(); } });
     $("reset").addEventListener("click", () => { Plotly.purge($("view")); drawSpace(); bindPick(); });

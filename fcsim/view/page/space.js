@@ -1,7 +1,7 @@
 "use strict";
 /* The bodies, contacts and forces of an instant, drawn. */
 
-let motion = null, contacts = null, now = 0, timer = null, scale = run.exaggeration, hidden = new Set(run.left_out), pick = null, place = null;
+let motion = null, contacts = null, joints = null, now = 0, timer = null, scale = run.exaggeration, hidden = new Set(run.left_out), pick = null, place = null;
 
 function ink() {
   const style = getComputedStyle(document.documentElement);
@@ -134,6 +134,37 @@ function contactTraces(k) {  // points by status, and arrows on the slave bodies
   return { dots, arrows };
 }
 
+function jointTrace(k, xyz) {  // facets by their opening: triangles in space, lines in the plane
+  const none = { type: "mesh3d", name: "joints", x: [], y: [], z: [], i: [], j: [], k: [] };
+  if (!joints || !$("joints").checked) return none;
+  const corners = joints.vertex.length / (joints.opening.row), n = joints.opening.row, found = [[], [], []], open = [];
+  const { factor, colorbar } = bar("opening of joints", "m", joints.most), shade = { cmin: 0, cmax: joints.most / factor, colorscale: run.cracks };
+  for (let f = 0; f < n; f++) {
+    const opening = joints.opening.at(k * n + f), own = joints.vertex.subarray(corners * f, corners * (f + 1));
+    if (opening < 1e-3 * joints.most || hidden.has(motion.body[own[0]])) continue;
+    for (let c = 0; c < corners; c++) {
+      for (let i = 0; i < 3; i++)
+        found[i].push(own.reduce((sum, v, m) => sum + joints.weight.at(corners * (corners * f + c) + m) * xyz[i][v], 0));
+      if (corners === 2) open.push(opening / factor);
+    }
+    if (corners === 2) { found.forEach(axis => axis.push(null)); open.push(opening / factor); } else open.push(opening / factor);
+  }
+  const [x, y, z] = found, every = [...open.keys()].map(f => 3 * f);
+  if (corners === 2) return { type: "scatter3d", mode: "lines", name: "joints", x, y, z, line: { color: open, width: 7, colorbar, showscale: true, ...shade }, hoverinfo: "skip" };
+  return { ...none, x, y, z, i: every, j: every.map(f => f + 1), k: every.map(f => f + 2), intensity: open, intensitymode: "cell", colorbar: { ...colorbar, x: 0, xanchor: "left" }, ...shade,
+    hoverinfo: "skip", flatshading: true, lighting: { ambient: 1, diffuse: 0, specular: 0, fresnel: 0 } };
+}
+
+function gravityTrace(k) {  // an arrow beside the bodies, as long as a tenth of them
+  const g = motion.gravity && motion.gravity[k], none = { type: "scatter3d", mode: "lines+text", name: "gravity", x: [], y: [], z: [] };
+  if (!g) return none;
+  const size = Math.max(...run.high.map((h, i) => h - run.low[i])), length = 0.1 * size / Math.hypot(...g), tail = run.planar ? [run.low[0], run.high[1], 0] : [run.low[0], run.low[1], run.high[2]];
+  const tip = tail.map((q, i) => q + length * g[i]), aside = run.planar ? [-g[1], g[0], 0] : Math.hypot(g[0], g[1]) > .9 * Math.hypot(...g) ? [0, 0, 1] : [1, 0, 0], wide = 0.02 * size / Math.hypot(...aside);
+  const strokes = [1, -1].map(side => tip.map((q, i) => q - 0.3 * length * g[i] + side * wide * aside[i]));
+  const path = [tail, tip, strokes[0], tip, strokes[1]];
+  return { ...none, x: path.map(p => p[0]), y: path.map(p => p[1]), z: path.map(p => p[2]), text: ["g", "", "", "", ""], textposition: "top center", textfont: { color: ink().ink, size: 13 }, line: { color: ink().ink, width: 4 }, hoverinfo: "skip" };
+}
+
 function drawSpace() {
   const xyz = positions(now), beyond = bodiesBeyond(xyz), edge = lines(xyz, beyond), { dots, arrows } = contactTraces(now), c = ink();
   if (beyond.size || !parts.length || parts.cut) choose(beyond);
@@ -150,6 +181,7 @@ function drawSpace() {
     { type: "scatter3d", mode: "lines", name: "edges", x: edge[0], y: edge[1], z: edge[2], line: { color: c.ink, width: 1.5 }, hoverinfo: "skip" },
     { type: "scatter3d", mode: "markers", name: "contacts", x: dots.x, y: dots.y, z: dots.z, marker: { size: 3.5, color: dots.colour }, hoverinfo: "none" },
     { type: "scatter3d", mode: "lines", name: "forces", x: arrows.x, y: arrows.y, z: arrows.z, line: { color: arrows.colour, width: 3 }, hoverinfo: "skip" },
+    jointTrace(now, xyz), gravityTrace(now),
   ], {
     margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: c.shade, uirevision: "kept", showlegend: false, font: { color: c.ink },
     scene: { xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] }, bgcolor: c.shade, uirevision: "kept",

@@ -8,16 +8,21 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fcsim.errors import MissingDependency
 from fcsim.files import inside, replacing
 from fcsim.running.folder import RunFolder
+from fcsim.view.joints.draw import crack_colours
 from fcsim.view.page.curves import drawn, graphs, shown_rows, table, units
 from fcsim.view.page.motion import motion
 from fcsim.view.scene import Survey, colour_map, left_out
 from fcsim.view.style import matplotlib
+
+if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
 
 SCRIPTS = ("numbers", "space", "curves", "page")
 """One after the other, as the page has them."""
@@ -51,10 +56,11 @@ def write_page(run: RunFolder, seen: Survey | None, progress: Callable[[int, int
         "planar": seen is not None and seen.planar,
         "low": None if seen is None else seen.low.tolist(),
         "high": None if seen is None else seen.high.tolist(),
-        "colours": _colours(),
+        "colours": _colours(colour_map()),
+        "cracks": _colours(crack_colours()),
         "stress": None if seen is None or seen.stress is None else seen.stress[1],
         "left_out": [] if seen is None else _standing_before(seen),
-        "motion": motion(run, run.instants, progress) if seen is not None else None,
+        "motion": motion(run, run.instants, progress, seen.planar) if seen is not None else None,
         "columns": table(run, rows),
         "units": units(run),
         "graphs": [drawn(graph) for graph in graphs(run, rows)],
@@ -83,10 +89,10 @@ def _standing_before(seen: Survey) -> list[int]:
     return [int(number) for number in left_out(seen.last, toward / np.linalg.norm(toward))]
 
 
-def _colours() -> list[tuple[float, str]]:
-    """The colours of the stress, as in pictures: (share of the range, colour) from 0 to 1."""
+def _colours(of_picture: Colormap) -> list[tuple[float, str]]:
+    """Colours as in pictures: (share of the range, colour) from 0 to 1."""
     to_hex = matplotlib().colors.to_hex
-    return [(float(share), to_hex(colour_map()(share))) for share in np.linspace(0.0, 1.0, 11)]
+    return [(float(share), to_hex(of_picture(share))) for share in np.linspace(0.0, 1.0, 11)]
 
 
 def as_json(content: object) -> str:

@@ -228,3 +228,14 @@ def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(["bash", "-c", command], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_an_option_that_the_case_has_no_parameter_for_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It said "--set solver=...", which nobody had given."""
+    script = tmp_path / "mine.py"
+    fields = "@dataclass(frozen=True)\nclass Parameters:\n    steps: int = 1\n"
+    script.write_text(f"from dataclasses import dataclass\n\n\n{fields}\n\ndef build(p):\n    return None\n")
+    for option, value in (("--solver", "auto"), ("--tol", "0.001")):
+        assert main(["run", str(script), option, value, "--out", str(tmp_path / "out")]) == 2
+        expected = f"fcsim: {option} {value}: case mine has no parameter {option[2:]} that it could set, but steps;"
+        assert expected in capsys.readouterr().err

@@ -9,7 +9,8 @@ from numpy.testing import assert_array_equal
 
 from fcsim.errors import InputError
 from fcsim.running.description import Description, write_description
-from fcsim.running.folder import Instant, open_run, read_collection, read_columns, write_collection
+from fcsim.running.folder import Instant, open_run, read_columns
+from fcsim.running.series.collection import Entry, read_collection, write_collection
 
 TABLE = "step,t,error,status\n1,0.1,1e-9,SOLVED\n2,0.2,,SOLVED\n3,0.3,2e-9,STAGNATED\n"
 
@@ -26,18 +27,18 @@ def run(tmp_path: Path) -> Path:
 def series(folder: Path, **entries: list[tuple[float, str]]) -> None:
     (folder / "vtk").mkdir()
     for name, listed in entries.items():
-        write_collection(folder / "vtk" / f"{name}.pvd", listed)
+        write_collection(folder / "vtk" / f"{name}.pvd", [Entry(*entry, name) for entry in listed])
         for _, file in listed:
             (folder / "vtk" / file).write_text("x")
 
 
 def test_collections_come_back(tmp_path: Path) -> None:
-    entries = [(0.1, "a & b.vtu"), (1 / 3, "b.vtu"), (-2e-300, "c.vtu")]
+    entries = [Entry(0.1, "a & b.vtu", "blocks"), Entry(1 / 3, "b.vtp", "contacts"), Entry(-2e-300, "c.vtu", "mine")]
     write_collection(tmp_path / "c.pvd", entries)
     assert read_collection(tmp_path / "c.pvd") == entries
     text = (tmp_path / "c.pvd").read_text()
     assert text.startswith("<?xml") and 'type="Collection"' in text and 'byte_order="LittleEndian"' in text and 'version="0.1"' in text
-    assert text.count('group=""') == text.count('part="0"') == 3 and text.count("\n") >= 5
+    assert text.count('group=""') == 3 and text.count('part="0"') == 2 and 'part="1" name="contacts"' in text and text.count("\n") >= 5
     write_collection(tmp_path / "c.pvd", [])
     assert read_collection(tmp_path / "c.pvd") == []
     assert [path.name for path in tmp_path.iterdir()] == ["c.pvd"]
@@ -144,8 +145,8 @@ def test_instants_in_the_order_of_time(run: Path) -> None:
         Instant(0.2, vtk / "blocks_00002.vtu", None, None),
         Instant(0.3, None, None, vtk / "rigid_00003.vtp"),
     )
-    write_collection(vtk / "contacts.pvd", [(0.2, "contacts_00002.vtp")])
-    with pytest.raises(InputError, match=r"contacts\.pvd: expected the file contacts_00002\.vtp of t = 0\.2 s beside it, found none"):
+    write_collection(vtk / "contacts.pvd", [Entry(0.2, "contacts_00002.vtp", "contacts")])
+    with pytest.raises(InputError, match=r"vtk: expected the file contacts_00002\.vtp of t = 0\.2 s, as a \.pvd of it says, found none"):
         open_run(run)
     (vtk / "contacts_00002.vtp").write_text("x")
     assert open_run(run).instants[1].contacts == vtk / "contacts_00002.vtp"
@@ -154,6 +155,6 @@ def test_instants_in_the_order_of_time(run: Path) -> None:
 def test_files_of_other_folders_are_not_taken(run: Path, tmp_path: Path) -> None:
     series(run)
     (tmp_path / "secret.vtu").write_text("x")
-    write_collection(run / "vtk" / "blocks.pvd", [(0.1, "../../secret.vtu")])
+    write_collection(run / "vtk" / "blocks.pvd", [Entry(0.1, "../../secret.vtu", "blocks")])
     with pytest.raises(InputError, match="expected a place within"):
         open_run(run)

@@ -100,4 +100,4 @@ def test_files_of_all_iterations_and_internal_variables(script: Path, tmp_path: 
     plastic = grid.cell_data["equivalent_plastic_strain"]
     assert np.count_nonzero(np.isnan(plastic)) == 4 and np.nanmax(plastic) > 1e-4  # rubber has none
     assert grid.cell_data["plastic_strain"].shape == (8, 6)
-    assert 1e4 < grid.cell_data["von_mises"].max() < 1e8
+    assert 1e4 < grid.cell_data["von_mises [Pa]"].max() < 1e8

@@ -216,8 +216,8 @@ def test_steps_after_the_checkpoint_are_computed_again(case_folder: Path, tmp_pa
     assert len(list((out / "fclib" / "global").iterdir())) == 12
     straight = tmp_path / "straight"
     run_case(script, {}, straight, everything)
-    collection = (out / "vtk" / "blocks.pvd").read_text()
-    assert collection == (straight / "vtk" / "blocks.pvd").read_text()
+    collection = (out / "vtk" / "run.pvd").read_text()
+    assert collection == (straight / "vtk" / "run.pvd").read_text()
     assert sorted(p.name for p in (out / "fclib" / "global").iterdir()) == sorted(p.name for p in (straight / "fclib" / "global").iterdir())
 
 

@@ -57,6 +57,7 @@ class FakeModel:
     node_offset: np.ndarray
     reference: np.ndarray
     nonlinear: tuple = ()
+    gravity: object = None
 
     @classmethod
     def of(cls, bodies: tuple) -> FakeModel:
@@ -148,6 +149,7 @@ def step(model: FakeModel, number: int, last: int, divisions: int = 8) -> Simple
     state = SimpleNamespace(t=0.5 * amplitude, x=x.ravel(), v=2 * x.ravel())
     return SimpleNamespace(
         linked=None,
+        model=model,
         number=number,
         state=state,
         contacts=made,
@@ -167,6 +169,7 @@ def without_contacts(made: SimpleNamespace) -> SimpleNamespace:
     force = made.contact_force[:0]
     return SimpleNamespace(
         linked=None,
+        model=made.model,
         number=made.number,
         state=made.state,
         contacts=Contacts(**none),

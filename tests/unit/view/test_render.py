@@ -17,13 +17,16 @@ from PIL import Image
 
 from fcsim.errors import InputError, MissingDependency
 from fcsim.records import to_json
-from fcsim.running.description import Column, HistoryPlot, Plots
-from fcsim.running.folder import Instant, RunFolder, open_run
+from fcsim.running.description import Column, Description, HistoryPlot, Plots
+from fcsim.running.folder import Instant, RunFolder, instants_in, open_run
+from fcsim.running.series.collection import read_collection, write_collection
 from fcsim.view import SeriesWriter, render, scene
 from fcsim.view.film import film_instants, write_film
-from fcsim.view.pictures import contact_figure, instants_figure, stress_figure, write_pictures
+from fcsim.view.joints import find_joints
+from fcsim.view.joints.draw import crack_colours
+from fcsim.view.pictures import contact_figure, crack_figure, instants_figure, stress_figure, write_pictures
 from fcsim.view.plots import _sides, contact_plot, convergence_plot, energy_plot, history_plot, phase_plot, reaction_plot, write_plots
-from fcsim.view.style import BLUE, RED, prefixed
+from fcsim.view.style import BLUE, RED, STYLE, matplotlib, prefixed, save
 
 
 def share(image, colour, tolerance=6):
@@ -47,7 +50,7 @@ def rendered(run_directory, tmp_path_factory):
 def test_render_makes_every_file(rendered):
     directory, files, calls = rendered
     names = ["plots/reaction.png", "plots/contacts.png", "plots/convergence.png", "plots/phases.png"]
-    names += ["pictures/stress.png", "pictures/instants.png", "pictures/contacts.png", "film.gif"]
+    names += ["pictures/stress.png", "pictures/instants.png", "pictures/contacts.png", "pictures/cracks.png", "film.gif"]
     assert files == [directory / name for name in names]
     assert not list(directory.rglob("*.partial"))
     assert [call for call in calls if call[0] == "film"] == [("film", k, 4) for k in (1, 2, 3, 4)]
@@ -60,6 +63,26 @@ def test_render_makes_every_file(rendered):
 def test_the_contact_picture_shows_stick_and_slip(rendered):
     image = pixels(rendered[0] / "pictures" / "contacts.png")
     assert share(image, BLUE) > 1e-3 and share(image, RED) > 3e-4
+
+
+def test_cracks_are_drawn_in_their_colours_and_gravity_as_an_arrow(fake, tmp_path):
+    """Head joints open by the tilt of the courses; g points where gravity does, and is not drawn where there is none."""
+    for gravity in (None, lambda t: (0.0, 0.0, -9.81), lambda t: (9.81, 0.0, 0.0)):
+        model = replace(fake.wall(3, 4), gravity=gravity)
+        SeriesWriter(tmp_path / "vtk", model).write(fake.step(model, 20, 20, 4))
+        instants = instants_in(tmp_path / "vtk")
+        run = RunFolder(tmp_path, Description(title="wall", h=1e-3), {}, instants)
+        with matplotlib().rc_context(STYLE), scene.Scene(scene.survey(run, instants), "front", width=600) as view:
+            drawing = crack_figure(run, view, instants[0], find_joints(instants[0], False))
+            picture = tmp_path / "cracks.png"
+        save(drawing, picture)
+        assert share(pixels(picture), crack_colours()(1.0)[:3], 12) > 1e-4
+        arrows = [text for text in drawing.axes[0].texts if getattr(text, "arrow_patch", None) is not None]
+        assert len(arrows) == (gravity is not None)
+        if gravity is not None:
+            tip, tail = np.array(arrows[0].xy), np.array(arrows[0].xyann)
+            expected = (0.0, 1.0) if gravity(0)[2] else (1.0, 0.0)  # pixels count downwards
+            np.testing.assert_allclose((tip - tail) / np.linalg.norm(tip - tail), expected, atol=1e-12)
 
 
 def test_the_film_moves(rendered):
@@ -154,7 +177,8 @@ def test_stress_colours_are_those_of_the_colour_bar(fake, tmp_path):
 
 def test_rigid_bodies_alone_are_drawn(run_directory, tmp_path):
     shutil.copytree(run_directory, tmp_path / "run")
-    (tmp_path / "run/vtk/blocks.pvd").unlink()
+    collection = tmp_path / "run/vtk/run.pvd"
+    write_collection(collection, [entry for entry in read_collection(collection) if entry.series != "blocks"])
     run = open_run(tmp_path / "run")
     seen = scene.survey(run, run.instants[-1:])
     assert seen.stress is None
@@ -271,7 +295,7 @@ def test_missing_and_broken_series_files_are_named(run_directory, tmp_path):
     with pytest.raises(InputError, match=r"blocks_00010\.vtu: expected a VTK file"):
         render(tmp_path / "run", film=None)
     victim.unlink()
-    with pytest.raises(InputError, match=r"blocks\.pvd: expected the file blocks_00010\.vtu"):
+    with pytest.raises(InputError, match=r"vtk: expected the file blocks_00010\.vtu"):
         open_run(tmp_path / "run")
 
 

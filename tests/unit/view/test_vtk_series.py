@@ -11,7 +11,8 @@ import pyvista
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part
-from fcsim.running.vtk_series import SeriesWriter, _closed_line
+from fcsim.running.series.bodies import closed_line
+from fcsim.running.vtk_series import SeriesWriter
 
 SOFT = Material(E=5.0, nu=0.25, density=1.0)
 
@@ -25,8 +26,9 @@ def written(request, fake, tmp_path):
     return model, step, tmp_path
 
 
-def times(path):
-    return [(float(e.attrib["timestep"]), e.attrib["file"]) for e in ElementTree.parse(path).getroot().iter("DataSet")]
+def times(directory, name="blocks"):
+    entries = ElementTree.parse(directory / "run.pvd").getroot().iter("DataSet")
+    return [(float(e.attrib["timestep"]), e.attrib["file"]) for e in entries if e.attrib["name"] == name]
 
 
 def test_blocks_hold_the_reference_mesh_and_the_displacement(written):
@@ -38,10 +40,10 @@ def test_blocks_hold_the_reference_mesh_and_the_displacement(written):
     assert blocks.n_cells == sum(len(body.part.cells) for body in model.bodies[:12])
     assert set(blocks.celltypes) == {12 if d == 3 else 9}  # VTK_HEXAHEDRON, VTK_QUAD
     np.testing.assert_array_equal(blocks.points[:, :d], model.reference[:n])
-    np.testing.assert_array_equal(blocks["displacement"][:, :d], step.state.x.reshape(-1, d)[:n])
-    np.testing.assert_array_equal(blocks["velocity"][:, :d], step.state.v.reshape(-1, d)[:n])
+    np.testing.assert_array_equal(blocks["displacement [m]"][:, :d], step.state.x.reshape(-1, d)[:n])
+    np.testing.assert_array_equal(blocks["velocity [m/s]"][:, :d], step.state.v.reshape(-1, d)[:n])
     if d == 2:
-        assert not blocks["displacement"][:, 2].any() and not blocks.points[:, 2].any()
+        assert not blocks["displacement [m]"][:, 2].any() and not blocks.points[:, 2].any()
     np.testing.assert_array_equal(blocks["body"], np.repeat(np.arange(12), [len(body.part.cells) for body in model.bodies[:12]]))
     size = blocks.compute_cell_sizes(length=False, area=d == 2, volume=d == 3)["Volume" if d == 3 else "Area"]
     assert size.min() > 0 and size.sum() == pytest.approx(0.7 * 0.3 * (0.1 if d == 3 else 1))  # wall.md's wall, every cell the right way up
@@ -52,7 +54,7 @@ def test_meshio_reads_the_same_blocks(written):
     mesh = meshio.read(directory / "blocks_00010.vtu")
     d, n = model.dimension, model.node_offset[12]
     np.testing.assert_array_equal(mesh.points[:, :d], model.reference[:n])
-    np.testing.assert_array_equal(mesh.point_data["displacement"][:, :d], step.state.x.reshape(-1, d)[:n])
+    np.testing.assert_array_equal(mesh.point_data["displacement [m]"][:, :d], step.state.x.reshape(-1, d)[:n])
     expected = np.concatenate([body.part.cells + first for body, first in zip(model.bodies[:12], model.node_offset, strict=False)])
     np.testing.assert_array_equal(mesh.cells_dict["hexahedron" if d == 3 else "quad"], expected)
 
@@ -64,18 +66,18 @@ def test_contacts_hold_reaction_gap_and_status(written):
     displacement = step.state.x.reshape(-1, d)
     for a in range(len(contacts)):
         in_space = sum(step.contact_force[a, k] * contacts.frame[a, k] for k in range(d))
-        np.testing.assert_allclose(points["reaction"][a, :d], in_space, atol=1e-12)
-        np.testing.assert_array_equal(points["displacement"][a, :d], displacement[contacts.nodes[a, 1]])  # its node of weight -1
-    tangential = np.sqrt(np.sum(points["reaction"] ** 2, axis=1) - points["reaction_normal"] ** 2)
-    np.testing.assert_allclose(points["reaction_tangential"], tangential, atol=1e-5)
-    np.testing.assert_array_equal(points["reaction_normal"], step.contact_force[:, 0])
-    np.testing.assert_array_equal(points["gap"], contacts.gap)
-    np.testing.assert_array_equal(points.field_data["overlap"], [2e-4])
-    np.testing.assert_array_equal(points.field_data["overlap_place"], [[0.1, 0.1, 0.1 * (d == 3)]])
+        np.testing.assert_allclose(points["reaction [N]"][a, :d], in_space, atol=1e-12)
+        np.testing.assert_array_equal(points["displacement [m]"][a, :d], displacement[contacts.nodes[a, 1]])  # its node of weight -1
+    tangential = np.sqrt(np.sum(points["reaction [N]"] ** 2, axis=1) - points["reaction_normal [N]"] ** 2)
+    np.testing.assert_allclose(points["reaction_tangential [N]"], tangential, atol=1e-5)
+    np.testing.assert_array_equal(points["reaction_normal [N]"], step.contact_force[:, 0])
+    np.testing.assert_array_equal(points["gap [m]"], contacts.gap)
+    np.testing.assert_array_equal(points.field_data["overlap [m]"], [2e-4])
+    np.testing.assert_array_equal(points.field_data["overlap_place [m]"], [[0.1, 0.1, 0.1 * (d == 3)]])
     np.testing.assert_array_equal(points["status"], step.contact_status)
     np.testing.assert_array_equal(points["mu"], contacts.mu)
     np.testing.assert_array_equal(points["normal"][:, :d], contacts.frame[:, 0])
-    np.testing.assert_array_equal(points["sliding_velocity"], np.abs(step.result.u.reshape(-1, d)[:, 1]))  # the fake slides along T1
+    np.testing.assert_array_equal(points["sliding_velocity [m/s]"], np.abs(step.result.u.reshape(-1, d)[:, 1]))  # the fake slides along T1
     assert set(points["status"]) == {0, 1, 2}
 
 
@@ -85,7 +87,7 @@ def test_rigid_surfaces(written):
     assert rigid.n_cells == (2 * 6 if d == 3 else 2)  # the contact surface repeats a facet of the box: taken once; 2D: the outline
     assert rigid.n_lines == 0
     np.testing.assert_array_equal(rigid.points[:, :d], model.reference[model.node_offset[12] :])
-    np.testing.assert_array_equal(rigid["displacement"][:, :d], step.state.x.reshape(-1, d)[model.node_offset[12] :])
+    np.testing.assert_array_equal(rigid["displacement [m]"][:, :d], step.state.x.reshape(-1, d)[model.node_offset[12] :])
     assert set(rigid["body"]) == {12, 13}
     if d == 3:
         assert rigid.volume == pytest.approx(2 * 0.76 * 0.14 * 0.04)
@@ -104,8 +106,8 @@ def test_rigid_surfaces(written):
         ([], None),
     ],
 )
-def test_closed_lines(segments, line):
-    assert _closed_line(segments) == line
+def testclosed_lines(segments, line):
+    assert closed_line(segments) == line
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -138,9 +140,9 @@ def test_von_mises_of_stretched_bodies_in_any_placement(d, fake, tmp_path):
 
     blocks = pyvista.read(tmp_path / "blocks_00010.vtu")
     for k, strain in enumerate(strains):
-        np.testing.assert_allclose(blocks["von_mises"][blocks["body"] == k], 5.0 * abs(strain) / 1.25, rtol=1e-9)
+        np.testing.assert_allclose(blocks["von_mises [Pa]"][blocks["body"] == k], 5.0 * abs(strain) / 1.25, rtol=1e-9)
     assert pyvista.read(tmp_path / "contacts_00010.vtp").n_points == 0  # a step without contacts has its file too
-    assert not (tmp_path / "rigid.pvd").exists()
+    assert not times(tmp_path, "rigid")
 
 
 def test_collection_has_times_and_files(fake, tmp_path):
@@ -150,11 +152,11 @@ def test_collection_has_times_and_files(fake, tmp_path):
         writer.write(fake.step(model, number, 20, 4))
     for name, suffix in (("blocks", "vtu"), ("contacts", "vtp"), ("rigid", "vtp")):
         expected = [(0.125, f"{name}_00005.{suffix}"), (0.25, f"{name}_00010.{suffix}"), (0.375, f"{name}_00015.{suffix}")]
-        assert times(tmp_path / f"{name}.pvd") == expected
-    reader = pyvista.get_reader(tmp_path / "blocks.pvd")
+        assert times(tmp_path, name) == expected
+    reader = pyvista.get_reader(tmp_path / "run.pvd")
     assert list(reader.time_values) == [0.125, 0.25, 0.375]
     reader.set_active_time_value(0.375)
-    np.testing.assert_array_equal(reader.read()[0]["displacement"], fake.displacement(model, 0.75)[: model.node_offset[12]])
+    np.testing.assert_array_equal(reader.read()[0]["displacement [m]"], fake.displacement(model, 0.75)[: model.node_offset[12]])
 
 
 def test_a_continued_run_keeps_earlier_entries_and_drops_later_ones(fake, tmp_path):
@@ -163,18 +165,18 @@ def test_a_continued_run_keeps_earlier_entries_and_drops_later_ones(fake, tmp_pa
     for number in (5, 10, 15):
         first.write(fake.step(model, number, 20, 4))
     again = SeriesWriter(tmp_path, model)  # from a checkpoint at step 9
-    assert len(times(tmp_path / "blocks.pvd")) == 3  # opening changes nothing
+    assert len(times(tmp_path)) == 3  # opening changes nothing
     again.write(fake.step(model, 10, 20, 4))
-    assert [t for t, _ in times(tmp_path / "blocks.pvd")] == [0.125, 0.25]
+    assert [t for t, _ in times(tmp_path)] == [0.125, 0.25]
     again.write(fake.step(model, 20, 20, 4))
     for name in ("blocks", "contacts", "rigid"):
-        assert [t for t, _ in times(tmp_path / f"{name}.pvd")] == [0.125, 0.25, 0.5]
-        assert all((tmp_path / file).is_file() for _, file in times(tmp_path / f"{name}.pvd"))
+        assert [t for t, _ in times(tmp_path, name)] == [0.125, 0.25, 0.5]
+        assert all((tmp_path / file).is_file() for _, file in times(tmp_path, name))
 
 
 def test_a_broken_collection_is_refused(fake, tmp_path):
-    (tmp_path / "blocks.pvd").write_text("<VTKFile><Coll")
-    with pytest.raises(InputError, match=r"blocks\.pvd.*ParaView collection"):
+    (tmp_path / "run.pvd").write_text("<VTKFile><Coll")
+    with pytest.raises(InputError, match=r"run\.pvd.*ParaView collection"):
         SeriesWriter(tmp_path, fake.wall(3, 4))
 
 

@@ -18,7 +18,7 @@ from fcsim.solvers.base import Monitor
 from fcsim.solvers.variational.admm import AdmmOptions, split
 from fcsim.solvers.variational.convex_sets import Cone
 from fcsim.solvers.variational.inequality import Inequality
-from fcsim.solvers.variational.splittings import SplittingFactor
+from fcsim.solvers.variational.splittings import LocalSplitting, SplittingFactor
 from fcsim.solvers.variational.watches import ProblemWatch, SubproblemWatch
 
 Problems = dict[str, Callable[[], LocalProblem]]
@@ -244,3 +244,24 @@ def test_factor_of_an_earlier_operator(storage: str) -> None:
     r, memory = solved(other, memory)
     assert_allclose(r, solved(other, None)[0], rtol=0, atol=1e-6)
     assert factor(memory) is not first
+
+
+def test_the_spectral_update_changes_rho_by_powers_of_the_condition(coulomb_problems: Problems, monkeypatch: pytest.MonkeyPatch) -> None:
+    """rho = sqrt(L m) (L / m)^p, p from 0 by steps of the power (Carpentier, Le Lidec, Montaut 2024), L and m the eigenvalues of W."""
+    p = coulomb_problems["full rank"]()
+    eigenvalues = np.linalg.eigvalsh(p.W)
+    seen, set_rho = [], LocalSplitting.set_rho
+    monkeypatch.setattr(LocalSplitting, "set_rho", lambda self, rho: (seen.append(rho), set_rho(self, rho))[1])
+    result = solve(p, "ADMM-SPECTRAL", tol=1e-10, initial_rho="given", rho=1e3 * eigenvalues[-1], spectral_power=0.25, balancing_interval=3)
+    assert result.solved and len(seen) > 2
+    steps = np.diff(np.log(seen)) / np.log(eigenvalues[-1] / eigenvalues[0])
+    assert_allclose(np.abs(steps), 0.25, rtol=0.05)  # the eigenvalues are estimates within a few per cent
+
+
+def test_the_spectral_update_needs_the_local_form(global_problem: GlobalProblem) -> None:
+    with pytest.raises(InputError, match="rho_update"):
+        solve(global_problem, "ADMM", linear="kkt", rho_update="spectral")
+    with pytest.raises(InputError, match="the local form alone"):
+        solve(global_problem, "ADMM-SPECTRAL", linear="kkt")
+    with pytest.raises(InputError, match="spectral_power"):
+        solve(global_problem, "ADMM-SPECTRAL", spectral_power=1.0)

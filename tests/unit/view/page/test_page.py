@@ -8,19 +8,23 @@ import gzip
 import json
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import pyvista as pv
 
-from fcsim.running.folder import open_run
+from fcsim.running.description import Description
+from fcsim.running.folder import RunFolder, instants_in, open_run
+from fcsim.running.vtk_series import SeriesWriter
 from fcsim.view import render
 from fcsim.view.film import film_instants
+from fcsim.view.joints import configuration, find_joints
+from fcsim.view.joints.surface import surface_of
 from fcsim.view.page import motion as motion_of_page
 from fcsim.view.page.curves import drawn, graphs, shown_rows
 from fcsim.view.page.encoding import scaled, size, whole
 from fcsim.view.page.motion import motion
-from fcsim.view.page.surface import surface_of
 from fcsim.view.page.write import write_page
 from fcsim.view.scene import survey
 
@@ -72,16 +76,35 @@ def test_the_motion_is_that_of_the_files(run_directory):
     blocks, rigid = pv.read(run.instants[-1].blocks), pv.read(run.instants[-1].rigid)
     places = decoded(content["vertices"]).reshape(-1, 3) + content["low"]
     last = places + decoded(content["displacement"])[-1].reshape(-1, 3)
-    true = np.vstack([np.asarray(data.points) + data["displacement"] for data in (blocks, rigid)])
+    true = np.vstack([np.asarray(data.points) + data["displacement [m]"] for data in (blocks, rigid)])
     nearest = np.array([np.linalg.norm(true - point, axis=1).min() for point in last])
     assert nearest.max() < np.sqrt(3) / 2 / 32767 * 1.01 * np.ptp(true)  # half a multiple along each axis
-    assert decoded(content["stress"]).max() == pytest.approx(max(pv.read(i.blocks)["von_mises"].max() for i in run.instants), rel=1e-3)
+    assert decoded(content["stress"]).max() == pytest.approx(max(pv.read(i.blocks)["von_mises [Pa]"].max() for i in run.instants), rel=1e-3)
     contacts = pv.read(run.instants[-1].contacts)
     first = content["contacts"]["first"]
     np.testing.assert_allclose(
-        decoded(content["contacts"]["reaction"])[first[-2] :], contacts["reaction"], atol=1e-4 * np.abs(contacts["reaction"]).max()
+        decoded(content["contacts"]["reaction"])[first[-2] :], contacts["reaction [N]"], atol=1e-4 * np.abs(contacts["reaction [N]"]).max()
     )
     np.testing.assert_array_equal(decoded(content["contacts"]["status"])[first[-2] :, 0], contacts["status"])
+
+
+def test_gravity_and_joints_are_in_it(fake, tmp_path):
+    """Gravity of each instant as the run had it; corners of a joint's facets by the page's own vertices."""
+    model = replace(fake.wall(3, 4), gravity=lambda t: (9.81 * t, 0.0, -9.81))
+    writer = SeriesWriter(tmp_path / "vtk", model)
+    for number in (10, 20):
+        writer.write(fake.step(model, number, 20, 4))
+    instants = instants_in(tmp_path / "vtk")
+    content = motion(RunFolder(tmp_path, Description(), {}, instants), instants, lambda done, total: None)
+    np.testing.assert_allclose(content["gravity"], [(9.81 * instant.t, 0.0, -9.81) for instant in instants])
+    joints = find_joints(instants[0], planar=False)
+    found = content["joints"]
+    places = decoded(content["vertices"]).reshape(-1, 3) + content["low"]
+    vertex, weight = decoded(found["vertex"]), decoded(found["weight"]).reshape(-1, 3, 3)
+    corners = np.einsum("fck,fkd->fcd", weight, places[vertex.astype(int)])
+    np.testing.assert_allclose(corners, joints.corners(configuration(instants[0], 0.0)), atol=1e-4 * np.ptp(places))
+    for row, instant in zip(decoded(found["opening"]), instants, strict=True):
+        np.testing.assert_allclose(row, np.maximum(joints.opening(configuration(instant)), 0), atol=1e-4 * row.max())
 
 
 def test_many_instants_are_thinned_to_the_room_there_is(run_directory, monkeypatch):

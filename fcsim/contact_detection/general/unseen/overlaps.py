@@ -1,7 +1,8 @@
 """Bodies that overlap although no vertex and no pair of sharp edges tells how: one contact each, so that none passes unseen.
 
-It happens deep inside only: a vertex that has gone through a thin tip is outside again, on the other side. Where an edge of one body goes
-through a facet of the other, the end that is behind the facet is its contact; of all such ends of two bodies the least deep one counts.
+Corners that meet head-on may go past each other, see `wedges`. What else there is happens deep inside: a vertex that has gone through a
+thin tip is outside again, on the other side. Where an edge of one body goes through a facet of the other, the end that is behind the facet
+is its contact; of all such ends of two bodies the least deep one counts.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from fcsim.arrays import BoolArray, IntArray
 from fcsim.contact_detection.general._foot_kernels import feet
 from fcsim.contact_detection.general._pierce_kernels import piercing
 from fcsim.contact_detection.general.edges import EdgeContacts
-from fcsim.contact_detection.general.near import NearBodies, near_edges_and_facets
+from fcsim.contact_detection.general.near import NearBodies, near_edges_and_facets, near_facets_of_both
+from fcsim.contact_detection.general.unseen.wedges import wedge_contacts
 from fcsim.contact_detection.general.vertices import VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
 
@@ -20,21 +22,34 @@ _BY = 10.0  # times `near`: what overlaps by less touches
 
 
 def overlap_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts) -> VertexContacts | None:
-    """One contact for each two bodies that overlap without one of negative gap; None where there are none, as it should be."""
-    if skin.dimension == 2:  # all edges of a polygon meet in its vertices: those are seen, see `vertices`
-        return None
+    """Contacts for each two bodies that overlap without one of negative gap; None where there are none, as it should be."""
     near = near.take(~near.itself)
     a, b = near.bodies.T
-    shared = np.minimum(shape.body_high[a], shape.body_high[b]) - np.maximum(shape.body_low[a], shape.body_low[b])
+    d = skin.dimension
+    shared = (np.minimum(shape.body_high[a], shape.body_high[b]) - np.maximum(shape.body_low[a], shape.body_low[b]))[:, :d]
     suspect = near.take(np.all(shared > _BY * near.near[:, None], axis=1) & ~_known(skin, near.bodies, vertices, edges))
     if not len(suspect.bodies):
         return None
+    corners, known = wedge_contacts(skin, shape, suspect, _BY * suspect.near)
+    rest = suspect.take(np.delete(np.arange(len(suspect.bodies)), known))
+    deeper = _pierced(skin, shape, rest) if len(rest.bodies) else None
+    if deeper is None:
+        return corners if len(known) else None
+    return VertexContacts._make(np.concatenate(both) for both in zip(corners, deeper, strict=True))
+
+
+def _pierced(skin: Skin, shape: Shape, suspect: NearBodies) -> VertexContacts | None:
+    """One contact for each two bodies of which an edge of one goes through a facet of the other."""
     both = NearBodies(np.concatenate([suspect.bodies, suspect.bodies[:, ::-1]]), *(np.tile(part, 2) for part in suspect[1:]))
-    edge, facet, pair = np.ascontiguousarray(near_edges_and_facets(skin, shape, both).T)
-    through, end = piercing(edge, facet, _BY * both.near[pair], shape.point, shape.normal, skin.edges, skin.facets, skin.sides)
+    if skin.dimension == 2:
+        edges, rows = skin.facets[:, :2], near_facets_of_both(skin, shape, both)
+    else:
+        edges, rows = skin.edges, near_edges_and_facets(skin, shape, both)
+    edge, facet, pair = np.ascontiguousarray(rows.T)
+    through, end = piercing(edge, facet, _BY * both.near[pair], shape.point, shape.normal, edges, skin.facets, skin.sides)
     if not through.any():
         return None
-    vertex, facet, pair = skin.edges[edge, end][through], facet[through], pair[through] % len(suspect.bodies)
+    vertex, facet, pair = edges[edge, end][through], facet[through], pair[through] % len(suspect.bodies)
     height = np.einsum("cd,cd->c", shape.point[vertex] - shape.centre[facet], shape.normal[facet])
     order = np.lexsort((facet, vertex, -height, pair))
     rows = order[np.append(True, np.diff(pair[order]) != 0)]

@@ -1,0 +1,1 @@
+"""Bodies that overlap although neither vertices nor crossing edges say so."""

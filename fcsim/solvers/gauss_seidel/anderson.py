@@ -1,0 +1,110 @@
+"""NSGS-AA: Gauss-Seidel's sweeps as a fixed point, accelerated by Anderson's mixing of the last ones (type II), with restart.
+
+With S a sweep, g_k = S(x_k) and f_k = g_k - x_k, the numbered steps are
+
+    1. g = S(x), f = g - x
+    2. ||f|| > restart * the least of this window: forget the window, x = g
+    3. gamma = argmin || f - dF gamma ||,   x = g - dG gamma          dF, dG: differences of the last `window` f and g
+
+in the norm of sqrt(s) r with the contacts' compliances s, which does not depend on units or on which bodies are heavy. The iterates that
+count are those after a sweep, in the cone.
+
+Sources: D. G. Anderson, J. ACM 12, 1965; H. F. Walker, P. Ni, SIAM J. Numer. Anal. 49, 2011 (type II, least squares in differences).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
+from fcsim.linear.block_rows import embed_vector
+from fcsim.problem import LocalProblem
+from fcsim.solvers.base import Iterate, Monitor
+from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
+from fcsim.solvers.gauss_seidel.rows import ContactRows
+from fcsim.solvers.gauss_seidel.sweeps import SweepOptions, contact_order, iterate
+
+NEARLY_DEPENDENT = 1e-14
+"""What is added to the diagonal 1 of the normal equations of gamma, in differences of length 1, which may be nearly dependent."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AndersonOptions(SweepOptions):
+    """window: sweeps that are mixed; restart: growth of ||f|| over the least one of the window at which that is forgotten."""
+
+    window: int = 10
+    restart: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.window < 1:
+            raise InputError(f"option window: expected an integer >= 1, got {self.window}")
+        if not self.restart >= 1:
+            raise InputError(f"option restart: expected a number >= 1, got {self.restart}")
+
+
+class Mixing:
+    """Anderson's mixing of points x (k,) and their images g (k,), both in the variables whose norm counts."""
+
+    def __init__(self, window: int, restart: float) -> None:
+        self._window, self._restart = window, restart
+        self._forget()
+
+    def _forget(self) -> None:
+        self._steps: list[FloatArray] = []  # f and g of the last points
+        self._images: list[FloatArray] = []
+        self._least = np.inf
+
+    def next(self, x: FloatArray, g: FloatArray) -> FloatArray:
+        """Where to go after the point x with the image g."""
+        f = g - x  # (1)
+        size = float(np.linalg.norm(f))
+        if not size <= self._restart * self._least:  # (2)
+            self._forget()
+        self._least = min(self._least, size)
+        self._steps, self._images = [*self._steps[-self._window :], f], [*self._images[-self._window :], g]
+        if len(self._steps) == 1:
+            return g
+        dF, dG = np.diff(self._steps, axis=0), np.diff(self._images, axis=0)
+        length = np.linalg.norm(dF, axis=1)
+        length[length == 0] = 1.0  # two steps alike
+        dF /= length[:, None]
+        normal = dF @ dF.T
+        normal[np.diag_indices_from(normal)] += NEARLY_DEPENDENT
+        following: FloatArray = g - (np.linalg.solve(normal, dF @ f) / length) @ dG  # (3)
+        return following
+
+
+def anderson(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AndersonOptions) -> Iterate:
+    """NSGS-AA from the starting point r (m,)."""
+    d, nc = problem.dimension, problem.nc
+    solver = ONE_CONTACT[options.one_contact]
+    rows = ContactRows.of(problem, solver.rho)
+    reaction = embed_vector(r, d)
+    order, frozen = contact_order(nc, options), np.zeros(nc, dtype=np.int64)
+    root = np.sqrt(problem.compliance)[:, None]
+    mixing, start = Mixing(options.window, options.restart), reaction.copy()
+
+    def sweep(tolerance: float, tau: float, count: int) -> tuple[float, int]:
+        nonlocal start
+        light, done = np.inf, 0
+        while done < count:
+            done += 1
+            reaction[:] = start
+            change, size, _, _ = solver.sweep(
+                *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order(), reaction, frozen),
+                *(tolerance, options.local_iterations, options.relaxation, False, 0, 0.0, 1, 0.0),
+            )
+            light = float(np.sqrt(change / size)) if size > 0 else float(change)
+            if not light > (tau if options.error_evaluation == "light" else 0.0):  # NaN ends it too
+                break
+            start = (mixing.next((root * start).ravel(), (root * reaction).ravel()).reshape(-1, 3)) / root
+        return light, done
+
+    def point() -> tuple[FloatArray, FloatArray]:
+        return reaction[:, :d].flatten(), rows.velocity(reaction)[:, :d].flatten()
+
+    return iterate(sweep, point, nc, monitor, options)

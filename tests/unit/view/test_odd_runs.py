@@ -1,0 +1,53 @@
+"""Runs of one step, without contacts, without a series: drawn without a warning."""
+
+import warnings
+from pathlib import Path
+
+import pytest
+
+from fcsim.running.case import load_case
+from fcsim.running.run import RunOptions, run_case
+from fcsim.view import render
+
+pytest.importorskip("pyvista")
+SCRIPT = """
+from dataclasses import dataclass
+
+from fcsim import Case, ExactContacts, Simulation, Support, Theta, build_model
+from fcsim.mesh import rigid_plane, rigid_sphere
+
+
+@dataclass(frozen=True)
+class Parameters:
+    steps: int = 1
+    height: float = 5.0
+
+
+def build(p: Parameters) -> Case:
+    '''A ball above a floor.'''
+    bodies = [rigid_sphere("ball", 0.1, (0.0, 0.0, p.height), 1.0), rigid_plane("floor", (0, 0, 0), (0, 0, 1))]
+    held = [Support("floor", ("x", "y", "z", "rx", "ry", "rz"))]
+    model = build_model(bodies, supports=held, gravity=lambda t: (0.0, 0.0, -9.81))
+    return Case("ball", "A ball", Simulation(model, ExactContacts(model, 0.5), Theta(1e-3), p.steps))
+"""
+
+
+@pytest.mark.parametrize(
+    ("given", "vtk_every", "drawn"),
+    [
+        ({"steps": "1"}, 1, {"bodies.png", "contacts.png"}),
+        ({"steps": "1"}, 0, set()),
+        ({"steps": "2", "height": "0.1"}, 1, {"bodies.png", "contacts.png", "instants.png"}),
+    ],
+)
+def test_odd_runs_are_drawn_without_a_warning(tmp_path: Path, given: dict[str, str], vtk_every: int, drawn: set[str]) -> None:
+    folder = tmp_path / "Fälle mit Leerzeichen" / "ball"
+    folder.mkdir(parents=True)
+    (folder / "ball.py").write_text(SCRIPT)
+    run = folder / "größe ü"
+    run_case(load_case(folder), given, run, RunOptions(export_every=0, vtk_every=vtk_every))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        files = render(run, film=None, page=True)
+    assert {path.name for path in files if path.parent.name == "pictures"} == drawn
+    assert files[-1] == run / "page.html" and files[-1].stat().st_size > 1e6
