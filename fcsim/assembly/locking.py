@@ -1,4 +1,11 @@
-"""Elements that hold nearly incompressible materials too stiff, named as a run begins."""
+"""Elements that lock, named as a run begins: in nearly incompressible materials, in plastic flow, in slender parts that bend.
+
+A cell of first order that bends with the curvature k along its length l shears by k x instead of bending: the energy G k^2 l^2 / 12 beside
+E k^2 H^2 / 12 of the section of height H, so that the part is too stiff by about G / E (l / H)^2, however many cells the height has.
+
+Sources: O. C. Zienkiewicz, R. L. Taylor, The finite element method, volume 1, 2000, chapter 9 (shear); J. C. Nagtegaal, D. M. Parks,
+J. R. Rice, Comput. Methods Appl. Mech. Eng. 4, 1974 (plastic flow keeps the volume).
+"""
 
 from __future__ import annotations
 
@@ -10,6 +17,8 @@ from fcsim.assembly.model import Model
 from fcsim.assembly.nonlinear.part import laws_of
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material.law import Circumstances, PointLaw, initial_variables
+from fcsim.mesh.material.linear import Material, Orthotropic
+from fcsim.mesh.material.plastic import FinitePlastic, Plastic
 from fcsim.mesh.part import Part
 
 LOCKS = 0.49
@@ -17,6 +26,13 @@ LOCKS = 0.49
 
 LONG_LOCKS, LONG = 0.499, 5.0
 """Poisson's ratio and length over height from which simplices of second order do: 6 % at 0.4999 in cells ten times as long as high."""
+
+
+SLENDER, TOO_STIFF = 4.0, 0.25
+"""Longest over smallest extent of a straight part, and by how much it may be too stiff where it bends."""
+
+SIMPLICES = 2.5
+"""Of (l / H)^2: by how much P1 cells are too stiff, measured on the cantilevers of docs/elements.md (hexahedra cut into six)."""
 
 
 @once_per_part
@@ -40,6 +56,43 @@ def locking(part: Part) -> str:
     return f"part {part.name!r}: {part.elements} elements lock at Poisson's ratio {nu:.4f}: it is too stiff. What helps: {instead}"
 
 
+@once_per_part
+def locking_in_bending(part: Part) -> str:
+    """What is to be said of a slender straight part whose cells of first order are too long to bend; "" where there is nothing."""
+    if part.elements not in ("Q1", "Q1-bbar", "P1"):
+        return ""
+    extent = np.ptp(part.points, axis=0)
+    along, height = int(np.argmax(extent)), float(extent.min())
+    if extent[along] < SLENDER * height:
+        return ""
+    length = float(np.median(np.ptp(part.points[part.cells][:, :, along], axis=1)))
+    nu = min(_poisson(law) for law, _ in laws_of(part))
+    shear = 0.5 * (1 - nu) if part.dimension == 2 and part.plane == "strain" else 0.5 / (1 + nu)
+    stiffer = (SIMPLICES if part.elements == "P1" else shear) * (length / height) ** 2
+    if stiffer < TOO_STIFF:
+        return ""
+    linear = isinstance(part.material, Material | Orthotropic)  # of which alone there are enhanced cells
+    better = '"P2"' if part.elements == "P1" else '"Q1-enhanced" or "Q2"' if linear else '"Q2"'
+    return (
+        f"part {part.name!r}: {part.elements} cells that are {length / height:.2g} times as long as the part is high: where it bends "
+        f"it is too stiff by about {100 * stiffer:.0f} %. What helps: {better}, or shorter cells"
+    )
+
+
+@once_per_part
+def locking_in_flow(part: Part) -> str:
+    """What is to be said of cells of first order in a material of von Mises' plasticity, whose flow keeps the volume; "" else."""
+    if part.elements not in ("Q1", "P1") or (part.dimension == 2 and part.plane == "stress"):
+        return ""
+    if not any(isinstance(law, Plastic | FinitePlastic) for law, _ in laws_of(part)):
+        return ""
+    better = '"P2"' if part.elements == "P1" else '"Q1-bbar" or "Q2"'
+    return (
+        f"part {part.name!r}: {part.elements} elements lock once most of it flows, which keeps the volume: limit loads are too high. "
+        f"What helps: {better}"
+    )
+
+
 def _poisson(law: PointLaw) -> float:
     strain = np.eye(3)[None] if law.strain == "finite" else np.zeros((1, 3, 3))
     answer = law.respond(strain, initial_variables(law)[None], Circumstances(np.zeros((1, 3)), 0.0, 0.0), True)
@@ -59,4 +112,5 @@ def _aspect(part: Part) -> float:
 def locking_parts(model: Model) -> tuple[str, ...]:
     """What is to be said of the parts of a model, each once."""
     parts = {id(body.part): body.part for body in model.deformable}
-    return tuple(text for part in parts.values() if (text := locking(part)))
+    said = (locking, locking_in_flow, locking_in_bending)
+    return tuple(text for part in parts.values() for about in said if (text := about(part)))

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from fcsim.assembly.locking import locking
+from fcsim.assembly.locking import locking, locking_in_bending, locking_in_flow
 from fcsim.mesh.blocks import brick, rectangle
-from fcsim.mesh.material import ByRegion, Material, mooney_rivlin
+from fcsim.mesh.material import ByRegion, FinitePlastic, Material, Plastic, mooney_rivlin, neo_hooke
 from fcsim.mesh.material.thermal import Thermal
 from fcsim.mesh.part import Part
 
@@ -39,3 +39,37 @@ def test_one_of_several_materials() -> None:
     materials: Any = ByRegion({"a": Material(1.0, 0.2, 1.0), "b": Material(1.0, 0.499, 1.0)})
     two = Part("two", part.points, part.cells, part.cell_type, part.surfaces, materials, regions={"a": [0], "b": [1]})
     assert "0.4990" in locking(two)
+
+
+@pytest.mark.parametrize(("length", "energy"), [(0.5, 0.858), (1.0, 0.607), (2.0, 0.280)])
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_cells_too_long_to_bend(length: float, energy: float, unit: float) -> None:
+    """The share that is said is that of the cantilevers of docs/elements.md: 8 x 4 x 4 cells, energy over Timoshenko's."""
+    part = brick("beam", (length * unit, 0.1 * unit, 0.1 * unit), (8, 4, 4), Material(1e6, 0.2, 1.0))
+    said = locking_in_bending(part)
+    if energy > 0.8:
+        assert not said
+    else:
+        percent = float(said.split("about ")[1].split(" %")[0])
+        assert percent == pytest.approx(100 * (1 / energy - 1), rel=0.05)
+
+
+def test_which_parts_are_said_to_bend_too_stiffly() -> None:
+    stone = Material(1e6, 0.2, 1.0)
+    assert not locking_in_bending(brick("cube", (1.0, 1.0, 1.0), (1, 1, 1), stone))
+    assert not locking_in_bending(brick("brick", (0.2, 0.1, 0.1), (8, 4, 4), stone))
+    assert not locking_in_bending(brick("beam", (2.0, 0.1, 0.1), (8, 1, 1), stone, elements="Q1-enhanced"))
+    assert not locking_in_bending(brick("beam", (2.0, 0.1, 0.1), (80, 1, 1), stone))
+    assert '"P2"' in locking_in_bending(brick("beam", (1.0, 0.1, 0.1), (8, 2, 2), stone, "tetrahedron"))
+    assert "enhanced" not in locking_in_bending(brick("beam", (2.0, 0.1, 0.1), (8, 1, 1), neo_hooke(1e6, 0.3, 1.0)))  # linear ones alone
+    assert locking_in_bending(brick("plate", (1.0, 1.0, 0.02), (8, 8, 1), stone))
+    assert locking_in_bending(rectangle("strip", (2.0, 0.1), (8, 2), stone))
+
+
+@pytest.mark.parametrize("law", [Plastic, FinitePlastic])
+def test_plastic_flow_keeps_the_volume(law: Any) -> None:
+    steel = law(2e11, 0.3, 7800.0, 2.5e8)
+    assert "lock once most of it flows" in locking_in_flow(brick("b", (1.0, 1.0, 1.0), (1, 1, 1), steel))
+    assert not locking_in_flow(brick("b", (1.0, 1.0, 1.0), (1, 1, 1), steel, elements="Q1-bbar"))
+    assert not locking_in_flow(rectangle("b", (1.0, 1.0), (1, 1), steel, plane="stress"))
+    assert not locking_in_flow(brick("b", (1.0, 1.0, 1.0), (1, 1, 1), Material(2e11, 0.3, 7800.0)))
