@@ -74,6 +74,7 @@ sphinx_gallery_conf = {
     "plot_gallery": True,
 }
 
+html_show_search_summary = False  # a page that is opened as a file may not fetch the others, whose lines it would show
 html_theme = "pydata_sphinx_theme"
 html_title = f"fcsim {release}"
 html_static_path = ["extensions/static"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.running.folder import Instant
@@ -13,7 +14,7 @@ TOUCHING = 2e-3
 """Of the smaller body's extent: faces that are farther apart are no joint."""
 FACING = -0.99  # cosine between the normals
 FEW, MANY_PAIRS = 16, 1000  # facets of a joint below which they are divided; pairs of bodies above which they are divided once only
-ROOM = 4_000_000  # pairs of facets looked at in one piece
+ROOM, NEAREST = 500_000, 24  # pairs of facets that are all looked at; of more, those of a facet with the nearest ones across
 
 
 def find_joints(first: Instant, planar: bool) -> Joints:
@@ -96,26 +97,28 @@ def _largest(facet: FloatArray) -> float:
 
 def _joint(X: FloatArray, own: IntArray, other: IntArray, reach: float, most: int) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:
     """The facets of `own` over which one of `other` lies: facet, corner, across, foot of `Joints`."""
-    n_own, n_other = normals(X[own]), normals(X[other])
-    facing = n_own @ n_other.T < FACING
-    own, other = own[facing.any(axis=1)], other[facing.any(axis=0)]
+    if len(own) * len(other) <= ROOM:
+        facing = normals(X[own]) @ normals(X[other]).T < FACING
+        own, other = own[facing.any(axis=1)], other[facing.any(axis=0)]
     k = own.shape[1]
     corner = np.tile(np.eye(k), (len(own), 1, 1))
     for _ in range(most if 0 < len(own) < FEW else 0):
         own, corner = np.repeat(own, 2 ** (k - 1), axis=0), _divided(corner)
     centre = np.einsum("fck,fkd->fd", corner, X[own]) / k
-    n_own, n_other, simplex = normals(X[own]), normals(X[other]), X[other]
-    across, foot = np.full(len(own), -1), np.zeros((len(own), k))
-    chunk = max(1, ROOM // max(1, len(other)))
-    for begin in range(0, len(own), chunk):
-        rows = slice(begin, begin + chunk)
-        weights, height = _over(centre[rows], simplex, n_other)
-        over = (weights.min(axis=2) > -1e-6) & (np.abs(height) < reach) & (n_own[rows] @ n_other.T < FACING)
-        best = np.argmin(np.where(over, np.abs(height), np.inf), axis=1) if len(other) else np.zeros(len(weights), dtype=int)
-        met = np.flatnonzero(over.any(axis=1))
-        across[begin + met], foot[begin + met] = best[met], weights[met, best[met]]
-    kept = across >= 0
-    return own[kept], corner[kept], other[across[kept]], foot[kept]
+    met = _candidates(centre, X[other].mean(axis=1))
+    weights, height = _over(centre, X[other], met)
+    against = np.einsum("nd,nmd->nm", normals(X[own]), normals(X[other])[met]) < FACING
+    over = (weights.min(axis=2, initial=1.0) > -1e-6) & (np.abs(height) < reach) & against
+    kept = np.flatnonzero(over.any(axis=1))
+    best = np.argmin(np.where(over, np.abs(height), np.inf)[kept], axis=1) if len(kept) else np.empty(0, dtype=np.int64)
+    return own[kept], corner[kept], other[met[kept, best]], weights[kept, best]
+
+
+def _candidates(centre: FloatArray, across: FloatArray) -> IntArray:
+    """Facets (n, m) across which each centre may lie over: all of them, of very many the nearest."""
+    if len(centre) * len(across) <= ROOM:
+        return np.tile(np.arange(len(across)), (len(centre), 1))
+    return np.asarray(cKDTree(across).query(centre, k=min(NEAREST, len(across)))[1], dtype=np.int64).reshape(len(centre), -1)
 
 
 def _divided(corner: FloatArray) -> FloatArray:
@@ -130,11 +133,11 @@ def _divided(corner: FloatArray) -> FloatArray:
     return np.stack(parts, axis=1).reshape(-1, *corner.shape[1:])
 
 
-def _over(point: FloatArray, simplex: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weights (n, m, k) of the feet of points (n, 3) on facets (m, k, 3), and heights (n, m) above them."""
-    arm = point[:, None] - simplex[None, :, 0]
-    height = np.einsum("nmd,md->nm", arm, normal)
+def _over(point: FloatArray, simplex: FloatArray, met: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Weights (n, m, k) of the feet of points (n, 3) on the facets met (n, m) of all of them (nf, k, 3), and heights (n, m) above them."""
+    arm = point[:, None] - simplex[met, 0]
+    height = np.einsum("nmd,nmd->nm", arm, normals(simplex)[met])
     side = simplex[:, 1:] - simplex[:, :1]
     gram = np.linalg.pinv(np.einsum("mad,mbd->mab", side, side))
-    along = np.einsum("mab,mbd,nmd->nma", gram, side, arm)
+    along = np.einsum("nmab,nmbd,nmd->nma", gram[met], side[met], arm)
     return np.concatenate([1 - along.sum(axis=2, keepdims=True), along], axis=2), height
