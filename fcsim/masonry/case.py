@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from fcsim.masonry.models import read_model
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.pushes import pushed, tilted
 from fcsim.masonry.structure import BlocksAre, Stone, structure
+from fcsim.mesh.solids.surface_file import FORMATS as SURFACES
 from fcsim.running.case import Case, CaseScript, History, Sensor, load_case
 from fcsim.running.known_cases import case_place
 from fcsim.timestep.chain import SolverSettings
@@ -52,22 +53,24 @@ class Parameters:
     tol: float = 1e-8
 
 
-def masonry_case(path: str | Path, mu: float | None = None) -> CaseScript:
-    """Return the case of a file of blocks (`read_model`), for `fcsim.running.run.run_case`, as a script's; mu in place of its own."""
+def masonry_case(
+    path: str | Path, mu: float | None = None, *, density: float = 2000.0, scale: float | None = None, supports: Sequence[str] = ()
+) -> CaseScript:
+    """Return the case of a file of blocks, for `fcsim.running.run.run_case`, as a script's; the other arguments: see `read_model`."""
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"case {str(path)!r}: expected a masonry problem in JSON, found no such file")
+        raise InputError(f"case {str(path)!r}: expected a model of blocks, found no such file")
 
     def built(parameters: Parameters) -> Case:
-        return build(read_model(path, mu=mu), parameters)
+        return build(read_model(path, mu=mu, density=density, scale=scale, supports=supports), parameters)
 
     return CaseScript(path.stem, path, Parameters, built, sha256(path))
 
 
 def any_case(path: str | Path) -> CaseScript:
     """The case of a script, of a folder that holds one, of a known case by its name where no such path is there, or of a masonry problem
-    in JSON."""
-    return masonry_case(path) if str(path).endswith(".json") else load_case(case_place(path))
+    in JSON or solids (z up, on a floor, mu 0.6, 2000 kg/m^3)."""
+    return masonry_case(path) if Path(path).suffix.lower() in (".json", *SURFACES) else load_case(case_place(path))
 
 
 def build(problem: MasonryProblem, p: Parameters) -> Case:

@@ -3,11 +3,14 @@
 Each trial begins at rest with the load upon it, which rigid blocks feel at once, and is watched for `duration`. What moves is either going
 to fall or slips until it locks, and the two are told apart: first motion, 1e-6 of the structure's extent, and runaway, 1e-3 of it and
 still moving. An excess eps of the multiplier accelerates a mechanism by about g eps, so that small excesses need time.
+
+Deformable blocks are loaded by their weight at once and by what grows over a trial's time, then held for as long, by implicit Euler, which
+damps their oscillations: their elastic displacements hide the first slips, and they fall or stand: first motion is that of the fall.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +18,8 @@ import numpy as np
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.masonry.limit_analysis.limit_problem import limit_problem
-from fcsim.masonry.problem import MasonryProblem
-from fcsim.masonry.structure import structure
+from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce
+from fcsim.masonry.structure import BlocksAre, Stone, structure
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
@@ -28,9 +31,13 @@ _STEPS, _RESTING = 120, 12
 """Steps of a trial; so many in a row without motion end it: rigid blocks that rest under a held load meet the same problem again."""
 _SLOW = 1e-3
 """Share of the speed of a runaway below which blocks rest: an excess of the load by the resolution gives them 200 times that by then."""
-_SOLVER = SolverSettings(tol=1e-7)
+_SOFT_REST = 1e-2
+"""The same of deformable blocks, whose vibrations die away slowly."""
+_WIDER, _LEAST = 0.05, 0.3
+"""Share by which a bracket is widened at first, twice as much each further time; below a share of where it began it goes down to zero."""
+_TOLERANCE, _FINEST = 1e-7, 1e-8
 """What stands moves by 1e-8 of its extent in all steps of a trial at this tolerance, a hundredth of first motion; at 1e-6 blocks creep into
-motion below the load at which they must move."""
+motion below the load at which they must move. Errors are shares of all forces: where forces press on light blocks it is finer."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +57,8 @@ class Trial:
 
 @dataclass(frozen=True)
 class Bracket:
-    """Multipliers between which a structure begins to move, and to fall: (the last that did not, the first that did)."""
+    """Multipliers between which a structure begins to move, and to fall: (the last that did not, the first that did); motion (0, 0): under
+    the loads that stay."""
 
     motion: tuple[float, float]
     fall: tuple[float, float]
@@ -60,25 +68,46 @@ class Bracket:
 Watch = Callable[[Trial], None]
 
 
-def trial(problem: MasonryProblem, multiplier: float, *, duration: float, steps: int = _STEPS) -> Trial:
-    """Hold the load at `multiplier` for `duration` [s], or until the structure has run away, or rests."""
+def trial(
+    problem: MasonryProblem,
+    multiplier: float,
+    *,
+    duration: float,
+    steps: int = _STEPS,
+    blocks: BlocksAre = "rigid",
+    stone: Stone | None = None,
+) -> Trial:
+    """Hold the load at `multiplier` for `duration` [s], or until the structure has run away, or rests; blocks, stone: see `structure`."""
     displacement = speed = t = 0.0
     fast, resting = RUNAWAY * problem.size / duration, 0
-    for step, displacement, speed in _held(problem, multiplier, duration, steps):
+    soft = blocks != "rigid"
+    for step, displacement, speed in _held(problem, multiplier, duration, steps, blocks, stone):
         t = step.state.t
-        resting = resting + 1 if speed < _SLOW * fast and displacement < _SLOW * RUNAWAY * problem.size else 0
+        if soft:
+            rests = t > duration and speed < _SOFT_REST * fast
+        else:
+            rests = speed < _SLOW * fast and displacement < _SLOW * RUNAWAY * problem.size
+        resting = resting + 1 if rests else 0
         if resting == _RESTING:
             break
         if displacement > 3 * RUNAWAY * problem.size and speed > fast:
             break
     falls = displacement > RUNAWAY * problem.size and speed > fast
-    return Trial(multiplier, displacement, speed, t, displacement > FIRST * problem.size, falls)
+    return Trial(multiplier, displacement, speed, t, falls if soft else displacement > FIRST * problem.size, falls)
 
 
-def fallen(problem: MasonryProblem, multiplier: float, *, share: float = 0.01, duration: float = 5.0) -> Step:
+def fallen(
+    problem: MasonryProblem,
+    multiplier: float,
+    *,
+    share: float = 0.01,
+    duration: float = 5.0,
+    blocks: BlocksAre = "rigid",
+    stone: Stone | None = None,
+) -> Step:
     """Return the step at which a structure under a held load has moved by a share of its extent, or the last within `duration` [s]."""
     last = None
-    for step, displacement, _ in _held(problem, multiplier, duration, int(np.ceil(duration / 0.01))):
+    for step, displacement, _ in _held(problem, multiplier, duration, int(np.ceil(duration / 0.01)), blocks, stone):
         last = step
         if displacement > share * problem.size:
             break
@@ -86,22 +115,48 @@ def fallen(problem: MasonryProblem, multiplier: float, *, share: float = 0.01, d
     return last
 
 
-def _held(problem: MasonryProblem, multiplier: float, duration: float, steps: int) -> Iterator[tuple[Step, float, float]]:
-    """Steps under a held load, the largest displacement [m] and speed [m/s] of a free block's corner."""
-    model, _ = structure(problem, multiplier=lambda t: multiplier)
-    simulation = Simulation(model, Everything(model, problem.friction), Theta(duration / steps), steps, _SOLVER, created=np.inf)
-    free = np.repeat([not block.support for block in problem.blocks], np.diff(model.node_offset))
+def _held(
+    problem: MasonryProblem, multiplier: float, duration: float, steps: int, blocks: BlocksAre, stone: Stone | None
+) -> Iterator[tuple[Step, float, float]]:
+    """Steps under a held load, the largest displacement [m] and speed [m/s] of a free block's node."""
+    soft = blocks != "rigid"
+
+    def grown(t: float) -> float:
+        return multiplier * min(t / duration, 1.0) if soft else multiplier
+
+    model, _ = structure(problem, blocks, stone, multiplier=grown)
+    scheme = Theta(duration / steps, 1.0) if soft else Theta(duration / steps)
+    count = 2 * steps if soft else steps
+    simulation = Simulation(model, Everything(model, problem.friction), scheme, count, _settings(problem), created=np.inf)
+    free = np.repeat([not problem.blocks[problem.number[body.name]].support for body in model.bodies], np.diff(model.node_offset))
     for step in simulation:
         moved = np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1)
         speeds = np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[free], axis=1)
         yield step, float(moved.max()), float(speeds.max())
 
 
-def bracket(problem: MasonryProblem, low: float, high: float, *, resolution: float = 0.005, watch: Watch = lambda trial: None) -> Bracket:
+def _settings(problem: MasonryProblem) -> SolverSettings:
+    """The solver's tolerance: as small as the blocks' weight is beside the forces upon them."""
+    free = [block for block in problem.blocks if not block.support]
+    weight = GRAVITY * sum(block.mass or (block.density or 0.0) * block.surface.moments()[0] for block in free)
+    pressed = sum(float(np.linalg.norm(load.value)) for load in problem.loads if isinstance(load, PointForce) and not load.scaled)
+    return SolverSettings(tol=max(_TOLERANCE * weight / (weight + pressed), _FINEST))
+
+
+def bracket(
+    problem: MasonryProblem,
+    low: float,
+    high: float,
+    *,
+    resolution: float = 0.005,
+    watch: Watch = lambda trial: None,
+    blocks: BlocksAre = "rigid",
+    stone: Stone | None = None,
+) -> Bracket:
     """Return between which multipliers the structure begins to move and to fall, each to `resolution` of the multiplier, by bisection.
 
-    low, high: where to begin, as limit analysis says; widened as long as low moves or high does not fall. InputError where the problem has
-    no load that grows.
+    low, high: where to begin, as limit analysis says; widened as long as low moves or high does not fall; blocks, stone: see `structure`.
+    InputError where the problem has no load that grows.
     """
     if not problem.scaled:
         raise InputError(f"{problem.name!r}: expected a load that the multiplier scales, got none")
@@ -115,20 +170,30 @@ def bracket(problem: MasonryProblem, low: float, high: float, *, resolution: flo
             # an excess of the resolution, at a tenth of the acceleration that it would give all blocks, runs away in that time
             excess = 0.1 * resolution * multiplier * pull
             duration = float(np.clip(np.sqrt(2 * RUNAWAY * problem.size / max(excess, 1e-300)), 0.2, 5.0))
-            known[multiplier] = trial(problem, multiplier, duration=duration)
+            known[multiplier] = trial(problem, multiplier, duration=duration, blocks=blocks, stone=stone)
             watch(known[multiplier])
         return known[multiplier]
 
     low, high = max(low, 0.0), max(high, low, 1e-6)
+    begin, wider = low, _WIDER
     while low > 0 and at(low).moves:
-        high, low = (low if at(low).falls else high), (low * 0.95 if low > 1e-4 else 0.0)
+        high, low, wider = (low if at(low).falls else high), low * (1 - min(wider, 0.5)), 2 * wider
+        low = low if low > _LEAST * begin else 0.0
+    wider = _WIDER
     while not at(high).falls and high < 1e3:
-        high *= 1.05
-    fall = _bisected(low, high, resolution, lambda multiplier: at(multiplier).falls)
+        high, wider = high * (1 + wider), 2 * wider
+    stands = max((seen.multiplier for seen in known.values() if not seen.falls and seen.multiplier < high), default=low)
+    fall = _bisected(stands, high, resolution, lambda multiplier: at(multiplier).falls)
+    if low == 0 and at(0.0).moves:
+        return Bracket((0.0, 0.0), fall, _sorted(known))
     begun = [multiplier for multiplier, seen in known.items() if seen.moves]
     still = [multiplier for multiplier, seen in known.items() if not seen.moves and multiplier < min(begun)]
     motion = _bisected(max(still, default=0.0), min(begun), resolution, lambda multiplier: at(multiplier).moves)
-    return Bracket(motion, fall, tuple(sorted(known.values(), key=lambda seen: seen.multiplier)))
+    return Bracket(motion, fall, _sorted(known))
+
+
+def _sorted(known: Mapping[float, Trial]) -> tuple[Trial, ...]:
+    return tuple(sorted(known.values(), key=lambda seen: seen.multiplier))
 
 
 def _acceleration(problem: MasonryProblem) -> float:

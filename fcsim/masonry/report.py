@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from fcsim.files import replacing_for_good
-from fcsim.masonry.branch import Branch
 from fcsim.masonry.collapse import Bracket
+from fcsim.masonry.histories.branch import Branch
+from fcsim.masonry.histories.shake import Shake
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.masonry.limit_analysis.reactions import SupportForces
 from fcsim.masonry.openings import Opening
 from fcsim.masonry.problem import MasonryProblem
-from fcsim.masonry.shake import Shake
 from fcsim.records import write_record
 from fcsim.version import __version__
 
@@ -47,14 +47,14 @@ def write_analysis(directory: Path, analysis: LimitAnalysis, seen: Bracket | Non
         for joint in analysis.joints
     ]
     header = ("block", "with", "state", "N [kN]", "T [kN]", "T/N", "eccentricity [m]", "length [m]")
-    _write_csv(directory / "joints.csv", header, joints)
+    write_csv(directory / "joints.csv", header, joints)
     model = analysis.limit.model
     velocities = model.rigid_part(analysis.coulomb.v)
     d = model.dimension
     names = ("vx", "vz", "omega") if d == 2 else ("vx", "vy", "vz", "omega x", "omega y", "omega z")
     largest = max(float(np.abs(velocities[:, :d]).max()), 1e-300)
     rows = [(body.name, *(f"{value / largest:.6g}" for value in row)) for body, row in zip(model.rigid, velocities, strict=True)]
-    _write_csv(directory / "blocks.csv", ("block", *names), rows)
+    write_csv(directory / "blocks.csv", ("block", *names), rows)
 
 
 def support_summary(problem: MasonryProblem, multiplier: float, found: Sequence[SupportForces]) -> Mapping[str, object]:
@@ -78,7 +78,7 @@ def support_rows(found: Sequence[SupportForces], digits: int) -> list[tuple[str,
 def write_supports(directory: Path, found: Sequence[SupportForces]) -> None:
     """Write what supports may bear into a folder: supports.csv."""
     directory.mkdir(parents=True, exist_ok=True)
-    _write_csv(directory / "supports.csv", SUPPORT_COLUMNS, support_rows(found, digits=9))
+    write_csv(directory / "supports.csv", SUPPORT_COLUMNS, support_rows(found, digits=9))
 
 
 def branch_summary(branch: Branch) -> Mapping[str, object]:
@@ -92,7 +92,7 @@ def write_branch(directory: Path, branch: Branch) -> None:
     directory.mkdir(parents=True, exist_ok=True)
     write_record(directory / "branch.json", branch_summary(branch))
     rows = [(f"{1e3 * d:.9g}", f"{m:.9g}") for d, m in zip(branch.displacement, branch.multiplier, strict=True)]
-    _write_csv(directory / "branch.csv", ("displacement [mm]", "multiplier"), rows)
+    write_csv(directory / "branch.csv", ("displacement [mm]", "multiplier"), rows)
 
 
 def shake_summary(seen: Shake) -> Mapping[str, object]:
@@ -108,7 +108,7 @@ def write_shake(directory: Path, seen: Shake) -> None:
     write_record(directory / "shake.json", shake_summary(seen))
     columns = seen.t, 1e3 * seen.displacement, np.degrees(seen.turn)
     rows = [tuple(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
-    _write_csv(directory / "shake.csv", ("t [s]", "displacement [mm]", "turn [degrees]"), rows)
+    write_csv(directory / "shake.csv", ("t [s]", "displacement [mm]", "turn [degrees]"), rows)
 
 
 def write_openings(path: Path, joints: tuple[Opening, ...]) -> None:
@@ -117,9 +117,10 @@ def write_openings(path: Path, joints: tuple[Opening, ...]) -> None:
         (*joint.between, f"{1e3 * joint.opening:.6g}", f"{1e3 * joint.slip:.6g}")
         for joint in sorted(joints, key=lambda joint: -joint.opening)
     ]
-    _write_csv(path, ("block", "with", "opening [mm]", "slip [mm]"), rows)
+    write_csv(path, ("block", "with", "opening [mm]", "slip [mm]"), rows)
 
 
-def _write_csv(path: Path, header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
+def write_csv(path: Path, header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
+    """Write a table of texts, whole or not at all."""
     with replacing_for_good(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows([header, *rows])

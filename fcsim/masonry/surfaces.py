@@ -40,15 +40,18 @@ def supported(blocks: Sequence[Block], supports: Sequence[str], path: Path) -> t
     held = tuple(
         replace(block, support=block.support or any(fnmatch.fnmatchcase(block.name, pattern) for pattern in supports)) for block in blocks
     )
-    return held if any(block.support for block in held) else (*held, Block(_floor([block.surface for block in held]), support=True))
+    return held if any(block.support for block in held) else (*held, Block(_floor([block.surface for block in held], names), support=True))
 
 
-def _floor(surfaces: Sequence[ClosedSurface]) -> ClosedSurface:
-    """A slab under the lowest point of all solids, wider than they are by half their extent."""
+def _floor(surfaces: Sequence[ClosedSurface], names: Sequence[str]) -> ClosedSurface:
+    """A slab under the lowest point of all solids, wider than they are by half their extent, of a name that none of them has."""
+    name = FLOOR
+    while name in names:
+        name = f"{name} below"
     points = np.concatenate([surface.points for surface in surfaces])
     low, high = points.min(axis=0), points.max(axis=0)
     extent = float((high - low).max())
     (x0, y0, _), (x1, y1, _) = low - 0.5 * extent, high + 0.5 * extent
     z0, z1 = low[2] - 0.1 * extent, low[2]
     corners = [(x0, y0, z0), (x1, y0, z0), (x1, y1, z0), (x0, y1, z0), (x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)]
-    return closed_surface(FLOOR, corners, _FACES)
+    return closed_surface(name, corners, _FACES)

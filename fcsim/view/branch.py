@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fcsim.masonry.branch import Branch
+from fcsim.masonry.histories.branch import Branch
 from fcsim.view.style import STYLE, figure, matplotlib, prefixed, save
 
 

@@ -1,4 +1,4 @@
-"""Histories of a structure on ground that shakes."""
+"""Histories of a structure on ground that shakes, and on supports that give way."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fcsim.masonry.shake import Shake
+from fcsim.masonry.histories.settle import Settlement
+from fcsim.masonry.histories.shake import Shake
 from fcsim.view.style import STYLE, figure, matplotlib, prefixed, save
 
 
@@ -22,4 +23,25 @@ def draw_shake(seen: Shake, path: Path, title: str) -> Path:
         below.set_ylabel("largest turn [degrees]")
         below.set_xlabel("t [s]")
         above.set_title(title, wrap=True, fontsize=10)
+        return save(drawing, path)
+
+
+def draw_settlement(seen: Settlement, path: Path, title: str) -> Path:
+    """Draw the horizontal and vertical forces of supports and the widest joint by the movement."""
+    scale, unit = prefixed("m", seen.moved)
+    wide, of_wide = prefixed("m", seen.opening)
+    largest, of_force = prefixed("N", [float(np.abs(force).max()) for force in seen.forces.values()])
+    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+        drawing = figure(7.0, 7.0, layout="constrained")
+        across, up, below = drawing.subplots(3, 1, sharex=True)
+        for name, force in seen.forces.items():
+            across.plot(seen.moved / scale, seen.thrust(name) / largest, linewidth=1.2, label=name)
+            up.plot(seen.moved / scale, force[:, -1] / largest, linewidth=1.2, label=name)
+        below.plot(seen.moved / scale, seen.opening / wide, color="#8c5a33", linewidth=1.2)
+        across.set_ylabel(f"thrust [{of_force}]")
+        up.set_ylabel(f"vertical force [{of_force}]")
+        below.set_ylabel(f"widest joint [{of_wide}]")
+        below.set_xlabel(f"movement of the support [{unit}]" + (", falls then" if seen.falls else ""))
+        across.legend(fontsize=8)
+        across.set_title(title, wrap=True, fontsize=10)
         return save(drawing, path)

@@ -11,7 +11,7 @@ from scipy.integrate import quad, solve_ivp
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.errors import InputError
 from fcsim.masonry import limit_problem, read_masonry
-from fcsim.masonry.shake import shake, shaken
+from fcsim.masonry.histories.shake import shake, shaken
 
 G = 9.81
 

@@ -51,7 +51,7 @@ def shake_ground(options: argparse.Namespace, problem: MasonryProblem) -> int:
 
 def push_by_displacement(options: argparse.Namespace, problem: MasonryProblem) -> int:
     """`fcsim push --branch`."""
-    from fcsim.masonry import branch as pushes
+    from fcsim.masonry.histories import branch as pushes
     from fcsim.masonry.report import branch_summary, write_branch
 
     if options.film or options.static:

@@ -1,4 +1,4 @@
-"""fcsim limit | tilt | push | shake: what a structure of blocks bears, by limit analysis and by simulation."""
+"""fcsim limit | tilt | push | shake | settle: what a structure of blocks bears, by limit analysis and by simulation."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.masonry.arguments import AXES, add_export, add_model, add_stone, direction, read, stone
 from fcsim.command_line.masonry.histories import push_by_displacement, shake_ground
+from fcsim.command_line.masonry.settle import add_settle
 from fcsim.command_line.terminal import print_table, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
 
 if TYPE_CHECKING:
     from fcsim.masonry import Bracket, LimitAnalysis, MasonryProblem
-
-AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+    from fcsim.timestep.step import Step
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the commands `limit`, `tilt`, `push` and `shake`."""
+    """Add the commands `limit`, `tilt`, `push`, `shake` and `settle`."""
     limit = commands.add_parser(
         "limit",
         help="largest load of a masonry structure by limit analysis",
         description="Print the largest multiplier of a masonry problem's load that contact forces bear: the associative "
         "upper bound, and the least one at which Coulomb's friction allows a mechanism.",
     )
-    limit.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    limit.add_argument("--direction", type=direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
     limit.add_argument(
         "--friction", action="store_true", help="the factor by which all friction could be reduced, in place of the multiplier"
     )
@@ -41,7 +42,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description="Print the angle at which a structure on a table begins to move and to fall, by limit analysis and simulation.",
     )
     tilt.add_argument(
-        "--direction", type=_direction, default=AXES["x"], help="horizontal direction to which the table goes down (default x)"
+        "--direction", type=direction, default=AXES["x"], help="horizontal direction to which the table goes down (default x)"
     )
     tilt.set_defaults(act=_tilt)
     push = commands.add_parser(
@@ -49,7 +50,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="multiplier at which a masonry structure begins to move and to fall",
         description="Print the load multiplier at which a structure begins to move and to fall, by limit analysis and by simulation.",
     )
-    push.add_argument("--direction", type=_direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    push.add_argument("--direction", type=direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
     push.add_argument("--branch", action="store_true", help="the multiplier by displacement and its descending branch, not trials")
     push.add_argument("--step", type=float, help="[m] of the displacement on the branch (default 2.5e-4 of the structure's extent)")
     push.add_argument("--to", type=float, help="[m] displacement at which the branch ends (default half the structure's extent)")
@@ -60,57 +61,37 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description="Shake the ground by the model's base_acceleration or a record; print how far blocks move and which fall.",
     )
     shake.add_argument("--record", type=Path, help="CSV, columns 't [s]' and 'a [m/s^2]' or 'a [g]', in place of base_acceleration")
-    shake.add_argument("--direction", type=_direction, default=AXES["x"], help="of the record: x, 1,0.5,0 or =-x (default x)")
+    shake.add_argument("--direction", type=direction, default=AXES["x"], help="of the record: x, 1,0.5,0 or =-x (default x)")
     shake.add_argument("--factor", type=float, default=1.0, help="on the record's accelerations (default 1)")
     shake.add_argument("--duration", type=float, help="[s] (default: the record's and 2 s)")
     shake.add_argument(
         "--h", type=float, help="[s] step (default: a hundredth of the time in which the smallest block falls by its extent)"
     )
-    shake.set_defaults(act=lambda options: shake_ground(options, _read(options)))
-    for command in (limit, tilt, push, shake):
-        _add_model(command)
-        if command is not shake:
+    shake.set_defaults(act=lambda options: shake_ground(options, read(options)))
+    settle = add_settle(commands)
+    for command in (limit, tilt, push, shake, settle):
+        add_model(command)
+        if command not in (shake, settle):
             command.add_argument("--tolerance", type=float, help="[m] blocks that are nearer touch (default 1e-4 of the smallest block)")
         command.add_argument("--out", type=Path, help="folder for the analysis (JSON), its joints (CSV) and the picture of the mechanism")
         command.add_argument("--json", action="store_true", help="print JSON")
     for command in (tilt, push):
-        command.add_argument("--film", action="store_true", help="run the collapse as well: film, steps and VTK files in OUT/run")
-        command.add_argument("--resolution", type=float, default=0.005, help="of the multiplier, as a share of it (default 0.005)")
-        command.add_argument("--static", action="store_true", help="limit analysis alone, no simulation")
+        _add_trials(command)
 
 
-def _add_model(command: argparse.ArgumentParser) -> None:
-    """The file of blocks, and what it may not say itself."""
-    command.add_argument(
-        "model", type=Path, help="a masonry problem or COMPAS model in JSON, or solids: .stl, .obj, .ply, .off, .3mf, .glb"
-    )
-    command.add_argument("--density", type=float, default=2000.0, help="[kg/m^3] of blocks whose file has none (default 2000)")
-    command.add_argument("--scale", type=float, help="metres to a unit of length of surface and COMPAS files: 1e-3 for mm")
-    command.add_argument("--support", action="append", default=[], metavar="NAME", help="solid that is held (default: a floor)")
-    command.add_argument("--mu", type=float, help="friction coefficient of all joints, in place of the problem's")
-
-
-def _direction(text: str) -> tuple[float, float, float]:
-    sign, name = (-1.0, text[1:]) if text.startswith("-") else (1.0, text)
-    try:
-        values = [sign * c for c in AXES[name]] if name in AXES else [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != 3 or not all(map(math.isfinite, values)) or not any(values):
-        raise argparse.ArgumentTypeError(f"expected x, y, z, -x, -y, -z or three numbers 1,0.5,0, got {text!r}")
-    return values[0], values[1], values[2]
-
-
-def _read(options: argparse.Namespace) -> MasonryProblem:
-    from fcsim.masonry import read_model
-
-    return read_model(options.model, mu=options.mu, density=options.density, scale=options.scale, supports=options.support)
+def _add_trials(command: argparse.ArgumentParser) -> None:
+    """What simulation is asked besides limit analysis."""
+    command.add_argument("--film", action="store_true", help="run the collapse as well: film, steps and VTK files in OUT/run")
+    command.add_argument("--resolution", type=float, default=0.005, help="of the multiplier, as a share of it (default 0.005)")
+    command.add_argument("--static", action="store_true", help="limit analysis alone, no simulation")
+    add_stone(command)
+    add_export(command, "the blocks as they fall, to a file")
 
 
 def _limit(options: argparse.Namespace) -> int:
     from fcsim.masonry import analyse, pushed
 
-    problem = _read(options)
+    problem = read(options)
     problem = problem if options.direction is None else pushed(problem, options.direction)
     if options.friction and options.thrust:
         raise InputError("--friction, --thrust: expected one of them, got both")
@@ -164,13 +145,16 @@ def _thrust(options: argparse.Namespace, problem: MasonryProblem) -> int:
 def _push(options: argparse.Namespace) -> int:
     from fcsim.masonry import analyse, pushed
 
-    problem = _read(options)
+    problem = read(options)
     if options.direction is not None:
         problem = pushed(problem, options.direction)
-    _refuse_film_without_folder(options)
+    _refuse_what_needs_more(options)
     if not problem.scaled:
         raise InputError(f"{options.model}: expected a load that the multiplier scales, or --direction, got none")
     if options.branch:
+        for name, default in (("export", None), ("blocks", "rigid")):
+            if getattr(options, name) != default:
+                raise InputError(f"--{name}: expected it without --branch, which knows rigid blocks and writes no blocks")
         return push_by_displacement(options, problem)
     for name in ("step", "to"):
         if getattr(options, name) is not None:
@@ -194,20 +178,38 @@ def _run_collapse(options: argparse.Namespace, loading: dict[str, str], duration
     from fcsim.view import render
 
     direction = options.direction or (0.0, 0.0, 0.0)
-    assignments = {**loading, "push": ",".join(f"{c:g}" for c in direction), "h": str(_H), "steps": str(round(duration / _H))}
+    assignments = {
+        **loading,
+        "push": ",".join(f"{c:g}" for c in direction),
+        "h": str(_H),
+        "steps": str(round(duration / _H)),
+        **_as_run(options),
+    }
     summary = run_case(
-        masonry_case(options.model, options.mu), assignments, options.out / "run", RunOptions(export_every=0, vtk_every=5), overwrite=True
+        masonry_case(options.model, options.mu, density=options.density, scale=options.scale, supports=options.support),
+        assignments,
+        options.out / "run",
+        RunOptions(export_every=0, vtk_every=5),
+        overwrite=True,
     )
     say(f"collapse: {summary.status} after {summary.steps} steps{', ' + summary.message if summary.message else ''}")
     for path in render(options.out / "run"):
         say(path)
 
 
+def _as_run(options: argparse.Namespace) -> dict[str, str]:
+    """The blocks of the trials as a run's parameters."""
+    of = stone(options)
+    return (
+        {} if of is None else {"blocks_are": options.blocks, "E": f"{of.E:g}", "nu": f"{of.nu:g}", "cells": f"{of.cells:g}", "theta": "1"}
+    )
+
+
 def _tilt(options: argparse.Namespace) -> int:
     from fcsim.masonry import analyse, tilted
 
-    _refuse_film_without_folder(options)
-    analysis = analyse(tilted(_read(options), options.direction), options.tolerance)
+    _refuse_what_needs_more(options)
+    analysis = analyse(tilted(read(options), options.direction), options.tolerance)
     seen = _simulated(options, analysis)
     code = _report(options, analysis, seen, angle=True)
     if options.film and seen is not None:
@@ -215,11 +217,20 @@ def _tilt(options: argparse.Namespace) -> int:
     return code
 
 
-def _refuse_film_without_folder(options: argparse.Namespace) -> None:
+def _refuse_what_needs_more(options: argparse.Namespace) -> None:
+    """InputError for options that ask for what others leave out, before anything is computed."""
+    from fcsim.masonry.exports import refuse_format
+
     if options.film and options.out is None:
         raise InputError("--film: expected a folder for it, --out DIR")
-    if options.film and options.model.suffix.lower() != ".json":
-        raise InputError(f"--film: expected a model in JSON, got {options.model}")
+    if options.export is not None:
+        refuse_format(options.export)
+    for name in ("film", "export"):
+        if getattr(options, name) and options.static:
+            raise InputError(f"--{name}: expected it without --static, which simulates nothing")
+    if options.blocks != "rigid" and options.static:
+        raise InputError("--blocks: expected it without --static: limit analysis knows rigid blocks alone")
+    stone(options)
 
 
 def _simulated(options: argparse.Namespace, analysis: LimitAnalysis) -> Bracket | None:
@@ -233,7 +244,15 @@ def _simulated(options: argparse.Namespace, analysis: LimitAnalysis) -> Bracket 
     def told(seen: object) -> None:
         say(f"simulated: {_words(seen)}", to_stderr=True)
 
-    return bracket(analysis.problem, low * (1 - step), analysis.associative.multiplier * (1 + step), resolution=step, watch=told)
+    return bracket(
+        analysis.problem,
+        low * (1 - step),
+        analysis.associative.multiplier * (1 + step),
+        resolution=step,
+        watch=told,
+        blocks=options.blocks,
+        stone=stone(options),
+    )
 
 
 def _words(seen) -> str:  # type: ignore[no-untyped-def]
@@ -249,8 +268,13 @@ def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket 
 
         write_analysis(options.out, analysis, seen)
         draw_mechanism(analysis, options.out / "mechanism.png")
-        if seen is not None:
-            _write_cracks(options.out, analysis, seen)
+    falling = None if seen is None or (options.out is None and options.export is None) else _falling(options, analysis, seen)
+    if seen is not None and falling is not None and options.out is not None:
+        _write_cracks(options.out, analysis, seen, falling)
+    if falling is not None and options.export is not None:
+        from fcsim.masonry.exports import moved_blocks, write_blocks
+
+        write_blocks(options.export, moved_blocks(analysis.problem, falling.model, falling.state.x))
     if options.json:
         from fcsim.records import json_text
 
@@ -286,15 +310,27 @@ def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket 
     return _exit(analysis)
 
 
-def _write_cracks(directory: Path, analysis: LimitAnalysis, seen: Bracket) -> None:
-    """The openings of joints in the beginning fall, as a table and, in 2D, as a picture."""
+def _falling(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket) -> Step:
+    """The step in which the fall has begun."""
     from fcsim.masonry.collapse import fallen
+
+    return fallen(analysis.problem, seen.fall[1], blocks=options.blocks, stone=stone(options))
+
+
+def _write_cracks(directory: Path, analysis: LimitAnalysis, seen: Bracket, step: Step) -> None:
+    """The openings of joints in the beginning fall, as a table and, in 2D, as a picture."""
+    from fcsim.contact_detection import Everything
     from fcsim.masonry.openings import openings
     from fcsim.masonry.report import write_openings
     from fcsim.view.cracks import draw_cracks
 
-    step = fallen(analysis.problem, seen.fall[1])
-    joints = openings(analysis.limit.contacts, step.model, step.state.x)
+    rigid = not step.model.deformable
+    touching = (
+        analysis.limit.contacts
+        if rigid
+        else Everything(step.model, analysis.problem.friction, 1e-4 * analysis.problem.smallest)(step.model.reference)
+    )
+    joints = openings(touching, step.model, step.state.x)
     write_openings(directory / "openings.csv", joints)
     if analysis.problem.dimension == 2:
         title = f"{analysis.problem.title or analysis.problem.name}: {step.state.t:.2f} s after the multiplier {seen.fall[1]:.4g}"

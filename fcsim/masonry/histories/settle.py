@@ -1,0 +1,226 @@
+"""Supports that give way: what a structure's supports bear and how its joints open while one of them moves or turns.
+
+Statics step by step: the support is moved along its path, the blocks follow in equilibrium. A dry structure has many states of
+equilibrium at first; which one is there before the support moves is not known (the first row is one of them). A movement that parts the
+blocks chooses: the thrust of an arch whose supports spread falls to its least admissible value at once, and stays near it while the arch
+turns about its hinges (J. Heyman, "The stone skeleton", Int. J. Solids Struct. 2, 1966).
+
+Floating blocks are regularised by their mass, by 1e-6 of their weight at the support's own pace; where a block moves far more than its
+support the structure falls, and the table ends there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.model import Model
+from fcsim.assembly.supports.support import Support
+from fcsim.contact_detection import Contacts, Everything
+from fcsim.errors import InputError, NotConverged
+from fcsim.masonry.bodies import HELD, supports, vector_of
+from fcsim.masonry.limit_analysis.limit import associative_limit
+from fcsim.masonry.limit_analysis.limit_problem import limit_problem
+from fcsim.masonry.openings import Opening, openings
+from fcsim.masonry.problem import GRAVITY, MasonryProblem
+from fcsim.masonry.structure import structure
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
+
+_SHARE = 1e-6  # of the weight: the regularising force of a block that moves as its support does
+_RUNS = 1e3  # times its support's pace: a block that moves so fast falls, by a thousandth of its weight out of balance
+_OPEN = 1e-7  # of the structure's extent
+STEPS = 100
+
+
+@dataclass(frozen=True)
+class Movement:
+    """How a support moves in the end: displacement (3,) [m]; turn (3,), a rotation vector [rad], about a point (3,) [m] (None: its
+    centroid)."""
+
+    support: str
+    displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    about: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Settlement:
+    """What a movement of supports makes of a structure; row 0 is before it.
+
+    moved (n,) [m]: the largest displacement of a support's corner; forces: by support (n, d) [N], by which it holds the structure;
+    opening, slip (n,) [m]: the widest joint, the largest slip; open_joints (n,): how many joints have opened
+    falls: the structure ran away after the last row; joints: their openings in it; x: the configuration of `model` there
+    """
+
+    moved: FloatArray
+    forces: Mapping[str, FloatArray]
+    opening: FloatArray
+    slip: FloatArray
+    open_joints: FloatArray
+    falls: bool
+    joints: tuple[Opening, ...]
+    model: Model
+    x: FloatArray
+
+    def thrust(self, support: str) -> FloatArray:
+        """Horizontal part (n,) [N] of a support's force."""
+        size: FloatArray = np.linalg.norm(self.forces[support][:, :-1], axis=1)
+        return size
+
+
+def movements_of(problem: MasonryProblem) -> tuple[Movement, ...]:
+    """The movements that a problem says itself: the velocities of its supports [m/s], held for 1 s."""
+    return tuple(Movement(name, velocity) for name, velocity in problem.motion.items())
+
+
+def settle(
+    problem: MasonryProblem, movements: Sequence[Movement], *, steps: int = STEPS, watch: Callable[[Step], None] = lambda step: None
+) -> Settlement:
+    """Return the way of a structure under the loads that stay, its supports moving in proportion to their ends, in equal steps.
+
+    InputError where nothing moves, a name is no support's, blocks fall before anything moves; NotConverged of a step without an answer.
+    """
+    _checked(problem, movements, steps)
+    limit = limit_problem(replace(problem, motion={}))
+    if associative_limit(replace(limit, live=np.zeros_like(limit.live))).outcome == "falls":
+        raise InputError(f"{problem.name!r}: expected a structure that stands before its supports move, got one that falls")
+    contacts = limit.contacts
+    reach = _reach(problem, movements)
+    scheme = QuasiStatic(1.0 / steps, _SHARE * GRAVITY / (steps**2 * reach / steps))
+    still, _ = structure(replace(problem, motion={}))
+    first = next(iter(Simulation(still, Everything(still, problem.friction), scheme, 1, _SOLVER, created=np.inf)))
+    watch(first)
+    rows = [_Row.of(0.0, first, contacts, problem)]
+    falls, last = False, first
+    for step in _moving(problem, movements, scheme, steps):
+        free = np.repeat(
+            [not problem.blocks[problem.number[body.name]].support for body in step.model.bodies], np.diff(step.model.node_offset)
+        )
+        pace = np.linalg.norm(step.model.node_displacement(step.state.x) - step.model.node_displacement(step.previous.x), axis=1)[
+            free
+        ].max()
+        if pace > _RUNS * reach / steps:
+            falls = True
+            break
+        watch(step)
+        last = step
+        rows.append(_Row.of(reach * step.number / steps, step, contacts, problem))
+    names = list(rows[0].forces)
+    moved, opening, slip, count = np.array([(row.moved, row.opening, row.slip, row.open_joints) for row in rows]).T
+    forces = {name: np.array([row.forces[name] for row in rows]) for name in names}
+    joints = openings(contacts, last.model, last.state.x)
+    return Settlement(moved, forces, opening, slip, count, falls, joints, last.model, last.state.x)
+
+
+_SOLVER = SolverSettings(name="auto")
+
+
+def _moving(problem: MasonryProblem, movements: Sequence[Movement], scheme: QuasiStatic, steps: int) -> Iterator[Step]:
+    model, _ = structure(problem, held=_driven(problem, movements))
+    detector = Everything(model, problem.friction)
+    try:
+        yield from Simulation(model, detector, scheme, steps, _SOLVER, created=np.inf)
+    except NotConverged as error:
+        raise NotConverged(f"{problem.name!r}, supports moving: {error}") from None
+
+
+@dataclass(frozen=True)
+class _Row:
+    moved: float
+    forces: Mapping[str, FloatArray]
+    opening: float
+    slip: float
+    open_joints: int
+
+    @classmethod
+    def of(cls, moved: float, step: Step, contacts: Contacts, problem: MasonryProblem) -> _Row:
+        joints = openings(contacts, step.model, step.state.x)
+        number = {body.name: k for k, body in enumerate(step.model.bodies)}
+        forces = {}
+        slave, master = step.contacts.bodies.T if len(step.contacts) else (np.empty(0), np.empty(0))
+        for block in problem.blocks:
+            if block.support and (contacts.bodies == problem.number[block.name]).any():
+                k = number[block.name]
+                total = step.force_in_space[master == k].sum(axis=0) - step.force_in_space[slave == k].sum(axis=0)
+                forces[block.name] = total if len(step.contacts) else np.zeros(problem.dimension)
+        wide = [joint.opening for joint in joints]
+        count = sum(opening > _OPEN * problem.size for opening in wide)
+        return cls(moved, forces, max(wide, default=0.0), max((joint.slip for joint in joints), default=0.0), count)
+
+
+def _checked(problem: MasonryProblem, movements: Sequence[Movement], steps: int) -> None:
+    what = f"settlement of {problem.name!r}"
+    if not (isinstance(steps, int) and steps >= 1):
+        raise InputError(f"{what}, steps: expected a whole number >= 1, got {steps!r}")
+    if not movements:
+        raise InputError(f"{what}: expected supports that move, got none")
+    held = [block.name for block in problem.blocks if block.support]
+    for movement in movements:
+        vectors = (movement.displacement, movement.turn, movement.about or (0.0, 0.0, 0.0))
+        if movement.support not in held:
+            raise InputError(f"{what}: expected the name of a support ({', '.join(held[:8])}), got {movement.support!r}")
+        if any(len(vector) != 3 or not np.isfinite(vector).all() for vector in vectors):
+            raise InputError(f"{what}, {movement.support!r}: expected vectors of three finite numbers, got {vectors}")
+        if not any((*movement.displacement, *movement.turn)):
+            raise InputError(f"{what}, {movement.support!r}: expected a displacement or a turn, got none")
+        (_, dy, _), (rx, _, rz) = movement.displacement, movement.turn
+        if problem.dimension == 2 and any((dy, rx, rz)):
+            raise InputError(f"{what}, {movement.support!r}: expected a motion in the plane of x and z, a turn about y, got {movement}")
+    names = [movement.support for movement in movements]
+    if len(set(names)) < len(names):
+        raise InputError(f"{what}: expected one movement a support, got {', '.join(names)}")
+
+
+def _moved_points(problem: MasonryProblem, movement: Movement, share: float, points: FloatArray) -> FloatArray:
+    """Points (n, 3) of a support when it has gone a share of its way."""
+    about = _about(problem, movement)
+    turned: FloatArray = Rotation.from_rotvec(share * np.array(movement.turn)).apply(points - about)
+    return turned + about + share * np.array(movement.displacement)
+
+
+def _about(problem: MasonryProblem, movement: Movement) -> FloatArray:
+    if movement.about is not None:
+        return np.array(movement.about)
+    return problem.blocks[problem.number[movement.support]].surface.moments()[1]
+
+
+def _reach(problem: MasonryProblem, movements: Sequence[Movement]) -> float:
+    """The largest displacement [m] of a corner of a support in the end."""
+    ends = []
+    for movement in movements:
+        points = problem.blocks[problem.number[movement.support]].surface.points
+        ends.append(np.linalg.norm(_moved_points(problem, movement, 1.0, points) - points, axis=1).max())
+    return float(max(ends))
+
+
+def _driven(problem: MasonryProblem, movements: Sequence[Movement]) -> list[Support]:
+    """The problem's supports, those that move driven from time 0 to 1."""
+    moving = {movement.support: movement for movement in movements}
+    found = [support for support in supports(replace(problem, motion={})) if support.body not in moving]
+    for name, movement in moving.items():
+        centre = problem.blocks[problem.number[name]].surface.moments()[1][None]
+
+        def velocity(axis: int, movement: Movement = movement, centre: FloatArray = centre) -> Callable[[float], float]:
+            def at(t: float) -> float:
+                before, after = (_moved_points(problem, movement, t + dt, centre)[0] for dt in (-_DT, _DT))
+                return vector_of(problem, (after - before) / (2 * _DT))[axis]
+
+            return at
+
+        names = HELD[problem.dimension]
+        d = problem.dimension
+        turn = movement.turn if d == 3 else (-movement.turn[1],)  # the turn from x to z is one about -y
+        found += [Support(name, (names[axis],), velocity=velocity(axis)) for axis in range(d)]
+        found += [Support(name, (direction,), velocity=rate) for direction, rate in zip(names[d:], turn, strict=True)]
+    return found
+
+
+_DT = 1e-4
+"""Half the span of time over which a support's centroid is differenced."""

@@ -1,0 +1,77 @@
+"""Supports that give way: reactions by statics, thrust by limit analysis."""
+
+import numpy as np
+import pytest
+
+from fcsim.errors import InputError
+from fcsim.masonry import MasonryProblem, Movement, limit_problem, settle, support_forces
+from fcsim.masonry.atlas.shapes import arch, cuboid
+
+G = 9.81
+
+
+def beam(dimension: int) -> MasonryProblem:
+    """A beam of 4 m on three supports of 2 mm under it, at its ends and its middle: where on them it lies matters little."""
+    places = [("left", 0.0), ("middle", 1.999), ("right", 3.998)]
+    piers = [cuboid(name, (x, 0.0, -1.0), (x + 0.002, 0.4, 0.0), support=True) for name, x in places]
+    return MasonryProblem("beam", dimension, (*piers, cuboid("beam", (0.0, 0.0, 0.0), (4.0, 0.4, 0.5))), 0.6)
+
+
+WEIGHT = 4.0 * 0.4 * 0.5 * 2000.0 * G
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_beam_on_three_supports_is_determinate_when_one_settles(dimension: int) -> None:
+    middle = settle(beam(dimension), [Movement("middle", (0.0, 0.0, -1e-3))], steps=5)
+    for k in range(1, 6):  # the middle bears nothing, the others half each, and the beam stays where it is
+        assert [float(middle.forces[name][k, -1]) for name in ("left", "middle", "right")] == pytest.approx(
+            [WEIGHT / 2, 0.0, WEIGHT / 2], abs=5e-4 * WEIGHT
+        )
+    assert middle.opening[-1] == pytest.approx(1e-3, rel=1e-3) and not middle.falls
+    # an end settles: the beam, whose centroid is over the middle, turns after it about the nearer edge of the middle
+    end = settle(beam(dimension), [Movement("left", (0.0, 0.0, -1e-3))], steps=5)
+    total = sum(end.forces[name][-1, -1] for name in ("left", "middle", "right"))
+    assert total == pytest.approx(WEIGHT, rel=1e-4)
+
+
+@pytest.mark.parametrize(("out", "which"), [(0.01, 0), (-0.01, 1)])
+def test_an_arch_whose_supports_part_has_the_least_thrust_and_one_that_is_pressed_the_largest(out: float, which: int) -> None:
+    problem = arch(12, 0.25, 0.8)
+    names = [block.name for block in problem.blocks if block.support]
+    bounds = {of.name: np.sort(np.abs([of.least[0], of.largest[0]])) for of in support_forces(limit_problem(problem))}
+    seen = settle(problem, [Movement(names[0], (out, 0.0, 0.0))], steps=20)  # angle 0: it stands at x > 0
+    thrust = seen.thrust(names[0])
+    assert thrust[1] == pytest.approx(bounds[names[0]][which], rel=2e-3)
+    assert seen.open_joints[1] >= 3
+    weight = sum(block.surface.moments()[0] for block in problem.blocks if not block.support) * 2000.0 * G
+    up = sum(force[:, -1] for force in seen.forces.values())
+    np.testing.assert_allclose(up, weight, rtol=1e-3)
+
+
+def test_a_block_on_a_support_that_turns_slides_at_the_angle_of_friction() -> None:
+    """Statics holds up to tan(angle) = mu; then the block runs away."""
+    slab = cuboid("slab", (-2.0, 0.0, -0.5), (2.0, 1.0, 0.0), support=True)
+    stone = cuboid("stone", (-0.5, 0.0, 0.0), (0.5, 1.0, 0.2))
+    for dimension in (2, 3):
+        problem = MasonryProblem("slope", dimension, (slab, stone), 0.3)
+        seen = settle(problem, [Movement("slab", turn=(0.0, np.radians(25.0), 0.0))], steps=100)
+        assert seen.falls
+        step = 0.25
+        angle = step * (len(seen.moved) - 1)
+        assert np.degrees(np.arctan(0.3)) - step <= angle <= np.degrees(np.arctan(0.3)) + 2 * step  # forces are those of where steps begin
+        force = seen.forces["slab"][-1]
+        assert force[-1] == pytest.approx(0.2 * 2000.0 * G, rel=1e-3)
+
+
+def test_mistakes_are_named() -> None:
+    problem = beam(2)
+    for movements, word in (
+        ([], "support"),
+        ([Movement("beam", (0.0, 0.0, 1.0))], "beam"),
+        ([Movement("left")], "displacement"),
+        ([Movement("left", (0.0, 1.0, 0.0))], "plane"),
+        ([Movement("left", (np.nan, 0.0, 0.0))], "finite"),
+        ([Movement("left", (0.0, 0.0, 1.0)), Movement("left", (1.0, 0.0, 0.0))], "one movement"),
+    ):
+        with pytest.raises(InputError, match=word):
+            settle(problem, movements)
