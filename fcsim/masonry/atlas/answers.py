@@ -94,7 +94,7 @@ def _collapse(entry: Collapse, watch: Watch) -> Answer:
         remarks.append(f"rigid: {error}")
     answer = replace(answer, rigid_seconds=time.process_time() - began)
     if problem.dimension == 3:
-        remarks.append("deformable blocks: left out in 3D, hours")
+        remarks.append("deformable blocks: left out in 3D")
         return replace(answer, remark="; ".join(remarks))
     began = time.process_time()
     if all(block.support or block.density is None or block.name in _loaded(entry) for block in problem.blocks):
