@@ -100,7 +100,8 @@ def half_sine(amplitude, duration):
     return AccelerationRecord(times, amplitude * np.sin(np.pi * times / duration))
 
 
-@pytest.mark.parametrize("duration", [0.3, pytest.param(0.6, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("duration", [0.3, 0.6])
 def test_overturning_by_a_half_sine(tmp_path, duration):
     """The least amplitude that overturns, by bisection of the equation of motion; the simulation stands 1 % below and falls 1 % above."""
     b, h = 0.2, 0.6

@@ -1,6 +1,7 @@
 """The atlas in a folder: an answer a file, kept from run to run, and all of them as a table.
 
-DIR/answers/NAME.json   an answer, with the version and the file that it was made of: where both are the same it is not made again
+DIR/answers/NAME.json   an answer, with the code (a digest of fcsim's sources) and the file that it was made of: where both are the same
+                        it is not made again
 DIR/atlas.csv, DIR/atlas.json
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -24,7 +26,7 @@ from fcsim.version import __version__
 
 @dataclass(frozen=True)
 class _Kept:
-    """An answer as it is kept; made_of: version and what was asked."""
+    """An answer as it is kept; made_of: the code and what was asked."""
 
     made_of: str
     answer: Answer
@@ -65,9 +67,19 @@ def write_atlas(directory: Path, answers: Sequence[Answer], left_out: Sequence[t
     write_record(directory / "atlas.json", {"version": __version__, "problems": answers, "left_out": [list(pair) for pair in left_out]})
 
 
+@cache
+def _code() -> str:
+    """A digest of all sources of fcsim: a change anywhere below the answers may change them, also between two versions."""
+    package = Path(__file__).parents[2]
+    digest = sha256(__version__.encode())
+    for source in sorted(package.rglob("*.py")):
+        digest.update(f"{source.relative_to(package).as_posix()}\n".encode() + source.read_bytes())
+    return digest.hexdigest()
+
+
 def _made_of(entry: Entry) -> str:
-    """A fingerprint of the version and of all numbers of an entry."""
-    said: Json = [__version__, type(entry).__name__, repr(entry.number), repr(entry.coulomb), entry.source]
+    """A fingerprint of the code and of all numbers of an entry."""
+    said: Json = [_code(), type(entry).__name__, repr(entry.number), repr(entry.coulomb), entry.source]
     text = json_text(said)
     if isinstance(entry, Collapse):
         problem = entry.asked

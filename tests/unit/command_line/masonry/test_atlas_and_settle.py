@@ -12,9 +12,13 @@ import pytest
 from fcsim.command_line.main import main
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_OK
 from fcsim.masonry import pushed, write_masonry
+from fcsim.masonry.atlas import table
+from fcsim.masonry.atlas.answers import Answer
+from fcsim.masonry.atlas.entries import of_folder
 from fcsim.masonry.atlas.shapes import arch, one_block
 
 
+@pytest.mark.slow
 def test_the_atlas_answers_and_keeps_its_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder, out = tmp_path / "problems", tmp_path / "atlas"
     folder.mkdir()
@@ -33,6 +37,16 @@ def test_the_atlas_answers_and_keeps_its_answers(tmp_path: Path, capsys: pytest.
     assert main(asked) == EXIT_OK
     assert "block ..." not in capsys.readouterr().err  # it was there
     assert main(["atlas", "--out", str(out), "--only", "nothing"]) == EXIT_BAD_INPUT
+
+
+def test_answers_are_kept_while_problem_and_code_are_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_masonry(tmp_path / "block.json", pushed(one_block(0.4, 1.0, 0.3), (1.0, 0.0, 0.0)))
+    entries, _ = of_folder(tmp_path)
+    monkeypatch.setattr(table, "answered", lambda entry, watch: Answer(entry.name, 1, "how long is it"))
+    assert [kept for _, kept in table.answers_of(tmp_path, entries)] == [False]
+    assert [kept for _, kept in table.answers_of(tmp_path, entries)] == [True]
+    monkeypatch.setattr(table, "_code", lambda: "changed")
+    assert [kept for _, kept in table.answers_of(tmp_path, entries)] == [False]
 
 
 def test_settle_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -56,6 +70,7 @@ def test_settle_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[
         assert main(["settle", str(path), *wrong]) == EXIT_BAD_INPUT
 
 
+@pytest.mark.slow
 def test_deformable_blocks_tilt_and_fall_into_a_drawing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = tmp_path / "block.json", tmp_path / "out"
     write_masonry(path, one_block(0.4, 1.0, 0.7))
