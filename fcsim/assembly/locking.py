@@ -15,6 +15,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.elasticity import once_per_part
 from fcsim.assembly.model import Model
 from fcsim.assembly.nonlinear.part import laws_of
+from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material.law import Circumstances, PointLaw, initial_variables
 from fcsim.mesh.material.linear import Material, Orthotropic
@@ -110,7 +111,14 @@ def _aspect(part: Part) -> float:
 
 
 def locking_parts(model: Model) -> tuple[str, ...]:
-    """What is to be said of the parts of a model, each once."""
-    parts = {id(body.part): body.part for body in model.deformable}
+    """What is to be said of the parts of a model, each once; bodies that are held wholly do not strain."""
+    parts = {id(body.part): body.part for body in model.deformable if not _held_wholly(model, body.name)}
     said = (locking, locking_in_flow, locking_in_bending)
     return tuple(text for part in parts.values() for about in said if (text := about(part)))
+
+
+def _held_wholly(model: Model, name: str) -> bool:
+    """Whether supports of the whole body name all its directions."""
+    own = [support for support in model.supports if support.body == name and support.surface is None]
+    directions = {direction for support in own if isinstance(support, Support) and support.axes is None for direction in support.directions}
+    return any(isinstance(support, DrivenRotation) for support in own) or directions >= set("xyz"[: model.dimension])

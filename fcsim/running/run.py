@@ -24,7 +24,7 @@ from fcsim.running.checkpoint import read_checkpoint
 from fcsim.running.description import Description, SeenOverlap, write_description, write_end
 from fcsim.running.outputs import Outputs, RunOptions, witnessed
 from fcsim.running.parameters import parse_parameters
-from fcsim.running.refusals.own_files import check_folder, empty
+from fcsim.running.refusals.own_files import check_folder, empty, make_folder
 from fcsim.running.refusals.size import size_of
 from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
 from fcsim.timestep.step import Moment, Step
@@ -124,7 +124,7 @@ def run_case(
     size = size_of(case.simulation)
     size.refuse()
     description = describe(case, script, parameters, assignments, asdict(options), read)
-    directory.mkdir(parents=True, exist_ok=True)
+    make_folder(directory)
     with alone_in(directory, "fcsim run"):
         moments = None
         if stored is not None:

@@ -122,6 +122,10 @@ MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
     "Steps that are too long": (lambda: said(scene(), scheme=Theta(h=0.2), steps=1), "choose h below"),
     "h is 0 or negative": (lambda: Theta(h=-1e-3), "h: expected a number > 0"),
     "The number of steps is no whole number": (lambda: said(scene(), steps=10.5), "steps: expected a whole number"),  # type: ignore[arg-type]
+    "A support moves more than is meant": (
+        lambda: said(scene(supports=[Support("floor", ALL), Support("block", ("x", "y", "z"), "z+", velocity=0.01)]), steps=1),
+        "a second Support with the others",
+    ),
     "A name of a surface is misspelt": (lambda: contact_surface(scene(), [("block", "top")]), "expected a surface among 'x-', 'x+'"),
     "A support of a body that is not there": (lambda: scene(supports=[Support("flor", ALL)]), "expected one of 'block', 'floor'"),
     "A load on a surface that is not there": (

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
-from fcsim.assembly.supports.support import DrivenRotation, Support, finite
+from fcsim.assembly.supports.support import DrivenRotation, Support
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 
@@ -29,8 +29,7 @@ class Hold:
 
     def velocity(self, t: float, h: float) -> FloatArray:
         """(r,) [m/s, rad/s] at time t, the same for all groups."""
-        value = finite(self.source.velocity, t, f"support of body {self.source.body!r}", "a velocity")
-        return np.full(len(self.rows), value)
+        return np.full(len(self.rows), self.source.speed(t))
 
     def increment(self, t: float, h: float) -> FloatArray:
         """(r,) [m, rad] of the step from t: the velocity at its middle times h, exact for linear ramps."""

@@ -23,7 +23,8 @@ class Support:
 
     directions of x, y, z; of a rigid body also rx, ry, rz (2D: x, y, rz)
     surface    name of the surface whose nodes are meant; None = all nodes of the body, or the rigid body itself
-    velocity   [m/s] or [rad/s], a number or a function of the time t [s]; 0 holds
+    velocity   [m/s] or [rad/s], a number or a function of the time t [s]; 0 holds. It is that of EVERY direction named: ("x", "y") with
+               0.1 moves along the diagonal. To move x and hold y: two supports, Support(b, ("x",), velocity=0.1), Support(b, ("y",))
     axes       (d, d) rotation matrix whose columns are the axes that x, y, z (and rx, ry, rz) mean: a roller on a slope, or
                `body.rotation` for the own axes of a body that is placed by a rotation; None = the world's. They stay as they are in space
 
@@ -40,6 +41,10 @@ class Support:
     def __post_init__(self) -> None:
         if self.axes is not None:
             object.__setattr__(self, "axes", _rotation(self.axes, f"support of body {self.body!r}, axes"))
+
+    def speed(self, t: float) -> float:
+        """The velocity [m/s, rad/s] of each direction at t [s]; InputError where it is none."""
+        return finite(self.velocity, t, f"support of body {self.body!r}", "a velocity")
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,11 @@ def check_folder(directory: Path, overwrite: bool) -> None:
     if directory.exists() and not directory.is_dir():
         raise InputError(f"{directory}: expected a folder for the results, found a file")
     if not directory.exists():
+        above = next(folder for folder in directory.absolute().parents if folder.exists())
+        if not above.is_dir():
+            raise InputError(f"{directory}: expected a folder for the results, and {above}, in which it would be, is a file")
+        if not os.access(above, os.W_OK | os.X_OK):
+            raise InputError(f"{directory}: expected a folder for the results, and nothing may be written in {above}")
         return
     for name in FOLDERS:
         inside(directory, directory / name)
@@ -44,6 +49,14 @@ def check_folder(directory: Path, overwrite: bool) -> None:
         raise InputError(f"{directory}: expected an empty or new folder, or a run's, for the results, found {', '.join(entries[:5])}")
     if not overwrite:
         raise InputError(f"{directory}: holds the results of an earlier run; go on with --resume, replace it with --overwrite")
+
+
+def make_folder(directory: Path) -> None:
+    """Make the folder of a run, and those above it; InputError with the system's reason where it cannot be made."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{directory}: expected a folder for the results, and it cannot be made: {error.strerror}") from None
 
 
 def empty(directory: Path) -> None:

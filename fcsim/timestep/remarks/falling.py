@@ -73,7 +73,8 @@ def _ways(model: Model, positions: FloatArray, axis: int, sign: float) -> tuple[
     others = [k for k in range(low.shape[1]) if k != axis]
     shared = (np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None]))[..., others]
     bottom, top = (low[:, axis], high[:, axis]) if sign < 0 else (-high[:, axis], -low[:, axis])
-    below = (shared > 0).all(axis=-1) & (top[None] <= top[:, None]) & ~np.eye(len(points), dtype=bool)
+    beneath = (top[None] <= top[:, None]) | (bottom[None] < bottom[:, None])  # a slope's box reaches over what lies on its lower end
+    below = (shared > 0).all(axis=-1) & beneath & ~np.eye(len(points), dtype=bool)
     return np.maximum(bottom[:, None] - top[None], 0.0), below
 
 

@@ -19,19 +19,22 @@ def spinning(step: Step, detection: Detection, when: str, said: frozenset[str]) 
     """The remark on the first flat joint of few points that spins about its normal more than it slides; {} where there is none.
 
     With p the points of a pair's contacts, u their relative velocities and c, v the means, the spin is
-    omega = sum N . (p - c) x (u - v) / sum |p - c|^2, and it counts where omega times the mean radius exceeds |v|. Detectors are left out
-    whose contacts stand for areas (see docs/contact_laws.md), and laws with spinning resistance.
+    omega = sum N . (p - c) x (u - v) / sum |p - c|^2, and it counts where omega times the mean radius exceeds |v|. Where more than one
+    point sticks the joint does not spin: the others creep, as bodies strain. Detectors are left out whose contacts stand for areas (see
+    docs/contact_laws.md), and laws with spinning resistance.
     """
     contacts, met = step.contacts, step.encounter
     if "spinning" in said or len(contacts) < LEAST or contacts.dimension < 3 or met.terms.spinning is not None:
         return {}
     if isinstance(detection, Detector) and any(pair.candidates != "nodes" for pair in detection.pairs):
         return {}
-    slips = (step.contact_status == SLIP) & (step.contact_force[:, 0] > 0)
+    loaded = step.contact_force[:, 0] > 0
+    slips = (step.contact_status == SLIP) & loaded
     if np.count_nonzero(slips) < LEAST:
         return {}
     count = len(step.model.bodies)
-    key = np.where(slips, contacts.bodies.min(axis=1) * count + contacts.bodies.max(axis=1), -1)
+    both = contacts.bodies.min(axis=1) * count + contacts.bodies.max(axis=1)
+    key = np.where(slips, both, -1)
     pairs, first, pair = np.unique(key, return_index=True, return_inverse=True)
     up = np.where(contacts.bodies[:, 0] < contacts.bodies[:, 1], 1.0, -1.0)[:, None]
     N = up * contacts.frame[:, 0]
@@ -44,7 +47,8 @@ def spinning(step: Step, detection: Detection, when: str, said: frozenset[str]) 
     swept = np.bincount(pair, np.einsum("ad,ad->a", N, np.cross(arm, beside)), len(pairs))
     spin, radius = swept / np.where(square > 0, square, 1.0), np.sqrt(square / number)
     slide = np.linalg.norm(_mean(u, pair), axis=1)
-    spins = (pairs >= 0) & flat & (number >= LEAST) & (number <= FEW) & (np.abs(spin) * radius > slide)
+    stuck = np.bincount(np.searchsorted(pairs, both[loaded & ~slips & np.isin(both, pairs)]), minlength=len(pairs))
+    spins = (pairs >= 0) & (stuck <= 1) & flat & (number >= LEAST) & (number <= FEW) & (np.abs(spin) * radius > slide)
     if not spins.any():
         return {}
     worst = int(np.flatnonzero(spins)[0])

@@ -1,4 +1,4 @@
-"""Numbers that can be computed with and are hardly meant: friction in per cent, E in GPa, density in g/cm^3, angles in degrees."""
+"""What can be computed with and is hardly meant: friction in per cent, E in GPa, density in g/cm^3, angles in degrees, diagonal pulls."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.assembly.supports import DrivenRotation
+from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.contact_detection import Detection, Detector
 from fcsim.mesh.part import Body
 from fcsim.timestep.scheme import Scheme
@@ -82,5 +82,22 @@ def fast_turning(model: Model, scheme: Scheme, begin: float, steps: int) -> Iter
             yield (
                 f"body {support.body!r} is turned by {turned:.3g} rad, {np.degrees(turned):.3g} degrees, in one step: is the angle in "
                 "degrees? Angles are in radians (numpy.radians); if it is right, choose a smaller h"
+            )
+            return
+
+
+def diagonal_pull(model: Model, scheme: Scheme, begin: float, steps: int) -> Iterator[str]:
+    """Supports that move several directions, each at the same velocity: along a diagonal, or turning as fast in rad/s as they go in m/s."""
+    times = np.linspace(begin, begin + steps * scheme.h, 6)
+    for support in model.supports:
+        if not isinstance(support, Support) or len(support.directions) < 2:
+            continue
+        fastest = max((support.speed(float(t)) for t in times), key=abs)
+        if fastest:
+            *others, last = support.directions
+            yield (
+                f"support of body {support.body!r} moves each of {', '.join(others)} and {last} at {fastest:.3g}: velocity is that of "
+                f"every direction named. To move one and hold the others: Support({support.body!r}, ({support.directions[0]!r},), "
+                "velocity=...) and a second Support with the others"
             )
             return

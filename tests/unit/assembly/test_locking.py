@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from fcsim.assembly.locking import locking, locking_in_bending, locking_in_flow
+from fcsim import Body, Support, build_model
+from fcsim.assembly.locking import locking, locking_in_bending, locking_in_flow, locking_parts
 from fcsim.mesh.blocks import brick, rectangle
 from fcsim.mesh.material import ByRegion, FinitePlastic, Material, Plastic, mooney_rivlin, neo_hooke
 from fcsim.mesh.material.thermal import Thermal
@@ -64,6 +65,13 @@ def test_which_parts_are_said_to_bend_too_stiffly() -> None:
     assert "enhanced" not in locking_in_bending(brick("beam", (2.0, 0.1, 0.1), (8, 1, 1), neo_hooke(1e6, 0.3, 1.0)))  # linear ones alone
     assert locking_in_bending(brick("plate", (1.0, 1.0, 0.02), (8, 8, 1), stone))
     assert locking_in_bending(rectangle("strip", (2.0, 0.1), (8, 2), stone))
+
+
+@pytest.mark.parametrize(("supports", "said"), [([("x", "y")], 0), ([("x",), ("y",)], 0), ([("x",)], 1), ([], 1)])
+def test_what_is_held_wholly_does_not_bend(supports: list[tuple[str, ...]], said: int) -> None:
+    strip = rectangle("strip", (2.0, 0.1), (8, 2), Material(1e6, 0.2, 1.0))
+    held = [Support("strip", directions) for directions in supports]
+    assert len(locking_parts(build_model([Body("strip", strip)], supports=[*held, Support("strip", ("x", "y"), "x-")]))) == said
 
 
 @pytest.mark.parametrize("law", [Plastic, FinitePlastic])

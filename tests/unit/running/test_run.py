@@ -166,6 +166,14 @@ def test_foreign_folders_are_never_touched(case_folder: Path, tmp_path: Path) ->
         run_case(load_case(case_folder), {}, tmp_path / "mine" / "thesis.tex")
 
 
+@pytest.mark.parametrize(
+    ("out", "message"), [("/dev/null/x", "/dev/null, in which it would be, is a file"), ("/proc/x/y", "it cannot be made|nothing may be")]
+)
+def test_folders_that_cannot_be_made_are_refused_by_name(case_folder: Path, out: str, message: str) -> None:
+    with pytest.raises(InputError, match=f"^{out}: expected a folder for the results, and .*({message})"):
+        run_case(load_case(case_folder), {}, out)
+
+
 @pytest.mark.parametrize("at", [1, 4, 7])
 def test_interrupted_and_resumed(case_folder: Path, tmp_path: Path, whole: Path, steps_without_seconds: Rows, at: int) -> None:
     def interrupt(case: Case, step: Step) -> None:

@@ -4,11 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.contact_detection import Everything
-from fcsim.mesh.blocks import rigid_box, rigid_rectangle
+from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.theta import Theta
@@ -38,6 +41,18 @@ def test_a_fall_is_told_in_any_unit_and_along_any_axis(unit: float, up: int) -> 
     assert plane(2.0, unit=unit, up=up, steps=2000) == () == plane(0.0, unit=unit, up=up) == plane(1e-3, unit=unit, up=up)
     (lost,) = plane(0.0, x=7.0, unit=unit, up=up)
     assert "nothing lies under body 'block': it falls out of the scene" in lost
+
+
+@pytest.mark.parametrize("angle", [0.2, 0.48, 0.9])
+@pytest.mark.parametrize("along", [-0.9, 0.0, 0.9])
+def test_what_lies_on_a_slope_is_over_it(angle: float, along: float) -> None:
+    """The slope's upper end is higher than a block on its lower end."""
+    R = Rotation.from_euler("y", angle).as_matrix()
+    material = Material(1e9, 0.2, 2000.0)
+    slope = Body("slope", brick("slope", (4.0, 2.0, 0.5), (1, 1, 1), material), R, R @ (-2.0, -1.0, -0.5))
+    stone = Body("stone", brick("stone", (0.4, 0.4, 0.4), (1, 1, 1), material), R, R @ (1.7 * along - 0.2, -0.2, 0.0))
+    model = build_model([slope, stone], supports=[Support("slope", ("x", "y", "z"))], gravity=lambda t: (0.0, 0.0, -9.81))
+    assert Simulation(model, Everything(model, 0.3), Theta(1e-3), 10)._opening(at_rest(model, h=1e-3)) == ()
 
 
 def test_what_is_thrown_is_let_fly() -> None:

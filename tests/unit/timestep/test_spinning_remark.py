@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fcsim import Everything, Gap, Simulation, SolverSettings, State, Support, Theta, at_rest, build_model
+from fcsim import Body, Everything, Gap, Material, Simulation, SolverSettings, State, Support, Theta, at_rest, build_model
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.contact_law import Spinning
 from fcsim.contact_law.law import Law
-from fcsim.mesh import rigid_box
+from fcsim.mesh import brick, rigid_box
 
 
 def remarks_of(velocity: list[float], law: Law, tilted: bool = False) -> list[str]:
@@ -36,3 +36,14 @@ def test_one_that_slides_or_rests_is_not(velocity: list[float]) -> None:
 
 def test_nor_one_whose_law_resists_spinning() -> None:
     assert not remarks_of([0, 0, 0, 0, 0, 3.0], Spinning(0.05, law=Gap()))
+
+
+def test_nor_an_elastic_block_that_creeps_while_some_of_its_points_stick() -> None:
+    """On a slope of 0.45 under mu = tan(0.4636): at rest, although the load is uneven and the least pressed points give way."""
+    stone = brick("dam", (2.0, 3.0, 1.0), (2, 3, 1), Material(30e9, 0.2, 2400.0))
+    bodies = [Body("dam", stone), rigid_box("floor", (9.0, 9.0, 1.0), (1.0, 1.5, -0.5), 1.0)]
+    down = (9.81 * np.sin(0.45), 0.0, -9.81 * np.cos(0.45))
+    model = build_model(bodies, supports=[Support("floor", DIRECTIONS[3])], gravity=lambda t: down, beta=1e-2)
+    run = list(Simulation(model, Everything(model, 0.5), Theta(2e-3, 1.0), 160))
+    assert not [remark for step in run for remark in step.remarks]
+    assert np.abs(run[-1].state.x[: model.n_nodes * 3]).max() < 1e-5
