@@ -135,12 +135,16 @@ def _held(
         yield step, float(moved.max()), float(speeds.max())
 
 
-def _settings(problem: MasonryProblem) -> SolverSettings:
-    """The solver's tolerance: as small as the blocks' weight is beside the forces upon them."""
+def pressed(problem: MasonryProblem) -> float:
+    """How large the point forces that stay are beside the weight of all free blocks."""
     free = [block for block in problem.blocks if not block.support]
     weight = GRAVITY * sum(block.mass or (block.density or 0.0) * block.surface.moments()[0] for block in free)
-    pressed = sum(float(np.linalg.norm(load.value)) for load in problem.loads if isinstance(load, PointForce) and not load.scaled)
-    return SolverSettings(tol=max(_TOLERANCE * weight / (weight + pressed), _FINEST))
+    return sum(float(np.linalg.norm(load.value)) for load in problem.loads if isinstance(load, PointForce) and not load.scaled) / weight
+
+
+def _settings(problem: MasonryProblem) -> SolverSettings:
+    """The solver's tolerance: as small as the blocks' weight is beside the forces upon them."""
+    return SolverSettings(tol=max(_TOLERANCE / (1 + pressed(problem)), _FINEST))
 
 
 def bracket(

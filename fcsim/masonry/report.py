@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fcsim.files import replacing_for_good
-from fcsim.masonry.collapse import Bracket
+from fcsim.masonry.collapse import Bracket, pressed
 from fcsim.masonry.histories.branch import Branch
 from fcsim.masonry.histories.shake import Shake
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
@@ -18,6 +18,9 @@ from fcsim.masonry.openings import Opening
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.records import write_record
 from fcsim.version import __version__
+
+_BELOW = 0.99
+"""Share of Coulomb's multiplier by limit analysis below which a simulated fall is remarked upon."""
 
 
 def summary(analysis: LimitAnalysis, seen: Bracket | None) -> Mapping[str, object]:
@@ -28,7 +31,27 @@ def summary(analysis: LimitAnalysis, seen: Bracket | None) -> Mapping[str, objec
     }
     simulated = None if seen is None else {"motion": seen.motion, "fall": seen.fall, "trials": seen.trials}
     expected = analysis.problem.expected
-    return {"name": analysis.problem.name, "version": __version__, "limit_analysis": found, "simulation": simulated, "expected": expected}
+    named = {"name": analysis.problem.name, "version": __version__, "limit_analysis": found, "simulation": simulated, "expected": expected}
+    return named | {"remarks": remarks(analysis, seen)}
+
+
+def remarks(analysis: LimitAnalysis, seen: Bracket | None) -> tuple[str, ...]:
+    """Return what must be known of simulated numbers: a fall below limit analysis, first motion that is not to be trusted."""
+    if seen is None:
+        return ()
+    said, least = [], analysis.coulomb
+    if least.outcome == "limit" and seen.fall[1] < _BELOW * least.multiplier:
+        said.append(
+            f"the simulation falls at {seen.fall[1]:.6g}, below the least multiplier that limit analysis found under Coulomb's law "
+            f"({least.multiplier:.6g}): that one is no lower bound, another mechanism with slip goes before it; take the simulated one"
+        )
+    share = pressed(analysis.problem)
+    if share > 1:
+        said.append(
+            f"forces of {share:.2g} times the blocks' weight stay upon them: errors of the solver may move light blocks by as much as "
+            "counts as first motion, whose multiplier may be too low; that of the fall is not touched"
+        )
+    return tuple(said)
 
 
 def write_analysis(directory: Path, analysis: LimitAnalysis, seen: Bracket | None) -> None:

@@ -261,7 +261,7 @@ def _words(seen) -> str:  # type: ignore[no-untyped-def]
 
 
 def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket | None, *, angle: bool = False) -> int:
-    from fcsim.masonry.report import summary, write_analysis
+    from fcsim.masonry.report import remarks, summary, write_analysis
 
     if options.out is not None:
         from fcsim.view.mechanism import draw_mechanism
@@ -300,6 +300,8 @@ def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket 
             row(f"simulation, {what}: not at", low, "held for a while, it did not")
             row(f"simulation, {what}: at", high, "")
     print_table(("", "", "multiplier", *(["degrees"] if angle else [])), rows, texts=2)
+    for remark in remarks(analysis, seen):
+        say(f"note: {remark}")
     for expected in problem.expected:
         say(f"expected: {expected.quantity}: {expected.value}")
     if analysis.coulomb.outcome == "limit":

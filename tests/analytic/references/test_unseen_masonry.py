@@ -18,6 +18,7 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from fcsim.masonry import analyse, bracket, read_masonry
+from fcsim.masonry.report import remarks
 
 G, DEPTH = 9.81, 0.3
 Points = list[tuple[float, float]]
@@ -286,9 +287,13 @@ def test_units_order_place_and_inexact_joints_change_nothing(tmp_path: Path, see
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 5, 8, 13])
-def test_simulated_loads_lie_between_coulomb_and_associative(tmp_path: Path, seed: int) -> None:
+def test_simulated_loads_lie_between_coulomb_and_associative_or_it_is_said(tmp_path: Path, seed: int) -> None:
+    """No structure stands above the associative load. Coulomb's by fixed point is no bound: a fall below it must be told as such."""
     problem = read_masonry(write(tmp_path / "wall.json", sample(seed)))
     found = analyse(problem)
     low, high = found.coulomb.multiplier, found.associative.multiplier
     seen = bracket(problem, 0.9 * low, 1.1 * high, resolution=5e-3)
-    assert seen.fall[1] >= 0.99 * low and seen.fall[0] <= 1.01 * high
+    assert seen.fall[0] <= 1.01 * high
+    told = any("no lower bound" in remark for remark in remarks(found, seen))
+    assert told == (seen.fall[1] < 0.99 * low)
+    assert told == (seed == 8)  # the others go by hinges, or by the mechanism that limit analysis found

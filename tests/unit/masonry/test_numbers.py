@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from fcsim.errors import InputError
-from fcsim.masonry import MasonryProblem, analyse, read_masonry
+from fcsim.masonry import Bracket, MasonryProblem, PointForce, analyse, pushed, read_masonry
+from fcsim.masonry.atlas.shapes import one_block
 from fcsim.masonry.case import masonry_case
+from fcsim.masonry.collapse import pressed
+from fcsim.masonry.report import remarks
 from fcsim.running.run import RunOptions, run_case
 
 
@@ -83,3 +87,16 @@ def test_a_support_that_is_faster_than_any(tmp_path: Path) -> None:
     read(tmp_path, pushed_block(support_motion=[{"block": "0", "velocity": [1e300, 0, 0]}]))
     with pytest.raises(InputError, match="to approach by less than 1000 facets in one step, got inf m"):
         run_case(masonry_case(tmp_path / "block.json"), {"steps": "1"}, tmp_path / "out", RunOptions(export_every=0, vtk_every=0))
+
+
+def test_forces_larger_than_the_weight_are_remarked_upon():
+    """A first motion under them is not to be trusted: eight times the weight on a block that slides at mu (1 + 8)."""
+    problem = pushed(one_block(1.0, 0.4, 0.3), (1.0, 0.0, 0.0))
+    stone = next(block for block in problem.blocks if not block.support)
+    weight = 9.81 * (stone.density or 0.0) * stone.surface.moments()[0]
+    loaded = replace(problem, loads=(*problem.loads, PointForce(stone.name, (0.0, 0.0, -8 * weight))))
+    seen = Bracket((2.69, 2.71), (2.69, 2.71), ())
+    assert pressed(loaded) == pytest.approx(8.0, rel=1e-3) and pressed(problem) == 0.0
+    assert not remarks(analyse(problem), replace(seen, fall=(0.3, 0.301)))
+    (said,) = remarks(analyse(loaded), seen)
+    assert "forces of 8 times" in said
