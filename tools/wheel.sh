@@ -2,6 +2,7 @@
 # Build the wheel and the sdist into dist/, check them, install the wheel with the extra `all` into an empty environment and try it from
 # another folder. PYTHON names the Python to try with (default: that of .venv/), FCSIM_WHEEL_TRIAL a folder for the trial that is kept.
 set -eu
+unset PYTHONPATH  # pip takes what lies there for installed
 cd "$(dirname "$0")/.."
 root=$PWD
 python=${PYTHON:-$root/.venv/bin/python}
@@ -21,7 +22,6 @@ wheel=$(echo dist/*.whl)
 "$trial/empty/bin/python" -m pip check
 
 cd "$trial/elsewhere"
-unset PYTHONPATH
 PATH="$trial/empty/bin:$PATH"
 fcsim --version
 fcsim doctor

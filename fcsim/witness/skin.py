@@ -237,7 +237,7 @@ def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
     d, n, offset = model.dimension, model.n_nodes, model.node_offset
     prism = _PRISM * float(np.ptp(model.reference, axis=0).max())
     none = np.empty(0, dtype=np.int64)
-    triangles, mean, x, sizes, vertices = [], [], [], [], []
+    triangles, mean, sizes, vertices = [], [], [], []
     centres = n
     roots = np.full(len(skins), -1)
     points_of = [model.reference[offset[k] : offset[k + 1]] for k in range(len(skins))]
@@ -262,19 +262,19 @@ def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
             own = np.concatenate([np.stack([facets[:, i], facets[:, (i + 1) % 4], middle], axis=1) for i in range(4)])
         else:
             own = _fan(facets)
-        where = np.concatenate([model.reference, *(model.reference[m].mean(axis=1) for m in mean)]) if mean and d == 3 else model.reference
-        x.append(np.pad(where[own % n if d == 2 else own].mean(axis=1), ((0, 0), (0, 3 - d))))
         triangles.append(own)
     counts = np.array([len(t) for t in triangles], dtype=np.int64)
-    centre = np.concatenate([np.empty((0, 3)), *x])
+    all_means, corners = np.concatenate([none.reshape(0, 4), *mean]), np.concatenate([none.reshape(0, 3), *triangles])
+    where = np.concatenate([model.reference, model.reference[all_means].mean(axis=1)])
+    centre = np.pad(where[corners % n if d == 2 else corners].mean(axis=1), ((0, 0), (0, 3 - d)))
     order, begin, end, child = build_trees(centre, counts)
     roots[[k for k, skin in enumerate(skins) if skin.closed]] = np.arange(len(counts))
     edges = [s.edges + o if s.closed else none.reshape(0, 2) for s, o in zip(skins, offset, strict=False)]
     return Skins(
         dimension=d,
         prism=prism,
-        mean=np.concatenate([none.reshape(0, 4), *mean]),
-        triangles=np.concatenate([none.reshape(0, 3), *triangles])[order],
+        mean=all_means,
+        triangles=corners[order],
         vertices=np.concatenate([none, *vertices]),
         first_vertex=np.cumsum([0, *map(len, vertices)]),
         edges=np.concatenate([none.reshape(0, 2), *edges]),
