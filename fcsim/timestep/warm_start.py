@@ -49,11 +49,13 @@ class Reactions:
         return r.ravel()
 
 
-def warm_start(problem: LocalProblem, contacts: Contacts, memory: Sequence[Reactions]) -> FloatArray:
+def warm_start(problem: LocalProblem, contacts: Contacts, memory: Sequence[Reactions], enough: float = 0.0) -> FloatArray:
     """Return the best starting point r (m,) that the last steps' reactions (newest first) suggest; zero without any.
 
     With r1, r2, r3 of the last three steps the candidates are r1, the linear 2 r1 - r2, and r1 + r2 - r3: linear as well, and exact for
-    what alternates from step to step, as stick and slip do at theta = 1/2 in steady loading. The one of the smallest error is taken.
+    what alternates from step to step, as stick and slip do at theta = 1/2 in steady loading. The one of the smallest error is taken,
+    but r1 where its residual is `enough` [unit of q]: among answers only round-off would choose, and where reactions are not unique (barrels
+    between two walls) differences of former steps would add up to forces that nothing asks for.
     """
     if not memory:
         return np.zeros(problem.m)
@@ -65,9 +67,10 @@ def warm_start(problem: LocalProblem, contacts: Contacts, memory: Sequence[React
         candidates.append(r[0] + r[1] - r[2])
     if len(candidates) == 1:
         return candidates[0]
-    # one product a candidate: BLAS' matrix product is slower than that for three columns
-    velocities = (problem.delassus.affine(c, problem.q) for c in candidates)
-    residuals = [
-        natural_map_residual(c, u, problem.mu, problem.dimension, problem.compliance) for c, u in zip(candidates, velocities, strict=True)
-    ]
+    residuals = []
+    for r_begin in candidates:  # one product a candidate: BLAS' matrix product is slower than that for three columns
+        u = problem.delassus.affine(r_begin, problem.q)
+        residuals.append(natural_map_residual(r_begin, u, problem.mu, problem.dimension, problem.compliance))
+        if residuals[0] <= enough:
+            break
     return candidates[int(np.argmin(residuals))]

@@ -205,9 +205,10 @@ def solve_equation(
         if problem.nc:
             compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
         clock.lap("assembly")
-        if start is None:
-            start = r = _start(reduction, rolling, equation.met, past.reactions)
         tol = _tolerance(settings.tol, reduction, extent, equation)
+        if start is None:
+            enough = tol * max(float(np.linalg.norm(reduction.q)), settings.floor)
+            start = r = _start(reduction, rolling, equation.met, past.reactions, enough)
         first = len(attempts)
         if rolling is None:
             result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
@@ -238,12 +239,14 @@ def solve_equation(
     return None, past
 
 
-def _start(reduction: Reduction, rolling: RollingReduction | None, met: Encounter, reactions: Sequence[Reactions]) -> FloatArray:
-    """Where a step's first solve begins (m,)."""
+def _start(
+    reduction: Reduction, rolling: RollingReduction | None, met: Encounter, reactions: Sequence[Reactions], enough: float
+) -> FloatArray:
+    """Where a step's first solve begins (m,); enough: residual in the unit of q with which an answer is one."""
     if not len(met.contacts):
         return np.empty(0)
     if rolling is None:
-        return warm_start(reduction.local, met.contacts, reactions)
+        return warm_start(reduction.local, met.contacts, reactions, enough)
     return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 

@@ -43,3 +43,18 @@ def test_an_extrapolation_is_taken_only_where_it_is_better() -> None:
     """The load stopped growing."""
     r = np.array([4.0, 0, 0] * 2)
     assert_allclose(warm_start(LocalProblem(np.eye(6), -r, CONTACTS.mu), CONTACTS, memory(4.0, 3.0, 1.5)), r)
+
+
+def test_among_answers_the_last_one_is_taken() -> None:
+    """Two contacts carry 4 together, in any shares: what went from one to the other in the step before does not go on."""
+    W = np.zeros((6, 6))
+    W[np.ix_([0, 3], [0, 3])] = 1.0
+    W += np.diag([0.0, 1, 1] * 2)
+    q = np.array([-4.0, 0, 0] * 2)
+    past = tuple(
+        Reactions(CONTACTS.identity, CONTACTS.frame, np.array([[share, 0, 0], [4 - share, 0, 0]]) + slack)
+        for share, slack in ((2.5, [1e-10, 0, 0]), (1.5, [2e-10, 0, 0]))
+    )
+    problem = LocalProblem(W, q, CONTACTS.mu)
+    assert_allclose(warm_start(problem, CONTACTS, past, 1e-8), [2.5, 0, 0, 1.5, 0, 0], atol=1e-9)
+    assert_allclose(warm_start(problem, CONTACTS, past[::-1], 1e-8), [1.5, 0, 0, 2.5, 0, 0], atol=1e-9)
