@@ -54,7 +54,7 @@ def warm_start(problem: LocalProblem, contacts: Contacts, memory: Sequence[React
 
     With r1, r2, r3 of the last three steps the candidates are r1, the linear 2 r1 - r2, and r1 + r2 - r3: linear as well, and exact for
     what alternates from step to step, as stick and slip do at theta = 1/2 in steady loading. The one of the smallest error is taken,
-    but r1 where its residual is `enough` [unit of q]: among answers only round-off would choose, and where reactions are not unique (barrels
+    but r1 where its residual is `enough` [unit of q]: among answers round-off would choose, and where reactions are not unique (barrels
     between two walls) differences of former steps would add up to forces that nothing asks for.
     """
     if not memory:
