@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.masonry.arguments import add_export, direction, read
+from fcsim.command_line.masonry.arguments import add_export, read
 from fcsim.command_line.terminal import print_table, say
 from fcsim.errors import EXIT_OK, InputError
 
@@ -35,10 +35,14 @@ def add_settle(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _three(text: str) -> tuple[float, float, float]:
+    """The vector of three numbers x,y,z; no names of axes, which would be movements of a metre."""
     try:
-        return direction(text) if any(float(part) for part in text.split(",")) else (0.0, 0.0, 0.0)
+        x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"expected three numbers 1,0.5,0, got {text!r}") from None
+        raise argparse.ArgumentTypeError(f"expected three numbers 0.01,0,0, got {text!r}") from None
+    if not all(map(math.isfinite, (x, y, z))):
+        raise argparse.ArgumentTypeError(f"expected three finite numbers, got {text!r}")
+    return x, y, z
 
 
 def _movements(options: argparse.Namespace, problem: MasonryProblem) -> tuple[Movement, ...]:

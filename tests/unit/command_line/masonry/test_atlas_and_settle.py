@@ -82,3 +82,11 @@ def test_deformable_blocks_tilt_and_fall_into_a_drawing(tmp_path: Path, capsys: 
     capsys.readouterr()
     for wrong in (["--E", "1e9"], ["--blocks", "deformable", "--static"], ["--blocks", "deformable", "--nu", "0.5"], ["--export", "a.doc"]):
         assert main([*tilt, *wrong]) == EXIT_BAD_INPUT
+
+
+@pytest.mark.parametrize("given", ["x", "0.01", "0,0", "0,0,0,0", "a,b,c", "nan,0,0", "inf,0,0"])
+def test_a_movement_is_three_finite_numbers(given: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """An axis' name would be a metre, two zeros a movement of the plane."""
+    with pytest.raises(SystemExit, match="2"):
+        main(["settle", "arch.json", "--move", given])
+    assert "argument --move: expected three" in capsys.readouterr().err
