@@ -25,13 +25,11 @@ _THIN = 1e-6  # determinant of two unit vectors that are parallel
 
 
 class _Corners(NamedTuple):
-    """Rows of two corners: ends (n, 2, 2) of each as vertices (in the plane one, twice); facet (n, 2, 2) of each, first and second; middle
-    (n, 3) of the way along which both run; origin, axis (n, 2, 3), (n, 2, 2, 3): a point of each, and of its two faces the way across,
-    from the edge; pair (n,)."""
+    """Rows of two corners: ends (n, 2, 2) of each as vertices (in the plane one, twice); facet (n, 2, 2) of each, first and second;
+    origin (n, 2, 3) [m]: a point of each; across (n, 2, 2, 3): unit vectors from there into its two faces, across the edge; pair (n,)."""
 
     ends: IntArray
     facet: IntArray
-    middle: FloatArray
     origin: FloatArray
     across: FloatArray
     pair: IntArray
@@ -81,7 +79,7 @@ def _vertices(skin: Skin, shape: Shape, near: NearBodies) -> _Corners:
     point = shape.point[v]
     along = 2 * (shape.centre[facet] - point[:, :, None])
     across = along / np.linalg.norm(along, axis=3)[..., None]
-    corners = _Corners(np.stack([v, v], axis=2), facet, point.mean(axis=1), point, across, rows[:, 2])
+    corners = _Corners(np.stack([v, v], axis=2), facet, point, across, rows[:, 2])
     convex = np.einsum("rcd,rcd->rc", across[:, :, 0], shape.normal[facet[:, :, 1]]) < -_THIN
     return corners.take(convex.all(axis=1))
 
@@ -107,7 +105,7 @@ def _edges(skin: Skin, shape: Shape, near: NearBodies) -> _Corners:
     facet = skin.edge_facets[e]
     n = shape.normal[facet]
     across = np.stack([np.cross(n[:, :, 0], axis), np.cross(axis, n[:, :, 1])], axis=2)
-    return _Corners(skin.edges[e], facet, origin.mean(axis=1), origin, across, rows[:, 2]).take(beside)
+    return _Corners(skin.edges[e], facet, origin, across, rows[:, 2]).take(beside)
 
 
 def _overlap(skin: Skin, shape: Shape, corners: _Corners, depth: FloatArray, near: NearBodies) -> BoolArray:
