@@ -15,7 +15,7 @@ from fcsim.brief import brief
 from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.coulomb import Gap
-from fcsim.contact_law.law import NOTHING, Law, Meeting, Outcome, Terms, Variables
+from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
 from fcsim.timestep.scheme import Scheme
@@ -126,6 +126,14 @@ class Encounter:
             return None
         w = np.column_stack([np.maximum(w[:, 0], 0.0), w[:, 1:]])
         return replace(self, terms=replace(self.terms, w=w))
+
+    def keeps_apart(self, law: Law) -> bool:
+        """Whether the law keeps bodies apart by their gaps: no joints, which yield or hold, nor a law on velocities."""
+        terms, meeting = self.terms, self.meeting
+        if terms.adhesion is not None or terms.compliance is not None or isinstance(law, Implicit):
+            return False
+        farther = law.terms(replace(meeting, bend=meeting.size))
+        return bool((farther.w[:, 0] > terms.w[:, 0]).any())
 
     def remember(self, law: Law, u: FloatArray, r: FloatArray, v: FloatArray) -> Variables | None:
         """The law's variables after the step with the problem's u, r (m,) and the velocity v (n_dofs,) at its end."""

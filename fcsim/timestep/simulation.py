@@ -41,7 +41,7 @@ from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
-from fcsim.timestep.step_equation.penetration import penetration_at_end
+from fcsim.timestep.step_equation.penetration import CUTS, at_end
 from fcsim.timestep.step_equation.settling import solve_settled
 from fcsim.timestep.warm_start import MEMORY
 from fcsim.witness import Watch, Witness, begin, penetration_seen
@@ -56,8 +56,9 @@ class Simulation:
     as an approximation; it is forgotten after the steps whose numbers are multiples of `keep`, the anchors, from which a resumed run
     rebuilds it.
 
-    A step that does not converge is halved, and halved again up to `cuttings` times (0: never); sub-steps that converge are doubled
-    again as soon as they end where a longer one would. Steps always end on the grid of h, and only there is something yielded.
+    A step that does not converge is halved, and halved again up to `cuttings` times (0: never), one in which bodies sink into each other
+    up to three times, see `at_end`; sub-steps are doubled again as soon as they end where a longer one would. Steps always end on the
+    grid of h, and only there is something yielded.
     created: contacts that create more than this share of the energy that the run began with and that loads and supports have supplied
     raise EnergyCreated (inf: never); see `Ledger`. Not in quasi-statics, where joints that begin under pressure are meant.
     limits: bodies beyond them raise KinematicsLeft after the step that is yielded last, see `Limits`; what comes near them is said once,
@@ -133,8 +134,7 @@ class Simulation:
         """Mass [kg] of what no support drives."""
         model = self.model
         along = np.zeros(model.n_dofs)
-        first = model.dof_of_node[:, 0]
-        along[first[first >= 0]] = 1.0
+        along[np.setdiff1d(model.dof_of_node[:, 0], -1)] = 1.0
         model.rigid_part(along)[:, 0] = 1.0
         along -= model.driven_share(along)
         return float(along @ model.apply_mass(along))
@@ -280,8 +280,7 @@ class Simulation:
         """The step, or its next part of the length h / 2^cuts; None where it has no answer. What was tried goes into `attempts`;
         long because it is one step from its contacts to its end."""
         model, scheme = self.model, self.scheme.cut(2**cuts) if cuts else self.scheme
-        begun = self._begun(scheme, start, cuts, attempts)
-        if begun is None:
+        if (begun := self._begun(scheme, start, cuts, attempts)) is None:
             return None
         start, impact = begun
         state, met = start.state, self._met(scheme, start, cuts, clock)
@@ -317,6 +316,9 @@ class Simulation:
             if ahead is None:
                 break
             met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
+        end = at_end(model, self.detector, scheme, met, after, looks < ROUNDS)
+        if end.sinks and cuts < min(CUTS, self.cuttings):
+            return None
         support = self._support_impulse(scheme, answer, impulse, rigid_mass, after)
         variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
@@ -343,6 +345,6 @@ class Simulation:
             lead=past.lead,
             linearised=answer.linearised,
             linked=links.rows,
-            penetration=penetration_at_end(model, self.detector, met, after),
+            penetration=end.penetration,
             struck=impact,
         )

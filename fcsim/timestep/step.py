@@ -150,7 +150,7 @@ class Step:
     linked            the rows of its links, None where there are none
     linearised        with nonlinear bodies: the problems that led to the last one, see `Linearised`; of the last sub-step
     remarks           what is to be known of the run from this step on, see `Limits`
-    penetration       deepest [m] at the end of the step, as detection sees it, at least 0; see `penetration_at_end`
+    penetration       deepest [m] at the end of the step, as detection sees it, at least 0; see `AtEnd`
     overlap           of the bodies at the end of the step, see `fcsim.witness`; None where it was not measured
     """
 

@@ -68,9 +68,11 @@ def test_balls_poured_into_a_box(seed: int) -> None:
         ({"n": 8}, 5e-2),
         ({"n": 12, "h": 5e-3, "seed": 5, "steps": 200}, 5e-2),  # a ridge of 1.985 degrees that crosses another
         ({"n": 12, "rocks_are": "deformable", "h": 4e-3, "steps": 300}, 5e-2),
+        ({"n": 16, "width": 0.45, "rocks_are": "deformable", "h": 4e-3, "steps": 300}, 5e-2),  # two that turn by 0.15 rad in a step
+        ({"n": 16, "width": 0.45, "rocks_are": "deformable", "h": 5e-3, "steps": 250, "seed": 3}, 5e-2),
         ({"n": 200, "width": 1.2, "steps": 800}, 5e-2),
     ],
-    ids=["8", "fast", "deformable", "200"],
+    ids=["8", "fast", "deformable", "sixteen", "sixteen fast", "200"],
 )
 def test_rocks_poured_into_a_box(parameters: dict[str, Any], rest: float) -> None:
     """Polyhedra found by `Everything`, which turn by up to 0.06 rad a step, and more where h is large."""

@@ -127,9 +127,11 @@ class Everything:
         return with_swept(now, lambda there: self._at(there, fast)[0], x, way, times, alert) if count else now
 
     def _here(self, x: FloatArray) -> tuple[Contacts, IntArray]:
-        """`_at` x of all bodies. The last answer is kept: where a step looks ahead, the next one begins."""
-        if not (self._latest and np.array_equal(self._latest[0][0], x)):
-            self._latest[:] = [(x.copy(), self._at(x))]
+        """`_at` x of all bodies. The last two answers are kept: a step looks ahead where the next begins, and at its end."""
+        for place, answer in self._latest:
+            if np.array_equal(place, x):
+                return answer
+        self._latest[:] = [(x.copy(), self._at(x)), *self._latest[:1]]
         return self._latest[0][1]
 
     def _at(self, x: FloatArray, among: NearBodies | None = None) -> tuple[Contacts, IntArray]:

@@ -22,7 +22,6 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection
-from fcsim.contact_law.law import Implicit, Law
 from fcsim.contact_law.proportions import Proportions
 from fcsim.linkage import Linkage
 from fcsim.timestep.encounter import Encounter, encounter
@@ -91,7 +90,7 @@ def struck(
         return None
     impact = Impact(h=ahead, law=scheme.law)
     met = encounter(model, detection, impact, state, proportions, start.variables)
-    if not len(met.contacts) or not _is_held(met, scheme.law):
+    if not len(met.contacts) or not met.keeps_apart(scheme.law):
         return None
     bent = looked_ahead(model, detection, impact, state, met, state.v, impact.moved(model, state, state.v))
     if bent is None and not _approaches(met, impact, state.v):
@@ -128,15 +127,6 @@ def remark(energy: Energy | None) -> tuple[str, ...]:
         "bodies that touch, or would meet within half a step, begin with velocities into each other: they were struck at once, which "
         f"took {lost:.4g} of their {energy.kinetic + lost:.4g} J, as an inelastic impact does",
     )
-
-
-def _is_held(met: Encounter, law: Law) -> bool:
-    """Whether the law keeps bodies apart by their gaps: neither joints nor a law on velocities."""
-    terms, meeting = met.terms, met.meeting
-    if terms.adhesion is not None or terms.compliance is not None or isinstance(law, Implicit):
-        return False
-    farther = law.terms(replace(meeting, bend=meeting.size))
-    return bool((farther.w[:, 0] > terms.w[:, 0]).any())
 
 
 def _approaches(met: Encounter, impact: Impact, v: FloatArray) -> bool:

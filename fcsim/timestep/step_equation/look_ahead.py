@@ -89,7 +89,11 @@ def _found_late(model: Model, detection: Detection, scheme: Scheme, met: Encount
     a corner, is its contact when it is there. (It keeps what it finds where the next step begins: looking costs nothing.)"""
     if not isinstance(detection, Everything):
         return False
-    moved = model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions
+    return moves(met, model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions)
+
+
+def moves(met: Encounter, moved: FloatArray) -> bool:
+    """Whether nodes' displacements (n_nodes, d) [m] differ by a length that counts."""
     smallest = float(met.meeting.proportions.size.min(initial=np.inf))
     return bool(np.ptp(moved, axis=0).max(initial=0.0) > BORNE * smallest)
 

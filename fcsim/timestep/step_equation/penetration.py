@@ -1,40 +1,91 @@
-"""How deep bodies lie in each other at the end of a step, by the step's own detection."""
+"""How deep bodies lie in each other at the end of a step, by the step's own detection, and whether it was too long to keep them apart."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection
+from fcsim.contact_detection import Detection, Everything
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.sweep import bounded
 from fcsim.timestep.encounter import Encounter
+from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
+from fcsim.timestep.step_equation.look_ahead import moves
 
 LOOKED_AT = 1e-6
 """Of the smaller body's size: above it contacts are detected anew at the end of the step."""
 
+SUNK = 5e-5
+"""Of the smaller body's size: bodies that a law keeps apart sink into each other by less within a step, or it is cut."""
 
-def penetration_at_end(model: Model, detection: Detection, met: Encounter, after: State) -> float:
-    """The deepest penetration [m] at the end of a step, at least 0.
+CUTS = 3
+"""How often a step is cut for that."""
 
-    Contacts of the step, also those that its law left out since they were open, are followed to the end: g + N . (dx_slave - dx_master),
-    by the same facets. Where that is deep, it may be a facet's plane that was left aside, or a contact that was found ahead and brought
-    back, so it is what is detected at the end that counts. In statics nothing looks ahead, and contacts are always detected there.
+
+@dataclass(frozen=True)
+class AtEnd:
+    """penetration: the deepest [m] at the end of a step, at least 0; sinks: whether bodies that the law keeps apart lie deeper in each
+    other after the step than they did before it, by what counts: it was too long."""
+
+    penetration: float
+    sinks: bool
+
+
+def at_end(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State, settled: bool) -> AtEnd:
+    """Look at the end of a step; settled: looking ahead came to its end.
+
+    Contacts are kept where they are detected, at x_m and x_m', on the motion that `look_ahead` foresees. In between, at the end of the
+    step, what turns by omega h lies deeper by up to R (omega h)^2 / 8; and where many contacts bend at once, looking ahead may end before
+    all of them are met. Either error is a quarter, or less, in half the step.
     """
-    positions, deepest = model.positions(after.x), 0.0
-    if not met.meeting.timing.moving:
-        return max(0.0, float(-detection(positions).gap.min(initial=0.0)))
-    moved, smallest = positions - met.meeting.positions, float(met.meeting.proportions.size.min(initial=np.inf))
+    positions = model.positions(after.x)
+    if not scheme.timing.moving:
+        return AtEnd(max(0.0, float(-detection(positions).gap.min(initial=0.0))), False)
+    moved = positions - met.meeting.positions
+    if isinstance(detection, Everything) and moves(met, moved):  # what turns and slides has other contacts there
+        deepest, deep = 0.0, True
+    else:
+        deepest, deep = _followed(met, moved)
+    there = detection(positions) if deep else None
+    penetration = deepest if there is None else max(0.0, float(-there.gap.min(initial=0.0)))
+    if not len(met.contacts) or (settled and there is None) or not met.keeps_apart(scheme.law):
+        return AtEnd(penetration, False)
+    sinks = there is not None and _deeper(detection, met, there)
+    if not (sinks or settled):
+        sinks = _deeper(detection, met, detection(model.positions(scheme.detection_configuration(model, after))))
+    return AtEnd(penetration, sinks)
+
+
+def _deeper(detection: Detection, met: Encounter, there: Contacts) -> bool:
+    """Whether contacts found later are deeper, by what counts, than the deepest of the same two bodies where the step's were found."""
+    counts = SUNK * met.meeting.proportions.size_at(there)
+    if not np.any(there.gap < -counts):
+        return False
+    return bool(np.any(there.gap < bounded(there, detection(met.meeting.positions)).gap - counts))
+
+
+def _followed(met: Encounter, moved: FloatArray) -> tuple[float, bool]:
+    """The deepest penetration [m] after the nodes' displacements (n_nodes, d) [m], at least 0, and whether it is one that counts.
+
+    Contacts of the step, also those that its law left out since they were open, are followed: g + N . (dx_slave - dx_master), by the same
+    facets. Where that is deep, it may be a facet's plane that was left aside, or a contact that was found ahead and brought back, so it
+    is what is detected at the end that counts. In statics nothing looks ahead, and contacts are always detected there.
+    """
+    deepest, size_at = 0.0, met.meeting.proportions.size_at
+    smallest = float(met.meeting.proportions.size.min(initial=np.inf))
     for contacts in (met.meeting.contacts, met.left):
         if contacts is None or not len(contacts):
             continue
         deep = -(contacts.gap + _closing(contacts, moved))
         most = float(deep.max())
-        if most > LOOKED_AT * smallest and np.any(deep > LOOKED_AT * met.meeting.proportions.size_at(contacts)):
-            return max(0.0, float(-detection(positions).gap.min(initial=0.0)))
+        if most > LOOKED_AT * smallest and np.any(deep > LOOKED_AT * size_at(contacts)):
+            return most, True
         deepest = max(deepest, most)
-    return deepest
+    return deepest, False
 
 
 def _closing(contacts: Contacts, moved: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, IntArray
+from fcsim.arrays import BoolArray
 from fcsim.contact_detection.general._foot_kernels import feet
 from fcsim.contact_detection.general._pierce_kernels import piercing
 from fcsim.contact_detection.general.edges import EdgeContacts
@@ -19,19 +19,21 @@ from fcsim.contact_detection.general.vertices import VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _BY = 10.0  # times `near`: what overlaps by less touches
+_RESTS = 1e-5  # of half a facet: what solvers leave of a contact at rest
 
 
 def overlap_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts) -> VertexContacts | None:
-    """Contacts for each two bodies that overlap without one of negative gap; None where there are none, as it should be."""
+    """Contacts for each two bodies that overlap without one that is so deep; None where there are none, as it should be."""
     near = near.take(~near.itself)
     a, b = near.bodies.T
     d = skin.dimension
     shared = (np.minimum(shape.body_high[a], shape.body_high[b]) - np.maximum(shape.body_low[a], shape.body_low[b]))[:, :d]
-    suspect = near.take(np.all(shared > _BY * near.near[:, None], axis=1) & ~_known(skin, near.bodies, vertices, edges))
+    suspect = near.take(np.all(shared > _BY * near.near[:, None], axis=1) & ~_known(skin, near, vertices, edges, _RESTS))
     if not len(suspect.bodies):
         return None
     corners, known = wedge_contacts(skin, shape, suspect, _BY * suspect.near)
     rest = suspect.take(np.delete(np.arange(len(suspect.bodies)), known))
+    rest = rest.take(~_known(skin, rest, vertices, edges, 0.0))  # an edge that is a hair inside goes through facets, too
     deeper = _pierced(skin, shape, rest) if len(rest.bodies) else None
     if deeper is None:
         return corners if len(known) else None
@@ -58,11 +60,21 @@ def _pierced(skin: Skin, shape: Shape, suspect: NearBodies) -> VertexContacts | 
     return VertexContacts(vertex, facet, weights, shape.normal[facet], height)
 
 
-def _known(skin: Skin, bodies: IntArray, vertices: VertexContacts, edges: EdgeContacts) -> BoolArray:
-    """Which pairs of bodies have a contact of negative gap."""
-    v, e = vertices.take(vertices.gap < 0), edges.take(edges.gap < 0)
+def _known(skin: Skin, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts, least: float) -> BoolArray:
+    """Which pairs of bodies have a contact deeper than `least` times half a facet."""
+    deep_v, deep_e = vertices.take(vertices.gap < 0), edges.take(edges.gap < 0)
     pairs = np.concatenate(
-        [np.column_stack([skin.vertex_body[v.vertex], skin.facet_body[v.facet]]), skin.vertex_body[skin.edges[e.edges, 0]].reshape(-1, 2)]
+        [
+            np.column_stack([skin.vertex_body[deep_v.vertex], skin.facet_body[deep_v.facet]]),
+            skin.vertex_body[skin.edges[deep_e.edges, 0]].reshape(-1, 2),
+        ]
     )
-    nb = skin.n_bodies
-    return np.isin(bodies.min(axis=1) * nb + bodies.max(axis=1), pairs.min(axis=1) * nb + pairs.max(axis=1))
+    keys, wanted = (rows.min(axis=1) * skin.n_bodies + rows.max(axis=1) for rows in (pairs, near.bodies))
+    if not len(keys):
+        return np.zeros(len(wanted), dtype=bool)
+    order = np.argsort(keys)
+    sorted_keys, depth = keys[order], -np.concatenate([deep_v.gap, deep_e.gap])[order]
+    deepest = np.maximum.reduceat(depth, np.flatnonzero(np.append(True, np.diff(sorted_keys) != 0)))
+    found = np.unique(sorted_keys)
+    place = np.minimum(np.searchsorted(found, wanted), len(found) - 1)
+    return np.asarray((found[place] == wanted) & (deepest[place] > least * near.depth))

@@ -130,3 +130,15 @@ def test_corners_that_meet_head_on_do_not_pass(dimension: int, higher: float) ->
     assert_allclose(v[:, 0].sum(), 0.0, atol=1e-9)
     assert v[0, 0] < 0.499  # they have met
     assert last.ledger.created < 1e-6
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("gap", [1e-9, -1e-9, -1e-6])
+def test_a_corner_at_rest_does_not_hide_an_overlap_elsewhere(dimension: int, gap: float) -> None:
+    """A corner of a block rests on a blade; another one has gone through the blade's tip and is outside again, 2 % of a side beyond it."""
+    blade = np.array([[0.0, 0.0], [0.9, -0.1], [1.0, 0.0]])
+    block = np.array([[0.05, 0.3], [0.05, -0.02], [0.7, gap], [0.7, 0.3]])
+    overlap = block[1, 1] - blade[1, 1] / 0.9 * 0.05  # the corner is below the blade by that
+    assert overlap < -0.01
+    model = model_of(block, blade, dimension)
+    assert Everything(model, 0.5)(model.reference).gap.min() < -1e-3
