@@ -20,9 +20,8 @@ from scipy.sparse.linalg import LinearOperator
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.brief import brief
 from fcsim.errors import InputError
-from fcsim.linear._block_rows_kernels import product
 from fcsim.linear.block_factors.analysis import Analysis
-from fcsim.linear.block_rows import compressed_blocks
+from fcsim.linear.block_rows import compressed_blocks, product_by_rows
 from fcsim.linear.factors import Factor, is_symmetric
 from fcsim.linear.joints import BlockRows, joint_rows
 from fcsim.linear.storage import eliminated_dense
@@ -101,8 +100,8 @@ class Delassus:
         W = self.W
         if self.shift is not None:
             return self @ x + q
-        if isinstance(W, sp.bsr_array) and W.blocksize == (3, 3):  # twice as quick as SciPy's for any block
-            return product(W.indptr, W.indices, W.data, q.reshape(-1, 3), x.reshape(-1, 3)).ravel()
+        if isinstance(W, sp.bsr_array) and W.blocksize == (3, 3):
+            return product_by_rows(W, q, x)
         return W @ x + q
 
     @cached_property
