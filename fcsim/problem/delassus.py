@@ -87,7 +87,8 @@ class Delassus:
 
     def __matmul__(self, x: FloatArray) -> FloatArray:
         """(W + diag(shift)) x for x (m,) or (m, k)."""
-        image: FloatArray = self.W @ x
+        by_blocks = isinstance(self.W, sp.bsr_array) and self.W.blocksize == (3, 3) and x.ndim == 1 and x.dtype == np.float64
+        image: FloatArray = product_by_rows(self.W, np.zeros(self.size), x) if by_blocks else self.W @ x
         return image if self.shift is None else image + (self.by_unknown * x.T).T
 
     def transposed_product(self, x: FloatArray) -> FloatArray:
@@ -100,7 +101,7 @@ class Delassus:
         W = self.W
         if self.shift is not None:
             return self @ x + q
-        if isinstance(W, sp.bsr_array) and W.blocksize == (3, 3):
+        if isinstance(W, sp.bsr_array) and W.blocksize == (3, 3) and x.dtype == q.dtype == np.float64:
             return product_by_rows(W, q, x)
         return W @ x + q
 
