@@ -22,10 +22,12 @@ from fcsim.assembly.kinematics.elastic_forces import ElasticForces
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout, in_order
 from fcsim.assembly.loads import Follower, Load, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
+from fcsim.assembly.shares.shares import Shares, shares_of
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics, Placed, refuse_kinematics
+from fcsim.ranks import world
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,18 @@ class Model(BodyLayout):
     @cached_property
     def nonlinear(self) -> NonlinearBodies:
         """The inner forces of the others."""
-        return NonlinearBodies(self.groups, self.beta)
+        return NonlinearBodies(self.groups, self.beta, self)
+
+    @property
+    def shares(self) -> Shares | None:
+        """Whose body is whose among the ranks that share what is computed now; None where this process computes alone."""
+        return None if world() is None else self._shares
+
+    @cached_property
+    def _shares(self) -> Shares:
+        ranks = world()
+        assert ranks is not None
+        return shares_of(self, ranks)
 
     def moving(self, kinematics: Kinematics | None) -> Model:
         """Return the model with that kinematics where none is named; the model itself where that changes nothing."""

@@ -15,7 +15,8 @@ from fcsim.problem._delassus_kernels import add_bodies, add_diagonal_bodies, ent
 
 
 class DelassusSum:
-    """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`)."""
+    """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`); values: its entries so far, in one
+    array whose order is the contacts' alone."""
 
     def __init__(self, H: sp.sparray, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
@@ -30,22 +31,22 @@ class DelassusSum:
         self._dense = storage.summed_dense(self._m, len(columns) * dimension**2)
         if self._dense:
             starts, columns = starts[:0], columns[:0]
-        self._values = np.zeros(self._m**2 if self._dense else len(columns) * dimension**2)
+        self.values = np.zeros(self._m**2 if self._dense else len(columns) * dimension**2)
         self._rows = starts, columns
 
     def add(self, begin: int, C: FloatArray, kind: IntArray, *, symmetric: bool = True) -> None:
         """Add the shares of the bodies begin, begin + 1, ... with the compliances C[kind[0]], C[kind[1]], ... of C (c, k, k)."""
         C = np.ascontiguousarray(C if symmetric else C.transpose(0, 2, 1))
-        add_bodies(*self._rows, self._values, *self._bodies, begin, C, kind, symmetric, self._axes, self._nc)
+        add_bodies(*self._rows, self.values, *self._bodies, begin, C, kind, symmetric, self._axes, self._nc)
 
     def add_diagonal(self, begin: int, C: FloatArray, group: IntArray) -> None:
         """Add the shares of the bodies from `begin` on whose compliances are diagonal: C[group[k]:group[k + 1]] that of the k-th."""
-        add_diagonal_bodies(*self._rows, self._values, *self._bodies, begin, C, group, self._axes, self._nc)
+        add_diagonal_bodies(*self._rows, self.values, *self._bodies, begin, C, group, self._axes, self._nc)
 
     def matrix(self) -> Matrix:
         """W, a dense array or a bsr_array."""
         d, m = len(self._axes), self._m
         if self._dense:
-            return self._values.reshape(m, m)
+            return self.values.reshape(m, m)
         starts, columns = self._rows
-        return sp.bsr_array((self._values.reshape(-1, d, d), columns, starts), shape=(m, m), blocksize=(d, d))
+        return sp.bsr_array((self.values.reshape(-1, d, d), columns, starts), shape=(m, m), blocksize=(d, d))
