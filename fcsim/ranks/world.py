@@ -14,7 +14,7 @@ import time
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,12 @@ LAST_WORD = 2.0
 """[s] The launcher ends all ranks where one ends with an error; rank 0, which has to say why, goes first."""
 _ENDED = 77
 
-type _Mpi = Any  # MPI's objects: mpi4py is loaded by those alone who share, and its types with it
+
+class _Request(Protocol):
+    """An exchange under way."""
+
+    def Test(self) -> bool: ...
+
 
 
 class RankEnded(FcsimError, RuntimeError):
@@ -51,21 +56,21 @@ class World:
 
     def __init__(self) -> None:
         MPI = runtime.mpi()
-        self._mpi: _Mpi = MPI
+        self._mpi = MPI
         self._data, self._control = MPI.COMM_WORLD.Dup(), MPI.COMM_WORLD.Dup()
         self.number, self.size = int(self._data.Get_rank()), int(self._data.Get_size())
         self.exchanges = self.messages = self.bytes = 0
         self._ended: dict[int, tuple[int, str, bool]] = {}
         self.broken = False
 
-    def _wait(self, request: _Mpi) -> None:
+    def _wait(self, request: _Request) -> None:
         try:
             self._arrived(request)
         except BaseException:  # an interrupt too: the others' part of this exchange is under way
             self.broken = True
             raise
 
-    def _arrived(self, request: _Mpi) -> None:
+    def _arrived(self, request: _Request) -> None:
         begin, since = time.perf_counter(), 0.0
         while not request.Test():
             waited = time.perf_counter() - begin

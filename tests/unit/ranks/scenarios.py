@@ -51,7 +51,7 @@ def mixed() -> Simulation:
         [
             rigid_box("floor", (2.0, 2.0, 0.1), (0.1, 0.1, -0.05), 2000.0),
             Body("first", part),
-            Body("second", part, rotation=quarter, translation=np.array([0.31, 0.01, 0.0])),
+            Body("second", part, rotation=quarter, translation=np.array([0.21, 0.01, 0.1])),
             Body("weak", weak, translation=np.array([0.32, 0.0, 0.0])),
             rigid_box("top", (0.1, 0.1, 0.1), (0.1, 0.1, 0.25), 2000.0),
         ],
