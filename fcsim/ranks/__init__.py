@@ -12,6 +12,7 @@ from fcsim.ranks.sharing import alone as alone
 from fcsim.ranks.sharing import end_with as end_with
 from fcsim.ranks.sharing import of_rank_0 as of_rank_0
 from fcsim.ranks.sharing import section as section
+from fcsim.ranks.sharing import shared as shared
 from fcsim.ranks.sharing import sharing as sharing
 from fcsim.ranks.sharing import told as told
 from fcsim.ranks.sharing import world as world

@@ -24,6 +24,11 @@ def world() -> World | None:
     return _shared[-1] if _shared and not _alone else None
 
 
+def shared() -> bool:
+    """Whether this process is one of several ranks that share their work, also while it computes alone."""
+    return bool(_shared)
+
+
 def writes() -> bool:
     """Whether this process is the one that speaks and writes: the only one, or rank 0."""
     return not _shared or _shared[-1].number == 0

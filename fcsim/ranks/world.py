@@ -41,7 +41,6 @@ class _Request(Protocol):
     def Test(self) -> bool: ...
 
 
-
 class RankEnded(FcsimError, RuntimeError):
     """Another rank has ended, and this one cannot go on without it; the message says why."""
 

@@ -221,6 +221,7 @@ def _run(
             description = replace(description, notes=tuple(dict.fromkeys((*description.notes, *step.remarks))))
             if watch is not None:
                 watch(case, step)
+        outputs.finish()
         description = replace(description, ranks=shared_work())
     except NotConverged as error:
         status, message = "not converged", str(error)

@@ -8,9 +8,9 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from fcsim.assembly.shares import group_factor
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.shares import group_factor
 from fcsim.assembly.supports import Support
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
