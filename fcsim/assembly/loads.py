@@ -110,6 +110,26 @@ Follower = FollowerForce | FollowerPressure
 Load = Traction | Force | BodyForce | NodalForces | FormLoad | Follower
 
 
+def factor_at(load: Load, t: float) -> float:
+    """The load's factor at time t [s]; InputError for what is no function of time, or no finite number."""
+    given: object = load.factor
+    try:
+        given = load.factor(t)
+        value = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise _no_factor(load, t, f"{given!r} ({error})") from error
+    if value.size != 1 or not np.all(np.isfinite(value)):
+        raise _no_factor(load, t, repr(given))
+    return float(value.item())
+
+
+def _no_factor(load: Load, t: float, got: str) -> InputError:
+    return InputError(
+        f"{type(load).__name__} on body {load.body!r}, factor at t = {t} s: expected a function of t that gives a finite number, as "
+        f"lambda t: 2 * t, got {got}"
+    )
+
+
 def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
     """Nodal forces (n_dofs,) [N] of a load at factor 1, in the reference configuration."""
     if not isinstance(load, Load):

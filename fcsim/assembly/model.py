@@ -19,9 +19,9 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group, operator_groups
 from fcsim.assembly.inner_forces import NonlinearBodies
 from fcsim.assembly.kinematics.elastic_forces import ElasticForces
-from fcsim.assembly.kinematics.following import FollowingPressures, following_pressures
+from fcsim.assembly.kinematics.following import FollowingPressures, When, following_pressures
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout, in_order
-from fcsim.assembly.loads import Follower, FollowerPressure, Load, load_vector, turned
+from fcsim.assembly.loads import Follower, FollowerPressure, Load, factor_at, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.brief import brief
@@ -227,7 +227,7 @@ class Model(BodyLayout):
                 continue
             if isinstance(load, Follower) and x is not None and self._on_rigid(load):
                 vector = turned(self, load, vector, self.rigid_rotation(x))
-            force += load.factor(t) * vector
+            force += factor_at(load, t) * vector
         return force
 
     def rigid_rotation(self, x: FloatArray) -> FloatArray:
@@ -336,6 +336,7 @@ def build_model(
     if gravity is not None and not callable(gravity):
         raise InputError(f"gravity: expected a function of the time, as lambda t: (0.0, 0.0, -9.81), got {gravity!r}")
     model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven, kinematics)
-    model.load(0.0)  # these two refuse what loads and supports get wrong before the run starts
+    model.load(0.0)  # these refuse what loads and supports get wrong before the run starts
+    model.following.force(np.zeros(model.n_dofs), When.at(0.0))
     model.driven_velocity(0.0)
     return model

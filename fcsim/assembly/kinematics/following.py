@@ -12,7 +12,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.forms.facet_pressure import facet_forces, facet_tangents, nodal_sum
 from fcsim.assembly.groups import Group
 from fcsim.assembly.layout import BodyLayout
-from fcsim.assembly.loads import FollowerPressure
+from fcsim.assembly.loads import FollowerPressure, factor_at
 
 RIM = 1e-9
 """Entries of the skew part of the stiffness, relative to the largest of all, that are round-off: inner edges have none."""
@@ -53,7 +53,7 @@ class FollowingPressures:
         points = layout.reference[:count] + x[: layout.n_elastic].reshape(-1, d)
         found = []
         for load, thickness, facets in zip(self.loads, self._thickness, self._facets, strict=True):
-            factor = when.share * load.factor(when.end) + (1 - when.share) * load.factor(when.begin)
+            factor = when.share * factor_at(load, when.end) + (1 - when.share) * factor_at(load, when.begin)
             found.append((-load.pressure * factor * thickness, facets, points[facets]))
         return found
 

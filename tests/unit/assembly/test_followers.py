@@ -100,3 +100,13 @@ def test_refusals(load: Any, message: str) -> None:
     soft = Body("soft", brick("soft", (1, 1, 1), (1, 1, 1), Material(1e6, 0.3, 1e3)))
     with pytest.raises(InputError, match=message):
         build_model([soft, rigid_box("box", (1, 1, 1), (5, 0, 0), 1.0)], loads=[load])
+
+
+@pytest.mark.parametrize("kind", [Traction, FollowerPressure])
+@pytest.mark.parametrize("factor", [2.0, lambda t: float("nan"), lambda t: (1, 2), lambda t: "much", lambda: 1.0])
+def test_factors_that_are_none(kind: Any, factor: Any) -> None:
+    """One sentence, before anything runs, for each kind of load."""
+    soft = Body("soft", brick("soft", (1, 1, 1), (1, 1, 1), Material(1e6, 0.3, 1e3)))
+    load = kind("soft", "x+", (1.0, 0, 0) if kind is Traction else 1.0, factor)
+    with pytest.raises(InputError, match=r"on body 'soft', factor at t = 0.0 s: expected a function of t that gives a finite number"):
+        build_model([soft], loads=[load])
