@@ -28,7 +28,6 @@ from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics, Placed, refuse_kinematics
-from fcsim.ranks import world
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +110,7 @@ class Model(BodyLayout):
     @property
     def shares(self) -> Shares | None:
         """Whose body is whose among the ranks that share what is computed now; None where this process computes alone."""
-        return None if world() is None else self._shares
-
-    @cached_property
-    def _shares(self) -> Shares:
-        ranks = world()
-        assert ranks is not None
-        return shares_of(self, ranks)
+        return shares_of(self)
 
     @cached_property
     def following(self) -> FollowingPressures:

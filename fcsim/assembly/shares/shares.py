@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.layout import BodyLayout
 from fcsim.mesh.material.by_region import is_linear
-from fcsim.ranks import World
+from fcsim.ranks import World, world
 from fcsim.ranks.partition import partition
 
 RIGID, NONLINEAR = 10.0, 30.0
@@ -76,11 +77,25 @@ class Shares:
         return np.concatenate(dofs)[np.argsort(rank, kind="stable")], np.bincount(rank, minlength=self.world.size)
 
 
-def shares_of(layout: BodyLayout, world: World) -> Shares:
+def shares_of(layout: BodyLayout) -> Shares | None:
+    """The shares of the ranks that share what is computed now, found once for a model; None where this process computes alone."""
+    ranks = world()
+    if ranks is None:
+        return None
+    found = _known.get(layout)
+    if found is None or found.world is not ranks:
+        found = _known[layout] = _shares(layout, ranks)
+    return found
+
+
+_known: WeakKeyDictionary[BodyLayout, Shares] = WeakKeyDictionary()
+
+
+def _shares(layout: BodyLayout, ranks: World) -> Shares:
     """The shares of the ranks, by the bodies' places and costs."""
     offset = layout.node_offset
     nodes = np.diff(offset)
     centres = np.add.reduceat(layout.reference, offset[:-1]) / nodes[:, None]
     weight = [1.0 if is_linear(body.part.material) else NONLINEAR for body in layout.deformable]
     costs = np.concatenate([weight * nodes[: len(weight)], np.full(len(layout.rigid), RIGID)])
-    return Shares(world, partition(centres, costs, world.size))
+    return Shares(ranks, partition(centres, costs, ranks.size))
