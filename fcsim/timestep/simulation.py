@@ -58,8 +58,7 @@ class Simulation:
     rebuilds it.
 
     A step that does not converge is halved, and halved again up to `cuttings` times (0: never), one in which bodies sink into each other
-    up to three times, see `at_end`; sub-steps are doubled again as soon as they end where a longer one would. Steps always end on the
-    grid of h, and only there is something yielded.
+    up to three times, see `at_end`; sub-steps are doubled again where a longer one would end. Only on the grid of h is something yielded.
     created: contacts that create more than this share of the energy that the run began with and that loads and supports have supplied
     raise EnergyCreated (inf: never); see `Ledger`. Not in quasi-statics, where joints that begin under pressure are meant.
     limits: bodies beyond them raise KinematicsLeft after the step that is yielded last, see `Limits`; what comes near them is said once,
@@ -322,7 +321,6 @@ class Simulation:
         if end.sinks and cuts < min(CUTS, self.cuttings):
             return None
         support = self._support_impulse(scheme, answer, impulse, rigid_mass, after)
-        variables = met.remember(scheme.law, result.u, result.r, v)
         clock.lap("assembly")
         return Step(
             number=start.number,
@@ -343,7 +341,7 @@ class Simulation:
             seconds=clock.seconds,
             whole_per_part=whole_per_part,
             encounter=met,
-            variables=variables,
+            variables=met.remember(scheme.law, result.u, result.r, v),
             lead=past.lead,
             linearised=answer.linearised,
             linked=links.rows,
