@@ -41,6 +41,8 @@ SETTLED = 10
 """Times `probe` sweeps after which a last quarter that made the error no tenth smaller says that they are at an end."""
 STICKING = 1e-6
 """Share of the friction cone next to its surface where a contact is not said to stick."""
+RENT = 0.25
+"""Share of what ADMM's first iterations cost, its factor among it, that sweeps have spent before: their rate is known better by then."""
 PLATEAU = 50
 """Times `probe` sweeps after which Gauss-Seidel may be given up, where the last two thirds made the error no tenth smaller."""
 
@@ -136,11 +138,12 @@ def _splitting_first(race: Race) -> bool:
 
 
 def _enter_splitting(race: Race) -> bool:
-    if not race.options.splitting or race.best <= FAR:
+    if not race.options.splitting or race.best <= FAR or race.alone():
         return False
     if _splitting_first(race):
         return True
-    cost, share = SLOWING * _swept(race), race.options.splitting
+    share = race.options.splitting
+    cost = min(SLOWING * _swept(race), race.spent() / RENT)
     return cost > share * race.prices.least_admm and cost > race.prices.splitting(share)
 
 
@@ -248,7 +251,8 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     fitting = problem.stored()
     swept = problem if isinstance(fitting.W, np.ndarray) else fitting  # block rows are made of sparse storage if there is any
     prices = Prices(fitting, operator.entries, operator.joints)
-    race = Race(fitting, swept, monitor, options, prices, bool(np.any(r)), operator.joints, r)
+    joints = None if prices.in_velocities else operator.joints  # of rigid blocks: proximal Newton does not eliminate the contacts
+    race = Race(fitting, swept, monitor, options, prices, bool(np.any(r)), joints, r)
     if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     try:
