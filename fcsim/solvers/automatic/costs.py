@@ -43,7 +43,7 @@ FRONT_STEPS = 100
 of six families: price over time from 0.7 to 1.3)."""
 SVD = 20
 """Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
-LP, LP_STEPS = 10, 1000
+LP, LP_STEPS = 10, 5000
 """Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
 
 

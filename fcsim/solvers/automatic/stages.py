@@ -190,7 +190,7 @@ def _plateau(race: Race, runner: Runner) -> bool:
 STAGES: tuple[Stage, ...] = (
     Stage(
         "sweeps",
-        "Gauss-Seidel (NSGS-AC). Enters at once; after Newton or ADMM from a warm start and where contacts come in joints. "
+        "Gauss-Seidel (NSGS-AC, then NSGS-AA). Enters at once; after Newton or ADMM from a warm start and where contacts come in joints. "
         "Left where two thirds of its sweeps made the error no tenth smaller.",
         enters=_enter_sweeps,
         turns=methods.sweeps,
@@ -200,7 +200,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "splitting",
-        "ADMM. Enters far from a solution where the sweeps need more than its factor costs, in joints where Newton costs more. "
+        "ADMM. Enters far from a solution where the sweeps need more than its factor costs and have spent a share of it, in joints where Newton "
+        "costs more; not while another goes alone. "
         "Goes on alone as long as each share of iterations brings the error down tenfold.",
         enters=_enter_splitting,
         turns=methods.splitting,
