@@ -69,7 +69,8 @@ def replacing_hdf5(path: Path) -> Iterator[h5py.File]:
     On a disk that is full HDF5 can neither write nor close a file, and its process ends in a segmentation fault; a file in memory is
     written with an OSError that can be told, and faster.
     """
-    with h5py.File(path.name, "w", driver="core", backing_store=False, block_size=2**20) as file:
+    in_memory = f"{uuid.uuid4().hex}-{path.name}"  # HDF5 opens no name twice, and threads may write files of the same name
+    with h5py.File(in_memory, "w", driver="core", backing_store=False, block_size=2**20) as file:
         yield file
         file.flush()
         image = file.id.get_file_image()

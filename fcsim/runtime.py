@@ -1,8 +1,10 @@
-"""What belongs to the whole process, in one place: BLAS threads, freed memory, dolfinx/PETSc, gmsh.
+"""What belongs to the whole process, in one place: threads, freed memory, dolfinx/PETSc, gmsh.
 
-* BLAS and OpenMP threads fight with numba, MUMPS and other processes, so that `solve`, a step of a simulation and the command line
-  limit them to one for as long as they run (`limited_threads`), unless the user's environment (OMP_NUM_THREADS, OPENBLAS_NUM_THREADS,
-  ...) or FCSIM_THREADS says otherwise. A program that imports fcsim keeps its own number outside these calls.
+* `threads` says how many threads of its own fcsim uses (`fcsim.threads`): FCSIM_THREADS, else the cores that the process may use. They
+  change no result.
+* BLAS and OpenMP threads change the order of sums and fight with ours, MUMPS and other processes, so that `solve`, a step of a simulation
+  and the command line limit them to one for as long as they run (`limited_threads`), unless the user's environment (OMP_NUM_THREADS,
+  OPENBLAS_NUM_THREADS, ...) says otherwise. A program that imports fcsim keeps its own number outside these calls.
 * Large arrays that are freed in one step and made again in the next stay with the process (`keep_freed_memory`).
 * `dolfinx()` and `petsc()` are the only doors to those packages: where the `dolfinx_solver` wheel exists it must be imported first.
 * The working directory is a place, not a source (`without_local_options`): numba reads .numba_config.yaml there (where compiled functions
@@ -43,19 +45,32 @@ def _thread_pools(with_petsc: bool) -> list[LibController]:
     return pools
 
 
+_ON_THIS_MACHINE = ("MPI_LOCALNRANKS", "OMPI_COMM_WORLD_LOCAL_SIZE")
+"""Variables in which mpiexec says how many ranks share the machine."""
+
+
 @cache
-def chosen_threads() -> int | None:
-    """FCSIM_THREADS, read once, else 1, but None (as they are) where the user's environment sets a number for BLAS or OpenMP."""
+def threads() -> int:
+    """How many threads fcsim computes on: FCSIM_THREADS, read once, else the cores that this process may use, shared with the MPI ranks
+    beside it. Raises InputError where FCSIM_THREADS is no such number."""
     asked = os.environ.get("FCSIM_THREADS")
     if asked is None:
-        return None if any(os.environ.get(name) for name in THREAD_VARIABLES) else 1
-    if not asked.isdecimal() or int(asked) < 1:
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        ranks = next((int(os.environ[name]) for name in _ON_THIS_MACHINE if os.environ.get(name, "").isdecimal()), 1)
+        return max(1, cores // max(ranks, 1))
+    if not asked.isascii() or not asked.isdecimal() or int(asked) < 1:
         raise InputError(f"FCSIM_THREADS: expected a whole number >= 1, got {asked!r}")
     return int(asked)
 
 
+@cache
+def library_threads() -> int | None:
+    """Threads of BLAS and OpenMP while fcsim computes: 1, but None (as they are) where the user's environment sets a number for them."""
+    return None if any(os.environ.get(name) for name in THREAD_VARIABLES) else 1
+
+
 class limited_threads(ContextDecorator):
-    """BLAS and OpenMP on `chosen_threads` within the block, on as many as before after it; some microseconds where they are so already.
+    """BLAS and OpenMP on `library_threads` within the block, on as many as before after it; some microseconds where they are so already.
 
     A class, since a generator's context costs as much as a sweep of a small problem. The number belongs to the process: other threads of
     the program see it as long as the block lasts.
@@ -69,13 +84,14 @@ class limited_threads(ContextDecorator):
         return limited_threads()
 
     def __enter__(self) -> None:
-        threads = chosen_threads()
-        if threads is None:
+        threads()  # which refuses a wrong number
+        allowed = library_threads()
+        if allowed is None:
             return
         for pool in _thread_pools("petsc4py.PETSc" in sys.modules):
-            if (now := pool.get_num_threads()) not in (threads, None):
+            if (now := pool.get_num_threads()) not in (allowed, None):
                 self._before.append((pool, now))
-                pool.set_num_threads(threads)
+                pool.set_num_threads(allowed)
 
     def __exit__(self, *_: object) -> None:
         for pool, number in self._before:

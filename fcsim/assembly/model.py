@@ -187,6 +187,15 @@ class Model(BodyLayout):
         return self.matrix(self.alpha, self.beta)
 
     @cached_property
+    def _weight_of_units(self) -> FloatArray:
+        """M e (d, n_dofs) [kg] of the accelerations 1 along each axis: four loads a step ask for gravity."""
+        along = np.zeros((self.dimension, self.n_dofs))
+        for i, acceleration in enumerate(along):
+            acceleration[: self.n_elastic].reshape(-1, self.dimension)[:, i] = 1.0
+            self.rigid_part(acceleration)[:, i] = 1.0
+        return np.stack([self.apply_mass(acceleration) for acceleration in along])
+
+    @cached_property
     def _load_vectors(self) -> tuple[FloatArray, ...]:
         return tuple(load_vector(self, load) for load in self.loads)
 
@@ -194,7 +203,6 @@ class Model(BodyLayout):
         """External forces (n_dofs,) [N] at time t: gravity and the loads; followers as they stand at x (default: the reference)."""
         force = np.zeros(self.n_dofs)
         if self.gravity is not None:
-            acceleration = np.zeros(self.n_dofs)
             d = self.dimension
             try:
                 g = np.asarray(self.gravity(t), dtype=np.float64)
@@ -202,9 +210,7 @@ class Model(BodyLayout):
                 raise InputError(f"gravity at t = {t} s: expected a function of t alone, lambda t: (0.0, 0.0, -9.81): {error}") from error
             if g.shape != (d,) or not np.all(np.isfinite(g)):
                 raise InputError(f"gravity at t = {t} s: expected an acceleration of {d} finite numbers [m/s^2], got {self.gravity(t)!r}")
-            acceleration[: self.n_elastic].reshape(-1, d)[:] = g
-            self.rigid_part(acceleration)[:, :d] = g
-            force += self.apply_mass(acceleration)
+            force += g @ self._weight_of_units
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
             force += load.factor(t) * (
                 turned(self, load, vector, self.rigid_rotation(x)) if isinstance(load, Follower) and x is not None else vector

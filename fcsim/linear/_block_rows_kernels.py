@@ -134,10 +134,18 @@ def own_blocks(indptr, indices, blocks):
 @njit(cache=True)
 def product(indptr, indices, blocks, q, r):
     """u = W r + q (nc, 3) from block rows, whose columns of contacts with r = 0 are not read."""
-    u, nonzero = np.empty_like(q), np.empty(len(r), dtype=np.bool_)
+    u = np.empty_like(q)
+    rows_of_product(indptr, indices, blocks, q, r, 0, len(q), u)
+    return u
+
+
+@njit(cache=True, nogil=True)
+def rows_of_product(indptr, indices, blocks, q, r, begin, end, u):
+    """The rows begin, ..., end - 1 of u = W r + q, as in `product`."""
+    nonzero = np.empty(len(r), dtype=np.bool_)
     for b in range(len(r)):
         nonzero[b] = r[b, 0] != 0.0 or r[b, 1] != 0.0 or r[b, 2] != 0.0
-    for a in range(len(q)):
+    for a in range(begin, end):
         u0, u1, u2 = q[a, 0], q[a, 1], q[a, 2]
         for k in range(indptr[a], indptr[a + 1]):
             b = indices[k]
@@ -148,4 +156,3 @@ def product(indptr, indices, blocks, q, r):
             u1 += blocks[k, 1, 0] * s0 + blocks[k, 1, 1] * s1 + blocks[k, 1, 2] * s2
             u2 += blocks[k, 2, 0] * s0 + blocks[k, 2, 1] * s1 + blocks[k, 2, 2] * s2
         u[a, 0], u[a, 1], u[a, 2] = u0, u1, u2
-    return u

@@ -153,10 +153,10 @@ def gather_blocks(indptr, indices, W, rows, place, out):
                         out[d * i + p, d * j + q] = W[e, p, q]
 
 
-@njit(cache=True)
-def border_matrix(G, outer, inner, dofs, d, J):
-    """J = (outer G + inner) on the rows and columns `dofs`; outer and inner block diagonal, flat."""
-    for u in range(len(dofs)):
+@njit(cache=True, nogil=True)
+def border_matrix(G, outer, inner, dofs, d, begin, end, J):
+    """The rows begin, ..., end - 1 of J = (outer G + inner) on the rows and columns `dofs`; outer and inner block diagonal, flat."""
+    for u in range(begin, end):
         a, i = divmod(dofs[u], d)
         row = J[u]
         row[:] = 0

@@ -134,6 +134,9 @@ class MultifrontalCholesky:
 
     def forward(self, X: FloatArray) -> FloatArray:
         """Overwrite X (n, k), in C order, with L^-1 X and return it; columns that are zero so far cost nothing."""
+        if X.shape[1] == 1:
+            self._forward_one(X[:, 0])
+            return X
         for own, border, L, F21 in self._fronts:
             part = X[own]
             columns = np.flatnonzero(part.any(axis=0))
@@ -151,6 +154,13 @@ class MultifrontalCholesky:
                 if len(border):
                     X[np.ix_(border, columns)] -= F21 @ part
         return X
+
+    def _forward_one(self, x: FloatArray) -> None:
+        """Overwrite x (n,) with L^-1 x."""
+        for own, border, L, F21 in self._fronts:
+            part = x[own] = self._trsv(L, x[own], lower=True)
+            if len(border):
+                x[border] -= F21 @ part
 
     def backward(self, z: FloatArray) -> FloatArray:
         """Return L^-T z for z (n,)."""

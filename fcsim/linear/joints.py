@@ -11,8 +11,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
-from fcsim.linear._block_rows_kernels import block_rows_of_dense, product
+from fcsim.linear._block_rows_kernels import block_rows_of_dense
 from fcsim.linear._elimination_tree_kernels import has_symmetric_pattern
+from fcsim.linear.block_rows import product_by_rows
 from fcsim.linear.elimination_tree import EliminationTree, elimination_tree, joint_count
 from fcsim.linear.factors import SingularMatrix
 
@@ -66,8 +67,7 @@ class BlockRows:
         if self.blocks.shape[1] != 3:
             Wx: FloatArray = self.W @ x
             return Wx
-        blocks = x.reshape(-1, 3)
-        return product(self.indptr, self.indices, self.blocks, np.zeros_like(blocks), blocks).ravel()
+        return product_by_rows(self.W, np.zeros_like(x), x)
 
 
 def joint_rows(W: Matrix, d: int, earlier: Pattern | None = None) -> BlockRows | None:

@@ -206,20 +206,46 @@ def add_body(starts, columns, values, contacts, begins, unknowns, weights, first
 
 
 @njit(cache=True)
-def add_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, begin, C, kind, symmetric, axes, nc):
-    """Add the shares h C h^T of the bodies begin, begin + 1, ... to W, with the compliances C[kind[0]], C[kind[1]], ... of C (c, n, n).
+def rounds_of_bodies(first, contacts, nc, begin, count):
+    """Numbers (count,) of rounds in which the bodies begin, begin + 1, ... add their shares: two that share a contact have different ones.
 
-    Where they are not symmetric they are given transposed.
+    Each takes the least that is free, in their order.
+    """
+    bodies = np.full((nc, 2), -1)
+    rounds = np.full(count, -1)
+    taken = np.full(count + 1, -1)
+    for k in range(count):
+        own = contacts[first[begin + k] : first[begin + k + 1]]
+        for a in own:
+            for other in bodies[a]:
+                if other >= 0:
+                    taken[rounds[other]] = k
+        free = 0
+        while taken[free] == k:
+            free += 1
+        rounds[k] = free
+        for a in own:
+            bodies[a, 0 if bodies[a, 0] < 0 else 1] = k
+    return rounds
+
+
+@njit(cache=True, nogil=True)
+def add_bodies(starts, columns, values, first, contacts, begins, unknowns, weights, bodies, C, kind, symmetric, axes, nc):
+    """Add the shares h C h^T of `bodies` (nb,) to W, with the compliances C[kind[0]], C[kind[1]], ... of C (c, n, n).
+
+    Where they are not symmetric they are given transposed. A block of W belongs to two bodies at most, so that the order in which bodies
+    add to it does not count.
     """
     n, k, d = C.shape[1], 0, len(axes)
-    for b in range(begin, begin + len(kind)):
+    for b in bodies:
         k = max(k, first[b + 1] - first[b])
     work, panel, rows, at = np.empty(n * k * d), np.empty((30, n)), np.empty(3 * k * d), np.empty(k, dtype=np.int64)
-    for b in range(begin, begin + len(kind)):
+    for i in range(len(bodies)):
+        b = bodies[i]
         own = contacts[first[b] : first[b + 1]]
         m = len(own) * d
         product = work[: n * m].reshape(n, m)
-        transposed_product(begins, unknowns, weights, first[b], C[kind[b - begin]], axes, panel, product)
+        transposed_product(begins, unknowns, weights, first[b], C[kind[i]], axes, panel, product)
         place = rows[: 3 * m].reshape(3, m)
         add_body(starts, columns, values, own, begins, unknowns, weights, first[b], product, symmetric, axes, nc, at, place)
 

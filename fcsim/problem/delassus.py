@@ -20,9 +20,8 @@ from scipy.sparse.linalg import LinearOperator
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.brief import brief
 from fcsim.errors import InputError
-from fcsim.linear._block_rows_kernels import product
 from fcsim.linear.block_factors.analysis import Analysis
-from fcsim.linear.block_rows import compressed_blocks
+from fcsim.linear.block_rows import compressed_blocks, product_by_rows
 from fcsim.linear.factors import Factor, is_symmetric
 from fcsim.linear.joints import BlockRows, joint_rows
 from fcsim.linear.storage import eliminated_dense
@@ -88,7 +87,8 @@ class Delassus:
 
     def __matmul__(self, x: FloatArray) -> FloatArray:
         """(W + diag(shift)) x for x (m,) or (m, k)."""
-        image: FloatArray = self.W @ x
+        by_blocks = isinstance(self.W, sp.bsr_array) and self.W.blocksize == (3, 3) and x.ndim == 1 and x.dtype == np.float64
+        image: FloatArray = product_by_rows(self.W, np.zeros(self.size), x) if by_blocks else self.W @ x
         return image if self.shift is None else image + (self.by_unknown * x.T).T
 
     def transposed_product(self, x: FloatArray) -> FloatArray:
@@ -101,8 +101,8 @@ class Delassus:
         W = self.W
         if self.shift is not None:
             return self @ x + q
-        if isinstance(W, sp.bsr_array) and W.blocksize == (3, 3):  # twice as quick as SciPy's for any block
-            return product(W.indptr, W.indices, W.data, q.reshape(-1, 3), x.reshape(-1, 3)).ravel()
+        if isinstance(W, sp.bsr_array) and W.blocksize == (3, 3) and x.dtype == q.dtype == np.float64:
+            return product_by_rows(W, q, x)
         return W @ x + q
 
     @cached_property

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from fcsim.running.case import Case, CaseScript, History, Sensor
 from fcsim.running.description import FORMAT, Bound, Column, Description, HistoryPlot, Plots
 from fcsim.running.resume import model_digest
+from fcsim.runtime import threads
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.theta import Theta
@@ -50,6 +51,7 @@ def describe(
         options=options,
         plots=_plots(case),
         versions=versions(),
+        threads=threads(),
         sources={script.path.name: script.sha256, **read},
         model=model_digest(simulation.model),
     )

@@ -75,6 +75,7 @@ class Description:
     bodies       their names, in the order of the numbers that VTK files have for them
     origin       SHA-256 of what the run began with, which its checkpoints repeat; see `begun`
     sources      SHA-256 of the script, and of the meshes and tables that it read, by their paths; model: of the mesh as it was built
+    threads      on which it was computed, which changes no result
     status       running, finished, not converged, interrupted or failed; message: why; steps_done: up to where the files go
     overlap      the largest that the witness saw; notes: what is to be known of the results
     """
@@ -96,6 +97,7 @@ class Description:
     options: Mapping[str, object] = field(default_factory=dict)
     plots: Plots = field(default_factory=Plots)
     versions: Mapping[str, str] = field(default_factory=dict)
+    threads: int | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     model: str = ""
     origin: str = ""

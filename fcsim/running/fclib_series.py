@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 from fcsim.arrays import FloatArray
@@ -10,6 +11,8 @@ from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import Solution
 from fcsim.export_fclib.write import file_name, write_fclib
+from fcsim.problem import LocalProblem
+from fcsim.problem.problem import GlobalForm
 from fcsim.problem.reduction import BlockFactor, Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import Result
@@ -35,17 +38,31 @@ def write_step(
     iterations: of a step with nonlinear bodies also the problems that led to the last one, as the sets <SET>-newton00, -newton01, ...
     Returns the files' paths; a step without contacts is written too.
     """
+    return [write() for write in step_files(directory, step, fclib_set, forms, iterations, title, description, compression)]
+
+
+def step_files(
+    directory: str | Path,
+    step: Step,
+    fclib_set: str,
+    forms: Iterable[str],
+    iterations: bool,
+    title: str,
+    description: str,
+    compression: bool | Compressor,
+) -> list[Callable[[], Path]]:
+    """What writes the files of `write_step`, one call a file; all that needs the step's factors is computed here already."""
     forms = tuple(forms)
     if unknown := [form for form in forms if form not in ("global", "local")]:
         raise InputError(f"FCLIB form {unknown[0]!r}: expected 'global' or 'local'")
     if isinstance(step.problem, GlobalRollingProblem) and "local" in forms:
         raise InputError("FCLIB form 'local': expected 'global' with rolling resistance, for which FCLIB has no local form")
     to = _Files(Path(directory), forms, step, title, description, compression)
-    written = to.write(fclib_set, step.reduction, step.result, step.start)
+    files = to.of(fclib_set, step.reduction, step.result, step.start)
     for k, earlier in enumerate(step.linearised[:-1] if iterations else ()):
         reduction = Reduction(earlier.problem, BlockFactor(earlier.problem.M))
-        written += to.write(f"{fclib_set}-newton{k:02d}", reduction, earlier.result, earlier.start)
-    return written
+        files += to.of(f"{fclib_set}-newton{k:02d}", reduction, earlier.result, earlier.start)
+    return files
 
 
 class _Files:
@@ -58,31 +75,45 @@ class _Files:
         self._length = _length(step)
         self._title, self._description, self._compression = title, description, compression
 
-    def write(self, fclib_set: str, reduction: Reduction, result: Result, start: FloatArray) -> list[Path]:
-        """Write one problem in all forms, with its solution and the guess r = start (m,)."""
+    def of(self, fclib_set: str, reduction: Reduction, result: Result, start: FloatArray) -> list[Callable[[], Path]]:
+        """What writes one problem in all forms, with its solution and the guess r = start (m,)."""
         problem = reduction.problem
         v, multiplier = reduction.velocity(start)
-        u = problem.H.T @ v + problem.w
-        written = []
+        guess = Solution(problem.H.T @ v + problem.w, start, v, multiplier)
+        answer = Solution(result.u, result.r, result.v, result.multiplier)
+        files: list[Callable[[], Path]] = []
         for form in self._forms:
-            is_global = form == "global"
-            path = self._directory / form / file_name(fclib_set, result.iterations, problem.nc, self._step)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            for earlier in path.parent.glob(f"{fclib_set}-i*-{self._step:05d}.hdf5"):  # of a run that was interrupted after this step
-                earlier.unlink()
-            write_fclib(
-                path,
-                problem if is_global else reduction.local,
-                solution=Solution(result.u, result.r, result.v if is_global else None, result.multiplier if is_global else None),
-                guesses=(Solution(u, start, v if is_global else None, multiplier if is_global else None),),
-                title=self._title,
-                description=self._description,
-                math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / problem.n:.4g}; solved by {result.method} in "
-                f"{result.iterations} iterations, error {result.error:.3e}; {self._length}",
-                compression=self._compression,
-            )
-            written.append(path)
-        return written
+            given = problem if form == "global" else reduction.local
+            files.append(partial(self._write, form, given, fclib_set, problem, result, answer, guess))
+        return files
+
+    def _write(
+        self,
+        form: str,
+        given: GlobalForm | LocalProblem,
+        fclib_set: str,
+        problem: GlobalForm,
+        result: Result,
+        answer: Solution,
+        guess: Solution,
+    ) -> Path:
+        path = self._directory / form / file_name(fclib_set, result.iterations, problem.nc, self._step)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for earlier in path.parent.glob(f"{fclib_set}-i*-{self._step:05d}.hdf5"):  # of a run that was interrupted after this step
+            earlier.unlink()
+        if form == "local":
+            answer, guess = Solution(answer.u, answer.r), Solution(guess.u, guess.r)
+        return write_fclib(
+            path,
+            given,
+            solution=answer,
+            guesses=(guess,),
+            title=self._title,
+            description=self._description,
+            math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / problem.n:.4g}; solved by {result.method} in "
+            f"{result.iterations} iterations, error {result.error:.3e}; {self._length}",
+            compression=self._compression,
+        )
 
 
 def _length(step: Step) -> str:

@@ -5,18 +5,21 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import cast
 
 from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.interrupts import end_forks_of
 from fcsim.running.case import Case
 from fcsim.running.checkpoint import write_checkpoint
-from fcsim.running.fclib_series import write_step
-from fcsim.running.step_table import StepTable, write_hdf5
+from fcsim.running.fclib_series import step_files
+from fcsim.running.step_table import Row, StepTable, write_hdf5
 from fcsim.running.vtk_series import SeriesWriter
-from fcsim.runtime import release_freed_memory
+from fcsim.runtime import release_freed_memory, threads
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
 from fcsim.version import __version__
@@ -71,44 +74,83 @@ class Outputs:
         self._series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
         self._compressor = Compressor()
         self._about = f"{case.description}; fcsim {__version__}; parameters: {asdict(parameters)}"  # type: ignore[call-overload]
+        self._beside: ThreadPoolExecutor | None = None
+        self._writing: Future[None] | None = None
         self.last: Step | None = None
 
     def take(self, step: Step) -> Mapping[str, float]:
-        """Write a step; return its seconds by phase, those of this writing under "output"."""
+        """Write a step, whose files may still be on their way when this returns: `finish` waits for them.
+
+        Returns its seconds by phase, under "output" those that the run waited for here. Errors of the files of the step before are
+        raised; its own also by the next `take`, or by `finish`.
+        """
         begin, options = time.perf_counter(), self._options
+        self.finish()
         final = step.number == self._case.simulation.steps
-        if self._series and (step.number % options.vtk_every == 0 or final):
-            self._series.write(step)
-        if options.export_every and step.number % options.export_every == 0:
-            self._export(step)
-        self._table.write(step, {**step.seconds, "output": time.perf_counter() - begin})
-        self.last = step
+        row, drawn = self._table.row(step), bool(self._series) and (step.number % options.vtk_every == 0 or final)
+        files = self._files(step) if options.export_every and step.number % options.export_every == 0 else []
+        kept = final or bool(options.checkpoint_every and step.number % options.checkpoint_every == 0)
+        write = partial(self._write, step, row, files, drawn=drawn, kept=kept, prepared=time.perf_counter() - begin)
+        if (files or drawn or kept) and not final and self._may_be_beside:
+            self._beside = self._beside or ThreadPoolExecutor(1, "fcsim-files")
+            self._writing = self._beside.submit(write)
+        else:
+            write()
         if step.number % RELEASED_EVERY == 0:
             release_freed_memory()
-        if final or (options.checkpoint_every and step.number % options.checkpoint_every == 0):
-            self._table.to_the_disk()
-            write_checkpoint(self._directory / "checkpoint.h5", step, self._origin)
         return {**step.seconds, "output": time.perf_counter() - begin}
 
-    def _export(self, step: Step) -> None:
-        write_step(
+    @property
+    def _may_be_beside(self) -> bool:
+        """Whether files are written while the next step is computed: what nonlinear bodies show is computed by what computes the steps."""
+        return threads() > 1 and not self._case.simulation.model.nonlinear
+
+    def _write(self, step: Step, row: Row, files: list[Callable[[], Path]], *, drawn: bool, kept: bool, prepared: float) -> None:
+        """The files of a step, then its row, which says how long that took, then the checkpoint, which stands for all before it."""
+        begin = time.perf_counter()
+        if drawn and self._series is not None:
+            self._series.write(step)
+        for write in files:
+            write()
+        self._table.write(row, {**step.seconds, "output": prepared + time.perf_counter() - begin})
+        self.last = step
+        if kept:
+            self._table.to_the_disk()
+            write_checkpoint(self._directory / "checkpoint.h5", step, self._origin)
+
+    def finish(self) -> None:
+        """Return when what was taken is written; raises what went wrong there."""
+        if self._writing is None:
+            return
+        wait([self._writing])  # where an interrupt strikes here, `end` waits anew
+        writing, self._writing = self._writing, None
+        writing.result()
+
+    def _files(self, step: Step) -> list[Callable[[], Path]]:
+        return step_files(
             self._directory / "fclib",
             step,
             self._case.fclib_set,
             self._options.export_forms,
-            iterations=self._options.export_iterations,
-            title=f"{self._case.title}, step {step.number}",
-            description=self._about,
-            compression=self._compressor,
+            self._options.export_iterations,
+            f"{self._case.title}, step {step.number}",
+            self._about,
+            self._compressor,
         )
 
     def end(self, describe_end: Callable[[], None]) -> None:
-        """Write what is written last, the most important first: checkpoint, description, table with units.
+        """Write what is written last, the most important first: checkpoint, description, table with units; what was taken before them.
 
         On a full disk each is tried all the same. Raises the first error once all were.
         """
         end_forks_of(self._process)
-        first: OSError | None = None
+        first: Exception | None = None
+        writing, self._writing = self._writing, None
+        if writing is not None:
+            wait([writing])  # not its result: an interrupt would look like its error
+            first = cast(Exception | None, writing.exception())
+        if self._beside is not None:
+            self._beside.shutdown()
         for write in (self._table.close, self._last_checkpoint, describe_end, self._table_with_units):
             try:
                 write()

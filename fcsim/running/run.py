@@ -185,6 +185,7 @@ def _run(
             description = replace(description, notes=tuple(dict.fromkeys((*description.notes, *step.remarks))))
             if watch is not None:
                 watch(case, step)
+        outputs.finish()
     except NotConverged as error:
         status, message = "not converged", str(error)
     except Unphysical as error:

@@ -6,6 +6,7 @@ import csv
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
@@ -19,6 +20,14 @@ from fcsim.tables import read_rows
 from fcsim.timestep.step import Step
 
 PHASES = ("detection", "assembly", "solve", "output")
+
+
+@dataclass(frozen=True)
+class Row:
+    """The texts of a step's row: of `COLUMNS`, and of the sensors."""
+
+    values: list[str]
+    measured: list[str]
 
 
 class StepTable:
@@ -36,13 +45,17 @@ class StepTable:
         self._file = path.open("a", newline="", encoding="utf-8")
         self._writer = csv.writer(self._file)
 
-    def write(self, step: Step, seconds: Mapping[str, float]) -> None:
-        """Add the row of a step; seconds by phase."""
+    def row(self, step: Step) -> Row:
+        """What the row of a step says, but for the seconds."""
         values = [_text(measure(step)) for _, measure in COLUMNS.values()]
-        phases = [f"{seconds.get(phase, 0.0):.5f}" for phase in PHASES]
         measured = [_text(sensor.measure(step)) for sensor in self._sensors]
         end_forks_of(self._process)
-        self._writer.writerow([*values, *phases, *measured])
+        return Row(values, measured)
+
+    def write(self, row: Row, seconds: Mapping[str, float]) -> None:
+        """Add the row of a step; seconds by phase."""
+        phases = [f"{seconds.get(phase, 0.0):.5f}" for phase in PHASES]
+        self._writer.writerow([*row.values, *phases, *row.measured])
         self._file.flush()
 
     def to_the_disk(self) -> None:

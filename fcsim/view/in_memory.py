@@ -121,7 +121,7 @@ def interactive(*steps: Step, exaggeration: float | None = None, title: str = ""
         _series(given, folder, title)
         table = StepTable(folder / "steps.csv", (), 0)
         for step in given:
-            table.write(step, step.seconds)
+            table.write(table.row(step), step.seconds)
         table.close()
         last = given[-1]
         about = Description(

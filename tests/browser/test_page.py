@@ -151,6 +151,13 @@ def test_play_goes_to_the_end_and_stops(opened):
     assert opened.input_value("#instant") == opened.get_attribute("#instant", "max")
 
 
+def test_play_begins_with_a_frame_that_began_before_the_click(opened):
+    slide(opened, 0)
+    opened.evaluate("(() => { const own = requestAnimationFrame; requestAnimationFrame = f => own(t => f(t - 1000)); play(true); })()")
+    opened.wait_for_function("now > 0", timeout=60_000)
+    assert opened.said == []
+
+
 @pytest.mark.parametrize("opened", [(1280, 900, "light"), (1280, 900, "dark"), (390, 844, "light"), (390, 844, "dark")], indirect=True)
 def test_nothing_is_clipped_and_all_can_read_it(opened):
     assert opened.evaluate("document.documentElement.scrollWidth <= innerWidth")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 
 from fcsim.arrays import FloatArray
@@ -14,6 +15,7 @@ class Recent:
         """count: how many values are kept; whoever came first goes first."""
         self._function, self._count = function, count
         self._values: dict[tuple[bytes, ...], FloatArray] = {}
+        self._changing = threading.Lock()  # files of a step are written beside the next one
 
     def __call__(self, *arrays: FloatArray) -> FloatArray:
         """The function's value; one that is kept, if there is one."""
@@ -22,7 +24,8 @@ class Recent:
         if value is None:
             value = self._function(*arrays)
             value.setflags(write=False)
-            while len(self._values) >= self._count:
-                del self._values[next(iter(self._values))]
-            self._values[key] = value
+            with self._changing:
+                while len(self._values) >= self._count:
+                    del self._values[next(iter(self._values))]
+                self._values[key] = value
         return value

@@ -56,7 +56,7 @@ class WorkerProcess:
 
     def _start(self) -> subprocess.Popen[str]:
         environment = {key: value for key, value in os.environ.items() if key.partition("_")[0] not in _MPI_VARIABLES}
-        environment |= dict.fromkeys((*THREAD_VARIABLES, "NUMBA_NUM_THREADS"), str(self.settings.threads))
+        environment |= dict.fromkeys((*THREAD_VARIABLES, "NUMBA_NUM_THREADS", "FCSIM_THREADS"), str(self.settings.threads))
         known = [str(Path(__file__).parents[3]), environment.get("PYTHONPATH", "")]
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, known))
         self._said = TemporaryFile("w+", errors="replace")  # noqa: SIM115 - as long as the process

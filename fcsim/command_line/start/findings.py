@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Literal
 
 from fcsim.memory import free_memory
-from fcsim.runtime import THREAD_VARIABLES
+from fcsim.runtime import THREAD_VARIABLES, threads
 from fcsim.version import __version__
 
 # What `ldd` lists for the wheel's libgmsh beyond the run-time libraries of C and C++, with the Debian packages that hold them.
@@ -200,13 +200,13 @@ def siconos() -> list[Finding]:
 
 def machine() -> list[Finding]:
     """Cores, threads, memory, disks, and the folders in which compiled code is kept."""
-    chosen = ", ".join(f"{name}={os.environ[name]}" for name in ("FCSIM_THREADS", *THREAD_VARIABLES) if os.environ.get(name))
-    cores = len(os.sched_getaffinity(0))
-    threads = f"{cores} cores; BLAS and OpenMP on {chosen or 'one thread (FCSIM_THREADS changes that)'}"
+    chosen = ", ".join(f"{name}={os.environ[name]}" for name in THREAD_VARIABLES if os.environ.get(name))
+    cores, count = len(os.sched_getaffinity(0)), threads()
+    computes = f"{cores} cores; fcsim computes on {count} thread{'s' if count > 1 else ''} (FCSIM_THREADS changes that, and no result), "
     memory = free_memory()
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
     return [
-        Finding("threads", "ok", threads),
+        Finding("threads", "ok", f"{computes}BLAS and OpenMP on {chosen or 'one'}"),
         Finding("memory", "ok" if memory > LEAST_ROOM else "warning", f"{memory / 2**30:.1f} GiB free"),
         *(_room(what, place) for what, place in (("disk here", Path.cwd()), ("disk for temporaries", Path(tempfile.gettempdir())))),
         _writable("cache of forms", caches, "set XDG_CACHE_HOME to a folder that can be written"),

@@ -1,6 +1,6 @@
 """Arrays as text within a page: whole numbers of few bytes, differences from instant to instant, gzip, base64.
 
-A browser undoes it in a few lines (`decode` in page.js): what changes little from one instant to the next costs little.
+A browser undoes it in a few lines (`decode` in arrays.js): what changes little from one instant to the next costs little.
 """
 
 from __future__ import annotations
@@ -33,6 +33,12 @@ def whole(values: NDArray[np.integer]) -> Encoded:
     planes = np.ascontiguousarray(differences).view(np.uint8).reshape(-1, rows.dtype.itemsize).T
     packed = gzip.compress(np.ascontiguousarray(planes).tobytes(), 9, mtime=0)
     return {"type": rows.dtype.name, "row": rows.shape[1], "n": len(rows), "data": base64.b64encode(packed).decode("ascii")}
+
+
+def largest(values: FloatArray) -> float:
+    """The largest length of vectors (n, 3), or of numbers (n,); what is not finite counts as 0, as in `scaled`."""
+    finite = np.where(np.isfinite(values), values, 0.0)
+    return float((np.abs(finite) if finite.ndim == 1 else np.linalg.norm(finite, axis=1)).max(initial=0.0))
 
 
 def size(content: object) -> int:

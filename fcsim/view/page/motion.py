@@ -13,7 +13,7 @@ from fcsim.errors import InputError
 from fcsim.running.folder import Instant, RunFolder
 from fcsim.view.joints import Joints, find_joints
 from fcsim.view.joints.surface import Surface, surface_of
-from fcsim.view.page.encoding import Encoded, scaled, size, whole
+from fcsim.view.page.encoding import Encoded, largest, scaled, size, whole
 from fcsim.view.scene import gravity_of, read
 
 BYTES = 9_000_000
@@ -43,7 +43,7 @@ def motion(run: RunFolder, instants: Sequence[Instant], progress: Callable[[int,
     t (n,); vertices (nv, 3) [m], triangle (nt, 3), line (nl, 2), body (nv,), cell (nt,): which entry of the stresses a triangle has;
     displacement (n, nv, 3) [m], speed (n, nv) [m/s], stress (n, ncells) [Pa]; contacts: first (n + 1,) and arrays over all of them;
     joints, where there are any: vertex (nf, k) and weight (nf, k k) of the corners of their facets, opening (n, nf) [m];
-    gravity (n, 3) [m/s^2] or None.
+    gravity (n, 3) [m/s^2] or None; most: the largest displacement [m], speed [m/s], reaction [N] and opening [m] of the instants kept.
     InputError: files that cannot be read, or of other meshes than the first instant's.
     """
     joints = find_joints(instants[0], planar)
@@ -53,6 +53,12 @@ def motion(run: RunFolder, instants: Sequence[Instant], progress: Callable[[int,
     while True:
         encoded = _encode(series, contacts, [instant.t for instant in instants], keep)
         encoded["gravity"] = [gravity[k] for k in keep]
+        encoded["most"] = {
+            "displacement": max(largest(one.displacement[k]) for one in series for k in keep),
+            "speed": max(largest(one.speed[k]) for one in series for k in keep),
+            "reaction": max(largest(contacts[k].get("reaction", np.empty((0, 3)))) for k in keep),
+            "opening": max(largest(opening[k]) for k in keep),
+        }
         if len(joints):
             encoded["joints"] = _encode_joints(joints, series, np.stack([opening[k] for k in keep]))
         excess = size(encoded) / BYTES

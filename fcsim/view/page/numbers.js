@@ -1,8 +1,7 @@
 "use strict";
 /* The page of a run: plotly draws, these scripts move. Everything comes from the JSON within the page; nothing is loaded.
-   This one: colours, numbers with units, arrays unpacked. */
+   This one: colours, numbers with units. */
 
-const run = JSON.parse(document.getElementById("content").textContent);
 const $ = id => document.getElementById(id);
 const PALETTE = ["#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#f0e442", "#999999"];
 const STATUS = ["open", "stick", "slip"], STATUS_COLOUR = ["#a6a6a6", "#0072b2", "#d55e00"];
@@ -24,24 +23,4 @@ function shownAll(values, unit) {  // of a vector, to four digits of its largest
   const [factor, name] = choices.find(([f]) => most >= f) || choices[choices.length - 1];
   const step = most > 0 ? 10 ** (Math.floor(Math.log10(most / factor)) - 3) : 1;
   return `${values.map(v => +(Math.round(v / factor / step) * step).toPrecision(4)).join(", ")} ${name}`;
-}
-
-async function decode(entry) {
-  const packed = Uint8Array.from(atob(entry.data), c => c.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-  const planes = new Uint8Array(await new Response(stream).arrayBuffer());
-  const Type = { int8: Int8Array, int16: Int16Array, int32: Int32Array }[entry.type];
-  const values = new Type(entry.n * entry.row), count = values.length;
-  for (let byte = 0; byte < Type.BYTES_PER_ELEMENT; byte++)
-    for (let k = 0; k < count; k++) values[k] |= planes[byte * count + k] << (8 * byte);
-  for (let k = entry.row; k < count; k++) values[k] += values[k - entry.row];  // modulo the type's range
-  if (entry.scale === undefined) return values;
-  return { values, row: entry.row, at: k => values[k] * entry.scale };
-}
-
-async function unpack(content) {
-  const found = { ...content };
-  for (const [name, entry] of Object.entries(content))
-    if (entry && entry.data !== undefined) found[name] = await decode(entry);
-  return found;
 }

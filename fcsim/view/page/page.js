@@ -24,14 +24,12 @@ function play(on) {
   if (!on) return;
   const last = +$("instant").max, from = now >= last ? 0 : now, seconds = Math.max(2, Math.min(12, (last + 1) / 15)), begin = performance.now();
   const tick = moment => {
-    const k = Math.min(last, from + Math.floor((moment - begin) / 1000 * (last + 1) / seconds));
+    const k = Math.min(last, from + Math.max(0, Math.floor((moment - begin) / 1000 * (last + 1) / seconds)));  // a frame may have begun before the click
     if (k !== now) show(k);
     if (k >= last) play(false); else timer = requestAnimationFrame(tick);
   };
   timer = requestAnimationFrame(tick);
 }
-
-function most(values) { let found = 0; for (const value of values) found = Math.max(found, Math.abs(value)); return found; }
 
 // Plotly asks the button once a drawn frame: where frames are slow, a click falls between two. What lies under the pointer is kept instead.
 function bindPick() {
@@ -58,13 +56,8 @@ async function begin() {
   if (run.motion) {
     motion = await unpack(run.motion);
     contacts = run.motion.contacts ? await unpack(run.motion.contacts) : null;
-    if (contacts) { contacts.most = 0; for (let c = 0; c < contacts.reaction.values.length / 3; c++) contacts.most = Math.max(contacts.most, Math.hypot(...[0, 1, 2].map(i => contacts.reaction.at(3 * c + i)))); }
     joints = run.motion.joints ? await unpack(run.motion.joints) : null;
-    if (joints) joints.most = most(joints.opening.values) * run.motion.joints.opening.scale;
-    if (!joints || joints.most <= 1e-9 * Math.max(...run.high.map((h, i) => h - run.low[i]))) $("joints").closest("label").hidden = true;
-    motion.mostSpeed = most(motion.speed.values) * run.motion.speed.scale;
-    motion.mostMove = 0;
-    for (let v = 0; v < motion.displacement.values.length / 3; v++) motion.mostMove = Math.max(motion.mostMove, moved(0, v));
+    if (!joints || motion.most.opening <= 1e-9 * Math.max(...run.high.map((h, i) => h - run.low[i]))) $("joints").closest("label").hidden = true;
     const choices = [["stress", "von Mises stress"], ["displacement", "displacement"], ["speed", "speed"], ["body", "body"], ["status", "status"], ["plain", "none"]];
     for (const [value, word] of choices) if ((value !== "stress" || motion.stress) && (value !== "status" || (contacts && contacts.slave))) $("colour").add(new Option(word, value));
     $("scale").value = scale;

@@ -67,7 +67,7 @@ function colours(k, { cells }, first) {  // what the trace of a mesh takes for i
     return { ...plain, intensity, intensitymode: "cell", cmin: 0, cmax: run.stress / factor, colorscale: STRESS, showscale: true, colorbar };
   }
   if (by === "displacement" || by === "speed") {
-    const intensity = new Float32Array(n), most = by === "speed" ? motion.mostSpeed : motion.mostMove;
+    const intensity = new Float32Array(n), most = by === "speed" ? motion.most.speed : motion.most.displacement;
     const { factor, colorbar } = bar(by, by === "speed" ? "m/s" : "m", most);
     for (let v = 0; v < n; v++) intensity[v] = (by === "speed" ? motion.speed.at(k * n + v) : moved(k, v)) / factor;
     return { ...plain, intensity, intensitymode: "vertex", cmin: 0, cmax: most / factor || 1, colorscale: SMOOTH, showscale: first || !parts[0].cells.length, colorbar };
@@ -110,7 +110,7 @@ function contactPlace(c, i) {
 function contactTraces(k) {  // points by status, and arrows on the slave bodies: shaft and two strokes of a head
   const dots = { x: [], y: [], z: [], number: [], colour: [] }, arrows = { x: [], y: [], z: [], colour: [] };
   if (!contacts) return { dots, arrows };
-  const size = Math.hypot(...run.high.map((h, i) => h - run.low[i])), unit = 0.14 * size / (contacts.most || 1);
+  const size = Math.hypot(...run.high.map((h, i) => h - run.low[i])), unit = 0.14 * size / (motion.most.reaction || 1);
   const plane = cut(), aside = [0.3, -1, 0.25];  // heads lie in the plane across the usual direction of view
   for (let c = contacts.first[k]; c < contacts.first[k + 1]; c++) {
     const p = [0, 1, 2].map(i => contactPlace(c, i)), s = contacts.status[c];
@@ -138,10 +138,10 @@ function jointTrace(k, xyz) {  // facets by their opening: triangles in space, l
   const none = { type: "mesh3d", name: "joints", x: [], y: [], z: [], i: [], j: [], k: [] };
   if (!joints || !$("joints").checked) return none;
   const corners = joints.vertex.length / (joints.opening.row), n = joints.opening.row, found = [[], [], []], open = [];
-  const { factor, colorbar } = bar("opening of joints", "m", joints.most), shade = { cmin: 0, cmax: joints.most / factor, colorscale: run.cracks };
+  const { factor, colorbar } = bar("opening of joints", "m", motion.most.opening), shade = { cmin: 0, cmax: motion.most.opening / factor, colorscale: run.cracks };
   for (let f = 0; f < n; f++) {
     const opening = joints.opening.at(k * n + f), own = joints.vertex.subarray(corners * f, corners * (f + 1));
-    if (opening < 1e-3 * joints.most || hidden.has(motion.body[own[0]])) continue;
+    if (opening < 1e-3 * motion.most.opening || hidden.has(motion.body[own[0]])) continue;
     for (let c = 0; c < corners; c++) {
       for (let i = 0; i < 3; i++)
         found[i].push(own.reduce((sum, v, m) => sum + joints.weight.at(corners * (corners * f + c) + m) * xyz[i][v], 0));
@@ -156,35 +156,44 @@ function jointTrace(k, xyz) {  // facets by their opening: triangles in space, l
 }
 
 function gravityTrace(k) {  // an arrow beside the bodies, as long as a tenth of them
-  const g = motion.gravity && motion.gravity[k], none = { type: "scatter3d", mode: "lines+text", name: "gravity", x: [], y: [], z: [] };
+  const g = motion.gravity && motion.gravity[k], none = { type: "scatter3d", mode: "lines", name: "gravity", x: [], y: [], z: [] };
   if (!g) return none;
   const size = Math.max(...run.high.map((h, i) => h - run.low[i])), length = 0.1 * size / Math.hypot(...g), tail = run.planar ? [run.low[0], run.high[1], 0] : [run.low[0], run.low[1], run.high[2]];
   const tip = tail.map((q, i) => q + length * g[i]), aside = run.planar ? [-g[1], g[0], 0] : Math.hypot(g[0], g[1]) > .9 * Math.hypot(...g) ? [0, 0, 1] : [1, 0, 0], wide = 0.02 * size / Math.hypot(...aside);
   const strokes = [1, -1].map(side => tip.map((q, i) => q - 0.3 * length * g[i] + side * wide * aside[i]));
   const path = [tail, tip, strokes[0], tip, strokes[1]];
-  return { ...none, x: path.map(p => p[0]), y: path.map(p => p[1]), z: path.map(p => p[2]), text: ["g", "", "", "", ""], textposition: "top center", textfont: { color: ink().ink, size: 13 }, line: { color: ink().ink, width: 4 }, hoverinfo: "skip" };
+  return { ...none, x: path.map(p => p[0]), y: path.map(p => p[1]), z: path.map(p => p[2]), line: { color: ink().ink, width: 4 }, hoverinfo: "skip" };
 }
+
+function gravityWord({ x, y, z }) {  // at the arrow's tail; not as the trace's text, whose letters WebGL would make one by one
+  return x.length ? [{ x: x[0], y: y[0], z: z[0], text: "g", showarrow: false, yanchor: "bottom", font: { color: ink().ink, size: 13 } }] : [];
+}
+
+// What has nothing to show is not drawn at all: no program of the graphics card is compiled for it before the first picture.
+const seen = trace => ({ ...trace, visible: trace.x.length > 0 && (trace.i || trace.x).length > 0 });
 
 function drawSpace() {
   const xyz = positions(now), beyond = bodiesBeyond(xyz), edge = lines(xyz, beyond), { dots, arrows } = contactTraces(now), c = ink();
   if (beyond.size || !parts.length || parts.cut) choose(beyond);
   parts.cut = beyond.size > 0;
   const extent = run.high.map((h, i) => h - run.low[i]), most = Math.max(...extent);
-  const axis = i => ({ visible: false, range: [run.low[i] - 0.04 * most, run.high[i] + 0.04 * most], autorange: false });
+  // invisible by parts: of an axis that is not `visible` plotly still makes all tick labels, letter by letter
+  const axis = i => ({ showgrid: false, zeroline: false, showline: false, showticklabels: false, showspikes: false, showbackground: false, ticks: "", tickmode: "array", tickvals: [], title: { text: "" }, range: [run.low[i] - 0.04 * most, run.high[i] + 0.04 * most], autorange: false });
   const view = $("view"), bulk = extent.toSorted((a, b) => b - a)[1] / most;
   const far = Math.max(1, 1.25 * view.clientHeight / view.clientWidth) * (run.planar ? 0.75 + 0.4 * extent[1] / most : 0.85 + 0.4 * bulk);  // from where all fits in
   const eye = Object.fromEntries(Object.entries(run.planar ? { x: 0, y: 0, z: 1.25 } : extent[0] >= extent[1] ? { x: .3, y: -1.15, z: .28 } : { x: 1.15, y: .3, z: .28 }).map(([axis, value]) => [axis, far * value]));
   const ratio = extent.map(e => (e + 0.08 * most) / most * 1.05), opacity = $("through").checked ? 0.4 : 1;
   const mesh = parts.map((part, n) => ({ type: "mesh3d", name: n ? "rigid" : "deformable", x: xyz[0], y: xyz[1], z: xyz[2], i: part.keep[0], j: part.keep[1], k: part.keep[2],
     opacity, flatshading: true, hoverinfo: "none", lighting: { ambient: 1, diffuse: .15, specular: 0, fresnel: 0 }, lightposition: { x: -2e4, y: -1e5, z: 6e4 }, ...colours(now, part, n === 0) }));
+  const gravity = gravityTrace(now);
   Plotly.react($("view"), [...mesh,
     { type: "scatter3d", mode: "lines", name: "edges", x: edge[0], y: edge[1], z: edge[2], line: { color: c.ink, width: 1.5 }, hoverinfo: "skip" },
     { type: "scatter3d", mode: "markers", name: "contacts", x: dots.x, y: dots.y, z: dots.z, marker: { size: 3.5, color: dots.colour }, hoverinfo: "none" },
     { type: "scatter3d", mode: "lines", name: "forces", x: arrows.x, y: arrows.y, z: arrows.z, line: { color: arrows.colour, width: 3 }, hoverinfo: "skip" },
-    jointTrace(now, xyz), gravityTrace(now),
-  ], {
+    jointTrace(now, xyz), gravity,
+  ].map(seen), {
     margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: c.shade, uirevision: "kept", showlegend: false, font: { color: c.ink },
-    scene: { xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] }, bgcolor: c.shade, uirevision: "kept",
+    scene: { xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] }, bgcolor: c.shade, uirevision: "kept", annotations: gravityWord(gravity),
       camera: { eye, up: run.planar ? { x: 0, y: 1, z: 0 } : { x: 0, y: 0, z: 1 }, } },
   }, { displayModeBar: false, responsive: true, scrollZoom: true });
   place = dots.number;
@@ -195,5 +204,5 @@ function drawLegend() {
   $("legend").textContent = "";
   if ($("colour").value === "status") key([["no closed contact", STATUS_COLOUR[0]], ["its closed contacts stick", STATUS_COLOUR[1]], ["a contact slips", STATUS_COLOUR[2]]]);
   else if (contacts && ($("forces").checked || $("contacts").checked)) key(STATUS.map((word, s) => [word, STATUS_COLOUR[s]]));
-  if (contacts && $("forces").checked) $("legend").append(` · longest arrow of the run: ${shown(contacts.most, "N")}`);
+  if (contacts && $("forces").checked) $("legend").append(` · longest arrow of the run: ${shown(motion.most.reaction, "N")}`);
 }

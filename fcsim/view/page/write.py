@@ -72,6 +72,7 @@ def write_page(run: RunFolder, seen: Survey | None, progress: Callable[[int, int
         description=escape(about.description),
         style=here.joinpath("page.css").read_text(encoding="utf-8"),
         script="\n".join(here.joinpath(f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS),
+        arrays=here.joinpath("arrays.js").read_text(encoding="utf-8"),
         library=library(),
         content=as_json(content),
     )

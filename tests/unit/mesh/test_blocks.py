@@ -222,3 +222,22 @@ def test_lengths_that_gmsh_does_not_tell_apart_are_refused(size: tuple[float, ..
 def test_an_origin_beside_which_a_box_is_nothing_is_refused() -> None:
     with pytest.raises(InputError, match=r"origin: expected one within 1e9 lengths of the box, got \[1e\+20, 0.0, 0.0\]"):
         brick("far", (1.0, 1.0, 1.0), (1, 1, 1), Material(1e9, 0.2, 2000.0), origin=(1e20, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("make", "dimension"), [(rigid_box, 3), (rigid_rectangle, 2)])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_box_of_one_facet_a_face_is_what_gmsh_makes_of_it(make, dimension, seed):
+    rng = np.random.default_rng(seed)
+    size, centre = 10 ** rng.uniform(-2, 2, dimension), rng.choice([-1, 1], dimension) * 10 ** rng.uniform(-2, 2, dimension)
+    ours, meshed = make("box", size, centre, 2.0), make("box", size, centre, 2.0, (1,) * dimension)
+    assert np.array_equal(ours.points, meshed.points)
+    assert list(ours.surfaces) == list(meshed.surfaces)
+    assert all(np.array_equal(ours.surfaces[name], meshed.surfaces[name]) for name in meshed.surfaces)
+
+
+@pytest.mark.parametrize(
+    ("size", "centre"), [((1, 0, 1), (0, 0, 0)), ((1, 1e-9, 1), (0, 0, 0)), ((1, 1), (0, 0, 0)), ((1, 1, 1), (1e18, 0, 0))]
+)
+def test_a_box_without_an_inside_is_refused_by_name(size, centre):
+    with pytest.raises(InputError, match=r"'flat', (size|origin): expected"):
+        rigid_box("flat", size, centre, 1.0)

@@ -5,6 +5,7 @@ import json
 import resource
 import shutil
 import signal
+import time
 from pathlib import Path
 
 import h5py
@@ -174,7 +175,9 @@ def test_a_full_disk(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     limits, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 
     def fill_the_disk(*ignored: object) -> None:
-        smallest = min(path.stat().st_size for path in (out / "fclib").rglob("*.hdf5"))
+        while not (files := list((out / "fclib").rglob("FCSIM*.hdf5"))):  # which may be written beside the next step
+            time.sleep(0.01)
+        smallest = min(path.stat().st_size for path in files)
         resource.setrlimit(resource.RLIMIT_FSIZE, (smallest // 2, limits[1]))
 
     monkeypatch.setattr(run_command, "show_step", fill_the_disk)

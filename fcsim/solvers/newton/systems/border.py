@@ -18,6 +18,7 @@ from numpy.typing import DTypeLike
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.linear.block_rows import dofs_of
+from fcsim.linear.products import product
 from fcsim.solvers.newton.systems.held import Held, dense_part
 
 
@@ -79,7 +80,7 @@ def extended(border: Border, held: Held, W: Matrix, contacts: IntArray) -> Borde
     every, is_released = np.concatenate([border.contacts, new]), np.concatenate([border.released, released])
     response = columns.response[:end, :end]
     if k:
-        response[:k, k:] = columns.PT[:k] @ P
+        product(columns.PT[:k], P, response[:k, k:])
         response[k:, :k] = response[:k, k:].T
     response[k:, k:] = P.T @ P  # by the symmetric product
     _sign(response, k, W, every, is_released, d)

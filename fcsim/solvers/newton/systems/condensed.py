@@ -18,6 +18,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix, is_symmetric
 from fcsim.linear.joints import Pattern, joint_rows
 from fcsim.linear.krylov import gmres
+from fcsim.linear.products import times, transposed_times
 from fcsim.problem import Delassus
 from fcsim.solvers.memory import Kept
 from fcsim.solvers.newton.systems.border import Border, empty_border, extended
@@ -258,13 +259,13 @@ class _Step:
         z = held.factor.forward(t.reshape(-1, 1))[:, 0]
         if len(border.contacts):
             released, free = border.released, border.contacts[~border.released]
-            known = (border.PT @ z).reshape(-1, d)
+            known = times(border.PT, z).reshape(-1, d)
             known[released] *= -1
             known[~released] += coupling[free]
             x = np.zeros_like(known)
             x[released] = split_known(self._A[self._own], self._B[self._own], rhs[self._own])[0]
             self._remainder.complete(x, known, rhs[border.contacts], tolerance * float(np.linalg.norm(rhs)))
-            z -= x.ravel() @ border.PT
+            z -= transposed_times(border.PT, x.ravel())
             dr[free] += x[~released]
         dr[held.contacts] = held.factor.backward(z).reshape(-1, d)
         return dr.ravel().astype(float, copy=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -10,9 +11,13 @@ from fcsim.arrays import BoolArray, FloatArray
 from fcsim.linear._front_kernels import border_matrix
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.linear.krylov import gmres
+from fcsim.linear.products import times
+from fcsim.threads import pieces, side_by_side
 
 APPROXIMATE_FROM = 500
 """Unknowns from which an earlier factor and GMRES pay where a defect is allowed; smaller systems are solved by their own factor."""
+ROWS_A_PIECE = 150
+"""Of J that one thread fills: a tenth of a millisecond."""
 REUSED = 14
 """Iterations of GMRES that an earlier factor may take."""
 CHANGED = 0.1
@@ -111,7 +116,9 @@ class Remainder:
         self._approximate: _Updated | None = None
         if len(dofs):
             J = self._J = np.empty((len(dofs), len(dofs)), dtype=G.dtype)
-            border_matrix(G, outer.ravel(), inner.ravel(), dofs, unknown.shape[1], J)
+            A, B, d = outer.ravel(), inner.ravel(), unknown.shape[1]
+            rows = pieces(len(dofs), ROWS_A_PIECE)
+            side_by_side([partial(border_matrix, G, A, B, dofs, d, begin, end, J) for begin, end in rows])
             self._own = _own_blocks(G, outer, inner, unknown)
             if inexact and earlier is not None and len(dofs) > APPROXIMATE_FROM:
                 self._approximate = _updated(earlier, J, unknown, self._own)
@@ -120,7 +127,7 @@ class Remainder:
         """Fill in the unknown components (k, d) of x, which are zero; target: norm of the defect that is accepted, 0: round-off."""
         if not self._unknown.any():
             return
-        response = known + (self._G @ x.ravel()).reshape(x.shape) if x.any() else known
+        response = known + times(self._G, x.ravel()).reshape(x.shape) if x.any() else known
         left = rhs - np.einsum("aij,aj->ai", self._outer, response) - np.einsum("aij,aj->ai", self._inner, x)
         x[self._unknown] = self._solve(left[self._unknown], target)
 
@@ -128,7 +135,7 @@ class Remainder:
         J = self._J
         if J is not None:
             if target and self._approximate is not None:
-                found = gmres(J.__matmul__, self._approximate.solve, rhs, target, REUSED)
+                found = gmres(partial(times, J), self._approximate.solve, rhs, target, REUSED)
                 if found is not None:
                     return found[0]
             self._approximate = self._J = None
