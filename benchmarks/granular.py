@@ -1,11 +1,11 @@
 """Beds of balls as granular codes solve them, to a loose tolerance: `NSGS-AC`, `NSGS-AA` and `auto` beside Siconos' Gauss-Seidel.
 
-    python benchmarks/granular.py                          about 10 000 balls, 30 000 contacts, at 1e-4
-    python benchmarks/granular.py --sizes 3000 30000 100000 --without-siconos
+    python benchmarks/granular.py                          about 10 000 balls, 20 000 contacts, at 1e-4
+    python benchmarks/granular.py --sizes 3000 30000 46000 --without-siconos
 
-One step of a bed of the family "spheres" (`fcsim.bench.families`) from rest, r = 0. Prints a table: processor time of the reduction to W, of
-each method of ours from W and q, and of Siconos' driver alone on the same W, its tolerance tightened until the same independent error is
-met (the published one, computed here for both). One thread.
+One step of a bed of the family "spheres" (`fcsim.bench.families`) from rest, r = 0. Prints a table: processor time of the reduction to
+W, of each method of ours from W and q, and of Siconos' driver alone on the same W, its tolerance tightened until the same independent
+error is met (the published one, computed here for both). One thread.
 """
 
 from __future__ import annotations

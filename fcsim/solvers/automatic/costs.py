@@ -36,14 +36,11 @@ PASSES, SCATTERS = 4, 16
 """How often Newton's system reads or writes W: dense, and entry by entry with its index."""
 NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 40, 200, 5
 """Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's."""
-SHARES, PRODUCTS = 16, 3
+SHARES, PRODUCTS = 8, 3
 """How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
-FRONT_STEPS = 100
-"""Small steps of such an iteration where the bodies' matrix is sparse (measured with the two above on ten problems of 170 to 2900 contacts
-of six families: price over time from 0.7 to 1.3)."""
 SVD = 20
 """Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
-LP, LP_STEPS = 10, 5000
+LP, LP_STEPS = 10, 1000
 """Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
 
 
@@ -113,7 +110,7 @@ class Prices:
             return self.newton(closed)
         bodies = bodies_of(self.problem.delassus)
         reads = SHARES * REAL * bodies.places_count + PRODUCTS * REAL * self.entries
-        return self.machine.seconds(Work(bodies.flops, reads, FRONT_STEPS if bodies.mass is None else NEWTON_STEPS))
+        return self.machine.seconds(Work(bodies.flops, reads, NEWTON_STEPS))
 
     def _share(self, closed: int) -> float:
         return closed / self.problem.m if closed and self.joints is None else 1.0

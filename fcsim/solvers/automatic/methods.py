@@ -9,7 +9,7 @@ import numpy as np
 from fcsim.problem.infeasible import certificate
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
-from fcsim.solvers.gauss_seidel.anderson import AndersonOptions, Mixing, anderson
+from fcsim.solvers.gauss_seidel.conjugate import nncg
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.rows import ContactRows
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
@@ -35,29 +35,25 @@ ALPHA = 0.1
 """Proximal Newton's first alpha over the square root of the error, where it eliminates in the bodies' velocities: what it comes down to by
 itself on its way to that error (measured on piles of a thousand boxes). Noise on W needs the large one."""
 
-SWEEPS, MIXED_SWEEPS = GaussSeidelOptions(), AndersonOptions(window=10)
-"""Windows of 5 to 20 sweeps serve beds and walls alike; of piles with noise, the answers after 10 are the more exact ones."""
+SWEEPS = GaussSeidelOptions()
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT)
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
 
 
 def sweeps(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Gauss-Seidel, then NSGS-AA, by turns that grow with what was swept; where another method is well ahead, from its iterate."""
+    """Gauss-Seidel, then NNCG, by turns that grow with what was swept; where another method is well ahead, from its iterate."""
     rows = ContactRows.of(race.swept, ONE_CONTACT[SWEEPS.one_contact].rho)
-    r, mixing = race.best_r(), Mixing(MIXED_SWEEPS.window, MIXED_SWEEPS.restart)
+    r = race.best_r()
     while True:
-        most = min(monitor.iterations + max(race.options.probe, monitor.iterations // 4), race.options.max_iterations)
-        if monitor.iterations < race.options.probe:
-            iterate = nsgs(race.problem, r, monitor, replace(SWEEPS, max_iterations=most), rows=rows)
-        else:
-            iterate = anderson(race.problem, r, monitor, replace(MIXED_SWEEPS, max_iterations=most), rows, mixing)
+        turn = max(race.options.probe, monitor.iterations // 4)
+        options = replace(SWEEPS, max_iterations=min(monitor.iterations + turn, race.options.max_iterations))
+        sweeping = nsgs if monitor.iterations < race.options.probe else nncg
+        iterate = sweeping(race.problem, r, monitor, options, rows=rows)
         if iterate.status is not Status.MAX_ITERATIONS:
             return iterate
         yield
-        r = iterate.r
-        if race.best < OVERTAKEN * monitor.best:
-            r, mixing = race.best_r(), Mixing(MIXED_SWEEPS.window, MIXED_SWEEPS.restart)
+        r = race.best_r() if race.best < OVERTAKEN * monitor.best else iterate.r
 
 
 def newton(race: Race, monitor: ShareOfMonitor) -> Turns:

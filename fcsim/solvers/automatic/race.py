@@ -185,10 +185,6 @@ class Race:
         """Those that are neither done nor left."""
         return [runner for runner in self.runners.values() if runner.result is None]
 
-    def alone(self) -> list[Runner]:
-        """Those of them that go on alone."""
-        return [runner for runner in self.running() if runner.stage.alone(self, runner)]
-
     def over(self, name: str) -> bool:
         """Whether a stage has begun and ended, or is left out."""
         return name in self.options.without or (name in self.runners and self.runners[name].result is not None)
@@ -197,7 +193,8 @@ class Race:
 def _next(race: Race) -> Runner:
     """Who works now: who goes alone, else who is on its way, else who has spent least."""
     running = race.running()
-    if alone := race.alone():
+    alone = [runner for runner in running if runner.stage.alone(race, runner)]
+    if alone:
         return alone[-1]
     total = race.spent()
     soonest = min(running, key=lambda runner: runner.needs())

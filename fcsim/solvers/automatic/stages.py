@@ -41,8 +41,6 @@ SETTLED = 10
 """Times `probe` sweeps after which a last quarter that made the error no tenth smaller says that they are at an end."""
 STICKING = 1e-6
 """Share of the friction cone next to its surface where a contact is not said to stick."""
-RENT = 0.25
-"""Share of what ADMM's first iterations cost, its factor among it, that sweeps have spent before: their rate is known better by then."""
 PLATEAU = 50
 """Times `probe` sweeps after which Gauss-Seidel may be given up, where the last two thirds made the error no tenth smaller."""
 
@@ -138,12 +136,11 @@ def _splitting_first(race: Race) -> bool:
 
 
 def _enter_splitting(race: Race) -> bool:
-    if not race.options.splitting or race.best <= FAR or race.alone():
+    if not race.options.splitting or race.best <= FAR:
         return False
     if _splitting_first(race):
         return True
-    share = race.options.splitting
-    cost = min(SLOWING * _swept(race), race.spent() / RENT)
+    cost, share = SLOWING * _swept(race), race.options.splitting
     return cost > share * race.prices.least_admm and cost > race.prices.splitting(share)
 
 
@@ -190,7 +187,7 @@ def _plateau(race: Race, runner: Runner) -> bool:
 STAGES: tuple[Stage, ...] = (
     Stage(
         "sweeps",
-        "Gauss-Seidel (NSGS-AC, then NSGS-AA). Enters at once; after Newton or ADMM from a warm start and where contacts come in joints. "
+        "Gauss-Seidel (NSGS-AC). Enters at once; after Newton or ADMM from a warm start and where contacts come in joints. "
         "Left where two thirds of its sweeps made the error no tenth smaller.",
         enters=_enter_sweeps,
         turns=methods.sweeps,
@@ -200,8 +197,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "splitting",
-        "ADMM. Enters far from a solution where the sweeps need more than its factor costs and have spent a share of it, in joints where Newton "
-        "costs more; not while another goes alone. "
+        "ADMM. Enters far from a solution where the sweeps need more than its factor costs, in joints where Newton costs more. "
         "Goes on alone as long as each share of iterations brings the error down tenfold.",
         enters=_enter_splitting,
         turns=methods.splitting,
@@ -252,8 +248,7 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     fitting = problem.stored()
     swept = problem if isinstance(fitting.W, np.ndarray) else fitting  # block rows are made of sparse storage if there is any
     prices = Prices(fitting, operator.entries, operator.joints)
-    joints = None if prices.in_velocities else operator.joints  # of rigid blocks: proximal Newton does not eliminate the contacts
-    race = Race(fitting, swept, monitor, options, prices, bool(np.any(r)), joints, r)
+    race = Race(fitting, swept, monitor, options, prices, bool(np.any(r)), operator.joints, r)
     if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     try:

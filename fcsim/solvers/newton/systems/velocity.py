@@ -26,7 +26,7 @@ from fcsim.solvers.newton.systems._velocity_kernels import add_shares, add_share
 
 SPARSE_STEPS = 50
 """Small steps of what the sparse elimination takes beside its operations."""
-IRREGULAR = 3.0
+IRREGULAR = 2.0
 """Times the time of a dense operation that one of the sparse elimination takes."""
 
 
