@@ -11,6 +11,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly import elasticity
+from fcsim.assembly.forms.facet_pressure import facet_forces, nodal_sum
 from fcsim.assembly.forms.nodal_forces import form_forces, given_forces
 from fcsim.assembly.forms.part_forms import PartForms
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
@@ -65,7 +66,11 @@ class FollowerForce:
 
 @dataclass(frozen=True)
 class FollowerPressure:
-    """A pressure [Pa] against the surface of a rigid body, which it follows as the body turns, times factor(t); 2D: on 1 m of thickness."""
+    """A pressure [Pa] against the surface of a body, which it follows as the body turns and deforms, times factor(t).
+
+    On a deformable body -p n acts on the faces as they stand; on one of linear kinematics, whose equations are those of the reference, as
+    they stood there. 2D: on the part's thickness in the reference, of rigid bodies on 1 m.
+    """
 
     body: str
     surface: str
@@ -105,6 +110,26 @@ Follower = FollowerForce | FollowerPressure
 Load = Traction | Force | BodyForce | NodalForces | FormLoad | Follower
 
 
+def factor_at(load: Load, t: float) -> float:
+    """The load's factor at time t [s]; InputError for what is no function of time, or no finite number."""
+    given: object = load.factor
+    try:
+        given = load.factor(t)
+        value = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise _no_factor(load, t, f"{given!r} ({error})") from error
+    if value.size != 1 or not np.all(np.isfinite(value)):
+        raise _no_factor(load, t, repr(given))
+    return float(value.item())
+
+
+def _no_factor(load: Load, t: float, got: str) -> InputError:
+    return InputError(
+        f"{type(load).__name__} on body {load.body!r}, factor at t = {t} s: expected a function of t that gives a finite number, as "
+        f"lambda t: 2 * t, got {got}"
+    )
+
+
 def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
     """Nodal forces (n_dofs,) [N] of a load at factor 1, in the reference configuration."""
     if not isinstance(load, Load):
@@ -116,14 +141,14 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
     body, d = layout.bodies[number], layout.dimension
     vector = np.zeros(layout.n_dofs)
     own = slice(layout.dof_offset[number], layout.dof_offset[number + 1])
+    if isinstance(load, FollowerPressure):
+        vector[own] = _pressure(layout, body, load)
+        return vector
     if isinstance(load, Force | Follower):
         if not isinstance(body, RigidBody):
             raise InputError(
                 f"{type(load).__name__} on body {load.body!r}: expected a rigid body; use Traction or BodyForce on a deformable one"
             )
-        if isinstance(load, FollowerPressure):
-            vector[own] = _pressure_resultant(layout, body, load)
-            return vector
         moment = (0.0,) * (len(DIRECTIONS[d]) - d) if load.moment is None else load.moment
         values = np.concatenate([load.force, moment])
         if values.shape != (len(DIRECTIONS[d]),) or not np.all(np.isfinite(values)):
@@ -158,11 +183,16 @@ def _nodal_forces(body: Body, load: NodalForces | FormLoad) -> FloatArray:
     return given_forces(body.part, load.forces, what)
 
 
-def _pressure_resultant(layout: BodyLayout, body: RigidBody, load: FollowerPressure) -> FloatArray:
-    """Force and moment about the centre of mass of a unit factor: -p times the integrals of n and (x - c) x n, exact on flat facets."""
-    if not np.isfinite(load.pressure):
-        raise InputError(f"FollowerPressure on body {load.body!r}: expected a finite pressure in Pa, got {load.pressure}")
+def _pressure(layout: BodyLayout, body: Body | RigidBody, load: FollowerPressure) -> FloatArray:
+    """Of a unit factor the nodal forces on a deformable body (nn d,); of a rigid one force and moment about the centre of mass, -p times
+    the integrals of n and (x - c) x n, exact on flat facets."""
+    if not isinstance(load.pressure, int | float | np.number) or not np.isfinite(load.pressure):
+        raise InputError(f"FollowerPressure on body {load.body!r}: expected a finite pressure in Pa, got {load.pressure!r}")
     layout.facets(load.body, load.surface)  # refuses an unknown name
+    if isinstance(body, Body):
+        facets, points = body.part.surfaces[load.surface], body.points
+        forces: FloatArray = nodal_sum(facet_forces(points[facets]), facets, len(points)).ravel()
+        return -load.pressure * body.part.thickness * forces
     corners = body.points[body.surfaces[load.surface]] - body.centre
     if body.dimension == 2:
         along = corners[:, 1] - corners[:, 0]

@@ -19,8 +19,9 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group, operator_groups
 from fcsim.assembly.inner_forces import NonlinearBodies
 from fcsim.assembly.kinematics.elastic_forces import ElasticForces
+from fcsim.assembly.kinematics.following import FollowingPressures, When, following_pressures
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout, in_order
-from fcsim.assembly.loads import Follower, Load, load_vector, turned
+from fcsim.assembly.loads import Follower, FollowerPressure, Load, factor_at, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.brief import brief
@@ -104,6 +105,15 @@ class Model(BodyLayout):
     def nonlinear(self) -> NonlinearBodies:
         """The inner forces of the others."""
         return NonlinearBodies(self.groups, self.beta)
+
+    @cached_property
+    def following(self) -> FollowingPressures:
+        """The pressures that follow deformable bodies; those on bodies of linear kinematics do not."""
+        soft = [load for load in self.loads if isinstance(load, FollowerPressure) and not self._on_rigid(load)]
+        return following_pressures(self, self.groups if soft else (), soft)
+
+    def _on_rigid(self, load: Load) -> bool:
+        return self.body_number(load.body) >= len(self.deformable)
 
     def moving(self, kinematics: Kinematics | None) -> Model:
         """Return the model with that kinematics where none is named; the model itself where that changes nothing."""
@@ -200,7 +210,8 @@ class Model(BodyLayout):
         return tuple(load_vector(self, load) for load in self.loads)
 
     def load(self, t: float, x: FloatArray | None = None) -> FloatArray:
-        """External forces (n_dofs,) [N] at time t: gravity and the loads; followers as they stand at x (default: the reference)."""
+        """External forces (n_dofs,) [N] at time t: gravity and the loads; followers of rigid bodies as they stand at x (default: the
+        reference). Without pressures that follow deformable bodies, which are part of what a step solves for: see `following`."""
         force = np.zeros(self.n_dofs)
         if self.gravity is not None:
             d = self.dimension
@@ -212,9 +223,11 @@ class Model(BodyLayout):
                 raise InputError(f"gravity at t = {t} s: expected an acceleration of {d} finite numbers [m/s^2], got {self.gravity(t)!r}")
             force += g @ self._weight_of_units
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
-            force += load.factor(t) * (
-                turned(self, load, vector, self.rigid_rotation(x)) if isinstance(load, Follower) and x is not None else vector
-            )
+            if any(load is other for other in self.following.loads):
+                continue
+            if isinstance(load, Follower) and x is not None and self._on_rigid(load):
+                vector = turned(self, load, vector, self.rigid_rotation(x))
+            force += factor_at(load, t) * vector
         return force
 
     def rigid_rotation(self, x: FloatArray) -> FloatArray:
@@ -323,6 +336,7 @@ def build_model(
     if gravity is not None and not callable(gravity):
         raise InputError(f"gravity: expected a function of the time, as lambda t: (0.0, 0.0, -9.81), got {gravity!r}")
     model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven, kinematics)
-    model.load(0.0)  # these two refuse what loads and supports get wrong before the run starts
+    model.load(0.0)  # these refuse what loads and supports get wrong before the run starts
+    model.following.force(np.zeros(model.n_dofs), When.at(0.0))
     model.driven_velocity(0.0)
     return model

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from fcsim.assembly.kinematics.following import When
 from fcsim.errors import Unphysical
+from fcsim.timestep.energy import pushing
 from fcsim.timestep.step import Step
 
 
@@ -24,7 +26,8 @@ def refuse_creation(step: Step, share: float, rest: float, extent: float) -> Non
     ledger = step.ledger
     if ledger.created <= share * ledger.supplied + rest:
         return
-    loads = float(np.abs(step.model.load(step.state.t, step.state.x)).sum())
+    model, state = step.model, step.state
+    loads = float(np.abs(model.load(state.t, state.x) + pushing(model, state.x, When.at(state.t))).sum())
     if ledger.created <= share * ledger.supplied + rest + NO_HEIGHT * extent * loads:
         return
     part = f"{100 * ledger.created / ledger.supplied:.3g} % of the" if ledger.supplied else "and there were"

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_law.law import Breaking
@@ -198,6 +199,11 @@ def inner_force(model: Model, before: State, middle: tuple[FloatArray, float, fl
     """The inner forces (n_dofs,) [N] of `inner_work`, viscous ones included; 0 without nonlinear bodies."""
     bodies, (x, dt, share) = model.nonlinear, middle
     return bodies.inner(x, before.internal, before.t + dt, dt, v=damped, start=(before.x, share)).force if bodies else 0.0
+
+
+def pushing(model: Model, x: FloatArray, when: When) -> FloatArray | float:
+    """The forces (n_dofs,) [N] of pressures that follow deformable bodies, at the configuration x (n_dofs,); 0 without any."""
+    return model.following.force(x, when) if model.following else 0.0
 
 
 @dataclass(frozen=True)

@@ -28,11 +28,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
-from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum, turning
+from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum, pushing, turning
 from fcsim.timestep.scheme import Dynamic
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -187,7 +188,7 @@ class GeneralisedAlpha(Dynamic):
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
             elastic=energies,
-            loads=float(dx @ self._force(model, before)),
+            loads=float(dx @ (self._force(model, before) + pushing(model, middle.x, self.when(before)))),
             supports=float(dx @ (support - struck)) / h + float(mean @ struck) + strain_work,
             damping=float(dx @ damping) + viscous,
             numerical=elastic_loss
@@ -206,6 +207,7 @@ class GeneralisedAlpha(Dynamic):
             return state.rate, state.inertia
         now = model.elastic.at(state.x)
         inertia = model.load(state.t, state.x) - model.alpha * momentum(model, state) - model.elastic.force(now, now, 1.0, state.v)
+        inertia += pushing(model, state.x, When.at(state.t))
         if model.nonlinear:
             inertia -= model.nonlinear.inner(state.x, state.internal, state.t, 0.0, v=state.v).force
         return state.v, inertia - model.driven_share(inertia)

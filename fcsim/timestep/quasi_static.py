@@ -11,12 +11,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
-from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_work
+from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_work, pushing
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 
@@ -121,6 +122,9 @@ class QuasiStatic:
         end = state.x + v
         return end, end
 
+    def when(self, state: State) -> When:
+        return When.at(state.t + self.h)
+
     def damping_velocity(self, model: Model, state: State, v: FloatArray) -> None:
         return None
 
@@ -161,7 +165,7 @@ class QuasiStatic:
         return balance(
             kinetic=(0.0, 0.0),
             elastic=energies,
-            loads=float(dx @ model.load(before.t + self.h, before.x)),
+            loads=float(dx @ (model.load(before.t + self.h, before.x) + pushing(model, after.x, self.when(before)))),
             supports=float(dx @ support),
             damping=0.0,
             numerical=euler + regularisation,

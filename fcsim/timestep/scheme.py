@@ -9,6 +9,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
@@ -101,6 +102,10 @@ class Scheme(Protocol):
         """Time [s] from the beginning of the step to that configuration."""
         ...
 
+    def when(self, state: State) -> When:
+        """Return when of the step from `state` the pressures act that follow deformable bodies."""
+        ...
+
     def damping_velocity(self, model: Model, state: State, v: FloatArray) -> FloatArray | None:
         """Return the velocity (n_dofs,) [m/s] that is damped if the unknowns are v; None where nothing is."""
         ...
@@ -147,6 +152,13 @@ class Dynamic(ABC):
 
     @abstractmethod
     def detection_configuration(self, model: Model, state: State) -> FloatArray: ...
+
+    @property
+    @abstractmethod
+    def elastic_time(self) -> float: ...
+
+    def when(self, state: State) -> When:
+        return When(state.t, state.t + self.h, self.elastic_time / self.h)
 
     @property
     def force_per_reaction(self) -> float:

@@ -100,8 +100,10 @@ class Simulation:
 
     @cached_property
     def contact_nodes(self) -> NDArray[np.int64]:
-        """Nodes that contacts and links can touch."""
-        return self.detector.nodes if self.linkage is None else np.union1d(self.detector.nodes, self.linkage.nodes)
+        """Nodes that contacts and links can touch, and in statics those on the rims of surfaces whose pressures follow."""
+        nodes = self.detector.nodes if self.linkage is None else np.union1d(self.detector.nodes, self.linkage.nodes)
+        following = self.model.following
+        return nodes if self.scheme.timing.moving or not following else np.union1d(nodes, following.rims)
 
     @cached_property
     def factor(self) -> SystemFactor:

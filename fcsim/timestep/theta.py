@@ -22,7 +22,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
-from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum
+from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum, pushing
 from fcsim.timestep.scheme import Dynamic, positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -110,7 +110,7 @@ class Theta(Dynamic):
         d(v.M v / 2 + y.K y / 2) = dx.F_theta + v_theta.s + v_theta.H r - h v_theta.C v_theta - (theta - 1/2) (dv.d(M v) + dy.K dy) - G
 
         with d the change over the step, y the displacement without the turning bodies' rotation (see `frames`),
-        F_theta = theta F+ + (1-theta) F and s the supports' impulses. The last terms are the scheme's
+        F_theta = theta F+ + (1-theta) F with pressures that follow as at x + theta dx, s the supports' impulses. The last are the scheme's
         dissipation: none at theta = 1/2, never negative above (V. Acary, "Energy conservation and dissipation properties of
         time-integration methods for nonsmooth elastodynamics with contact", ZAMM 96, 2016), but for G, what turning between the middle and
         the ends changes in the energy of a given angular momentum: of second order, and swinging. For the work of impacts see `Velocity`.
@@ -127,6 +127,7 @@ class Theta(Dynamic):
         supports = float(v @ support)
         dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
         inner = before.x + theta * dx, self.elastic_time, theta
+        load = self._force(model, before) + pushing(model, inner[0], self.when(before))
         if model.held.turns:
             drift = model.driven_share(dx - h * mean)
             mean = mean + drift / h
@@ -134,7 +135,7 @@ class Theta(Dynamic):
         return balance(
             kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
             elastic=elastic,
-            loads=h * float(v @ self._force(model, before)),
+            loads=h * float(v @ load),
             supports=supports,
             damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta / h * loss,
             numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + loss) + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),

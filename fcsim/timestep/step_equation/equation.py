@@ -196,7 +196,7 @@ def solve_equation(
     """
     compliance, elastic = equation.compliance, equation.elastic
     lead = past.lead
-    term, mixing, start, r = elastic.term(elastic.first), Mixing(), None, np.empty(0)
+    term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term
         problem = equation.problem(load)
@@ -224,8 +224,8 @@ def solve_equation(
         answer = Answer(problem, reduction, result, v, load, start, equation.factor, equation.met)
         if elastic.rotation is None:
             return answer, past
-        now = elastic.term(v)
-        allowed = elastic.allowed(term, equation.rest)
+        push = elastic.push(v)
+        now, allowed = elastic.term(v) - push, elastic.allowed(equation.rest, term, push)
         change = elastic.norms(now - term) / allowed
         if np.all(change <= 1):
             return answer, past

@@ -7,7 +7,8 @@ by the bodies' rotations in the middle of the step, the problem at the iterate v
     A v = H r + b - e_i,  A = M + S,  e_i = w F(x(v_i)) - S v_i
 
 so that A, W and all factors are the same for all iterations: only the right side changes. S differs from the derivative of w F by the
-strain and by the rest of the rotation, which is the rate of convergence. Linear bodies have e_i = w K x(0) at once.
+strain and by the rest of the rotation, which is the rate of convergence. Linear bodies have e_i = w K x(0) at once. Pressures P that follow
+the bodies are forces of that configuration too: w P(x(v_i)) joins b.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.kinematics.elastic_forces import Configuration
+from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -69,10 +72,44 @@ class Linearisation:
         e = scheme.elastic_weight * force
         return e if self.rotation is None else e - scheme.factors(self.model)[1] * elastic.turned_stiffness(self.rotation, v)
 
-    def allowed(self, term: FloatArray, load: FloatArray) -> FloatArray:
-        """What each body's term (n_deformable,) may change once it is settled; load (n_dofs,): the rest of the right side."""
+    def pressed(self, v: FloatArray) -> tuple[FloatArray, When]:
+        """The configuration (n_dofs,) in which pressures act at the iterate v (n_dofs,), and when of the step."""
+        first, last = self.scheme.elastic_path(self.model, self.state, v)
+        return first + self.scheme.elastic_share * (last - first), self.scheme.when(self.state)
+
+    def push(self, v: FloatArray) -> FloatArray | float:
+        """w P (n_dofs,) of the pressures that follow deformable bodies, at the iterate v (n_dofs,); 0 where there are none."""
+        following = self.model.following
+        return self.scheme.elastic_weight * following.force(*self.pressed(v)) if following else 0.0
+
+    def less_pressures(self, v: FloatArray, blocks: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
+        """The blocks (nb, nblocks, d, d) of each group of nonlinear bodies less the symmetric part of w dP/dv, see `beside`."""
+        model, scheme = self.model, self.scheme
+        if not model.following or self._floating:
+            return blocks
+        weight = scheme.elastic_weight * scheme.elastic_reach
+        return tuple(model.following.with_blocks(*self.pressed(v), model.nonlinear.groups, blocks, weight))
+
+    def beside(self, v: FloatArray) -> sp.csr_array | None:
+        """Less what of dP/dv (n_dofs, n_dofs) is not in the blocks, in statics: that of the rims of open surfaces.
+
+        Where mass may be all that holds a body neither is taken, and iterations converge by the pressure over the modulus: dP/dv maps
+        translations to zero, but its transpose does not, so that its symmetric part takes the definiteness of so little."""
+        if self.scheme.timing.moving or self._floating or not self.model.following:
+            return None
+        rest = -self.model.following.skew(*self.pressed(v))
+        return rest if rest.nnz else None
+
+    @property
+    def _floating(self) -> bool:
+        """Whether statics hold bodies by their mass."""
+        return not self.scheme.timing.moving and self.scheme.factors(self.model)[0] > 0
+
+    def allowed(self, *forces: FloatArray | float) -> FloatArray:
+        """What each body's term (n_deformable,) may change once it is settled; forces: what moves the body, each (n_dofs,) or 0."""
         round_off = self.scheme.elastic_weight * ROUND_OFF * self.model.elastic.largest_force
-        allowed: FloatArray = TOLERANCE * (self.norms(load) + self.norms(term)) + round_off
+        size = sum(self.norms(force) for force in forces if isinstance(force, np.ndarray))
+        allowed: FloatArray = TOLERANCE * size + round_off
         return np.where(allowed > 0, allowed, 1.0)
 
     def norms(self, x: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 With the inner forces F of nonlinear bodies, weighted by w, and b - B v for all that is linear, the step's equation is
 
-    R(v, r) = B v - b + w F(x(v)) - H r = 0,  with the laws of contact between u = H^T v + w_N and r                        (1)
+    R(v, r) = B v - b + w (F(x(v)) - P(x(v))) - H r = 0,  with the laws of contact between u = H^T v + w_N and r                        (1)
 
 At the iterate v_i with S_i = w dF/dv the problem A_i v = H r + f_i, A_i = B + S_i, f_i = b - w F(x(v_i)) + S_i v_i, with the laws of
 contact is a global problem like any other step's: the solver begins where it ended for v_i-1. Its answer (v, r) is where (1) is
@@ -10,6 +10,8 @@ measured and linearised next, until R is below the tolerance and contact is wher
 grows, or a body has no admissible state, (v, r) is gone only part of the way. In quasi-statics contacts are found anew at every iterate,
 with gaps brought back to the beginning of the step, so that u remains the increment over all of it, and A_i has their geometric stiffness
 -d(H r)/dv (`contact_tangent`); in dynamics they are those of the step.
+
+Pressures P that follow the bodies give A_i the symmetric part of their tangent, and in quasi-statics the rest of it too (`beside`).
 
 A_i must be positive definite: a body that has lost stiffness gets a share of its first one beside, and converges more slowly for it.
 Bodies keep their tangent and factor while that differs by less than `KEPT`.
@@ -78,13 +80,15 @@ class KeptFactor(Kept):
 
 @dataclass(frozen=True, eq=False)
 class _Iterate:
-    """v (n_dofs,), r of the contacts `met`, the term there, the residuals of the bodies relative to what is allowed, and l of the links."""
+    """v (n_dofs,), r of the contacts `met`, the term there, the residuals of the bodies relative to what is allowed, l of the links, and
+    the push (n_dofs,) of pressures that follow, 0 without any."""
 
     v: FloatArray
     r: FloatArray
     term: Term
     residual: float
     l: FloatArray
+    push: FloatArray | float
 
 
 def solve_nonlinear(
@@ -123,13 +127,13 @@ class _Newton:
         equation = self.equation
         lead = past.lead
         first = self.inner.first()
-        now = _Iterate(first, np.empty(0), self.inner.at(first, tangent=True), np.inf, np.empty(0))
+        now = _Iterate(first, np.empty(0), self.inner.at(first, tangent=True), np.inf, np.empty(0), equation.elastic.push(first))
         if now.term.inadmissible:
             return self._failed(f"body {now.term.inadmissible!r} has no admissible state where its velocity takes it", past)
         left = float(MAX_ITERATIONS)
         while left > 0:
             try:
-                factor, share, past = self._factor(now.term, past)
+                factor, share, past = self._factor(now, past)
             except Indefinite as error:
                 name = equation.model.deformable[error.body].name
                 return self._failed(f"body {name!r} has lost its stiffness: it buckles, snaps or softens, which dynamics can follow", past)
@@ -178,10 +182,10 @@ class _Newton:
             now = replace(new, term=self.inner.at(new.v, tangent=True))
         return self._failed("did not settle", past)
 
-    def _factor(self, term: Term, past: Past) -> tuple[SystemFactor, float, Past]:
+    def _factor(self, now: _Iterate, past: Past) -> tuple[SystemFactor, float, Past]:
         """The factor of A_i, the share of the first stiffness in it, and the past that keeps it; raises Indefinite."""
         kept = None if past.serving is None else past.serving.earlier(KeptFactor)
-        base, blocks = self.equation.factor, term.blocks
+        base, blocks = self.equation.factor, self.equation.elastic.less_pressures(now.v, now.term.blocks)
         earlier = None if kept is None else kept.factor
         for share in (0.0, *_SHARES):
             try:
@@ -203,7 +207,7 @@ class _Newton:
         return elastic.term(np.zeros_like(v) if elastic.rotation is None else v)
 
     def _load(self, equation: Equation, now: _Iterate) -> FloatArray:
-        return equation.rest - self._linear(now.v) - now.term.force + equation.factor.apply_tangents(now.v)
+        return equation.rest - self._linear(now.v) - now.term.force + now.push + equation.factor.apply_tangents(now.v)
 
     def _ways(self, equation: Equation, now: _Iterate) -> Iterator[tuple[Equation, FloatArray | float, SolverSettings]]:
         """The equation with B and E by differences, for one method that is quick to say whether it arrives; then with B by formulas for the
@@ -214,17 +218,20 @@ class _Newton:
         yield *self._bent(equation, now, differences=False), self.settings
 
     def _bent(self, equation: Equation, now: _Iterate, *, differences: bool) -> tuple[Equation, FloatArray | float]:
-        """The equation with the geometric stiffness B of its contacts under the iterate's reactions, and what it adds to the right side; in
-        statics only, since contacts stay those of the step in dynamics.
+        """The equation with the geometric stiffness B of its contacts under the iterate's reactions, with what pressures have beside the
+        factors, and what both add to the right side; in statics only, since contacts stay those of the step in dynamics.
 
         Where B costs the matrix its positive definiteness, g H_a (H_a^T v + w_a) is added for the rows a of contacts that press or stick,
         and nothing changes where they go on doing so; where that does not do either, B is left out."""
-        met = equation.met
+        met, beside, pushed = equation.met, equation.elastic.beside(now.v), 0.0
+        if beside is not None:
+            equation, pushed = replace(equation, bent=beside), beside @ now.v
         if self.anew is None or not np.any(now.r) or met.compliance is not None or met.adhesive_impulse is not None:
-            return equation, 0.0
+            return equation, pushed
         bent, slanted = (tangent_by_differences if differences else tangent_by_formulas)(equation, self.anew, now.v, now.r)
         if bent is None:
-            return equation, 0.0
+            return equation, pushed
+        largest, bent = float(np.abs(bent.data).max()), bent if beside is None else bent + beside
         equation = replace(equation, slanted=slanted)
         r = now.r.reshape(-1, met.rows)
         sticks = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKS) * met.contacts.mu * r[:, 0]
@@ -232,25 +239,25 @@ class _Newton:
         kept[:, 0] = r[:, 0] > 0
         pressed = np.flatnonzero(kept)
         normal = met.scaled_H[:, pressed]
-        for held in (0.0, HELD * float(np.abs(bent.data).max())):
+        for held in (0.0, HELD * largest):
             bending = replace(equation, bent=bent + held * (normal @ normal.T), slanted=None) if held else replace(equation, bent=bent)
             own = bending.compliance if isinstance(bending.compliance, StepCompliance) else bending.compliance.base
             if own.bent is not None and bending.bent is not None and own.positive:
                 return bending, bending.bent @ now.v - held * (normal @ (normal.T @ now.v + met.w[pressed])) if held else bent @ now.v
-        return replace(equation, slanted=None), 0.0
+        return replace(equation, slanted=None), pushed
 
-    def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray) -> FloatArray:
+    def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray, push: FloatArray | float) -> FloatArray:
         """R(v, r) (n_dofs,), of the forces G l of links too, zero at driven dofs."""
         factor, met = equation.factor, equation.met
-        R = factor.apply(v) - factor.apply_tangents(v) + term.force + self._linear(v) - equation.rest - met.impulse(r)
+        R = factor.apply(v) - factor.apply_tangents(v) + term.force + self._linear(v) - equation.rest - push - met.impulse(r)
         R = R if equation.linked is None else R - equation.linked.G @ l
         return R - equation.model.driven_share(R)
 
-    def _relative(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray) -> float:
+    def _relative(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray, push: FloatArray | float) -> float:
         """Largest residual of a body over what is allowed."""
         elastic = equation.elastic
-        allowed = TOLERANCE / LINEAR_TOLERANCE * elastic.allowed(term.force, equation.rest)
-        return float((elastic.norms(self.residual(equation, v, r, term, l)) / allowed).max(initial=0.0))
+        allowed = TOLERANCE / LINEAR_TOLERANCE * elastic.allowed(equation.rest, term.force, push)
+        return float((elastic.norms(self.residual(equation, v, r, term, l, push)) / allowed).max(initial=0.0))
 
     def _way(self, equation: Equation, now: _Iterate, v: FloatArray, result: Result) -> tuple[_Iterate, float] | None:
         """How far to go from the iterate towards the answer v (n_dofs,), r: all the way where the residual does not grow."""
@@ -262,8 +269,9 @@ class _Newton:
             w, r, l = (v, result.r, l1) if length == 1 else (a + length * (b - a) for a, b in ((now.v, v), (r0, result.r), (l0, l1)))
             term = self.inner.at(w)
             if not term.inadmissible:
-                size = self._relative(equation, w, r, term, l)
-                found = _Iterate(w, r, term, size, l), length
+                push = equation.elastic.push(w)
+                size = self._relative(equation, w, r, term, l, push)
+                found = _Iterate(w, r, term, size, l, push), length
                 if size <= max(1.0, now.residual):
                     return found
                 best = found if best is None or size < best[0].residual else best
@@ -274,7 +282,7 @@ class _Newton:
         """The iterate with its reactions at the contacts as they are found there, and the residual with these."""
         old = Reactions(earlier.contacts.identity, earlier.contacts.frame, new.r.reshape(-1, earlier.contacts.dimension))
         r = old.transfer(equation.met.contacts)
-        return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l))
+        return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l, new.push))
 
     def _settled(self, equation: Equation, met: Encounter, new: _Iterate) -> bool:
         """Whether contacts are where the last problem meant them: pressed ones at their gap, none closed that was not."""
@@ -299,7 +307,7 @@ class _Newton:
 
     def _answer(self, equation: Equation, reduction: Reduction, new: _Iterate, load: FloatArray, result: Result) -> Answer:
         """The answer; its right side is that of the nonlinear equation, so that what supports take is what they take of it."""
-        exact = equation.rest - self._linear(new.v) - new.term.force + equation.factor.apply_tangents(new.v)
+        exact = equation.rest - self._linear(new.v) - new.term.force + new.push + equation.factor.apply_tangents(new.v)
         assert self.start is not None
         return Answer(
             self.done[-1].problem, reduction, result, new.v, exact, self.done[-1].start, equation.factor, equation.met, tuple(self.done)

@@ -1,4 +1,4 @@
-"""Loads that follow a rigid body: resultants from formulas, the motion of a spinning body in closed form."""
+"""Loads that follow a body: resultants from formulas, the motion of a spinning rigid body in closed form."""
 
 from typing import Any
 
@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from fcsim.assembly.loads import FollowerForce, FollowerPressure, Force
+from fcsim.assembly.kinematics.following import When
+from fcsim.assembly.loads import FollowerForce, FollowerPressure, Force, Traction
 from fcsim.assembly.model import build_model
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
@@ -65,11 +66,31 @@ def test_thrust_on_a_spinning_body(scheme: Any) -> None:
     assert_allclose(np.log2(errors[0] / errors[1]), 2, atol=0.1)
 
 
+def test_pressure_on_a_deformable_body_is_a_load_of_its_own_where_the_body_rotates() -> None:
+    """Of linear kinematics it is the traction -p n of the reference, turned with the body's placement; else it is not in `load`."""
+    part = brick("soft", (1, 2, 3), (1, 2, 1), Material(1e6, 0.3, 1e3))
+    R = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()
+    body = Body("soft", part, rotation=R)
+    pressure, dead = FollowerPressure("soft", "x+", 4.0, lambda t: 1 + t), Traction("soft", "x+", tuple(-4.0 * R[:, 0]), lambda t: 1 + t)
+    small = build_model([body], loads=[pressure], kinematics="linear")
+    assert not small.following
+    assert_allclose(small.load(2.0), build_model([body], loads=[dead]).load(2.0), atol=1e-12)
+    free = build_model([body], loads=[pressure])
+    assert_allclose(free.load(2.0), 0)
+    x, turn = np.zeros(free.n_dofs), Rotation.from_rotvec([0.0, 0.0, 1.0]).as_matrix()
+    assert_allclose(free.following.force(x, When.at(2.0)), small.load(2.0), atol=1e-12)
+    x[:] = (body.points @ turn.T - body.points).ravel()
+    there = free.following.force(x, When(0.0, 2.0, 0.25))  # 0.75 f(0) + 0.25 f(2)
+    assert_allclose(there.reshape(-1, 3).sum(axis=0), -1.5 * 4.0 * 6.0 * turn @ R[:, 0], atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("load", "message"),
     [
         (FollowerForce("soft", (1.0, 0, 0)), "FollowerForce on body 'soft': expected a rigid body"),
-        (FollowerPressure("soft", "x+", 1.0), "FollowerPressure on body 'soft': expected a rigid body"),
+        (FollowerPressure("soft", "side", 1.0), "body 'soft': expected a surface among"),
+        (FollowerPressure("soft", "x+", float("inf")), "FollowerPressure on body 'soft': expected a finite pressure"),
+        (FollowerPressure("soft", "x+", "1e5"), "expected a finite pressure in Pa, got '1e5'"),  # type: ignore[arg-type]
         (FollowerPressure("box", "top", 1.0), "body 'box': expected a surface among"),
         (FollowerPressure("box", "x+", float("nan")), "expected a finite pressure"),
         (FollowerForce("box", (1.0, 0)), "expected 3 force and 3 moment components"),
@@ -79,3 +100,13 @@ def test_refusals(load: Any, message: str) -> None:
     soft = Body("soft", brick("soft", (1, 1, 1), (1, 1, 1), Material(1e6, 0.3, 1e3)))
     with pytest.raises(InputError, match=message):
         build_model([soft, rigid_box("box", (1, 1, 1), (5, 0, 0), 1.0)], loads=[load])
+
+
+@pytest.mark.parametrize("kind", [Traction, FollowerPressure])
+@pytest.mark.parametrize("factor", [2.0, lambda t: float("nan"), lambda t: (1, 2), lambda t: "much", lambda: 1.0])
+def test_factors_that_are_none(kind: Any, factor: Any) -> None:
+    """One sentence, before anything runs, for each kind of load."""
+    soft = Body("soft", brick("soft", (1, 1, 1), (1, 1, 1), Material(1e6, 0.3, 1e3)))
+    load = kind("soft", "x+", (1.0, 0, 0) if kind is Traction else 1.0, factor)
+    with pytest.raises(InputError, match=r"on body 'soft', factor at t = 0.0 s: expected a function of t that gives a finite number"):
+        build_model([soft], loads=[load])
