@@ -17,7 +17,8 @@ import numpy as np
 
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
-from fcsim.masonry.limit_analysis.limit_problem import limit_problem
+from fcsim.masonry.limit_analysis.limit import associative_limit
+from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce
 from fcsim.masonry.structure import BlocksAre, Stone, structure
 from fcsim.timestep.chain import SolverSettings
@@ -38,6 +39,9 @@ _WIDER, _LEAST = 0.05, 0.3
 _TOLERANCE, _FINEST = 1e-7, 1e-8
 """What stands moves by 1e-8 of its extent in all steps of a trial at this tolerance, a hundredth of first motion; at 1e-6 blocks creep into
 motion below the load at which they must move. Errors are shares of all forces: where forces press on light blocks it is finer."""
+_AFLOAT, _MOVING_TOLERANCE = 10, 1e-6
+"""Times first motion from which on a trial has left its rest, and the tolerance from there on: whether what moves falls or locks is read at
+displacements a hundred times as large, and moving corners of blocks cost tens of seconds a step at the finer one."""
 
 
 @dataclass(frozen=True)
@@ -76,12 +80,15 @@ def trial(
     steps: int = _STEPS,
     blocks: BlocksAre = "rigid",
     stone: Stone | None = None,
+    tolerance: float | None = None,
 ) -> Trial:
-    """Hold the load at `multiplier` for `duration` [s], or until the structure has run away, or rests; blocks, stone: see `structure`."""
+    """Hold the load at `multiplier` for `duration` [s], or until the structure has run away, or rests; blocks, stone: see `structure`.
+
+    tolerance of a step from rest: by default so fine that what stands does not creep into motion."""
     displacement = speed = t = 0.0
     fast, resting = RUNAWAY * problem.size / duration, 0
     soft = blocks != "rigid"
-    for step, displacement, speed in _held(problem, multiplier, duration, steps, blocks, stone):
+    for step, displacement, speed in _held(problem, multiplier, duration, steps, blocks, stone, tolerance):
         t = step.state.t
         if soft:
             rests = t > duration and speed < _SOFT_REST * fast
@@ -116,7 +123,13 @@ def fallen(
 
 
 def _held(
-    problem: MasonryProblem, multiplier: float, duration: float, steps: int, blocks: BlocksAre, stone: Stone | None
+    problem: MasonryProblem,
+    multiplier: float,
+    duration: float,
+    steps: int,
+    blocks: BlocksAre,
+    stone: Stone | None,
+    tolerance: float | None = None,
 ) -> Iterator[tuple[Step, float, float]]:
     """Steps under a held load, the largest displacement [m] and speed [m/s] of a free block's node."""
     soft = blocks != "rigid"
@@ -127,12 +140,20 @@ def _held(
     model, _ = structure(problem, blocks, stone, multiplier=grown)
     scheme = Theta(duration / steps, 1.0) if soft else Theta(duration / steps)
     count = 2 * steps if soft else steps
-    simulation = Simulation(model, Everything(model, problem.friction), scheme, count, _settings(problem), created=np.inf)
+    detector = Everything(model, problem.friction)
     free = np.repeat([not problem.blocks[problem.number[body.name]].support for body in model.bodies], np.diff(model.node_offset))
-    for step in simulation:
-        moved = np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1)
-        speeds = np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[free], axis=1)
-        yield step, float(moved.max()), float(speeds.max())
+    fine = _settings(problem) if tolerance is None else SolverSettings(tol=tolerance)
+    step = None
+    for settings in (fine, SolverSettings(tol=max(_MOVING_TOLERANCE, fine.tol))):
+        done = 0 if step is None else step.number
+        begin = None if step is None else step.state
+        for step in Simulation(model, detector, scheme, count - done, settings, initial=begin, created=np.inf):
+            moved = float(np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1).max())
+            yield step, moved, float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[free], axis=1).max())
+            if settings is fine and not soft and moved > _AFLOAT * FIRST * problem.size:
+                break
+        else:
+            return
 
 
 def pressed(problem: MasonryProblem) -> float:
@@ -167,14 +188,19 @@ def bracket(
     if not 0 < resolution < 1:
         raise InputError(f"resolution: expected a share of the multiplier between 0 and 1, got {resolution}")
     known: dict[float, Trial] = {}
-    pull = _acceleration(problem)
+    limit = limit_problem(problem)
+    pull = _acceleration(problem, limit)
+    upper = associative_limit(limit)
 
     def at(multiplier: float) -> Trial:
         if multiplier not in known:
             # an excess of the resolution, at a tenth of the acceleration that it would give all blocks, runs away in that time
             excess = 0.1 * resolution * multiplier * pull
             duration = float(np.clip(np.sqrt(2 * RUNAWAY * problem.size / max(excess, 1e-300)), 0.2, 5.0))
-            known[multiplier] = trial(problem, multiplier, duration=duration, blocks=blocks, stone=stone)
+            # above the associative limit no state of rest exists that errors of the solver might spoil
+            sure = blocks == "rigid" and upper.outcome == "limit" and multiplier > (1 + _MOVING_TOLERANCE) * upper.multiplier
+            tolerance = _MOVING_TOLERANCE if sure else None
+            known[multiplier] = trial(problem, multiplier, duration=duration, blocks=blocks, stone=stone, tolerance=tolerance)
             watch(known[multiplier])
         return known[multiplier]
 
@@ -200,9 +226,8 @@ def _sorted(known: Mapping[float, Trial]) -> tuple[Trial, ...]:
     return tuple(sorted(known.values(), key=lambda seen: seen.multiplier))
 
 
-def _acceleration(problem: MasonryProblem) -> float:
+def _acceleration(problem: MasonryProblem, limit: LimitProblem) -> float:
     """What the loads that grow give all free blocks together at the multiplier 1 [m/s^2], without regard to signs."""
-    limit = limit_problem(problem)
     model = limit.model
     mass = sum(body.mass for body, block in zip(model.rigid, problem.blocks, strict=True) if not block.support)
     return float(np.abs(model.rigid_part(limit.live)[:, : model.dimension]).sum() / mass)
