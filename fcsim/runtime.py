@@ -218,6 +218,14 @@ def petsc() -> ModuleType:
         raise MissingDependency(f"PETSc (petsc4py) cannot be imported ({error}): pip install 'fcsim[fem]', or bring it") from None
 
 
+def mpi() -> ModuleType:
+    """Return mpi4py.MPI, initialised; MissingDependency where it is absent."""
+    try:
+        return _import("mpi4py.MPI")
+    except ImportError as error:
+        raise MissingDependency(f"mpi4py cannot be imported ({error}): pip install 'fcsim[fem]', or bring it") from None
+
+
 def has_petsc() -> bool:
     """Whether petsc4py is there (without loading it)."""
     return find_spec("dolfinx_solver") is not None or find_spec("petsc4py") is not None

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group
 from fcsim.assembly.inner_forces import changed, mass_blocks
 from fcsim.errors import FcsimError
@@ -21,6 +21,10 @@ class Indefinite(FcsimError, ArithmeticError):
     def __init__(self, body: int, why: str) -> None:
         super().__init__(why)
         self.body = body
+
+    def __reduce__(self) -> tuple[type[Indefinite], tuple[int, str]]:
+        """Other ranks raise it too."""
+        return type(self), (self.body, str(self))
 
 
 class BodyFactors:
@@ -38,9 +42,10 @@ class BodyFactors:
         self._set(blocks, {}, {})
 
     def _set(self, blocks: FloatArray, factors: dict[int, Factor], compliances: dict[int, FloatArray]) -> None:
+        self._prepared = False
         self.blocks, self._factors, self._compliances = blocks, factors, compliances
         self.kind: IntArray = np.arange(len(self.members)) % len(blocks)
-        self.fresh = len(blocks) - len(factors)
+        self.fresh = len(blocks)
 
     def with_blocks(self, blocks: FloatArray, kept: BodyFactors | None, share: float) -> BodyFactors:
         """The factors with other blocks (nb, nblocks, d, d); bodies keep blocks and factor where those of `kept` differ by less than a
@@ -50,6 +55,7 @@ class BodyFactors:
         other.__dict__.pop("matrices", None)
         factors: dict[int, Factor] = {}
         compliances: dict[int, FloatArray] = {}
+        stay = np.empty(0, dtype=np.int64)
         if kept is not None and len(kept.blocks) == len(blocks):
             stay = np.flatnonzero(~changed(blocks + self._mass_blocks, kept.blocks + self._mass_blocks, share))
             blocks = blocks.copy()
@@ -57,6 +63,7 @@ class BodyFactors:
             factors = {b: kept._factors[b] for b in stay.tolist() if b in kept._factors}
             compliances = {b: kept._compliances[b] for b in stay.tolist() if b in kept._compliances}
         other._set(blocks, factors, compliances)
+        other.fresh -= len(stay) if kept is not None and kept._prepared else len(factors)
         return other
 
     @property
@@ -85,17 +92,30 @@ class BodyFactors:
                 raise Indefinite(int(self.members[k]), str(error)) from None
         return self._factors[k]
 
-    def solve(self, rhs: FloatArray) -> FloatArray:
-        """A^-1 rhs (nb, nfree)."""
-        return np.array([self.factor(k).solve(own) for k, own in zip(self.kind.tolist(), rhs, strict=True)])
+    def prepare(self, own: BoolArray) -> None:
+        """Make the factors of the bodies `own` (nb,) that are not there yet; raises Indefinite."""
+        for k in np.unique(self.kind[own]).tolist():
+            self.factor(k)
 
-    def compliances(self) -> FloatArray:
-        """A^-1 on the contact dofs (c, k, k)."""
-        for k in range(len(self.blocks)):
+    def prepared(self) -> None:
+        """Note that the factors of all bodies are there, here or with their owners."""
+        self._prepared = True
+
+    def solve(self, rhs: FloatArray, own: BoolArray) -> FloatArray:
+        """A^-1 rhs of the bodies `own` (nb,): (number of own, nfree) as rhs."""
+        found = [self.factor(k).solve(of_body) for k, of_body in zip(self.kind[own].tolist(), rhs, strict=True)]
+        return np.array(found).reshape(rhs.shape)
+
+    def compliances(self, own: BoolArray) -> tuple[FloatArray, IntArray]:
+        """A^-1 on the contact dofs (c, k, k) of the bodies `own` (nb,), and which is whose (nb,); -1: of none of them."""
+        kinds = np.unique(self.kind[own])
+        for k in kinds.tolist():
             if k not in self._compliances:
                 C = inverse_on(np.searchsorted(self.free, self.surface), self.factor(k), len(self.free))
                 self._compliances[k] = 0.5 * (C + C.T)
-        return np.array([self._compliances[k] for k in range(len(self.blocks))])
+        size = len(self.surface)
+        place = np.where(own, np.searchsorted(kinds, self.kind), -1)
+        return np.array([self._compliances[k] for k in kinds.tolist()]).reshape(-1, size, size), place
 
     def product(self, v: FloatArray) -> FloatArray:
         """blocks v (nb, n_part)."""

@@ -8,23 +8,20 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.body_factors import BodyFactors
-from fcsim.assembly.groups import Group
-from fcsim.assembly.kinematics.elastic_forces import turned_by
 from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import turned_matrices
+from fcsim.assembly.shares.group_factor import GroupFactor, own_surface
+from fcsim.assembly.shares.shares import Shares
 from fcsim.errors import InputError
-from fcsim.linear import factors as linear
-from fcsim.linear.factors import Factor, SingularMatrix, factorise
-from fcsim.linear.singularity import refuse_singular
 
 
 class SystemFactor:
@@ -38,19 +35,36 @@ class SystemFactor:
         self.model, self.mass, self.stiffness = model, mass, stiffness
         touched = np.zeros(model.n_nodes, dtype=bool)
         touched[contact_nodes] = True
-        self._groups: list[_GroupFactor | BodyFactors] = [
-            _GroupFactor(model, group, mass, stiffness, touched)
+        self._groups: list[GroupFactor | BodyFactors] = [
+            GroupFactor(model, group, mass, stiffness, touched)
             if group.laws is None
             else BodyFactors(mass, group, stiffness * group.laws.first_tangent[None], own_surface(model, group, touched))
             for group in model.groups
         ]
+        self._by_owners()
         if not mass and model.rigid_free.any():
             body = model.rigid[int(np.argmax(model.rigid_free.any(axis=1)))]
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
         self._elastic = _ElasticMatrix(model, mass, stiffness)
         self.places = self._bodies_of_dofs()
         self.rotation: FloatArray | None = None
+        self._where: tuple[IntArray, IntArray] | None = None
         self._set_rigid_mass(model.rigid_mass())
+
+    def _by_owners(self) -> None:
+        """Make the factors and compliances of linear bodies: all of them, or where ranks share the work this rank's, and its bodies'
+        compliances from those who made them."""
+        groups, shares = [group for group in self._groups if isinstance(group, GroupFactor)], self.model.shares
+        if shares is None:
+            for group in groups:
+                group.make()
+            return
+        with shares.world.together("factors"):
+            for group in groups:
+                if shares.solver(group.members) == shares.world.number:
+                    group.make()
+        for group in groups:
+            group.share(shares)
 
     def _bodies_of_dofs(self) -> tuple[IntArray, IntArray]:
         """The body of each dof (n_dofs,), in the order of `compliances`, -1 for driven ones, and its number in the body's compliance."""
@@ -107,8 +121,19 @@ class SystemFactor:
     def prepare(self) -> None:
         """Make all factors that are not there yet; raises Indefinite."""
         for group in self.nonlinear_groups:
-            for k in range(len(group.blocks)):
-                group.factor(k)
+            with self._section("factors of tangents"):
+                group.prepare(self._own(group.members))
+            group.prepared()
+
+    def _own(self, members: IntArray) -> BoolArray:
+        """Which of the bodies (nb,) this rank works on."""
+        shares = self.model.shares
+        return np.ones(len(members), dtype=bool) if shares is None else shares.mine(members)
+
+    def _section(self, what: str) -> AbstractContextManager[None]:
+        """A block of this rank's own work, whose errors are all ranks'."""
+        shares = self.model.shares
+        return nullcontext() if shares is None else shares.world.together(what)
 
     @property
     def nonlinear_groups(self) -> tuple[BodyFactors, ...]:
@@ -166,34 +191,51 @@ class SystemFactor:
         return self._solve_all(rhs)
 
     def _solve_all(self, rhs: FloatArray) -> FloatArray:
-        x = rhs.copy()
-        for group in self._groups:
-            dofs = group.dofs[:, group.free]
-            if isinstance(group, BodyFactors):
-                x[dofs] = group.solve(rhs[dofs])
-                continue
-            if self.rotation is None:
-                x[dofs] = group.factor.solve(np.ascontiguousarray(rhs[dofs].T)).T
-                continue
-            own, Q = np.zeros(group.dofs.shape), self.rotation[group.members]
-            own[:, group.free] = rhs[dofs]
-            inner = group.along(turned_by(Q.transpose(0, 2, 1), group.world(own)))[:, group.free]
-            own[:, group.free] = group.factor.solve(np.ascontiguousarray(inner.T)).T
-            x[dofs] = group.along(turned_by(Q, group.world(own)))[:, group.free]
+        x, shares = rhs.copy(), self.model.shares
+        with self._section("solutions"):
+            for group in self._groups:
+                if isinstance(group, BodyFactors):
+                    own = self._own(group.members)
+                    dofs = group.dofs[own][:, group.free]
+                    x[dofs] = group.solve(rhs[dofs], own)
+                elif shares is None or shares.solver(group.members) == shares.world.number:
+                    x[group.dofs[:, group.free]] = group.solved(rhs, self.rotation)
+        if shares is not None:
+            dofs, counts = self._exchanged(shares)
+            begin = int(counts[: shares.world.number].sum())
+            x[dofs] = shares.world.gathered(x[dofs[begin : begin + counts[shares.world.number]]], counts)
         rigid, free = self.model.rigid_part(x), self.model.rigid_free
         rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
 
+    def _exchanged(self, shares: Shares) -> tuple[IntArray, IntArray]:
+        """See `Shares.solved_where`."""
+        if self._where is None:
+            self._where = shares.solved_where(self._groups, [isinstance(group, GroupFactor) for group in self._groups])
+        return self._where
+
     def compliances(self) -> Iterator[tuple[int, FloatArray, IntArray]]:
-        """The bodies' compliances, in the order of `places`: (first body, C (c, k, k), which of them is whose (nb,))."""
+        """The compliances of the bodies that this rank works on, in the order of `places`: (first body, C (c, k, k), which of them is
+        whose (nb,))."""
         begin = 0
         for group in self._groups:
+            own = self._own(group.members)
             if isinstance(group, BodyFactors):
-                yield begin, group.compliances(), group.kind
-            else:
-                yield begin, group.compliance[None], np.zeros(len(group.first), dtype=np.int64)
+                C, kind = group.compliances(own)
+                yield from _runs(begin, C, kind)
+            elif own.any():
+                yield from _runs(begin, group.compliance[None], np.where(own, 0, -1))
             begin += len(group.first)
-        yield begin, self._rigid_inverse, np.arange(len(self._rigid_inverse))
+        count = len(self._rigid_inverse)
+        own = self._own(np.arange(len(self.model.bodies) - count, len(self.model.bodies)))
+        yield from _runs(begin, self._rigid_inverse, np.where(own, np.arange(count), -1))
+
+
+def _runs(begin: int, C: FloatArray, kind: IntArray) -> Iterator[tuple[int, FloatArray, IntArray]]:
+    """Bodies one after the other whose kind (nb,) is not -1, as `SystemFactor.compliances` yields them."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], kind >= 0, [False]])))
+    for first, last in edges.reshape(-1, 2).tolist():
+        yield begin + first, C, kind[first:last]
 
 
 class _ElasticMatrix:
@@ -252,52 +294,3 @@ def _joined(first: sp.csr_array, second: sp.csr_array) -> sp.csr_array:
         ),
         shape=(n + second.shape[0], n + second.shape[0]),
     )
-
-
-def own_surface(model: Model, group: Group, touched: BoolArray) -> IntArray:
-    """Numbers of the contact dofs in the part, driven ones left out."""
-    d = model.dimension
-    nodes = np.zeros(group.size // d, dtype=bool)
-    for first in group.nodes:
-        nodes |= touched[first : first + len(nodes)]
-    return np.flatnonzero(np.repeat(nodes, d) & ~group.driven)
-
-
-class _GroupFactor:
-    """Factor and contact compliance of one group's block."""
-
-    def __init__(self, model: Model, group: Group, mass: float, stiffness: float, touched: NDArray[np.bool_]) -> None:
-        self.first, self.size, self.dofs, self.members = group.first, group.size, group.dofs, group.members
-        self.free, self._axes = np.flatnonzero(~group.driven), group.axes
-        block = sp.csr_array(mass * group.M + stiffness * group.K)
-        if (T := group.axes_matrix) is not None:
-            block = sp.csr_array(T @ block @ T.T)
-        block = block[self.free][:, self.free]
-        try:
-            self.factor: Factor = factorise(block, positive_definite=True)
-            if len(self.free):
-                refuse_singular(block, self.factor)
-        except SingularMatrix as error:
-            why = "in statics a body needs supports, or a larger eta"
-            if mass:
-                units = "expected E, density, lengths and the step in one system of units, in statics a larger eta"
-                why = f"its stiffness hides its mass in round-off: {units}"
-                if not group.M.nnz or not np.any(group.M.data):
-                    why = "it has no mass: in dynamics a part needs a density > 0, or supports that hold it; statics: QuasiStatic(h)"
-                error = SingularMatrix(str(error).removesuffix(" (a body without supports?)"))
-            raise InputError(f"part {group.part.name!r}: its system matrix is singular ({error}); {why}") from None
-        self.surface = own_surface(model, group, touched)
-        compliance = linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free))
-        self.compliance = 0.5 * (compliance + compliance.T)
-
-    def along(self, x: FloatArray) -> FloatArray:
-        """Components along the supports' axes of x (nb, n_part) in world axes."""
-        return x if self._axes is None else self._turned(self._axes, x)
-
-    def world(self, x: FloatArray) -> FloatArray:
-        """x (nb, n_part) in world axes from its components along the supports' axes."""
-        return x if self._axes is None else self._turned(self._axes.transpose(0, 2, 1), x)
-
-    @staticmethod
-    def _turned(axes: FloatArray, x: FloatArray) -> FloatArray:
-        return np.einsum("aij,baj->bai", axes, x.reshape(len(x), *axes.shape[:2])).reshape(x.shape)

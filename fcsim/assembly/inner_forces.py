@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group
 from fcsim.assembly.nonlinear.part import Inner, Instant, NonlinearPart
+from fcsim.assembly.shares.shares import Shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +33,19 @@ class InnerForces:
         return self.inadmissible < 0
 
 
-class NonlinearBodies:
-    """The bodies of the groups that have laws of points; beta [s]: the damping proportional to stiffness."""
+class Shared(Protocol):
+    """What knows whose body is whose, None where this process computes alone."""
 
-    def __init__(self, groups: Sequence[Group], beta: float) -> None:
+    @property
+    def shares(self) -> Shares | None: ...
+
+
+class NonlinearBodies:
+    """The bodies of the groups that have laws of points; beta [s]: the damping proportional to stiffness; model: that shares them."""
+
+    def __init__(self, groups: Sequence[Group], beta: float, model: Shared) -> None:
         self.groups = tuple(group for group in groups if group.laws is not None)
-        self.beta = beta
+        self.beta, self._model = beta, model
         sizes = [group.laws.size * len(group.members) for group in self.groups if group.laws is not None]
         self._offset = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
@@ -87,7 +96,7 @@ class NonlinearBodies:
             damped = None if v is None else self._own(v, group)
             begin, share = (None, 1.0) if start is None else (self._own(start[0], group), start[1])
             instant = Instant(t, dt, self.beta if v is not None else 0.0, damped, rate, begin, share)
-            inner = part.inner(self._own(x, group), own, instant, tangent)
+            inner = self._inner(group, part, self._own(x, group), own, instant, tangent)
             force[group.dofs] = (inner.force @ group.rotation.T).reshape(len(own), -1)
             energy, dissipated = energy + float(inner.energy.sum()), dissipated + float(inner.dissipated.sum())
             viscous += float(inner.viscous.sum())
@@ -97,6 +106,31 @@ class NonlinearBodies:
             if inner.blocks is not None:
                 blocks.append(group.rotation @ inner.blocks @ group.rotation.T)
         return InnerForces(force, energy, dissipated, viscous, np.concatenate(after), tuple(blocks), bad)
+
+    def _inner(self, group: Group, part: NonlinearPart, u: FloatArray, own: FloatArray, instant: Instant, tangent: bool) -> Inner:
+        """`NonlinearPart.inner` of the group's bodies, by their owners where ranks share them; the stresses of other ranks' bodies, which
+        no step asks for, are nan."""
+        shares = self._model.shares
+        if shares is None:
+            return part.inner(u, own, instant, tangent)
+        mine = shares.mine(group.members)
+        with shares.world.together("inner forces"):
+            v, begin = instant.v, instant.start
+            some = replace(instant, v=None if v is None else v[mine], start=None if begin is None else begin[mine])
+            inner = part.inner(u[mine], own[mine], some, tangent)
+        nb, count = len(mine), int(mine.sum())
+        fields = [inner.force, inner.energy, inner.dissipated, inner.viscous, inner.variables, inner.admissible]
+        fields += [] if inner.blocks is None else [inner.blocks]
+        shapes = [values.shape[1:] for values in fields]
+        sizes = [int(np.prod(shape, dtype=np.int64)) for shape in shapes]
+        rows = np.concatenate([values.reshape(count, size) for values, size in zip(fields, sizes, strict=True)], axis=1, dtype=np.float64)
+        parts = np.split(shares.gathered_bodies(group.members, rows), np.cumsum(sizes)[:-1], axis=1)
+        force, energy, dissipated, viscous, variables, admissible, *blocks = (
+            values.reshape(nb, *shape) for values, shape in zip(parts, shapes, strict=True)
+        )
+        stress = np.full((nb, *inner.stress.shape[1:]), np.nan)
+        stress[mine] = inner.stress
+        return Inner(force, energy, dissipated, viscous, variables, blocks[0] if blocks else None, admissible, stress)
 
     def at_cells(self, x: FloatArray, variables: FloatArray | None, t: float) -> list[tuple[Group, Inner, dict[str, FloatArray]]]:
         """Of each group the stresses (and all else) of its bodies in their parts' axes, and their internal variables by name, (nb, nc) or

@@ -23,6 +23,7 @@ from fcsim.assembly.kinematics.following import FollowingPressures, When, follow
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout, in_order
 from fcsim.assembly.loads import Follower, FollowerPressure, Load, factor_at, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
+from fcsim.assembly.shares.shares import Shares, shares_of
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.brief import brief
 from fcsim.errors import InputError
@@ -104,7 +105,12 @@ class Model(BodyLayout):
     @cached_property
     def nonlinear(self) -> NonlinearBodies:
         """The inner forces of the others."""
-        return NonlinearBodies(self.groups, self.beta)
+        return NonlinearBodies(self.groups, self.beta, self)
+
+    @property
+    def shares(self) -> Shares | None:
+        """Whose body is whose among the ranks that share what is computed now; None where this process computes alone."""
+        return shares_of(self)
 
     @cached_property
     def following(self) -> FollowingPressures:

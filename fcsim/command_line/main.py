@@ -6,9 +6,9 @@ bench | profile, report | limit, tilt, push, shake, settle | atlas, a file besid
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext, redirect_stderr
 
 from fcsim.command_line import info, render, run, solve, solvers, sweep
 from fcsim.command_line.answers import answering
@@ -18,6 +18,7 @@ from fcsim.command_line.start import begin, cases, completion, doctor
 from fcsim.command_line.terminal import any_encoding, one_line, open_streams, say, silence, write
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError, InputError
 from fcsim.interrupts import ended_by, is_interrupt
+from fcsim.ranks import asked_ranks, end_with, own_rank, sharing
 from fcsim.records import json_text
 from fcsim.runtime import limited_threads
 from fcsim.version import __version__
@@ -53,17 +54,17 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
             parent.add_argument("--json", action="store_true", dest="as_json", help="print the answer as JSON")
 
 
-RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_SIZE", "MPI_LOCALNRANKS")
+SHARED = ("run",)
+"""Commands whose work the ranks of MPI share."""
 
 
 def _refuse_ranks(command: str, launcher: str | None) -> None:
-    """Each rank of `mpiexec -n 2 fcsim run` would make the whole run, into one folder; so with all that writes, but for a bench whose
-    launcher shares its measurements among the ranks."""
-    if launcher == "mpi":
+    """Each rank would do the whole work of the command, into one folder; but for a run, and for a bench whose launcher shares its
+    measurements among the ranks."""
+    if launcher == "mpi" or command in SHARED:
         return
-    ranks = max((int(os.environ[name]) for name in RANKS if os.environ.get(name, "").isdecimal()), default=1)
-    if ranks > 1:
-        raise InputError(f"fcsim {command}: expected one process, got {ranks} ranks of MPI, which do not share their work yet")
+    if (ranks := asked_ranks()) > 1:
+        raise InputError(f"fcsim {command}: expected one process, got {ranks} ranks of MPI, which share the work of fcsim run alone")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,10 +73,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     any_encoding()
     parser = _parser()
     completion.complete(parser)
-    options = parser.parse_args(arguments)
-    with answering(quiet=getattr(options, "quiet", False), as_json=getattr(options, "as_json", False)) as answer:
+    with redirect_stderr(None) if own_rank() else nullcontext():
+        options = parser.parse_args(arguments)
+    listens = own_rank() > 0 and options.command in SHARED  # rank 0 speaks for all
+    if listens:
+        silence(sys.stdout)
+    with answering(quiet=listens or getattr(options, "quiet", False), as_json=getattr(options, "as_json", False)) as answer:
         code, message = _acted(options)
-        if message:
+        end_with(code)
+        if message and not listens:
             say(f"fcsim: {one_line(message)}", to_stderr=True)
         if answer.document is not None:
             about = {"command": options.command, "exit_code": code, **({"error": message} if message else {})}
@@ -87,7 +93,7 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
     """The exit code of a command, and the message of what ended it."""
     try:
         _refuse_ranks(options.command, getattr(options, "launcher", None))
-        with limited_threads():
+        with sharing() if options.command in SHARED else nullcontext(), limited_threads():
             return int(options.act(options)), ""
     except FcsimError as error:
         return EXIT_BAD_INPUT, str(error)

@@ -21,7 +21,8 @@ WORK_A_PIECE = 15_000
 
 
 class DelassusSum:
-    """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`)."""
+    """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`); values: its entries so far, in one
+    array whose order is the contacts' alone."""
 
     def __init__(self, H: sp.sparray, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
@@ -36,7 +37,7 @@ class DelassusSum:
         self._dense = storage.summed_dense(self._m, len(columns) * dimension**2)
         if self._dense:
             starts, columns = starts[:0], columns[:0]
-        self._values = np.zeros(self._m**2 if self._dense else len(columns) * dimension**2)
+        self.values = np.zeros(self._m**2 if self._dense else len(columns) * dimension**2)
         self._rows = starts, columns
 
     def add(self, begin: int, C: FloatArray, kind: IntArray, *, symmetric: bool = True) -> None:
@@ -48,7 +49,7 @@ class DelassusSum:
         for bodies in self._rounds(begin, work):
 
             def add(some: IntArray) -> None:
-                add_bodies(*self._rows, self._values, *self._bodies, begin + some, C, kind[some], symmetric, self._axes, self._nc)
+                add_bodies(*self._rows, self.values, *self._bodies, begin + some, C, kind[some], symmetric, self._axes, self._nc)
 
             begins = np.concatenate([[0], np.cumsum(work[bodies])])
             side_by_side([partial(add, bodies[i:j]) for i, j in pieces_by_work(begins, WORK_A_PIECE)])
@@ -63,12 +64,12 @@ class DelassusSum:
 
     def add_diagonal(self, begin: int, C: FloatArray, group: IntArray) -> None:
         """Add the shares of the bodies from `begin` on whose compliances are diagonal: C[group[k]:group[k + 1]] that of the k-th."""
-        add_diagonal_bodies(*self._rows, self._values, *self._bodies, begin, C, group, self._axes, self._nc)
+        add_diagonal_bodies(*self._rows, self.values, *self._bodies, begin, C, group, self._axes, self._nc)
 
     def matrix(self) -> Matrix:
         """W, a dense array or a bsr_array."""
         d, m = len(self._axes), self._m
         if self._dense:
-            return self._values.reshape(m, m)
+            return self.values.reshape(m, m)
         starts, columns = self._rows
-        return sp.bsr_array((self._values.reshape(-1, d, d), columns, starts), shape=(m, m), blocksize=(d, d))
+        return sp.bsr_array((self.values.reshape(-1, d, d), columns, starts), shape=(m, m), blocksize=(d, d))

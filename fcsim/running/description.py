@@ -67,6 +67,15 @@ class SeenOverlap:
     between: str = ""
 
 
+@dataclass(frozen=True)
+class RankWork:
+    """What a rank of MPI sent in a run, or in its last part: exchanges in which it took part, messages, bytes (see `fcsim.ranks.World`)."""
+
+    exchanges: int = 0
+    messages: int = 0
+    bytes: int = 0
+
+
 @dataclass(frozen=True, kw_only=True)
 class Description:
     """The content of run.json.
@@ -77,6 +86,7 @@ class Description:
     sources      SHA-256 of the script, and of the meshes and tables that it read, by their paths; model: of the mesh as it was built
     threads      on which it was computed, which changes no result
     status       running, finished, not converged, interrupted or failed; message: why; steps_done: up to where the files go
+    ranks        what each rank sent, where several shared the run that finished
     overlap      the largest that the witness saw; notes: what is to be known of the results
     """
 
@@ -105,6 +115,7 @@ class Description:
     message: str = ""
     steps_done: int | None = None
     overlap: SeenOverlap = field(default_factory=SeenOverlap)
+    ranks: tuple[RankWork, ...] = ()
 
     def begun(self) -> Description:
         """As it is where the run begins: with its origin, that of its case, parameters (but the number of steps), sources and versions."""

@@ -14,6 +14,7 @@ from typing import cast
 from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.interrupts import end_forks_of
+from fcsim.ranks import shared
 from fcsim.running.case import Case
 from fcsim.running.checkpoint import write_checkpoint
 from fcsim.running.fclib_series import step_files
@@ -102,8 +103,9 @@ class Outputs:
 
     @property
     def _may_be_beside(self) -> bool:
-        """Whether files are written while the next step is computed: what nonlinear bodies show is computed by what computes the steps."""
-        return threads() > 1 and not self._case.simulation.model.nonlinear
+        """Whether files are written while the next step is computed: what nonlinear bodies show is computed by what computes the steps.
+        Nor beside the exchanges of ranks."""
+        return threads() > 1 and not shared() and not self._case.simulation.model.nonlinear
 
     def _write(self, step: Step, row: Row, files: list[Callable[[], Path]], *, drawn: bool, kept: bool, prepared: float) -> None:
         """The files of a step, then its row, which says how long that took, then the checkpoint, which stands for all before it."""
@@ -165,3 +167,19 @@ class Outputs:
 
     def _table_with_units(self) -> None:
         write_hdf5(self._directory / "steps.csv", self._directory / "steps.h5", self._case.sensors)
+
+
+class Unwritten:
+    """In the place of `Outputs` on ranks that write nothing."""
+
+    last: Step | None = None
+
+    def take(self, step: Step) -> Mapping[str, float]:
+        self.last = step
+        return step.seconds
+
+    def finish(self) -> None:
+        return
+
+    def end(self, describe_end: Callable[[], None]) -> None:
+        return

@@ -12,19 +12,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from fcsim.errors import NotConverged, Unphysical
 from fcsim.files import alone_in, files_read, remove_partial_files
 from fcsim.interrupts import ended_by, is_interrupt
+from fcsim.ranks import alone, of_rank_0, section, told, world, writes
 from fcsim.running.case import Case, CaseScript
 from fcsim.running.case_description import describe
 from fcsim.running.checkpoint import read_checkpoint
 from fcsim.running.description import Description, SeenOverlap, write_description, write_end
-from fcsim.running.outputs import Outputs, RunOptions, witnessed
+from fcsim.running.outputs import Outputs, RunOptions, Unwritten, witnessed
 from fcsim.running.parameters import parse_parameters
 from fcsim.running.refusals.own_files import check_folder, empty, make_folder
+from fcsim.running.refusals.same_case import same_case, shared_work
 from fcsim.running.refusals.size import size_of
 from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
 from fcsim.timestep.step import Moment, Step
@@ -108,43 +111,72 @@ def run_case(
     resume goes on from the folder's checkpoint with the parameters stored there (steps may be raised); where script, meshes, tables or
     versions are not as they were, only with accept_changes, and run.json says so. overwrite removes an earlier run's files first.
     A run that does not fit into the free memory is refused (see `fcsim.memory`). Nothing is touched before the case is built, and no
-    two runs write into one folder. Returns the summary also when a step does not converge or the run is interrupted by Ctrl-C.
+    two runs write into one folder. Under `fcsim.ranks.sharing` all ranks call this; rank 0 reads and writes the folder, and what it finds
+    there is told to the others. Returns the summary also when a step does not converge or the run is interrupted by Ctrl-C.
     """
     options = options or RunOptions()
     directory = Path(directory).absolute()  # a script may change the working directory
     stored: Description | None = None
     if resume:
-        assignments, stored = resumed_assignments(directory, script, assignments)
+        given = assignments
+        assignments, stored = of_rank_0("the run to go on with", lambda: resumed_assignments(directory, script, given))
     else:
-        check_folder(directory, overwrite)
-    parameters = parse_parameters(script, assignments)
-    with files_read() as read:
-        case = script.build(parameters)
-    case = replace(case, simulation=witnessed(case.simulation, options))
-    size = size_of(case.simulation)
-    size.refuse()
-    description = describe(case, script, parameters, assignments, asdict(options), read)
-    make_folder(directory)
-    with alone_in(directory, "fcsim run"):
-        moments = None
-        if stored is not None:
-            moments = read_checkpoint(directory / "checkpoint.h5", stored.origin)
-            description = _resumed(description, stored, case, moments, directory, accept_changes)
-        check_folder(directory, overwrite or resume)
-        if moments is None:  # a new run, or one that stopped before its first checkpoint
-            empty(directory)
-            description = description.begun()
-        remove_partial_files(directory)
-        write_description(directory, replace(description, status="running"))
-        start = moments[0].number if moments else 0
-        try:
-            outputs = Outputs(directory, case, parameters, options, start, description.origin)
-        except OSError as error:  # a disk that is full from the beginning
-            write_end(directory, replace(description, status="failed", message=f"{type(error).__name__}: {error}", steps_done=start))
-            raise
+        of_rank_0("the folder of the results", lambda: check_folder(directory, overwrite))
+    with section("the case"):
+        parameters = parse_parameters(script, assignments)
+        with files_read() as read:
+            case = script.build(parameters)
+        case = replace(case, simulation=witnessed(case.simulation, options))
+        size = size_of(case.simulation)
+        size.refuse()
+        description = describe(case, script, parameters, assignments, asdict(options), read)
+    same_case(case, description)
+
+    def opened() -> tuple[tuple[Moment, Moment] | None, Outputs, Description]:
+        return _opened(case, parameters, directory, options, description, stored, accept_changes, overwrite or resume)
+
+    with ExitStack() as held:
+        moments, outputs = None, None
+        with section("the folder of the results"):
+            if writes():
+                make_folder(directory)
+                held.enter_context(alone_in(directory, "fcsim run"))
+                moments, outputs, description = opened()
+        moments, description = told("the beginning", (moments, description))
         if announce is not None:
             announce(str(size))
-        return _run(case, moments, outputs, directory, description, watch)
+        return _run(case, moments, outputs or Unwritten(), directory, description, watch if writes() else None)
+
+
+def _opened(
+    case: Case,
+    parameters: object,
+    directory: Path,
+    options: RunOptions,
+    description: Description,
+    stored: Description | None,
+    accept_changes: bool,
+    may_hold: bool,
+) -> tuple[tuple[Moment, Moment] | None, Outputs, Description]:
+    """The moments from which the run goes on, None: from its beginning, what writes it, and what run.json says of it now; the folder is
+    this run's alone. may_hold: whether it may hold a run."""
+    moments = None
+    if stored is not None:
+        moments = read_checkpoint(directory / "checkpoint.h5", stored.origin)
+        description = _resumed(description, stored, case, moments, directory, accept_changes)
+    check_folder(directory, may_hold)
+    if moments is None:  # a new run, or one that stopped before its first checkpoint
+        empty(directory)
+        description = description.begun()
+    remove_partial_files(directory)
+    write_description(directory, replace(description, status="running"))
+    start = moments[0].number if moments else 0
+    try:
+        outputs = Outputs(directory, case, parameters, options, start, description.origin)
+    except OSError as error:  # a disk that is full from the beginning
+        write_end(directory, replace(description, status="failed", message=f"{type(error).__name__}: {error}", steps_done=start))
+        raise
+    return moments, outputs, description
 
 
 def _resumed(
@@ -161,7 +193,7 @@ def _resumed(
 def _run(
     case: Case,
     moments: tuple[Moment, Moment] | None,
-    outputs: Outputs,
+    outputs: Outputs | Unwritten,
     directory: Path,
     description: Description,
     watch: Callable[[Case, Step], None] | None,
@@ -181,16 +213,23 @@ def _run(
 
     try:
         for step in case.simulation.run(*moments) if moments else case.simulation:
-            tally.add(step, outputs.take(step))
+            if world() is not None:
+                step.energy  # noqa: B018 - by all ranks, before one writes it
+            with alone():
+                seconds = outputs.take(step)
+            tally.add(step, seconds)
             description = replace(description, notes=tuple(dict.fromkeys((*description.notes, *step.remarks))))
             if watch is not None:
                 watch(case, step)
         outputs.finish()
+        description = replace(description, ranks=shared_work())
     except NotConverged as error:
         status, message = "not converged", str(error)
     except Unphysical as error:
         status, message = "failed", str(error)
     except BaseException as error:
+        if not writes():
+            raise
         if not is_interrupt(error):
             status, message = "failed", f"{type(error).__name__}: {error}"
             try:

@@ -32,6 +32,7 @@ from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond, remarks
 from fcsim.timestep.links.linked import linked, refuse_linkage
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
 from fcsim.timestep.remarks.opening import opening_remarks
+from fcsim.timestep.remarks.same_on_all_ranks import same_on_all_ranks
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest, refuse_misplaced, updated
@@ -102,8 +103,7 @@ class Simulation:
     def contact_nodes(self) -> NDArray[np.int64]:
         """Nodes that contacts and links can touch, and in statics those on the rims of surfaces whose pressures follow."""
         nodes = self.detector.nodes if self.linkage is None else np.union1d(self.detector.nodes, self.linkage.nodes)
-        following = self.model.following
-        return nodes if self.scheme.timing.moving or not following else np.union1d(nodes, following.rims)
+        return nodes if self.scheme.timing.moving or not self.model.following else np.union1d(nodes, self.model.following.rims)
 
     @cached_property
     def factor(self) -> SystemFactor:
@@ -187,7 +187,7 @@ class Simulation:
         said: frozenset[str] = frozenset()
         opening = () if after.number else self._opening(after.state)
         while moment.number < self.steps:
-            step = self._witnessed(self.step(moment, kept, anchor))
+            step = self._witnessed(same_on_all_ranks(self.step(moment, kept, anchor)))
             moment, when = step.moment, f"step {step.number}, t = {step.state.t:.6g} s"
             new = remarks(self.model, deformation := self._measure(step.state.x), when, said) | spinning(step, self.detector, when, said)
             if step.number > after.number:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fcsim.memory import free_memory, readable, refuse_beyond_memory
+from fcsim.ranks import ranks_on_this_machine, world
 from fcsim.timestep.simulation import Simulation
 
 PROGRAM = 200 * 2**20
@@ -42,7 +43,9 @@ class Size:
     def refuse(self) -> None:
         """InputError where the simulation does not fit into the memory that is free, see `fcsim.memory`."""
         what = f"{self.bodies} bodies with {self.dofs} degrees of freedom and {self.contacts} contacts to begin with"
-        refuse_beyond_memory(what, self.memory)
+        here = 1 if world() is None else ranks_on_this_machine()
+        what += f", on each of {here} ranks of this machine" if here > 1 else ""
+        refuse_beyond_memory(what, here * self.memory)
 
 
 def size_of(simulation: Simulation) -> Size:

@@ -158,6 +158,8 @@ class StepCompliance:
         W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
         for first, compliances, kind in self.factor.compliances():
             W.add(first, compliances, kind)
+        if model.shares is not None:
+            model.shares.world.summed("W", W.values)
         return W.matrix()
 
     def _in_frames(self, H: sp.csc_array) -> sp.csc_array:

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -80,6 +81,7 @@ def test_hollow_sphere_of_rubber() -> None:
     assert_allclose(np.linalg.norm(x[np.unique(part.surfaces["x-"])], axis=1), expected, rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_cantilever_rolled_by_the_pressure_on_one_side() -> None:
     """p L^3 / EI = 20 turns its end by 153 degrees. The elastica M = EI theta', F' = -q n, M' = -t x F is an initial value problem from the
     free end, where all forces vanish, since the load turns with the beam: then all is turned to theta = 0 at the clamp. q is p on the

@@ -8,9 +8,9 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from fcsim.assembly import compliance
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model, build_model
+from fcsim.assembly.shares import group_factor
 from fcsim.assembly.supports import Support
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
@@ -116,13 +116,13 @@ def test_no_contacts(grid_part: GridPart) -> None:
 
 def test_equal_bodies_share_one_factor(grid_part: GridPart, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes = []
-    original = compliance.factorise
+    original = group_factor.factorise
 
     def counted(A: sp.csr_array, **options: bool) -> Factor:
         sizes.append(A.shape[0])
         return original(A, **options)
 
-    monkeypatch.setattr(compliance, "factorise", counted)
+    monkeypatch.setattr(group_factor, "factorise", counted)
     part = grid_part("hexahedron", (1, 1, 1), (1, 1, 1), SOFT)
     bodies = [Body(f"b{k}", part, translation=np.array([2.0 * k, 0, 0])) for k in range(6)]
     SystemFactor(build_model(bodies, supports=[Support("b3", ("x", "y", "z"), "z0")]), 1.0, 1.0, np.arange(8))

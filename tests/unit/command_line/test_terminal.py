@@ -121,29 +121,11 @@ def test_errors_show_no_escapes(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "\x1b" not in said and "\\x1b[31mred" in said
 
 
-def test_ranks_of_mpi_do_not_write_one_folder(
-    case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PMI_SIZE", "2")
-    assert main(["run", str(case_folder), "--out", str(tmp_path / "out")]) == 2
-    assert "expected one process, got 2 ranks" in capsys.readouterr().err and not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("command", [["info", "a.hdf5"], ["collection", "check", "x"], ["bench", "x", "--out", "y"]])
 def test_no_command_runs_as_ranks_of_mpi(command: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "4")
     assert main(command) == 2
     assert f"fcsim {command[0]}: expected one process, got 4 ranks" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_mpiexec_itself(case_folder: Path, tmp_path: Path) -> None:
-    program = Path(sys.executable).parent / "mpiexec"
-    if not program.is_file():
-        pytest.skip("no mpiexec beside this Python")
-    command = [str(program), "-n", "2", sys.executable, "-m", "fcsim", "run", str(case_folder), "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode != 0 and done.stderr.count("got 2 ranks of MPI") == 2 and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.loads import FollowerPressure
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
@@ -153,3 +154,41 @@ def test_a_block_on_a_plane_bears_pressure_times_its_width_as_it_stands(unit: fl
     assert_allclose(np.ptp(x, axis=0) / w, [lx, ly], rtol=1e-6)
     assert_allclose(step.contact_force_on(0), [0, p * lx * w], rtol=1e-6, atol=1e-6 * p * w)
     assert lx > 1.05
+
+
+@pytest.mark.parametrize("mu", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
+def test_a_beam_pressed_onto_a_floor_is_in_equilibrium_as_it_stands(mu: float) -> None:
+    """Forces of pressure, contact and the clamp sum to zero, and so do their moments in the deformed configuration: the pressure's part of
+    the matrix, that of its rims and that of contact stand beside each other."""
+    part = rectangle("beam", (1.0, 0.1), (8, 1), saint_venant_kirchhoff(E, 0.2, RHO), elements="Q2")
+    floor = rigid_rectangle("floor", (3.0, 0.2), (0.5, -0.25), 1.0)
+    model = build_model(
+        [Body("beam", part), floor],
+        supports=[Support("beam", ("x", "y"), "x-"), Support("floor", ("x", "y", "rz"))],
+        loads=[FollowerPressure("beam", "y+", 2e3, lambda t: t)],
+    )
+    *_, step = Simulation(model, Everything(model, mu=mu), QuasiStatic(0.25), 4, limits=EVERY_STRAIN)
+    n = model.n_elastic
+    pressure = model.following.force(step.state.x, When.at(1.0))[:n].reshape(-1, 2)
+    clamp, contact = step.support_impulse[:n].reshape(-1, 2), step.force_in_space
+    assert np.linalg.norm(contact.sum(axis=0)) > 500
+    assert_allclose(pressure.sum(axis=0) + clamp.sum(axis=0) + step.contact_force_on(0), 0, atol=1e-5)
+    own = -(step.H @ step.result.r)[:n].reshape(-1, 2)  # what the beam's nodes give
+    x, force = model.positions(step.state.x)[: n // 2], pressure + clamp - own
+    assert_allclose(np.sum(x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]), 0, atol=1e-4)
+    assert abs(step.energy.residual) < 1e-8 * step.energy.load_work
+
+
+def test_a_turning_body_under_pressure_in_statics() -> None:
+    """Of linear material in its frame: p turned with the body, the balance closed; the clamp bears the pressure as it stands."""
+    part = rectangle("b", (1.0, 0.3), (4, 1), Material(E, 0.2, RHO))
+    model = build_model(
+        [Body("b", part, kinematics="turning"), rigid_rectangle("far", (1, 1), (10, 0), 1.0)],
+        supports=[Support("b", ("x", "y"), "x-"), Support("far", ("x", "y", "rz"))],
+        loads=[FollowerPressure("b", "y+", 1e3, lambda t: t)],
+    )
+    *_, step = Simulation(model, Everything(model, mu=0.0), QuasiStatic(0.5), 2)
+    pressure = model.following.force(step.state.x, When.at(1.0))[: model.n_elastic].reshape(-1, 2).sum(axis=0)
+    assert pressure[0] < -10  # the end sinks, and the face with it
+    assert_allclose(step.support_impulse[: model.n_elastic].reshape(-1, 2).sum(axis=0), -pressure, atol=1e-5)
+    assert abs(step.energy.residual) < 1e-8 * step.energy.load_work

@@ -38,6 +38,7 @@ def far() -> Any:
 HELD = Support("far", ("x", "y", "rz"))
 
 
+@pytest.mark.slow
 def test_tied_blocks_under_a_pressure_that_follows_are_one_block() -> None:
     """Two halves on meshes of the same nodes at the joint, in statics."""
 

@@ -1,0 +1,103 @@
+"""Factor and contact compliance of bodies of linear material that share their operators, made by one rank for all of them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.groups import Group
+from fcsim.assembly.kinematics.elastic_forces import turned_by
+from fcsim.assembly.layout import BodyLayout
+from fcsim.assembly.shares.shares import Shares
+from fcsim.errors import InputError
+from fcsim.linear import factors as linear
+from fcsim.linear.factors import Factor, SingularMatrix, factorise
+from fcsim.linear.singularity import refuse_singular
+
+
+def own_surface(model: BodyLayout, group: Group, touched: BoolArray) -> IntArray:
+    """Numbers of the contact dofs in the part, driven ones left out."""
+    d = model.dimension
+    nodes = np.zeros(group.size // d, dtype=bool)
+    for first in group.nodes:
+        nodes |= touched[first : first + len(nodes)]
+    return np.flatnonzero(np.repeat(nodes, d) & ~group.driven)
+
+
+class GroupFactor:
+    """Factor and contact compliance of one group's block."""
+
+    def __init__(self, model: BodyLayout, group: Group, mass: float, stiffness: float, touched: NDArray[np.bool_]) -> None:
+        self.first, self.size, self.dofs, self.members = group.first, group.size, group.dofs, group.members
+        self.free, self._axes = np.flatnonzero(~group.driven), group.axes
+        self._group, self._factors = group, (mass, stiffness)
+        self.surface = own_surface(model, group, touched)
+
+    @cached_property
+    def factor(self) -> Factor:
+        """Made where it is asked for; InputError where it cannot be."""
+        group, (mass, stiffness) = self._group, self._factors
+        block = sp.csr_array(mass * group.M + stiffness * group.K)
+        if (T := group.axes_matrix) is not None:
+            block = sp.csr_array(T @ block @ T.T)
+        block = block[self.free][:, self.free]
+        try:
+            factor = factorise(block, positive_definite=True)
+            if len(self.free):
+                refuse_singular(block, factor)
+        except SingularMatrix as error:
+            why = "in statics a body needs supports, or a larger eta"
+            if mass:
+                units = "expected E, density, lengths and the step in one system of units, in statics a larger eta"
+                why = f"its stiffness hides its mass in round-off: {units}"
+                if not group.M.nnz or not np.any(group.M.data):
+                    why = "it has no mass: in dynamics a part needs a density > 0, or supports that hold it; statics: QuasiStatic(h)"
+                error = SingularMatrix(str(error).removesuffix(" (a body without supports?)"))
+            raise InputError(f"part {group.part.name!r}: its system matrix is singular ({error}); {why}") from None
+        return factor
+
+    @cached_property
+    def compliance(self) -> FloatArray:
+        """A^-1 on the contact dofs (k, k)."""
+        compliance = linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free))
+        return 0.5 * (compliance + compliance.T)
+
+    def make(self) -> None:
+        """Make the factor and the compliance."""
+        self.factor, self.compliance  # noqa: B018 - kept from now on
+
+    def share(self, shares: Shares) -> None:
+        """Give the compliance from the rank that has made it to those that have bodies of the group."""
+        root, size = shares.solver(self.members), len(self.surface)
+        given = self.compliance if root == shares.world.number else np.empty((size, size))
+        shares.world.broadcast(given, root)
+        if shares.mine(self.members).any():
+            self.compliance = given
+
+    def solved(self, rhs: FloatArray, rotation: FloatArray | None) -> FloatArray:
+        """A^-1 rhs (nb, nfree) of all bodies of the group, turned by rotation (n_deformable, d, d), None: not; rhs (n_dofs,)."""
+        dofs = self.dofs[:, self.free]
+        if rotation is None:
+            solved: FloatArray = self.factor.solve(np.ascontiguousarray(rhs[dofs].T)).T
+            return solved
+        own, Q = np.zeros(self.dofs.shape), rotation[self.members]
+        own[:, self.free] = rhs[dofs]
+        inner = self.along(turned_by(Q.transpose(0, 2, 1), self.world(own)))[:, self.free]
+        own[:, self.free] = self.factor.solve(np.ascontiguousarray(inner.T)).T
+        return self.along(turned_by(Q, self.world(own)))[:, self.free]
+
+    def along(self, x: FloatArray) -> FloatArray:
+        """Components along the supports' axes of x (nb, n_part) in world axes."""
+        return x if self._axes is None else self._turned(self._axes, x)
+
+    def world(self, x: FloatArray) -> FloatArray:
+        """x (nb, n_part) in world axes from its components along the supports' axes."""
+        return x if self._axes is None else self._turned(self._axes.transpose(0, 2, 1), x)
+
+    @staticmethod
+    def _turned(axes: FloatArray, x: FloatArray) -> FloatArray:
+        return np.einsum("aij,baj->bai", axes, x.reshape(len(x), *axes.shape[:2])).reshape(x.shape)

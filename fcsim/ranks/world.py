@@ -1,0 +1,226 @@
+"""The ranks that share a simulation, and what they exchange.
+
+* All exchanges are made by every rank in the same order. Each begins with what it is for: ranks that have drifted apart notice, and stop.
+* A rank waits awake: it hears signals, and others that have ended, and takes no core while it waits.
+* Results do not depend on the number of ranks: what is gathered stands in the order of bodies, and what is summed has at most two terms
+  that are not zero in every place (a contact's two bodies), whose sum does not depend on their order.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import time
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim import runtime
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.errors import FcsimError
+from fcsim.interrupts import Ended
+
+AWAKE, NAP = 5e-4, 2e-4
+"""[s] A rank that waits looks again and again for so long, and then after so many seconds each."""
+GRACE = 2.0
+"""[s] What others have sent before they ended arrives within it."""
+LAST_WAIT = 20.0
+"""[s] A rank that ended by an error waits so long for the others to end by themselves; then it ends them."""
+LAST_WORD = 2.0
+"""[s] The launcher ends all ranks where one ends with an error; rank 0, which has to say why, goes first."""
+_ENDED = 77
+
+
+class _Request(Protocol):
+    """An exchange under way."""
+
+    def Test(self) -> bool: ...
+
+
+class RankEnded(FcsimError, RuntimeError):
+    """Another rank has ended, and this one cannot go on without it; the message says why."""
+
+
+class Drifted(FcsimError, RuntimeError):
+    """Ranks that should do the same do not: what they have computed is not the same."""
+
+
+class World:
+    """The ranks, and this one among them: `number` of `size`. exchanges, messages and bytes count what this rank has sent, as if each
+    exchange were sent to all others directly (a broadcast: by its root)."""
+
+    def __init__(self) -> None:
+        MPI = runtime.mpi()
+        self._mpi = MPI
+        self._data, self._control = MPI.COMM_WORLD.Dup(), MPI.COMM_WORLD.Dup()
+        self.number, self.size = int(self._data.Get_rank()), int(self._data.Get_size())
+        self.exchanges = self.messages = self.bytes = 0
+        self._ended: dict[int, tuple[int, str, bool]] = {}
+        self.broken = False
+
+    def _wait(self, request: _Request) -> None:
+        try:
+            self._arrived(request)
+        except BaseException:  # an interrupt too: the others' part of this exchange is under way
+            self.broken = True
+            raise
+
+    def _arrived(self, request: _Request) -> None:
+        begin, since = time.perf_counter(), 0.0
+        while not request.Test():
+            waited = time.perf_counter() - begin
+            if waited > AWAKE:
+                time.sleep(NAP)
+                self._hear()
+                since = since or (waited if self._ended else 0.0)
+                if since and waited > since + GRACE:
+                    self._left_alone()
+
+    def _hear(self) -> None:
+        """Note who has ended."""
+        status = self._mpi.Status()
+        while self._control.Iprobe(self._mpi.ANY_SOURCE, _ENDED, status):
+            self._ended[status.Get_source()] = self._control.recv(source=status.Get_source(), tag=_ENDED)
+
+    def _left_alone(self) -> None:
+        number = min(self._ended)
+        code, why, _ = self._ended[number]
+        if why.startswith("interrupted by "):
+            raise Ended(why.removeprefix("interrupted by "))
+        raise RankEnded(f"rank {number} of {self.size} has ended{f': {why}' if why else f' with exit code {code}'}")
+
+    def _count(self, sent: int, receivers: int) -> None:
+        self.exchanges += 1
+        self.messages += receivers
+        self.bytes += sent * receivers
+
+    def _agree(self, what: str, error: BaseException | None = None) -> None:
+        """Raise on every rank what one has raised, of several the lowest body's or rank's; Drifted where ranks are at other places."""
+        text = b"" if error is None else _pickled(error)
+        mine = np.array([zlib.crc32(what.encode()), len(text)], dtype=np.int64)
+        all_ranks = np.empty((self.size, 2), dtype=np.int64)
+        self._wait(self._data.Iallgather(mine, all_ranks))
+        self._count(mine.nbytes, self.size - 1)
+        if all_ranks[:, 1].any():
+            texts = self._gathered(np.frombuffer(text, dtype=np.uint8), all_ranks[:, 1])
+            bounds = np.concatenate([[0], np.cumsum(all_ranks[:, 1])])
+            errors = [(k, pickle.loads(texts[bounds[k] : bounds[k + 1]])) for k in np.flatnonzero(all_ranks[:, 1]).tolist()]
+            number, first = min(errors, key=lambda found: (getattr(found[1], "body", -1), found[0]))
+            if number == self.number and error is not None:
+                raise error
+            first.add_note(f"on rank {number} of {self.size}")
+            raise first
+        if np.any(all_ranks[:, 0] != mine[0]):
+            self.broken = True
+            raise Drifted(
+                f"rank {self.number} of {self.size} came to {what!r} where others did not: ranks must compute the same. They do not where "
+                "a case's script depends on the process (its time, its number, random numbers without a seed), or on other processors"
+            )
+
+    @contextmanager
+    def together(self, what: str) -> Iterator[None]:
+        """A block in which ranks do work of their own: an error of one is every rank's at its end, or at the next exchange inside."""
+        error: Exception | None = None
+        try:
+            yield
+        except Exception as raised:
+            error = raised
+        self._agree(what, error)
+
+    def _gathered(self, own: NDArray, counts: IntArray) -> NDArray:
+        everything = np.empty(int(counts.sum()), dtype=own.dtype)
+        self._wait(self._data.Iallgatherv(np.ascontiguousarray(own), [everything, counts.tolist()]))
+        self._count(own.nbytes, self.size - 1)
+        return everything
+
+    def gathered(self, own: FloatArray, counts: IntArray) -> FloatArray:
+        """The numbers (sum of counts,) of all ranks in their order, counts (size,); own (counts[number],): this rank's."""
+        return self._gathered(own, counts)
+
+    def summed(self, what: str, values: FloatArray) -> None:
+        """Replace values by their sum over the ranks: the same bits on each."""
+        self._agree(what)
+        own, whole = (self._mpi.IN_PLACE, values) if self.number == 0 else (values, None)
+        self._wait(self._data.Ireduce(own, whole, root=0))
+        self._count(values.nbytes, int(self.number > 0))
+        self._broadcast(values, 0)
+
+    def _broadcast(self, values: NDArray, root: int) -> None:
+        self._wait(self._data.Ibcast(values, root=root))
+        self._count(values.nbytes, (self.size - 1) * int(self.number == root))
+
+    def broadcast(self, values: FloatArray, root: int) -> FloatArray:
+        """The array of the rank `root`, given to all others in `values` of the same shape."""
+        self._broadcast(values, root)
+        return values
+
+    def told[T](self, what: str, value: T | None) -> T:
+        """The value that rank 0 has."""
+        text = np.frombuffer(pickle.dumps(value) if self.number == 0 else b"", dtype=np.uint8)
+        self._agree(what)
+        length = np.array([len(text)])
+        self._broadcast(length, 0)
+        text = text.copy() if self.number == 0 else np.empty(int(length[0]), dtype=np.uint8)
+        self._broadcast(text, 0)
+        found: T = pickle.loads(text.tobytes())
+        return found
+
+    def same(self, what: str, parts: Sequence[bytes | NDArray]) -> None:
+        """Drifted where these bytes are not the same on every rank."""
+        digest = hashlib.sha256()
+        for part in parts:
+            digest.update(part if isinstance(part, bytes) else np.ascontiguousarray(part).tobytes())
+        mine = np.frombuffer(digest.digest(), dtype=np.int64)
+        all_ranks = np.empty((self.size, 4), dtype=np.int64)
+        self._agree(what)
+        self._wait(self._data.Iallgather(mine, all_ranks))
+        self._count(mine.nbytes, self.size - 1)
+        if np.any(all_ranks != all_ranks[0]):
+            other = int(np.argmax(np.any(all_ranks != all_ranks[0], axis=1)))
+            raise Drifted(
+                f"{what}: expected the same on every rank, rank {other} of {self.size} has another than rank 0. Ranks must compute the "
+                "same: a case's script must not depend on the process (random numbers without a seed, the order of a set, the time), and "
+                "processors, packages and files must be alike"
+            )
+
+    def work(self) -> IntArray:
+        """Exchanges, messages and bytes (size, 3) that each rank has sent so far."""
+        mine = np.array([self.exchanges, self.messages, self.bytes], dtype=np.int64)
+        all_ranks = np.empty((self.size, 3), dtype=np.int64)
+        self._agree("work")
+        self._wait(self._data.Iallgather(mine, all_ranks))
+        return all_ranks
+
+    def leave(self, code: int, why: str, *, regular: bool) -> None:
+        """Say that this rank has ended, and wait for all others to end: as long as it takes where this one ended regularly, else up to
+        `LAST_WAIT`; then end them. `broken` says afterwards whether some rank left an exchange, so that MPI cannot be left in order."""
+        for other in range(self.size):
+            if other != self.number:
+                self._control.isend((code, why, not self.broken), dest=other, tag=_ENDED)
+        begin = time.perf_counter()
+        while len(self._ended) < self.size - 1:
+            if not regular and time.perf_counter() - begin > LAST_WAIT:
+                self._mpi.COMM_WORLD.Abort(code or 1)
+            time.sleep(NAP)
+            self._hear()
+        self.broken |= not all(well for _, _, well in self._ended.values())
+        if not self.broken:  # a rank that has gone could take with it what it has sent
+            request = self._control.Ibarrier()
+            while not request.Test():
+                time.sleep(NAP)
+        elif self.number:
+            time.sleep(LAST_WORD)
+
+
+def _pickled(error: BaseException) -> bytes:
+    """The error as others can raise it: itself, or what it says."""
+    try:
+        text = pickle.dumps(error)
+        pickle.loads(text)
+    except Exception:  # an error of any class, with arguments of any kind
+        text = pickle.dumps(RuntimeError(f"{type(error).__name__}: {error}"))
+    return text

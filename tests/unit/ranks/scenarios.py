@@ -1,0 +1,122 @@
+"""Small simulations of all kinds, and what is compared of their steps. Run as a program under mpiexec, each rank prints it as a line of
+JSON."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from fcsim.assembly.model import build_model
+from fcsim.assembly.supports import Support
+from fcsim.contact_detection import Detector, Everything, SurfacePair
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.mesh.blocks import brick, rigid_box
+from fcsim.mesh.material import Material
+from fcsim.mesh.material.plastic import Plastic
+from fcsim.mesh.part import Body
+from fcsim.ranks import alone, sharing
+from fcsim.running.case import load_case
+from fcsim.running.parameters import parse_parameters
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
+from fcsim.timestep.theta import Theta
+
+CASES = Path(__file__).parents[3] / "cases"
+HOLD = ("x", "y", "z")
+
+
+def case(name: str, steps: int, **parameters: str) -> Callable[[], Simulation]:
+    def build() -> Simulation:
+        script = load_case(CASES / name)
+        return replace(script.build(parse_parameters(script, parameters)).simulation, steps=steps)
+
+    return build
+
+
+def mixed() -> Simulation:
+    """On a rigid floor that moves: two deformable blocks of one part, turned apart, one of plastic material, a rigid box on top."""
+    size = (0.2, 0.2, 0.1)
+    part = brick("block", size, (2, 2, 1), Material(1e7, 0.2, 2000.0))
+    weak = brick("weak", size, (1, 1, 1), Plastic(1e7, 0.3, 2000.0, 200.0))
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    model = build_model(
+        [
+            rigid_box("floor", (2.0, 2.0, 0.1), (0.1, 0.1, -0.05), 2000.0),
+            Body("first", part),
+            Body("second", part, rotation=quarter, translation=np.array([0.21, 0.01, 0.1])),
+            Body("weak", weak, translation=np.array([0.32, 0.0, 0.0])),
+            rigid_box("top", (0.1, 0.1, 0.1), (0.1, 0.1, 0.25), 2000.0),
+        ],
+        supports=[Support("floor", ("y", "z", "rx", "ry", "rz")), Support("floor", ("x",), velocity=0.05)],
+        gravity=lambda t: (1.0, 0.5, -9.81),
+        beta=1e-4,
+    )
+    return Simulation(model, Everything(model, 0.3), Theta(1e-3), 6)
+
+
+def cut() -> Simulation:
+    """A soft block is dragged over a plane by a solver with too few iterations for whole steps."""
+    part = brick("block", (1.0, 0.4, 0.3), (4, 3, 2), Material(1e6, 0.3, 1000.0))
+    model = build_model(
+        [Body("block", part), rigid_box("plane", (4, 4, 1), (0, 0, -0.5), 1.0)],
+        supports=[
+            Support("plane", (*HOLD, "rx", "ry", "rz")),
+            Support("block", ("z",), "z+", velocity=-0.01),
+            Support("block", ("x",), "z+", velocity=lambda t: 0.02 * (t > 0.5)),
+            Support("block", ("y",), "z+"),
+        ],
+    )
+    pair = SurfacePair(contact_surface(model, [("block", "z-")]), contact_surface(model, [("plane", "z+")]), 0.5, 1e-1)
+    settings = SolverSettings(name="NSN-AC", options={"max_iterations": 4}, fallback=())
+    return Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(0.5), 2, settings, cuttings=6)
+
+
+SCENARIOS: dict[str, Callable[[], Simulation]] = {
+    "a wall": case("masonry_wall", 3, divisions="2,1,1"),
+    "an arch": case("arch", 3, voussoirs="9"),
+    "rigid, deformable and plastic bodies": mixed,
+    "a pile": case("granular", 45, n="9", h="2e-3"),
+    "a nonlinear body that folds": case("seal", 1, cells="2,16"),
+    "joints between bodies": case("slider_crank", 3, elements="4"),
+    "steps that are cut": cut,
+}
+
+
+def seen(build: Callable[[], Simulation]) -> dict[str, object]:
+    """What a simulation computes: of every step its contacts, statuses, sub-steps and energy, and of all numbers a digest; the owners of
+    its bodies."""
+    digest, steps = hashlib.sha256(), []
+    simulation = build()
+
+    def take(step: Step) -> None:
+        for array in (step.state.x, step.state.v, step.result.r, step.contacts.identity, step.contacts.gap, step.support_impulse):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        if step.state.internal is not None:
+            digest.update(step.state.internal.tobytes())
+        steps.append(
+            (len(step.contacts), np.bincount(step.contact_status, minlength=3).tolist(), step.substeps, repr(step.energy.residual))
+        )
+
+    for step in simulation:
+        energy = step.energy
+        with alone():  # as what rank 0 writes
+            assert np.array_equal(step.reduction.velocity(step.result.r)[0], step.result.v) or step.linked is not None
+            assert step.last_energy().residual == energy.residual or step.substeps > 1
+        take(step)
+    shares = simulation.model.shares
+    return {"steps": steps, "digest": digest.hexdigest(), "owners": [] if shares is None else shares.owner.tolist()}
+
+
+if __name__ == "__main__":
+    with sharing() as ranks:
+        assert ranks is not None
+        found = {name: seen(SCENARIOS[name]) for name in SCENARIOS}
+        sys.stdout.write(json.dumps({"rank": ranks.number, "sent": [ranks.exchanges, ranks.messages, ranks.bytes], "seen": found}) + "\n")

@@ -1,0 +1,183 @@
+"""`mpiexec -n N fcsim run`: one folder with what one process writes, one voice, one end."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from fcsim.command_line.main import main
+from fcsim.running.folder import open_run
+from tests.unit.ranks.conftest import LAUNCHER, Ended, Program, end
+
+PARAMETERS = ("--checkpoint-every", "2", "--export-every", "3", "--vtk-every", "6")
+Rows = Callable[[Path], list[dict[str, str]]]
+
+
+@pytest.fixture
+def run(mpiexec: Program, tmp_path: Path) -> Callable[..., Ended]:
+    """run(ranks, case, *arguments): fcsim run into tmp_path/out."""
+
+    def start(ranks: int, case: Path, *arguments: str, **how: object) -> Ended:
+        return mpiexec(ranks, "-m", "fcsim", "run", case, "--out", tmp_path / "out", *PARAMETERS, *arguments, **how)
+
+    return start
+
+
+def spoiled(case_folder: Path, line: str) -> Path:
+    """The case with a gravity that does `line` on one rank once there is a checkpoint, the second step's."""
+    script = case_folder / "two_blocks.py"
+    text = script.read_text(encoding="utf-8")
+    assert "gravity=lambda t: (2.0, 0, -9.81)," in text
+    text = text.replace("gravity=lambda t: (2.0, 0, -9.81),", "gravity=gravity,").replace(
+        "def build(p):",
+        "import os\nRANK, SIGN = os.environ.get('PMI_RANK'), Path(__file__).parents[1] / 'out/checkpoint.h5'\n\n\n"
+        f"def gravity(t):\n    if RANK == '1' and SIGN.exists():\n        {line}\n"
+        "    return (2.0, 0, -9.81)\n\n\ndef build(p):",
+    )
+    script.write_text(text, encoding="utf-8")
+    return case_folder
+
+
+def whole(directory: Path) -> None:
+    """Every file of a run that ended early can be read, and none is half there."""
+    assert not list(directory.rglob("*.partial*"))
+    open_run(directory)
+    for path in [*directory.rglob("*.hdf5"), directory / "checkpoint.h5"]:
+        with h5py.File(path) as file:
+            assert len(file) > 0
+
+
+@pytest.mark.slow
+def test_a_run_over_ranks_writes_what_one_process_writes(
+    run: Callable[..., Ended], case_folder: Path, tmp_path: Path, steps_without_seconds: Rows
+) -> None:
+    """And goes on with another number of them, bit by bit: 2, then 3, then 1."""
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "alone"), *PARAMETERS, "--quiet"]) == 0
+    for ranks, steps in ((2, 5), (3, 9)):
+        ended = run(ranks, case_folder, "--steps", str(steps), *(["--resume"] if ranks > 2 else []))
+        assert ended.code == 0, ended.err
+        assert ended.out.count("finished:") == 1 and "fcsim:" not in ended.err
+        work = open_run(tmp_path / "out").description.ranks
+        assert len(work) == ranks and all(rank.bytes > 0 for rank in work)
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "out"), *PARAMETERS, "--resume", "--steps", "12", "--quiet"]) == 0
+    assert open_run(tmp_path / "out").description.ranks == ()
+    assert steps_without_seconds(tmp_path / "out") == steps_without_seconds(tmp_path / "alone")
+    exported = sorted(path.name for path in (tmp_path / "alone/fclib/global").iterdir())
+    assert len(exported) == 4 and exported == sorted(path.name for path in (tmp_path / "out/fclib/global").iterdir())
+    for name in exported:
+        with h5py.File(tmp_path / "alone/fclib/global" / name) as one, h5py.File(tmp_path / "out/fclib/global" / name) as other:
+            arrays: list[str] = []
+            one.visititems(lambda place, entry, found=arrays: found.append(place) if isinstance(entry, h5py.Dataset) else None)
+            assert arrays and all(
+                np.array_equal(one[place][()], other[place][()]) for place in arrays if "info" not in place and "seconds" not in place
+            )
+    with h5py.File(tmp_path / "alone/checkpoint.h5") as one, h5py.File(tmp_path / "out/checkpoint.h5") as other:
+        assert all(np.array_equal(one[name][()], other[name][()]) for name in ("x", "v"))
+
+
+def test_a_rank_that_raises_ends_all(run: Callable[..., Ended], case_folder: Path, tmp_path: Path) -> None:
+    begin = time.monotonic()
+    ended = run(2, spoiled(case_folder, "raise ZeroDivisionError('of this rank')"), timeout=90)
+    assert ended.code != 0 and time.monotonic() - begin < 90
+    assert re.search(r"fcsim: rank 1 of 2 has ended: .*ZeroDivisionError: of this rank", ended.err)
+    assert "Traceback" in ended.err  # of the rank itself, since this is a fault
+    assert open_run(tmp_path / "out").description.status == "failed"
+    assert "of this rank" in open_run(tmp_path / "out").description.message
+    whole(tmp_path / "out")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGTERM"])
+def test_a_rank_that_is_killed_ends_all(
+    run: Callable[..., Ended], case_folder: Path, tmp_path: Path, how: str, steps_without_seconds: Rows
+) -> None:
+    """Killed outright or politely; and another number of ranks goes on."""
+    script = case_folder / "two_blocks.py"
+    innocent = script.read_text(encoding="utf-8")
+    ended = run(3, spoiled(case_folder, f"import os, signal; os.kill(os.getpid(), signal.{how})"), timeout=90)
+    assert ended.code != 0
+    whole(tmp_path / "out")
+    assert open_run(tmp_path / "out").description.status == ("running" if how == "SIGKILL" else "interrupted")
+    script.write_text(innocent, encoding="utf-8")
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "alone"), *PARAMETERS, "--quiet"]) == 0
+    ended = run(2, case_folder, "--resume", "--accept-changes")
+    assert ended.code == 0, ended.err
+    assert steps_without_seconds(tmp_path / "out") == steps_without_seconds(tmp_path / "alone")
+
+
+@pytest.mark.slow
+def test_ranks_that_do_not_compute_the_same_are_told_so(run: Callable[..., Ended], case_folder: Path, tmp_path: Path) -> None:
+    ended = run(2, spoiled(case_folder, "return (2.0, 0, -9.82)"), timeout=90)
+    assert ended.code != 0 and re.search("step [34]: expected the same on every rank, rank 1 of 2 has another than rank 0", ended.err)
+    assert open_run(tmp_path / "out").description.status == "failed"
+
+
+@pytest.mark.slow
+def test_models_without_a_seed(run: Callable[..., Ended], case_folder: Path, tmp_path: Path) -> None:
+    script = case_folder / "two_blocks.py"
+    text = script.read_text(encoding="utf-8").replace("np.array([0.03, ", "np.array([0.03 + 1e-3 * np.random.default_rng().random(), ")
+    script.write_text(text, encoding="utf-8")
+    ended = run(2, case_folder)
+    assert ended.code == 2 and "expected the same on every rank" in ended.err and not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_bad_input_is_said_once(run: Callable[..., Ended], case_folder: Path) -> None:
+    for arguments, message in ((["--set", "E=-1"], "E"), (["--set", "nonsense=1"], "nonsense"), (["--nonsense"], "nonsense")):
+        ended = run(3, case_folder, *arguments)
+        assert ended.code == 2 and len(re.findall(r"^(fcsim: |.*error: )", ended.err, re.MULTILINE)) == 1 and message in ended.err
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_all_and_says_so(case_folder: Path, tmp_path: Path) -> None:
+    if not LAUNCHER.exists():
+        pytest.skip("no mpiexec beside this Python")
+    command = [LAUNCHER, "-n", "2", sys.executable, "-m", "fcsim", "run", case_folder, "--out", tmp_path / "out", "--set", "held=True"]
+    (case_folder / "hold").touch()
+    with subprocess.Popen(
+        [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    ) as process:
+        try:
+            table = tmp_path / "out/steps.csv"
+            for _ in range(1200):
+                if table.exists() and len(table.read_text().splitlines()) > 7:
+                    break
+                time.sleep(0.05)
+            process.send_signal(signal.SIGINT)
+            out, _ = process.communicate(timeout=40)
+        finally:
+            end(process)
+    assert "interrupted by the keyboard; go on with --resume" in out
+    assert process.returncode != 0
+    assert json.loads((tmp_path / "out/run.json").read_text())["status"] == "interrupted"
+    whole(tmp_path / "out")
+
+
+@pytest.mark.slow
+def test_another_working_directory(mpiexec: Program, case_folder: Path, tmp_path: Path) -> None:
+    """A relative folder, more ranks than bodies, sensors on rank 0 alone."""
+    ended = mpiexec(
+        4,
+        "-m",
+        "fcsim",
+        "run",
+        case_folder,
+        "--steps",
+        "2",
+        "--json",
+        cwd=tmp_path,
+        env={"PYTHONPATH": os.fspath(Path(__file__).parents[3])},
+    )
+    assert ended.code == 0, ended.err
+    assert json.loads(ended.out)["status"] == "finished" and (tmp_path / "results/two_blocks/run.json").is_file()
