@@ -13,6 +13,7 @@ Sources: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9, 1983; J. W. H. Liu, 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import scipy.linalg as sla
@@ -24,6 +25,8 @@ from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.elimination_tree import EliminationTree
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.joints import BlockRows
+from fcsim.linear.products import OPERATIONS_A_PIECE
+from fcsim.threads import pieces, side_by_side
 
 
 class _Assembly:
@@ -64,7 +67,6 @@ class Multifrontal:
     def __init__(self, rows: BlockRows, A: FloatArray, B: FloatArray, active: BoolArray, dtype: DTypeLike = np.float64) -> None:
         d = A.shape[1]
         getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), dtype=dtype)
-        gemm = sla.blas.get_blas_funcs("gemm", dtype=dtype)
         self._dtype = dtype
         local = np.full(len(active), -1)
         W, A, B = rows.blocks.ravel(), A.ravel(), B.ravel()
@@ -82,10 +84,24 @@ class Multifrontal:
                 if info != 0:
                     raise SingularMatrix(f"the block of {n} contacts is singular: zero pivot {info}")
                 if b:
-                    F21 = self._getrs(lu, pivots, F21.T, overwrite_b=True)[0].T
-                    F22 = gemm(-1.0, F12.T, F21.T, 1.0, F22.T, overwrite_c=True).T
+                    least = max(1, OPERATIONS_A_PIECE // (d * n * d * (n + b)))
+                    own_rows = pieces(len(F21), least)
+                    side_by_side([partial(self._eliminate, lu, pivots, F12, F21[i:j], F22[i:j]) for i, j in own_rows])
                 self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), lu, pivots, F21, F12))
             assembly.pass_on(F22)
+
+    def _eliminate(
+        self,
+        lu: NDArray[np.floating],
+        pivots: IntArray,
+        F12: NDArray[np.floating],
+        F21: NDArray[np.floating],
+        F22: NDArray[np.floating],
+    ) -> None:
+        """Some rows of F21 F11^-1 and of the complement F22 - F21 F11^-1 F12, in the place of those of F21 and F22."""
+        own = pivots.copy()  # SciPy counts them from 1 while LAPACK works, in place
+        F21[:] = self._getrs(lu, own, F21.T, overwrite_b=True)[0].T
+        F22 -= F21 @ F12
 
     def solve(self, rhs: FloatArray) -> NDArray[np.floating]:
         """Return x (k, d) of the active contacts for rhs (k, d), both in the order of `contacts`."""

@@ -21,7 +21,7 @@ from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.linear.block_factors.analysis import Analysis
-from fcsim.linear.block_rows import compressed_blocks, product_by_rows
+from fcsim.linear.block_rows import BLOCKS_A_PIECE, compressed_blocks, product_by_rows
 from fcsim.linear.factors import Factor, is_symmetric
 from fcsim.linear.joints import BlockRows, joint_rows
 from fcsim.linear.storage import eliminated_dense
@@ -87,8 +87,9 @@ class Delassus:
 
     def __matmul__(self, x: FloatArray) -> FloatArray:
         """(W + diag(shift)) x for x (m,) or (m, k)."""
-        by_blocks = isinstance(self.W, sp.bsr_array) and self.W.blocksize == (3, 3) and x.ndim == 1 and x.dtype == np.float64
-        image: FloatArray = product_by_rows(self.W, np.zeros(self.size), x) if by_blocks else self.W @ x
+        W, of_one = self.W, x.ndim == 1 and x.dtype == np.float64
+        by_blocks = of_one and isinstance(W, sp.bsr_array) and W.blocksize == (3, 3) and len(W.indices) >= 2 * BLOCKS_A_PIECE
+        image: FloatArray = product_by_rows(W, np.zeros(self.size), x) if by_blocks else W @ x
         return image if self.shift is None else image + (self.by_unknown * x.T).T
 
     def transposed_product(self, x: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.brief import brief
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.part import RigidBody
+from fcsim.mesh.solids.ears import STRAIGHT, with_corners_on_edges
 
 FLAT = 1e-6
 """A polygon's corners lie in its plane to this part of its size."""
@@ -124,6 +125,10 @@ def _triangles(what: str, x: FloatArray, face: Sequence[int] | IntArray) -> IntA
         raise InputError(f"{what}: expected plane faces, got {face!r} with corners off it by {off:.3g} m; cut it into triangles")
     edge = np.roll(p, -1, axis=0) - p
     turn = np.cross(edge, np.roll(edge, -1, axis=0)) @ normal
+    if (np.abs(turn) <= STRAIGHT * size**2).any():  # a fan would have triangles without area, and earcut leaves such corners out
+        cut = with_corners_on_edges(p, normal)
+        if cut is not None:
+            return corners[cut]
     if (turn >= -1e-12 * size**2).all():
         return np.stack([np.full(len(corners) - 2, corners[0]), corners[1:-1], corners[2:]], axis=1)
     try:

@@ -23,19 +23,17 @@ from fcsim.errors import InputError
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor
+from fcsim.solvers.gauss_seidel._anderson_kernels import mix
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.rows import ContactRows
 from fcsim.solvers.gauss_seidel.sweeps import SweepOptions, contact_order, iterate
-
-NEARLY_DEPENDENT = 1e-14
-"""What is added to the diagonal 1 of the normal equations of gamma, in differences of length 1, which may be nearly dependent."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AndersonOptions(SweepOptions):
     """window: sweeps that are mixed; restart: growth of ||f|| over the least one of the window at which that is forgotten."""
 
-    window: int = 10
+    window: int = 5
     restart: float = 1.0
 
     def __post_init__(self) -> None:
@@ -51,42 +49,49 @@ class Mixing:
 
     def __init__(self, window: int, restart: float) -> None:
         self._window, self._restart = window, restart
+        self._steps = np.empty((window, 0))
         self._forget()
 
     def _forget(self) -> None:
-        self._steps: list[FloatArray] = []  # f and g of the last points
-        self._images: list[FloatArray] = []
-        self._least = np.inf
+        self._points, self._least = 0, np.inf
+
+    def _make_room(self, size: int) -> None:
+        self._steps, self._images = np.zeros((self._window, size)), np.zeros((self._window, size))
+        self._last_f, self._last_g = np.zeros(size), np.zeros(size)
+        self._normal = np.zeros((self._window, self._window))
 
     def next(self, x: FloatArray, g: FloatArray) -> FloatArray:
         """Where to go after the point x with the image g."""
-        f = g - x  # (1)
+        f, following = g - x, g.copy()  # (1)
+        if self._steps.shape[1] != len(x):
+            self._make_room(len(x))
         size = float(np.linalg.norm(f))
         if not size <= self._restart * self._least:  # (2)
             self._forget()
         self._least = min(self._least, size)
-        self._steps, self._images = [*self._steps[-self._window :], f], [*self._images[-self._window :], g]
-        if len(self._steps) == 1:
-            return g
-        dF, dG = np.diff(self._steps, axis=0), np.diff(self._images, axis=0)
-        length = np.linalg.norm(dF, axis=1)
-        length[length == 0] = 1.0  # two steps alike
-        dF /= length[:, None]
-        normal = dF @ dF.T
-        normal[np.diag_indices_from(normal)] += NEARLY_DEPENDENT
-        following: FloatArray = g - (np.linalg.solve(normal, dF @ f) / length) @ dG  # (3)
+        place, count = (self._points - 1) % self._window, min(self._points, self._window)
+        self._points += 1
+        mix(f, following, self._last_f, self._last_g, self._steps, self._images, self._normal, place, count)  # (3)
         return following
 
 
-def anderson(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AndersonOptions) -> Iterate:
-    """NSGS-AA from the starting point r (m,)."""
+def anderson(
+    problem: LocalProblem,
+    r: FloatArray,
+    monitor: Monitor,
+    options: AndersonOptions,
+    rows: ContactRows | None = None,
+    mixing: Mixing | None = None,
+) -> Iterate:
+    """NSGS-AA from the starting point r (m,); rows: the problem's, where known already; mixing: the window that earlier sweeps left."""
     d, nc = problem.dimension, problem.nc
     solver = ONE_CONTACT[options.one_contact]
-    rows = ContactRows.of(problem, solver.rho)
+    if rows is None:
+        rows = ContactRows.of(problem, solver.rho)
     reaction = embed_vector(r, d)
     order, frozen = contact_order(nc, options), np.zeros(nc, dtype=np.int64)
     root = np.sqrt(problem.compliance)[:, None]
-    mixing, start = Mixing(options.window, options.restart), reaction.copy()
+    mixing, start = mixing or Mixing(options.window, options.restart), reaction.copy()
 
     def sweep(tolerance: float, tau: float, count: int) -> tuple[float, int]:
         nonlocal start

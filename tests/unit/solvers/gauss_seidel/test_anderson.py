@@ -28,16 +28,30 @@ def test_an_affine_map_is_solved_in_as_many_steps_as_it_has_unknowns(size: int) 
 def test_a_step_that_grows_forgets_the_others() -> None:
     mixing = Mixing(5, 1.0)
     x, g = np.zeros(2), np.array([0.1, 0.2])
-    assert mixing.next(x, g) is g
+    assert np.array_equal(mixing.next(x, g), g)
     grown = np.array([3.0, 4.0])
-    assert mixing.next(g, grown) is grown
-    assert mixing.next(grown, grown + 1e-3) is not grown
+    assert np.array_equal(mixing.next(g, grown), grown)
+    assert not np.array_equal(mixing.next(grown, grown + 1e-3), grown + 1e-3)
 
 
 def test_a_fixed_point_stays() -> None:
     mixing, x = Mixing(3, 1.0), np.array([1.0, 2.0])
     for _ in range(3):
         assert np.array_equal(mixing.next(x, x.copy()), x)
+
+
+def test_the_window_is_the_last_differences_whatever_came_before() -> None:
+    """By least squares over all of them at once (Walker, Ni 2011, eq. 2.2), after the window has been gone round twice."""
+    rng = np.random.default_rng(3)
+    size, window = 8, 3
+    A, b = np.diag(np.linspace(-0.5, 0.6, size)), rng.standard_normal(size)
+    mixing, points, images = Mixing(window, 1e9), [rng.standard_normal(size)], []
+    for _ in range(2 * window + 2):
+        images.append(A @ points[-1] + b)
+        points.append(mixing.next(points[-1], images[-1]))
+        f, g = (np.array(images) - np.array(points[:-1]))[-window - 1 :], np.array(images)[-window - 1 :]
+        gamma = np.linalg.lstsq(np.diff(f, axis=0).T, f[-1])[0]
+        assert np.allclose(points[-1], g[-1] - gamma @ np.diff(g, axis=0), rtol=0, atol=1e-7 * np.linalg.norm(b))
 
 
 @pytest.mark.parametrize(("family", "seed"), [("walls", 1), ("boxes", 0), ("rocks", 2)])

@@ -1,0 +1,37 @@
+"""Anderson's mixing of one more point into a window of the last ones, compiled."""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+NEARLY_DEPENDENT = 1e-14
+"""What is added to the diagonal 1 of the normal equations of gamma, in differences of length 1, which may be nearly dependent."""
+
+
+@njit(cache=True)
+def mix(f, g, last_f, last_g, steps, images, normal, place, count):
+    """Replace g (k,) by the mixed point, in place on what is kept of the window; `place` is where this difference goes.
+
+    f = g - x of this point, last_f, last_g those of the one before, replaced by these; steps, images (window, k): differences of f, of
+    length 1, and of g, divided by the same; normal (window, window): steps steps^T; count: differences that are kept, this one included
+    (0: none, and there is nothing to mix).
+    """
+    if count > 0:
+        square = 0.0
+        for i in range(len(f)):
+            steps[place, i] = f[i] - last_f[i]
+            images[place, i] = g[i] - last_g[i]
+            square += steps[place, i] * steps[place, i]
+        length = np.sqrt(square) if square > 0.0 else 1.0  # two steps alike
+        steps[place] /= length
+        images[place] /= length
+        normal[place, :count] = np.dot(steps[:count], steps[place])
+        normal[:count, place] = normal[place, :count]
+        normal[place, place] += NEARLY_DEPENDENT
+    last_f[:] = f
+    last_g[:] = g
+    if count > 0:
+        gamma = np.linalg.solve(normal[:count, :count].copy(), np.dot(steps[:count], f))
+        g -= np.dot(gamma, images[:count])
