@@ -115,7 +115,7 @@ class BodyFactors:
                 self._compliances[k] = 0.5 * (C + C.T)
         size = len(self.surface)
         place = np.where(own, np.searchsorted(kinds, self.kind), -1)
-        return np.array([self._compliances[k] for k in kinds.tolist()]).reshape(-1, size, size), place
+        return np.array([self._compliances[k] for k in kinds.tolist()]).reshape(len(kinds), size, size), place
 
     def product(self, v: FloatArray) -> FloatArray:
         """blocks v (nb, n_part)."""

@@ -40,7 +40,8 @@ def at_end(model: Model, detection: Detection, scheme: Scheme, met: Encounter, a
 
     Contacts are kept where they are detected, at x_m and x_m', on the motion that `look_ahead` foresees. In between, at the end of the
     step, what turns by omega h lies deeper by up to R (omega h)^2 / 8; and where many contacts bend at once, looking ahead may end before
-    all of them are met. Either error is a quarter, or less, in half the step.
+    all of them are met. Either error is a quarter, or less, in half the step. Only `Everything`, which answers for all contacts, has its
+    steps cut: with listed surfaces a step is what its scheme makes of them, the depth between its contacts' instants and its end included.
     """
     positions = model.positions(after.x)
     if not scheme.timing.moving:
@@ -52,7 +53,8 @@ def at_end(model: Model, detection: Detection, scheme: Scheme, met: Encounter, a
         deepest, deep = _followed(met, moved)
     there = detection(positions) if deep else None
     penetration = deepest if there is None else max(0.0, float(-there.gap.min(initial=0.0)))
-    if not len(met.contacts) or (settled and there is None) or not met.keeps_apart(scheme.law):
+    answers = isinstance(detection, Everything) and len(met.contacts) > 0 and met.keeps_apart(scheme.law)
+    if not answers or (settled and there is None):
         return AtEnd(penetration, False)
     sinks = there is not None and _deeper(detection, met, there)
     if not (sinks or settled):
