@@ -38,9 +38,13 @@ from fcsim.errors import InputError, MissingDependency
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
+_BRINGS_LIBRARIES = ("scipy.linalg", "petsc4py.PETSc", "gmsh", "vtkmodules")
+"""Packages that bring a BLAS or OpenMP of their own."""
+
+
 @cache
-def _thread_pools(with_petsc: bool) -> list[LibController]:
-    """The BLAS and OpenMP libraries of this process; PETSc brings more of them."""
+def _thread_pools(loaded: tuple[bool, ...]) -> list[LibController]:
+    """The BLAS and OpenMP libraries of this process, by which of `_BRINGS_LIBRARIES` are loaded: each that comes is looked at once."""
     pools: list[LibController] = ThreadpoolController().lib_controllers
     return pools
 
@@ -88,7 +92,7 @@ class limited_threads(ContextDecorator):
         allowed = library_threads()
         if allowed is None:
             return
-        for pool in _thread_pools("petsc4py.PETSc" in sys.modules):
+        for pool in _thread_pools(tuple(name in sys.modules for name in _BRINGS_LIBRARIES)):
             if (now := pool.get_num_threads()) not in (allowed, None):
                 self._before.append((pool, now))
                 pool.set_num_threads(allowed)

@@ -30,6 +30,7 @@ from fcsim.running.refusals.own_files import check_folder, empty, make_folder
 from fcsim.running.refusals.same_case import same_case, shared_work
 from fcsim.running.refusals.size import size_of
 from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
+from fcsim.runtime import limited_threads
 from fcsim.timestep.step import Moment, Step
 
 __all__ = ["RunOptions", "Summary", "run_case"]
@@ -93,6 +94,7 @@ class _Tally:
             self.overlap = SeenOverlap(step.overlap.depth, step.overlap.share, step.overlap.between)
 
 
+@limited_threads()  # also for what is written, beside the steps and between them
 def run_case(
     script: CaseScript,
     assignments: Mapping[str, str],
