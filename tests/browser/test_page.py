@@ -52,6 +52,11 @@ def test_it_loads_without_errors_or_requests(opened, run):
     assert opened.inner_text("#facts").startswith("status\tfinished")
 
 
+def test_the_still_picture_gives_way_to_the_bodies(opened):
+    assert "image/jpeg" in opened.content().split("<script")[0]
+    assert opened.evaluate("$('view').style.backgroundImage") == ""
+
+
 def slide(page, place):
     page.eval_on_selector("#instant", "(slider, place) => { slider.value = place; slider.dispatchEvent(new Event('input')); }", place)
 

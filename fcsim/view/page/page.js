@@ -75,6 +75,7 @@ async function begin() {
   if (count) show(count - 1);
   await new Promise(shown => requestAnimationFrame(() => setTimeout(shown)));  // the bodies are seen before the curves are drawn
   performance.mark("first picture");
+  $("view").style.backgroundImage = "";  // the still picture has done its service
   drawCurves();
 
   if (motion) {

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from base64 import b64encode
 from collections.abc import Callable
 from html import escape
 from importlib.resources import files
+from io import BytesIO
 from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING
@@ -23,6 +25,9 @@ from fcsim.view.style import matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
+
+LOOK = 1000
+"""[pixels] Length and height at most of the picture that is seen first."""
 
 SCRIPTS = ("numbers", "space", "curves", "page")
 """One after the other, as the page has them."""
@@ -70,6 +75,7 @@ def write_page(run: RunFolder, seen: Survey | None, progress: Callable[[int, int
         title=escape(run.title),
         status=escape(about.status or "unknown"),
         description=escape(about.description),
+        look=_first_look(run) if seen is not None else "",
         style=here.joinpath("page.css").read_text(encoding="utf-8"),
         script="\n".join(here.joinpath(f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS),
         arrays=here.joinpath("arrays.js").read_text(encoding="utf-8"),
@@ -79,6 +85,23 @@ def write_page(run: RunFolder, seen: Survey | None, progress: Callable[[int, int
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
+
+
+def _first_look(run: RunFolder) -> str:
+    """The run's own picture of its last instant as a style of the scene's place, seen until the bodies are drawn; "" where it has none."""
+    try:
+        from PIL import Image
+    except ImportError as error:
+        raise MissingDependency(f"Pillow cannot be imported ({error}), which a run's page needs: pip install 'fcsim[view]'") from None
+    pictures = (inside(run.directory, run.directory / "pictures") / name for name in ("stress.png", "bodies.png"))
+    for path in pictures:
+        if path.is_file():
+            with Image.open(path) as picture:
+                picture.thumbnail((LOOK, LOOK))
+                packed = BytesIO()
+                picture.convert("RGB").save(packed, "JPEG", quality=75)
+            return f"background-image: url(data:image/jpeg;base64,{b64encode(packed.getvalue()).decode('ascii')})"
+    return ""
 
 
 def _standing_before(seen: Survey) -> list[int]:

@@ -9,10 +9,12 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
 import pyvista as pv
+from PIL import Image
 
 from fcsim.running.description import Description
 from fcsim.running.folder import RunFolder, instants_in, open_run
@@ -139,6 +141,12 @@ def test_the_page_is_one_file_that_asks_for_nothing(run_directory, tmp_path):
     content = json.loads(re.search(r'<script type="application/json" id="content">(.*?)</script>', text, re.DOTALL).group(1))
     assert content["title"] == open_run(directory).title
     assert set(content["columns"]) == set(open_run(directory).columns)
+    look = re.search(r"background-image: url\(data:image/jpeg;base64,([^)]*)\)", text)
+    assert look is not None
+    first, drawn_there = Image.open(BytesIO(base64.b64decode(look.group(1)))), Image.open(directory / "pictures" / "stress.png")
+    drawn_there.thumbnail(first.size)
+    grey = [np.asarray(one.convert("L").resize((40, 30)), dtype=float) for one in (first, drawn_there)]
+    assert np.abs(grey[0] - grey[1]).mean() < 3  # of 255: the run's picture, seen until the bodies are drawn
 
 
 def test_a_hostile_title_stays_text(run_directory, tmp_path):
