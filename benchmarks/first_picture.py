@@ -4,7 +4,7 @@
     python benchmarks/first_picture.py DIR                             the widths 1280 and 390 in turns, seven times each
     python benchmarks/first_picture.py DIR OTHER --repeat 15           two pages in turns
 
-From the call of the page to the instant after the graphics card has finished the frame. It is the clock's time: of a machine without other work.
+From the call of the page to the instant after the graphics card has finished the frame, by the clock: for a machine without other work.
 """
 
 from __future__ import annotations
@@ -60,9 +60,8 @@ def main() -> None:
                 seconds[page, width].append(tab.evaluate("performance.getEntriesByName('first picture')[0].startTime / 1e3"))
                 browser.close()
     for (page, width), found in seconds.items():
-        print(
-            f"{page}, {page.stat().st_size / 1e6:.1f} MB, {width} pixels: median {statistics.median(found):.2f} s, {min(found):.2f} to {max(found):.2f} s"
-        )
+        spread = f"median {statistics.median(found):.2f} s, {min(found):.2f} to {max(found):.2f} s"
+        print(f"{page}, {page.stat().st_size / 1e6:.1f} MB, {width} pixels: {spread}")
 
 
 if __name__ == "__main__":
