@@ -25,6 +25,9 @@ from fcsim.solvers.variational.watches import ProblemWatch
 
 RANK_DEFICIENT = 3e3
 """Growth of the error in a Newton iteration that only rank-deficient W shows (measured: below 200 for full rank, above 1e4 else)."""
+LONGEST = 1e6
+"""Newton's longest step over what is left of its equations. Steps of a hyperstatic wall are at most 1.3e4 times as long, those along a null
+space of W, a self-stress that is as good as any other, 1e7 and more."""
 COLD_RHO = 8.0
 """Factor on Newton's first rho from a cold start, where velocities say more than reactions (a fifth fewer iterations on walls)."""
 WATCHED = 5
@@ -36,7 +39,7 @@ ALPHA = 0.1
 itself on its way to that error (measured on piles of a thousand boxes). Noise on W needs the large one."""
 
 SWEEPS = GaussSeidelOptions()
-NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT)
+NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT, longest=LONGEST)
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
 

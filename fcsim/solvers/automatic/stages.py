@@ -210,7 +210,8 @@ STAGES: tuple[Stage, ...] = (
         "Newton",
         "NSN-AC. Enters at once where contacts come in joints, and from a warm start unless a probe of sweeps costs less than one of its "
         "iterations on a sparse W; else where the sweeps will cost more. Works alone, "
-        "and leaves where a dozen iterations bring no better iterate or one throws the error up as only a rank-deficient W does.",
+        "and leaves where a dozen iterations bring no better iterate or one throws the error up, or leads as far, as only a rank-deficient "
+        "W does.",
         enters=_enter_newton,
         turns=methods.newton,
         price=_newton,

@@ -129,6 +129,8 @@ def newton_turns(
             dr, du, slope = _direction(space, F, A, B, options.safeguard)  # (S.2)
         except SingularMatrix:
             return Iterate(r, Status.SINGULAR)
+        if np.vdot(dr, dr) > 2 * options.longest**2 * value:  # along what W does not resist: a self-stress of any size
+            return Iterate(r, Status.SINGULAR)
         t = 1.0
         if options.line_search != "none":
             merits.append(value)

@@ -18,8 +18,9 @@ class NewtonOptions(Options):
     with at most line_search_iterations trials; reference: what the merit must fall below, "none" (monotone) or its maximum, mean or
     Zhang and Hager's weighted mean over `window` iterations; safeguard: a gradient step where Newton's direction does not exist or does
     not descend; divergence: factor of the best error beyond which the iterates are called diverged; patience: iterations that must bring
-    the best error below 0.7 of what it was, else the iterates are called stagnated (0: any number); linear: how the linear system is
-    solved, one of `systems.choice.SYSTEMS` ("auto" chooses from size and density; "kkt" keeps the global or mixed form, see `kkt`).
+    the best error below 0.7 of what it was, else the iterates are called stagnated (0: any number); longest: times ||F||, a longer step is
+    not taken and W called singular; linear: how the linear system is solved, one of `systems.choice.SYSTEMS` ("auto"
+    chooses from size and density; "kkt" keeps the global or mixed form, see `kkt`).
     """
 
     formulation: str = "AC"
@@ -32,6 +33,7 @@ class NewtonOptions(Options):
     safeguard: bool = False
     divergence: float = float("inf")
     patience: int = 0
+    longest: float = float("inf")
     linear: str = "auto"
 
     def __post_init__(self) -> None:
@@ -45,6 +47,8 @@ class NewtonOptions(Options):
             raise InputError(f"option rho_factor: expected a number > 0, got {self.rho_factor}")
         if not self.divergence > 1:
             raise InputError(f"option divergence: expected a number > 1, got {self.divergence}")
+        if not self.longest > 1:
+            raise InputError(f"option longest: expected a number > 1, got {self.longest}")
         for name, least in (("line_search_iterations", 1), ("window", 1), ("patience", 0)):
             if getattr(self, name) < least:
                 raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")

@@ -217,6 +217,24 @@ def test_patience() -> None:
     assert_allclose(within.r, without.r, atol=0)
 
 
+def test_longest() -> None:
+    """A step that only round-off says the length of is not taken: three equal contacts share the load, W has rank one (a table's legs).
+    With W regular the shorter steps are taken as without."""
+    W, q = np.kron(np.ones((3, 3)), np.eye(3)) + 1e-15 * np.diag(np.arange(1.0, 10.0)), np.tile([-1.0, 0.0, 0.0], 3)
+    legs, start = LocalProblem(W, q, np.full(3, 0.5)), np.tile([1 / 3, 0.0, 0.0], 3)
+    start[0] += 1e-9
+    far, bounded = (solve(legs, "NSN-AC", r=start, tol=1e-12, longest=longest) for longest in (float("inf"), 1e6))
+    assert np.abs(far.r - start).max() > 1e-3  # as good an answer, and any other
+    assert bounded.status is Status.SINGULAR
+    assert_allclose(bounded.r, start, atol=0)
+    easy = random_problem(0)
+    without, within = (solve(easy, "NSN-AC", tol=1e-10, longest=longest) for longest in (float("inf"), 1e6))
+    assert without.solved
+    assert_allclose(within.r, without.r, atol=0)
+    with pytest.raises(InputError, match="longest: expected a number > 1, got 1"):
+        NewtonOptions(longest=1.0)
+
+
 def test_adapted_rho_is_kept_from_a_solution() -> None:
     """What a simulation keeps: the next solve begins with the adapted rho, on another path to the same answer; a failed one leaves none."""
     p = random_problem(3, nc=30)
