@@ -51,7 +51,7 @@ def overturning(path: Path, **options: object) -> float:
     return analyse(pushed(masonry_of_mesh(path, mu=0.7, **options), (1.0, 0.0, 0.0))).coulomb.multiplier  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".xdmf"])
+@pytest.mark.parametrize("suffix", [".vtu", *(pytest.param(other, marks=pytest.mark.slow) for other in (".vtk", ".xdmf"))])
 def test_a_column_of_pieces_topples_at_its_proportion(suffix: str, column: tuple[FloatArray, IntArray, IntArray], tmp_path: Path) -> None:
     """Without groups: pieces that share no nodes are blocks, and flat faces touch at their corners however they are meshed."""
     path = write(tmp_path / f"column{suffix}", column[0], column[1])
@@ -62,6 +62,7 @@ def test_a_column_of_pieces_topples_at_its_proportion(suffix: str, column: tuple
     assert overturning(path) == pytest.approx(0.4, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_an_array_of_numbers_parts_what_shares_nodes(tmp_path: Path) -> None:
     """One brick of 0.4 x 0.4 x 1 m, cut by numbers into a block that is held and one that topples at 0.4 / 0.5."""
     points, cells = brick((0, 0, 0), (0.4, 0.4, 1.0), (1, 1, 4))
@@ -97,7 +98,10 @@ def gmsh_column(path: Path, *, grouped: int = 2, order: int = 1, hexahedra: bool
     return path
 
 
-@pytest.mark.parametrize(("order", "hexahedra"), [(1, False), (1, True), (2, False), (2, True)])
+MESHES = [(1, False), *(pytest.param(*mesh, marks=pytest.mark.slow) for mesh in ((1, True), (2, False), (2, True)))]
+
+
+@pytest.mark.parametrize(("order", "hexahedra"), MESHES)
 def test_physical_groups_are_blocks(order: int, hexahedra: bool, tmp_path: Path) -> None:
     path = gmsh_column(tmp_path / "a.msh", order=order, hexahedra=hexahedra)
     problem = masonry_of_mesh(path, mu=0.9, supports=["pl*"])
@@ -106,6 +110,7 @@ def test_physical_groups_are_blocks(order: int, hexahedra: bool, tmp_path: Path)
     assert analyse(pushed(problem, (0.0, -1.0, 0.0))).coulomb.multiplier == pytest.approx(0.8, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_without_groups_what_shares_nodes_is_one_block(tmp_path: Path) -> None:
     path = gmsh_column(tmp_path / "a.msh", grouped=0)
     problem = masonry_of_mesh(path)
@@ -117,6 +122,7 @@ def test_without_groups_what_shares_nodes_is_one_block(tmp_path: Path) -> None:
         masonry_of_mesh(path, array="block")
 
 
+@pytest.mark.slow
 def test_in_millimetres(column: tuple[FloatArray, IntArray, IntArray], tmp_path: Path) -> None:
     path = write(tmp_path / "mm.vtu", 1e3 * column[0], column[1])
     assert overturning(path, scale=1e-3) == pytest.approx(0.4, rel=1e-4)
@@ -172,6 +178,7 @@ def inverted() -> tuple[FloatArray, IntArray]:
     return points, cells
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "message"),
     [
@@ -198,6 +205,7 @@ def test_meshes_that_are_no_blocks(made: Callable[[], tuple[FloatArray, IntArray
     assert str(path) in str(raised.value)
 
 
+@pytest.mark.slow
 def test_cells_of_two_kinds_are_refused(tmp_path: Path) -> None:
     points = np.vstack([TOGETHER, [[5.0, 0, 0], [6, 0, 0], [5, 1, 0], [5, 0, 1]]])
     meshio.Mesh(points, [("hexahedron", [range(8)]), ("tetra", [range(8, 12)])]).write(tmp_path / "a.vtu")
@@ -218,6 +226,7 @@ def test_slips_of_the_user(column: tuple[FloatArray, IntArray, IntArray], tmp_pa
         read_model(tmp_path / "wall.json", array="block")
 
 
+@pytest.mark.slow
 def test_the_commands_take_meshes(
     column: tuple[FloatArray, IntArray, IntArray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -248,3 +257,11 @@ def test_deformable_and_rigid_meshes_fall_alike(
         assert main(["push", str(path), "--mu", "0.7", "--direction", "x", "--blocks", blocks, "--resolution", "0.01", "--json"]) == EXIT_OK
         stands, falls = json.loads(capsys.readouterr().out)["simulation"]["fall"]
         assert stands < 0.4 * 1.01 and falls > 0.4 * 0.98
+
+
+def test_cells_that_are_no_solid_are_refused_before_they_are_bounded() -> None:
+    """The same without a file: inverted, and a skin that touches itself."""
+    for (points, cells), message in ((inverted(), "1 of them inverted"), (touching_by_an_edge(), "expected edges of two faces")):
+        (piece,) = pieces_of("piece", points, cells, "hexahedron")
+        with pytest.raises(InputError, match=message):
+            skin_of(piece)
