@@ -12,7 +12,7 @@ from fcsim.errors import EXIT_OK, InputError
 if TYPE_CHECKING:
     from fcsim.masonry import MasonryProblem
 
-MODELS = (".json", ".stl", ".obj", ".ply", ".off", ".3mf", ".glb")
+MODELS = (".json", ".stl", ".obj", ".ply", ".off", ".3mf", ".glb", ".msh", ".vtu", ".vtk", ".xdmf", ".inp", ".mesh", ".med")
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -20,18 +20,19 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     info = commands.add_parser(
         "info",
         help="describe an FCLIB file or a model of blocks",
-        description="Print what an FCLIB file holds, or what a model of blocks is: a masonry problem or COMPAS model in JSON, solids.",
+        description="Print what an FCLIB file holds, or what a model of blocks is: a masonry problem or COMPAS JSON, solids, a mesh.",
     )
     info.add_argument("file", type=Path, metavar="FILE", help="FCLIB file (.hdf5), or a model of blocks")
     info.add_argument("--draw", type=Path, metavar="PICTURE", help="draw a model of blocks into this .png")
-    info.add_argument("--scale", type=float, help="metres to a unit of length of surface and COMPAS files: 1e-3 for mm")
+    info.add_argument("--scale", type=float, help="metres to a unit of length of surface, mesh and COMPAS files: 1e-3 for mm")
+    info.add_argument("--array", metavar="NAME", help="of whole numbers of a mesh's cells that are its blocks (default: its groups)")
     info.set_defaults(act=_info)
 
 
 def _info(options: argparse.Namespace) -> int:
     if options.file.suffix.lower() in MODELS:
         return _model(options)
-    for name in ("draw", "scale"):
+    for name in ("draw", "scale", "array"):
         if getattr(options, name) is not None:
             raise InputError(f"--{name}: expected it with a model of blocks ({', '.join(MODELS)}), got {options.file}")
     return _fclib(options)
@@ -42,7 +43,7 @@ def _model(options: argparse.Namespace) -> int:
 
     from fcsim.masonry import read_model
 
-    problem = read_model(options.file, scale=options.scale)
+    problem = read_model(options.file, scale=options.scale, array=options.array)
     free = [block for block in problem.blocks if not block.support]
     volumes = np.array([block.surface.moments()[0] for block in free])
     masses = np.array([block.mass or (block.density or 0.0) * volume for block, volume in zip(free, volumes, strict=True)])
@@ -62,6 +63,8 @@ def _model(options: argparse.Namespace) -> int:
         unit, on = ("m/s^2", "all blocks") if of is None else ("N", f"block {of}")
         growing = ", times the multiplier" if load.scaled else ""
         say(f"  load         ({', '.join(f'{c:g}' for c in load.value)}) {unit} on {on}{growing}")
+    if meshed := sum(0 if block.cells is None else len(block.cells.cells) for block in free):
+        say(f"  cells        {meshed}, of which blocks are made where they deform")
     say(f"  joints       {_joints(problem)}")
     for expected in problem.expected:
         say(f"  expected     {expected.quantity} {expected.value}" + (f" ({expected.kind})" if expected.kind else ""))

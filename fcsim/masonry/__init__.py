@@ -11,6 +11,7 @@ from fcsim.masonry.limit_analysis.joints import Joint, joints_of
 from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.limit_analysis.reactions import SupportForces, support_forces
+from fcsim.masonry.meshes import masonry_of_mesh
 from fcsim.masonry.models import read_model
 from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce
 from fcsim.masonry.pushes import pushed, tilted
@@ -43,6 +44,7 @@ __all__ = [
     "friction_factor",
     "joints_of",
     "limit_problem",
+    "masonry_of_mesh",
     "masonry_of_surfaces",
     "movements_of",
     "push_by_displacement",

@@ -12,11 +12,10 @@ import numpy as np
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.files import sha256
-from fcsim.masonry.models import read_model
+from fcsim.masonry.models import MODELS, read_model
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.pushes import pushed, tilted
 from fcsim.masonry.structure import BlocksAre, Stone, structure
-from fcsim.mesh.solids.surface_file import FORMATS as SURFACES
 from fcsim.running.case import Case, CaseScript, History, Sensor, load_case
 from fcsim.running.known_cases import case_place
 from fcsim.timestep.chain import SolverSettings
@@ -54,7 +53,13 @@ class Parameters:
 
 
 def masonry_case(
-    path: str | Path, mu: float | None = None, *, density: float = 2000.0, scale: float | None = None, supports: Sequence[str] = ()
+    path: str | Path,
+    mu: float | None = None,
+    *,
+    density: float = 2000.0,
+    scale: float | None = None,
+    supports: Sequence[str] = (),
+    array: str | None = None,
 ) -> CaseScript:
     """Return the case of a file of blocks, for `fcsim.running.run.run_case`, as a script's; the other arguments: see `read_model`."""
     path = Path(path)
@@ -62,15 +67,15 @@ def masonry_case(
         raise InputError(f"case {str(path)!r}: expected a model of blocks, found no such file")
 
     def built(parameters: Parameters) -> Case:
-        return build(read_model(path, mu=mu, density=density, scale=scale, supports=supports), parameters)
+        return build(read_model(path, mu=mu, density=density, scale=scale, supports=supports, array=array), parameters)
 
     return CaseScript(path.stem, path, Parameters, built, sha256(path))
 
 
 def any_case(path: str | Path) -> CaseScript:
     """The case of a script, of a folder that holds one, of a known case by its name where no such path is there, or of a masonry problem
-    in JSON or solids (z up, on a floor, mu 0.6, 2000 kg/m^3)."""
-    return masonry_case(path) if Path(path).suffix.lower() in (".json", *SURFACES) else load_case(case_place(path))
+    in JSON, solids or a mesh (z up, on a floor, mu 0.6, 2000 kg/m^3)."""
+    return masonry_case(path) if Path(path).suffix.lower() in MODELS else load_case(case_place(path))
 
 
 def build(problem: MasonryProblem, p: Parameters) -> Case:

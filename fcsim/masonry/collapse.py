@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fcsim.arrays import FloatArray
 from fcsim.contact_detection import Everything
-from fcsim.errors import InputError
+from fcsim.errors import InputError, NotConverged
 from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce
@@ -36,9 +37,12 @@ _SOFT_REST = 1e-2
 """The same of deformable blocks, whose vibrations die away slowly."""
 _WIDER, _LEAST = 0.05, 0.3
 """Share by which a bracket is widened at first, twice as much each further time; below a share of where it began it goes down to zero."""
-_TOLERANCE, _FINEST = 1e-7, 1e-8
+_TOLERANCE, FINEST = 1e-7, 1e-10
 """What stands moves by 1e-8 of its extent in all steps of a trial at this tolerance, a hundredth of first motion; at 1e-6 blocks creep into
-motion below the load at which they must move. Errors are shares of all forces: where forces press on light blocks it is finer."""
+motion below the load at which they must move. Errors are shares of all forces: where forces press on light blocks it is finer, see
+`tolerance_of`; from 1e-11 on round-off is all that is seen."""
+_CREEP = 0.1
+"""Share of first motion that a solver's errors may move a block by in a trial."""
 _AFLOAT, _MOVING_TOLERANCE = 10, 1e-6
 """Times first motion from which on a trial has left its rest, and the tolerance from there on: whether what moves falls or locks is read at
 displacements a hundred times as large, and moving corners of blocks cost tens of seconds a step at the finer one."""
@@ -49,6 +53,7 @@ class Trial:
     """What became of a multiplier: largest displacement [m] of a block's corner, its speed [m/s] in the end, after `t` [s].
 
     moves: it went beyond first motion; falls: beyond runaway, and moving still
+    rough: steps from rest did not converge to the tolerance asked, so that errors of the solver may count as first motion
     """
 
     multiplier: float
@@ -57,6 +62,7 @@ class Trial:
     t: float
     moves: bool
     falls: bool
+    rough: bool = False
 
 
 @dataclass(frozen=True)
@@ -87,9 +93,12 @@ def trial(
     tolerance of a step from rest: by default so fine that what stands does not creep into motion."""
     displacement = speed = t = 0.0
     fast, resting = RUNAWAY * problem.size / duration, 0
-    soft = blocks != "rigid"
+    soft, rough = blocks != "rigid", False
+    if tolerance is None:
+        tolerance = _TOLERANCE if soft else max(tolerance_of(problem, multiplier, duration), FINEST)
     for step, displacement, speed in _held(problem, multiplier, duration, steps, blocks, stone, tolerance):
         t = step.state.t
+        rough |= displacement <= _AFLOAT * FIRST * problem.size and step.result.error > (1 + 1e-6) * tolerance
         if soft:
             rests = t > duration and speed < _SOFT_REST * fast
         else:
@@ -100,7 +109,7 @@ def trial(
         if displacement > 3 * RUNAWAY * problem.size and speed > fast:
             break
     falls = displacement > RUNAWAY * problem.size and speed > fast
-    return Trial(multiplier, displacement, speed, t, falls if soft else displacement > FIRST * problem.size, falls)
+    return Trial(multiplier, displacement, speed, t, falls if soft else displacement > FIRST * problem.size, falls, rough and not soft)
 
 
 def fallen(
@@ -129,9 +138,11 @@ def _held(
     steps: int,
     blocks: BlocksAre,
     stone: Stone | None,
-    tolerance: float | None = None,
+    tolerance: float = _TOLERANCE,
 ) -> Iterator[tuple[Step, float, float]]:
-    """Steps under a held load, the largest displacement [m] and speed [m/s] of a free block's node."""
+    """Steps under a held load, the largest displacement [m] and speed [m/s] of a free block's node.
+
+    A step that does not converge at `tolerance` goes on at coarser ones: of that trial first motion may be an error's."""
     soft = blocks != "rigid"
 
     def grown(t: float) -> float:
@@ -142,30 +153,57 @@ def _held(
     count = 2 * steps if soft else steps
     detector = Everything(model, problem.friction)
     free = np.repeat([not problem.blocks[problem.number[body.name]].support for body in model.bodies], np.diff(model.node_offset))
-    fine = _settings(problem) if tolerance is None else SolverSettings(tol=tolerance)
-    step = None
-    for settings in (fine, SolverSettings(tol=max(_MOVING_TOLERANCE, fine.tol))):
-        done = 0 if step is None else step.number
-        begin = None if step is None else step.state
-        for step in Simulation(model, detector, scheme, count - done, settings, initial=begin, created=np.inf):
-            moved = float(np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1).max())
-            yield step, moved, float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[free], axis=1).max())
-            if settings is fine and not soft and moved > _AFLOAT * FIRST * problem.size:
-                break
-        else:
+    tolerances = sorted({tolerance, max(_TOLERANCE, tolerance), max(_MOVING_TOLERANCE, tolerance)})
+    done, begin = 0, None
+    for tol in tolerances:
+        if done == count:
             return
+        try:
+            for step in Simulation(model, detector, scheme, count - done, SolverSettings(tol=tol), initial=begin, created=np.inf):
+                done, begin = done + 1, step.state
+                moved = float(np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1).max())
+                yield step, moved, float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[free], axis=1).max())
+                if tol < tolerances[-1] and not soft and moved > _AFLOAT * FIRST * problem.size:
+                    break
+            else:
+                return
+        except NotConverged:
+            if tol == tolerances[-1]:
+                raise
 
 
 def pressed(problem: MasonryProblem) -> float:
-    """How large the point forces that stay are beside the weight of all free blocks."""
+    """How large the point forces are, those that grow as the multiplier 1 has them, beside the weight of all free blocks."""
+    return _point_forces(problem, 1.0) / (GRAVITY * float(_masses(problem).sum()))
+
+
+def _masses(problem: MasonryProblem) -> FloatArray:
+    """Of the free blocks [kg]."""
     free = [block for block in problem.blocks if not block.support]
-    weight = GRAVITY * sum(block.mass or (block.density or 0.0) * block.surface.moments()[0] for block in free)
-    return sum(float(np.linalg.norm(load.value)) for load in problem.loads if isinstance(load, PointForce) and not load.scaled) / weight
+    return np.array([block.mass or (block.density or 0.0) * block.surface.moments()[0] for block in free])
 
 
-def _settings(problem: MasonryProblem) -> SolverSettings:
-    """The solver's tolerance: as small as the blocks' weight is beside the forces upon them."""
-    return SolverSettings(tol=max(_TOLERANCE / (1 + pressed(problem)), _FINEST))
+def _point_forces(problem: MasonryProblem, multiplier: float) -> float:
+    """Sum of their amounts [N]."""
+    forces = [load for load in problem.loads if isinstance(load, PointForce)]
+    return float(sum(float(np.linalg.norm(load.value)) * (multiplier if load.scaled else 1.0) for load in forces))
+
+
+def tolerance_of(problem: MasonryProblem, multiplier: float, duration: float) -> float:
+    """The tolerance at which errors of the solver do not count as first motion within `duration` [s].
+
+    An error eps of all forces F upon the lightest block, of mass m, moves it by eps F t^2 / 2 m; without point forces `_TOLERANCE`.
+    Blocks that the forces act on are left out where there are others: plates, without weight maybe, that are held by what presses them.
+    """
+    forces, masses = _point_forces(problem, multiplier), _masses(problem)
+    if forces == 0:
+        return _TOLERANCE
+    loaded = {load.block for load in problem.loads if isinstance(load, PointForce)}
+    free = [block.name for block in problem.blocks if not block.support]
+    alone = masses[[name not in loaded for name in free]]
+    lightest = float((alone if len(alone) else masses).min())
+    creep = 0.5 * (forces + GRAVITY * float(masses.sum())) * duration**2 / lightest  # [m] at an error of 1
+    return min(_TOLERANCE, _CREEP * FIRST * problem.size / creep)
 
 
 def bracket(

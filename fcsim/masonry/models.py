@@ -1,4 +1,4 @@
-"""Any file of blocks as a masonry problem: JSON of our own, COMPAS JSON, surfaces."""
+"""Any file of blocks as a masonry problem: JSON of our own, COMPAS JSON, surfaces, meshes."""
 
 from __future__ import annotations
 
@@ -9,19 +9,38 @@ from pathlib import Path
 from fcsim.errors import InputError
 from fcsim.masonry.compas_json import is_compas, read_compas
 from fcsim.masonry.json_file import SCHEMA, json_content, masonry_of_json
+from fcsim.masonry.meshes import FORMATS as MESHES
+from fcsim.masonry.meshes import masonry_of_mesh
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.surfaces import masonry_of_surfaces, supported
+from fcsim.mesh.solids.surface_file import FORMATS as SURFACES
+
+MODELS = (".json", *SURFACES, *MESHES)
+"""The files that hold blocks."""
 
 
 def read_model(
-    path: str | Path, *, mu: float | None = None, density: float = 2000.0, scale: float | None = None, supports: Sequence[str] = ()
+    path: str | Path,
+    *,
+    mu: float | None = None,
+    density: float = 2000.0,
+    scale: float | None = None,
+    supports: Sequence[str] = (),
+    array: str | None = None,
 ) -> MasonryProblem:
-    """Return the problem of a file: "masonry-problem/1", COMPAS JSON (see `read_compas`), or solids (see `masonry_of_surfaces`).
+    """Return the problem of a file: "masonry-problem/1", COMPAS JSON (see `read_compas`), solids (see `masonry_of_surfaces`), or a mesh
+    (see `masonry_of_mesh`).
 
     mu: friction of all joints, in place of the file's (0.6 where it has none); density [kg/m^3] of blocks that have none in the file;
     scale: metres to the file's unit of length; supports: names or patterns of blocks that are held besides; where none is, a floor is laid.
+    array: of a mesh's cells, see `masonry_of_mesh`.
     """
     path = Path(path)
+    if path.suffix.lower() in MESHES:
+        given = 0.6 if mu is None else mu
+        return masonry_of_mesh(path, mu=given, density=density, scale=scale, supports=supports, array=array)
+    if array is not None:
+        raise InputError(f"{path}, array: expected it with a mesh ({', '.join(MESHES)}), got {path.suffix!r}")
     if path.suffix.lower() != ".json":
         return masonry_of_surfaces(path, mu=0.6 if mu is None else mu, density=density, scale=scale, supports=supports)
     content = json_content(path)

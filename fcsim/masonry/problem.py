@@ -13,6 +13,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.errors import InputError
 from fcsim.mesh.solids.closed_surface import ClosedSurface
+from fcsim.mesh.solids.mesh_skin import Cells
 
 GRAVITY = 9.81
 """[m/s^2]"""
@@ -20,12 +21,16 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A block of masonry: its closed surface [m], its density [kg/m^3] or its mass [kg], and whether it is held in all its motions."""
+    """A block of masonry: its closed surface [m], its density [kg/m^3] or its mass [kg], and whether it is held in all its motions.
+
+    cells: of which it is made where it deforms; None: it is meshed then.
+    """
 
     surface: ClosedSurface
     density: float | None = None
     mass: float | None = None
     support: bool = False
+    cells: Cells | None = None
 
     @property
     def name(self) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fcsim.files import replacing_for_good
-from fcsim.masonry.collapse import Bracket, pressed
+from fcsim.masonry.collapse import FINEST, Bracket, pressed, tolerance_of
 from fcsim.masonry.histories.branch import Branch
 from fcsim.masonry.histories.shake import Shake
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
@@ -45,11 +45,16 @@ def remarks(analysis: LimitAnalysis, seen: Bracket | None) -> tuple[str, ...]:
             f"the simulation falls at {seen.fall[1]:.6g}, below the least multiplier that limit analysis found under Coulomb's law "
             f"({least.multiplier:.6g}): that one is no lower bound, another mechanism with slip goes before it; take the simulated one"
         )
-    share = pressed(analysis.problem)
-    if share > 1:
+    longest = max((trial.t for trial in seen.trials), default=1.0)
+    if tolerance_of(analysis.problem, seen.motion[1], longest) < FINEST:
         said.append(
-            f"forces of {share:.2g} times the blocks' weight stay upon them: errors of the solver may move light blocks by as much as "
-            "counts as first motion, whose multiplier may be too low; that of the fall is not touched"
+            f"forces of {pressed(analysis.problem):.2g} times the blocks' weight act upon them: errors of the solver may move the lightest "
+            "by as much as counts as first motion, whose multiplier may be too low; that of the fall is not touched"
+        )
+    elif any(trial.rough and trial.moves and not trial.falls for trial in seen.trials):
+        said.append(
+            "steps from rest did not converge to the tolerance that first motion asks for, whose multiplier may be too low; that of the "
+            "fall is not touched"
         )
     return tuple(said)
 

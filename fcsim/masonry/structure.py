@@ -87,9 +87,13 @@ def _deformable(problem: MasonryProblem, block: Block, stone: Stone, meshed: dic
     shape = surface.points - origin
     edges = np.linalg.norm(np.diff(shape[surface.triangles][:, [0, 1, 2, 0]], axis=1), axis=2)
     key = np.round(shape / edges.min(), 6).tobytes() + repr((surface.polygons, round(float(edges.min()), 12), block.density)).encode()
+    if block.cells is not None:  # other cells may fill the same skin
+        key += np.round((block.cells.points - origin) / edges.min(), 6).tobytes() + block.cells.cells.tobytes()
     if key not in meshed:
         material = Material(stone.E, stone.nu, block.density)
-        if problem.dimension == 2:
+        if block.cells is not None:
+            meshed[key] = Part(block.name, block.cells.points - origin, block.cells.cells, block.cells.cell_type, {}, material)
+        elif problem.dimension == 2:
             corners, thickness = outline(block)
             size = stone.cells * float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).min())
             meshed[key] = meshed_polygon(block.name, corners - origin[[0, 2]], material, size, thickness=thickness, elements=None)

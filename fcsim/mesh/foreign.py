@@ -15,7 +15,7 @@ import numpy as np
 
 from fcsim.apart import limited, msh_alone, read_apart, refuse_others
 from fcsim.errors import InputError, MissingDependency
-from fcsim.mesh.cell_type import FROM_MESHIO
+from fcsim.mesh.cell_type import CELL_TYPES, FROM_MESHIO
 from fcsim.mesh.named_mesh import Block, NamedMesh, from_gmsh, named_mesh
 from fcsim.runtime import gmsh_model
 
@@ -24,11 +24,18 @@ if TYPE_CHECKING:
 
 SURFACE = "surface:"
 TAGS = ("gmsh:physical", "medit:ref", "cell_tags")
+ANY = "*"
+NO_GROUPS = ("gmsh:geometrical", "gmsh:bounding_entities", "cell_sets", "vtkGhostType", "vtkOriginalCellIds", "GlobalCellIds")
+"""Arrays of cells that programs write besides, which name no groups."""
 
 
-def read_foreign(path: Path, plane: Literal["strain", "stress"], thickness: float) -> NamedMesh:
-    """The mesh of a file, read in another process, see `read_apart`."""
-    arguments = (plane, repr(float(thickness)))
+def read_foreign(path: Path, plane: Literal["strain", "stress"], thickness: float, array: str | None = None) -> NamedMesh:
+    """The mesh of a file, read in another process, see `read_apart`.
+
+    array: of whole numbers, one a cell, that are the groups of solid cells in place of the file's own; `ANY`: the only such array there
+    is, of a file without groups of solid cells. InputError for one that is not there, and for several.
+    """
+    arguments = (plane, repr(float(thickness)), "" if array is None else array)
     return read_apart(path, "fcsim.mesh.foreign", arguments, lambda out: _loaded(out, str(path), plane, thickness))
 
 
@@ -47,11 +54,11 @@ def _loaded(out: Path, source: str, plane: Literal["strain", "stress"], thicknes
         )
 
 
-def main(path: str, out: str, plane: str, thickness: str) -> int:
+def main(path: str, out: str, plane: str, thickness: str, array: str = "") -> int:
     """Read a mesh file within the limits and write its arrays."""
 
     def read() -> None:
-        mesh = _read(Path(path), cast(Literal["strain", "stress"], plane), float(thickness))
+        mesh = _read(Path(path), cast(Literal["strain", "stress"], plane), float(thickness), array)
         about = {"cell_type": mesh.cell_type, "volumes": list(mesh.volumes), "surfaces": list(mesh.surfaces), "ungrouped": mesh.ungrouped}
         arrays = {f"volume {k}": cells for k, cells in enumerate(mesh.volumes.values())}
         arrays |= {f"surface {k}": facets for k, facets in enumerate(mesh.surfaces.values())}
@@ -60,8 +67,10 @@ def main(path: str, out: str, plane: str, thickness: str) -> int:
     return limited(path, read)
 
 
-def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> NamedMesh:
+def _read(path: Path, plane: Literal["strain", "stress"], thickness: float, array: str) -> NamedMesh:
     if path.suffix == ".msh":
+        if array not in ("", ANY):
+            raise InputError(f"{path}: expected physical groups for the parts of a .msh file, got the name of an array, {array!r}")
         with msh_alone(path) as alone, gmsh_model(path.stem) as gmsh:
             try:
                 gmsh.merge(str(alone))
@@ -73,7 +82,7 @@ def _read(path: Path, plane: Literal["strain", "stress"], thickness: float) -> N
                 raise InputError(f"{path}: expected a mesh that gmsh can read, got: {said}") from None
     refuse_others(path)
     mesh = quietly(path, "a mesh that meshio can read", lambda: _read_meshio(path))
-    blocks = quietly(path, "a mesh with groups that can be read", lambda: _blocks(mesh))
+    blocks = quietly(path, "a mesh with groups that can be read", lambda: _blocks(mesh, _chosen(mesh, array)))
     return named_mesh(str(path), mesh.points, blocks, plane=plane, thickness=thickness)
 
 
@@ -97,12 +106,54 @@ def quietly[T](path: Path, expected: str, call: Callable[[], T]) -> T:
         raise InputError(f"{path}: expected {expected}, got: {message}") from None
 
 
-def _blocks(mesh: Mesh) -> list[Block]:
-    """The elements of a meshio mesh, once for each group that they are in, and those that are in none."""
+def _chosen(mesh: Mesh, array: str) -> str:
+    """The name of the array that groups solid cells, "": the file's own groups do."""
+    solid = [b for b, cells in enumerate(mesh.cells) if _solid(cells.type)]
+    if not array or not solid:
+        return ""
+    whole = [
+        key
+        for key, data in mesh.cell_data.items()
+        if key not in NO_GROUPS and not key.startswith(SURFACE) and all(_whole(np.asarray(data[b])) for b in solid)
+    ]
+    if array != ANY:
+        if array not in whole:
+            raise InputError(
+                f"expected an array of whole numbers, one a cell, among {', '.join(map(repr, whole)) or 'none'}, got {array!r}"
+            )
+        return array
+    tagged = any(np.any(mesh.cell_data[key][b]) for key in TAGS if key in mesh.cell_data for b in solid)
+    if tagged or any(sets[b] is not None and len(sets[b]) for sets in mesh.cell_sets.values() for b in solid):
+        return ""
+    whole = [key for key in whole if key not in TAGS and all(np.asarray(mesh.cell_data[key][b]).dtype.kind in "iu" for b in solid)]
+    if len(whole) > 1:
+        raise InputError(f"expected the name of the array that says which part a cell is in, got {', '.join(map(repr, whole))}")
+    return whole[0] if whole else ""
+
+
+def _solid(kind: str) -> bool:
+    kind = FROM_MESHIO.get(kind, kind)
+    return kind in CELL_TYPES and CELL_TYPES[kind].dimension == 3
+
+
+def _whole(values: np.ndarray) -> bool:
+    """Whether these are whole numbers, one a cell."""
+    values = values.reshape(len(values), -1)
+    return values.shape[1:] == (1,) and values.dtype.kind in "iuf" and bool(np.all(values == np.round(values)))
+
+
+def _blocks(mesh: Mesh, array: str) -> list[Block]:
+    """The elements of a meshio mesh, once for each group that they are in, and those that are in none; array: see `_chosen`."""
     names = {int(values[0]): name for name, values in mesh.field_data.items() if np.size(values) == 2}
     blocks = []
     for b, cells in enumerate(mesh.cells):
         groups: dict[str, np.ndarray] = {}
+        if array and _solid(cells.type):
+            numbers = np.asarray(mesh.cell_data[array][b]).reshape(-1).astype(np.int64)
+            blocks += [
+                Block(FROM_MESHIO.get(cells.type, cells.type), np.asarray(cells.data)[numbers == k], str(k)) for k in np.unique(numbers)
+            ]
+            continue
         for key, data in mesh.cell_data.items():
             if key.startswith(SURFACE):
                 groups[unquote(key.removeprefix(SURFACE))] = np.flatnonzero(data[b])

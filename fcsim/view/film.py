@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fcsim.errors import InputError, MissingDependency
 from fcsim.files import replacing
 from fcsim.running.folder import Instant, RunFolder
-from fcsim.view.pictures import stress_figure
+from fcsim.view.pictures import stress_frames
 from fcsim.view.scene import Scene, Survey
 from fcsim.view.style import STYLE, matplotlib
 
@@ -55,13 +55,8 @@ def write_film(
 def _frames(
     run: RunFolder, seen: Survey, instants: tuple[Instant, ...], width: int, progress: Callable[[int, int], None]
 ) -> Iterator[NDArray[np.uint8]]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     with Scene(seen, width=width) as scene:
-        for number, instant in enumerate(instants):
-            canvas = FigureCanvasAgg(stress_figure(run, scene, instant))
-            canvas.draw()
-            image = np.asarray(canvas.buffer_rgba())[..., :3]
+        for number, image in enumerate(stress_frames(run, scene, instants)):
             yield np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
             progress(number + 1, len(instants))
 

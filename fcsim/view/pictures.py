@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
+    from matplotlib.text import Annotation, Text
 
 WIDTH = 10.0  # of every page [inch], whatever the resolution
 TOP, BOTTOM = 0.72, 0.85  # bands for title and for colours or legend [inch]
@@ -59,6 +60,29 @@ def stress_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
     page.gravity(page.image(scene.image(instant)), instant)
     page.colour_bar()
     return page.drawing
+
+
+def stress_frames(run: RunFolder, scene: Scene, instants: tuple[Instant, ...]) -> Iterator[NDArray[np.uint8]]:
+    """The pictures of `stress_figure` of several instants, (height, width, 3) each: what they share is drawn once, the rest over it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    page = _Page(scene)
+    subtitle = page.title(run.title, "")
+    axes = page.image(np.full((scene.height, scene.width, 3), 255, np.uint8))
+    page.colour_bar()
+    canvas = FigureCanvasAgg(page.drawing)
+    canvas.draw()
+    shared = canvas.copy_from_bbox(page.drawing.bbox)
+    for instant in instants:
+        canvas.restore_region(shared)
+        axes.images[0].set_data(scene.image(instant))
+        subtitle.set_text(describe(run, scene, instant))
+        arrow = page.gravity(axes, instant)
+        for artist in (axes.images[0], *arrow, subtitle):
+            page.drawing.draw_artist(artist)
+        for artist in arrow:
+            artist.remove()
+        yield np.array(canvas.buffer_rgba())[..., :3]
 
 
 def instants_figure(run: RunFolder, scene: Scene, instants: list[Instant]) -> Figure:
@@ -178,10 +202,10 @@ class _Page:
         self.height = TOP + rows * (self.cell_height + caption) + BOTTOM
         self.drawing = figure(WIDTH, self.height, scene.width / WIDTH)
 
-    def title(self, title: str, subtitle: str) -> None:
+    def title(self, title: str, subtitle: str) -> Text:
         left = 0.25 / WIDTH
         self.drawing.text(left, 1 - 0.34 / self.height, title, fontsize=14, fontweight="bold", va="center")
-        self.drawing.text(left, 1 - 0.60 / self.height, subtitle, fontsize=11, color=GREY, va="center")
+        return self.drawing.text(left, 1 - 0.60 / self.height, subtitle, fontsize=11, color=GREY, va="center")
 
     def image(self, pixels: NDArray[np.uint8], place: int = 0, caption: str = "") -> Axes:
         row, column = divmod(place, self.columns)
@@ -211,28 +235,29 @@ class _Page:
         bar.set_label(label, labelpad=2)
         bar.outline.set_linewidth(0.5)
 
-    def gravity(self, axes: Axes, instant: Instant) -> None:
+    def gravity(self, axes: Axes, instant: Instant) -> list[Annotation]:
         """An arrow along gravity of that instant, in the upper right corner; nothing where there is none, or it is along the view."""
         g = gravity_of(instant)
         if g is None:
-            return
+            return []
         seen = np.array([g @ self.scene.right, -(g @ self.scene.up)])
         if np.linalg.norm(seen) < 0.1 * np.linalg.norm(g):
-            return
+            return []
         length = 0.045 * self.scene.width
         along = length * seen / np.linalg.norm(seen)
         centre = np.array([self.scene.width - 1.1 * length, -0.15 * length])
         tail, tip = centre - along / 2, centre + along / 2
-        axes.annotate(
+        arrow = axes.annotate(
             "",
             tip,
             tail,
             annotation_clip=False,
             arrowprops={"arrowstyle": "-|>", "color": GREY, "linewidth": 1.8, "shrinkA": 0, "shrinkB": 0},
         )
-        axes.annotate(
+        letter = axes.annotate(
             "g", (centre[0] + 0.35 * length, centre[1]), color=GREY, fontsize=11, style="italic", va="center", annotation_clip=False
         )
+        return [arrow, letter]
 
 
 def _spread(instants: tuple[Instant, ...], number: int) -> list[Instant]:

@@ -19,10 +19,14 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 def add_model(command: argparse.ArgumentParser) -> None:
     """The file of blocks, and what it may not say itself."""
     command.add_argument(
-        "model", type=Path, help="a masonry problem or COMPAS model in JSON, or solids: .stl, .obj, .ply, .off, .3mf, .glb"
+        "model",
+        type=Path,
+        help="a masonry problem or COMPAS model in JSON, solids (.stl, .obj, .ply, .off, .3mf, .glb), or a mesh (.msh, .vtu, "
+        ".vtk, .xdmf, .inp, .mesh, .med) whose groups are blocks",
     )
     command.add_argument("--density", type=float, default=2000.0, help="[kg/m^3] of blocks whose file has none (default 2000)")
-    command.add_argument("--scale", type=float, help="metres to a unit of length of surface and COMPAS files: 1e-3 for mm")
+    command.add_argument("--scale", type=float, help="metres to a unit of length of surface, mesh and COMPAS files: 1e-3 for mm")
+    command.add_argument("--array", metavar="NAME", help="of whole numbers of a mesh's cells that are its blocks (default: its groups)")
     command.add_argument("--support", action="append", default=[], metavar="NAME", help="solid that is held (default: a floor)")
     command.add_argument("--mu", type=float, help="friction coefficient of all joints, in place of the problem's")
 
@@ -43,7 +47,9 @@ def read(options: argparse.Namespace) -> MasonryProblem:
     """The problem of the file that the options name."""
     from fcsim.masonry import read_model
 
-    return read_model(options.model, mu=options.mu, density=options.density, scale=options.scale, supports=options.support)
+    return read_model(
+        options.model, mu=options.mu, density=options.density, scale=options.scale, supports=options.support, array=options.array
+    )
 
 
 def add_stone(command: argparse.ArgumentParser) -> None:

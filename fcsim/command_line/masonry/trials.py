@@ -186,7 +186,9 @@ def _run_collapse(options: argparse.Namespace, loading: dict[str, str], duration
         **_as_run(options),
     }
     summary = run_case(
-        masonry_case(options.model, options.mu, density=options.density, scale=options.scale, supports=options.support),
+        masonry_case(
+            options.model, options.mu, density=options.density, scale=options.scale, supports=options.support, array=options.array
+        ),
         assignments,
         options.out / "run",
         RunOptions(export_every=0, vtk_every=5),

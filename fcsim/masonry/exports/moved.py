@@ -29,5 +29,6 @@ def moved_blocks(problem: MasonryProblem, model: Model, x: FloatArray) -> Masonr
         points = surface.points.copy()
         points[:, axes] += (places - model.reference)[first:last][node]
         polygons = tuple(tuple(face) for face in plane_faces(points, surface.polygons))
-        blocks[number] = replace(problem.blocks[number], surface=replace(surface, points=np.ascontiguousarray(points), polygons=polygons))
+        there = replace(surface, points=np.ascontiguousarray(points), polygons=polygons)
+        blocks[number] = replace(problem.blocks[number], surface=there, cells=None)  # a mesh that it had stays where it was
     return replace(problem, blocks=tuple(blocks))

@@ -135,8 +135,8 @@ def _triangles(what: str, x: FloatArray, face: Sequence[int] | IntArray) -> IntA
         import mapbox_earcut
     except ImportError as error:
         raise MissingDependency(f"faces that are not convex need mapbox_earcut ({error}): pip install 'fcsim[masonry]'") from None
-    first = p[1] / np.linalg.norm(p[1] - normal * (p[1] @ normal))
-    first -= normal * (first @ normal)
+    first = p[np.argmax(np.linalg.norm(p, axis=1))]  # not any corner: that of an L may be where the mean of its corners is
+    first = first - normal * (first @ normal)
     first /= np.linalg.norm(first)
     flat = np.stack([p @ first, p @ np.cross(normal, first)], axis=1)
     cut = mapbox_earcut.triangulate_float64(flat, np.array([len(corners)], dtype=np.uint32)).astype(np.int64).reshape(-1, 3)

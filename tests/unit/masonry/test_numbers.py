@@ -13,7 +13,7 @@ from fcsim.errors import InputError
 from fcsim.masonry import Bracket, MasonryProblem, PointForce, analyse, pushed, read_masonry
 from fcsim.masonry.atlas.shapes import one_block
 from fcsim.masonry.case import masonry_case
-from fcsim.masonry.collapse import pressed
+from fcsim.masonry.collapse import Trial, pressed, tolerance_of
 from fcsim.masonry.report import remarks
 from fcsim.running.run import RunOptions, run_case
 
@@ -89,14 +89,32 @@ def test_a_support_that_is_faster_than_any(tmp_path: Path) -> None:
         run_case(masonry_case(tmp_path / "block.json"), {"steps": "1"}, tmp_path / "out", RunOptions(export_every=0, vtk_every=0))
 
 
-def test_forces_larger_than_the_weight_are_remarked_upon():
-    """A first motion under them is not to be trusted: eight times the weight on a block that slides at mu (1 + 8)."""
+def test_forces_beside_which_errors_count_as_motion_are_remarked_upon():
+    """A force F on a block of mass m: a share eps of F moves it by eps F t^2 / 2 m, against first motion, 1e-6 of 1 m. Eight times the
+    weight asks for a tolerance of 2e-9, ten thousand times for less than solvers reach."""
     problem = pushed(one_block(1.0, 0.4, 0.3), (1.0, 0.0, 0.0))
     stone = next(block for block in problem.blocks if not block.support)
     weight = 9.81 * (stone.density or 0.0) * stone.surface.moments()[0]
-    loaded = replace(problem, loads=(*problem.loads, PointForce(stone.name, (0.0, 0.0, -8 * weight))))
+
+    def loaded(times: float) -> MasonryProblem:
+        return replace(problem, loads=(*problem.loads, PointForce(stone.name, (0.0, 0.0, -times * weight))))
+
     seen = Bracket((2.69, 2.71), (2.69, 2.71), ())
-    assert pressed(loaded) == pytest.approx(8.0, rel=1e-3) and pressed(problem) == 0.0
+    assert pressed(loaded(8)) == pytest.approx(8.0, rel=1e-3) and pressed(problem) == 0.0
+    assert tolerance_of(problem, 1.0, 1.0) == 1e-7
+    for times in (8.0, 80.0):
+        eps = tolerance_of(loaded(times), 1.0, 1.0)
+        assert eps * (1 + times) * weight / (weight / 9.81) / 2 == pytest.approx(1e-7, rel=1e-6)  # a tenth of first motion
     assert not remarks(analyse(problem), replace(seen, fall=(0.3, 0.301)))
-    (said,) = remarks(analyse(loaded), seen)
-    assert "forces of 8 times" in said
+    assert not remarks(analyse(loaded(8)), seen)
+    (said,) = remarks(analyse(loaded(1e4)), replace(seen, fall=(3e3, 3.1e3)))
+    assert "forces of 1e+04 times" in said
+
+
+def test_steps_that_are_rough_are_remarked_upon():
+    """Only where they moved and did not fall: there alone first motion hangs on them."""
+    found = analyse(pushed(one_block(1.0, 0.4, 0.3), (1.0, 0.0, 0.0)))
+    rough = Trial(0.3, 2e-6, 1e-5, 0.2, True, False, True)
+    (said,) = remarks(found, Bracket((0.29, 0.3), (0.3, 0.301), (rough,)))
+    assert "did not converge" in said
+    assert not remarks(found, Bracket((0.29, 0.3), (0.3, 0.301), (replace(rough, rough=False), replace(rough, moves=False))))

@@ -24,7 +24,7 @@ from fcsim.view import SeriesWriter, render, scene
 from fcsim.view.film import film_instants, write_film
 from fcsim.view.joints import find_joints
 from fcsim.view.joints.draw import crack_colours
-from fcsim.view.pictures import contact_figure, crack_figure, instants_figure, stress_figure, write_pictures
+from fcsim.view.pictures import contact_figure, crack_figure, instants_figure, stress_figure, stress_frames, write_pictures
 from fcsim.view.plots import _sides, contact_plot, convergence_plot, energy_plot, history_plot, phase_plot, reaction_plot, write_plots
 from fcsim.view.style import BLUE, RED, STYLE, matplotlib, prefixed, save
 
@@ -96,6 +96,20 @@ def test_the_film_moves(rendered):
     body = slice(frames[0].shape[0] // 5, -frames[0].shape[0] // 5)  # without title and colour bar
     for one, other in pairwise(frames):
         assert np.mean(np.abs(one[body] - other[body]).max(-1) > 20) > 0.02
+
+
+def test_a_film_draws_once_what_its_frames_share(run_directory, monkeypatch):
+    """Each frame has the pixels of that instant's own picture, also after the ones before it; gravity turns meanwhile."""
+    monkeypatch.setattr("fcsim.view.pictures.gravity_of", lambda instant: np.array([9.0 * instant.t, 0.0, -1.0]) if instant.t else None)
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    run = open_run(run_directory)
+    instants = (run.instants[0], run.instants[-1], run.instants[1])
+    with matplotlib().rc_context(STYLE), scene.Scene(scene.survey(run, run.instants), width=300) as view:
+        for instant, frame in zip(instants, stress_frames(run, view, instants), strict=True):
+            canvas = FigureCanvasAgg(stress_figure(run, view, instant))
+            canvas.draw()
+            np.testing.assert_array_equal(frame, np.asarray(canvas.buffer_rgba())[..., :3])
 
 
 def test_mp4(run_directory, tmp_path):

@@ -116,3 +116,14 @@ def test_a_solid_beyond_the_range_of_floats_is_refused(far: float) -> None:
     points[3, 0] = -far
     with pytest.raises(InputError, match="'far': expected points whose volume is a number, got an extent of"):
         closed_surface("far", points, HEX)
+
+
+def test_an_l_whose_inner_corner_is_the_mean_of_its_corners() -> None:
+    """Three unit squares around (1, 1): the mean of the six corners is the inner one; every corner as the first."""
+    around = [(0, 0), (2, 0), (2, 2), (1, 2), (1, 1), (0, 1)]
+    for turn in range(6):
+        flat = around[turn:] + around[:turn]
+        points = [(x, y, z) for z in (0.0, 1.0) for x, y in flat]
+        sides = [(k, (k + 1) % 6, (k + 1) % 6 + 6, k + 6) for k in range(6)]
+        surface = closed_surface("L", points, [tuple(range(5, -1, -1)), tuple(range(6, 12)), *sides])
+        assert surface.moments()[0] == pytest.approx(3.0)
