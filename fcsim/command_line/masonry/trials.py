@@ -332,12 +332,9 @@ def _write_cracks(directory: Path, analysis: LimitAnalysis, seen: Bracket, step:
     from fcsim.masonry.report import write_openings
     from fcsim.view.cracks import draw_cracks
 
-    rigid = not step.model.deformable
-    touching = (
-        analysis.limit.contacts
-        if rigid
-        else Everything(step.model, analysis.problem.friction, 1e-4 * analysis.problem.smallest)(step.model.reference)
-    )
+    touching = analysis.limit.contacts
+    if step.model.deformable:
+        touching = Everything(step.model, analysis.problem.friction, 1e-4 * analysis.problem.smallest)(step.model.reference)
     joints = openings(touching, step.model, step.state.x)
     write_openings(directory / "openings.csv", joints)
     if analysis.problem.dimension == 2:
