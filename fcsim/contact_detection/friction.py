@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -28,6 +29,8 @@ class FrictionTable:
                 if unknown:
                     raise InputError(f"mu: expected names of bodies, or '*', got {unknown[0]!r}")
                 _checked(mu[key], key)
+                if (turned := (key[1], key[0])) in mu and mu[turned] != mu[key]:
+                    raise InputError(f"mu: expected one number for {key[0]!r} and {key[1]!r}, got {mu[key]!r} and {mu[turned]!r}")
         elif not callable(mu):
             _checked(mu, ("*", "*"))
 
@@ -41,8 +44,20 @@ class FrictionTable:
     def _of(self, a: int, b: int) -> float:
         if (a, b) not in self._known:
             one, other = self._names[a], self._names[b]
-            self._known[a, b] = _checked(self._mu(one, other), (one, other)) if callable(self._mu) else self._entry(one, other)
+            self._known[a, b] = _checked(self._asked(one, other), (one, other)) if callable(self._mu) else self._entry(one, other)
         return self._known[a, b]
+
+    def _asked(self, one: str, other: str) -> float:
+        assert callable(self._mu)
+        try:
+            takes = inspect.signature(self._mu)
+        except (TypeError, ValueError):  # compiled functions may have none
+            return self._mu(one, other)
+        try:
+            takes.bind(one, other)
+        except TypeError as error:
+            raise InputError(f"mu: expected a function of two names of bodies, got one of {takes} ({error})") from None
+        return self._mu(one, other)
 
     def _entry(self, one: str, other: str) -> float:
         assert isinstance(self._mu, Mapping)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from types import ModuleType
 from typing import Literal
@@ -25,7 +26,8 @@ BYTES_PER_CELL = 1200.0
 """What gmsh holds and hands out of a structured mesh, measured at 64 000 and 343 000 hexahedra."""
 
 
-_TOLERANCE, _LARGEST = 1e-8, 1e15  # of gmsh's geometry
+_TOLERANCE, _SMALLEST, _LARGEST = 1e-8, 1e-15, 1e15  # of gmsh's geometry
+_SMALL = 1e-4  # m: from there on down gmsh meshes larger boxes; of 2e-7 m it makes a mixture of cells
 
 
 def part_from_gmsh(
@@ -166,8 +168,8 @@ def _check_box(
     counts = _check_numbers(name, "divisions", divisions, dimension)
     if np.any(size <= 0):
         raise InputError(f"{name!r}, size: expected lengths > 0 in m, got {size.tolist()}")
-    if size.min() <= _TOLERANCE or size.max() > _LARGEST or size.min() <= _TOLERANCE * size.max():
-        known = f"above {_TOLERANCE:g} m, below {_LARGEST:g} m and of a ratio below {1 / _TOLERANCE:g}, which gmsh tells apart"
+    if size.min() <= _SMALLEST or size.max() > _LARGEST or size.min() <= _TOLERANCE * size.max():
+        known = f"above {_SMALLEST:g} m, below {_LARGEST:g} m and of a ratio below {1 / _TOLERANCE:g}, which gmsh tells apart"
         raise InputError(f"{name!r}, size: expected lengths {known}, got {size.tolist()}")
     if not np.allclose((origin + size) - origin, size, rtol=1e-6, atol=0):
         raise InputError(f"{name!r}, origin: expected one within 1e9 lengths of the box, got {origin.tolist()} for {size.tolist()}")
@@ -187,8 +189,13 @@ def _box(
     plane: Literal["strain", "stress"] = "strain",
     thickness: float = 1.0,
 ) -> NamedMesh:
-    """Extrude a point along x, y and z with gmsh, so that the mesh is structured; cut into simplices unless gmsh recombines."""
+    """Extrude a point along x, y and z with gmsh, so that the mesh is structured; cut into simplices unless gmsh recombines.
+
+    Small boxes are meshed in units of a power of two, which changes no digit: gmsh's geometry takes lengths below 1e-8 for none.
+    """
     size, origin, counts = _check_box(name, size, divisions, origin, dimension)
+    unit = 2.0 ** np.floor(np.log2(size.max())) if size.min() < _SMALL else 1.0
+    size, origin = size / unit, origin / unit
     if cell not in RAISED or CELL_TYPES[cell].dimension != dimension:
         known = " or ".join(repr(c) for c in RAISED if CELL_TYPES[c].dimension == dimension)
         raise InputError(f"{name!r}, cell: expected {known}, got {cell!r}")
@@ -211,7 +218,8 @@ def _box(
         for label, face in sorted(zip(_face_labels(gmsh, faces, origin + size / 2, size), faces, strict=True), key=_minus_first):
             gmsh.model.addPhysicalGroup(face[0], [face[1]], name=label)
         gmsh.model.mesh.generate(dimension)
-        return from_gmsh(gmsh, repr(name), plane=plane, thickness=thickness)
+        mesh = from_gmsh(gmsh, repr(name), plane=plane, thickness=thickness)
+        return mesh if unit == 1.0 else replace(mesh, points=mesh.points * unit)
 
 
 def _minus_first(labelled: tuple[str, tuple[int, int]]) -> tuple[str, bool]:

@@ -49,7 +49,11 @@ def at_rest(model: Model, t: float = 0.0, h: float = 1e-3) -> State:
 
 
 def refuse_misplaced(model: Model, state: State) -> None:
-    """InputError where an initial state has not turned what driven rotations turn."""
+    """InputError where an initial state is not one of the model, or has not turned what driven rotations turn."""
+    for name, values in (("x", state.x), ("v", state.v)):
+        if np.shape(values) != (model.n_dofs,) or not np.isfinite(values).all():
+            got = f"shape {np.shape(values)}" if np.shape(values) != (model.n_dofs,) else "NaN or infinity"
+            raise InputError(f"initial state, {name}: expected finite numbers of shape {(model.n_dofs,)}, got {got}")
     exact = model.held.placed(state.x, state.t)
     size = float(np.ptp(model.reference, axis=0).max(initial=0.0))
     apart = np.abs(model.positions(exact) - model.positions(state.x)).max(initial=0.0)

@@ -51,6 +51,13 @@ def block(material: Material = STONE, size: tuple[float, float, float] = (0.2, 0
     return brick("block", size=size, divisions=(2, 1, 1), material=material)
 
 
+def soup() -> Part:
+    """The block, each cell with nodes of its own."""
+    whole = block()
+    cells = np.arange(whole.cells.size).reshape(whole.cells.shape)
+    return Part("soup", whole.points[whole.cells].reshape(-1, 3), cells, whole.cell_type, {}, STONE)
+
+
 def scene(part: Part | None = None, *more: Body, at: tuple[float, float, float] = (0.0, 0.0, 0.0), **given: Any) -> Model:
     """A block on a held floor; what is given takes the place of what is right."""
     right: dict[str, Any] = {"supports": [Support("floor", ALL)], "gravity": lambda t: (0.0, 0.0, -9.81), "beta": 1e-3}
@@ -140,6 +147,13 @@ MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
     "Statics without supports": (lambda: said(scene(), scheme=QuasiStatic(0.1)), "Add supports, or choose eta > 0"),
     "A body begins far above the floor": (lambda: said(high(), steps=1), "begin nearer, with a velocity"),
     "A body beside the floor": (lambda: said(scene(at=(5.0, 0.0, 0.0)), steps=1), "the floor large enough?"),
+    "The floor is forgotten": (lambda: said(build_model([Body("block", block())], gravity=lambda t: (0, 0, -9.81), beta=1e-3), steps=1),
+                               "Is the floor forgotten"),
+    "Nodes are doubled": (lambda: said(scene(soup()), steps=1), "merge the nodes"),
+    "Friction twice": (
+        lambda: Everything(scene(), {("block", "floor"): 0.4, ("floor", "block"): 0.6}),
+        "one number for 'block' and 'floor'",
+    ),
     "A rotation by an angle": (lambda: Body("block", block(), rotation=90), "Rotation.from_euler"),
     "An angle in degrees": (lambda: said(turning(), scheme=Theta(h=1e-2), steps=1), "Angles are in radians"),
     "A spring without a body": (spring, "expected one of 'block', 'floor'"),

@@ -10,6 +10,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
+from fcsim.contact_detection.arguments import excluded_pairs, refuse_alert
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.exact.cylinders import cylinders_with_cylinders
 from fcsim.contact_detection.exact.cylinders_on_meshes import cylinders_on_meshes
@@ -61,11 +62,10 @@ class ExactContacts:
         solids = solids_of(model)
         if not len(solids.body):
             raise InputError("ExactContacts: expected bodies of exact shape (rigid_sphere and its like), got none: use Everything")
-        if self.alert is not None and not (np.isfinite(self.alert) and self.alert > 0):
-            raise InputError(f"ExactContacts, alert: expected a distance > 0 in m, got {self.alert}")
+        refuse_alert("ExactContacts", self.alert)
         radii = solids.radius[solids.radius > 0]
         names = [body.name for body in model.bodies]
-        exclude = [(model.body_number(a), model.body_number(b)) for a, b in self.exclude]
+        exclude = excluded_pairs("ExactContacts", model, self.exclude)
         others = np.setdiff1d(np.arange(len(names)), solids.body)
         offset = model.node_offset
         nodes = np.concatenate([np.empty(0, dtype=np.int64), *(np.arange(offset[k], offset[k + 1]) for k in others)])

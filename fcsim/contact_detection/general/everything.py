@@ -10,6 +10,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
+from fcsim.contact_detection.arguments import excluded_pairs, refuse_alert
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.friction import Friction, FrictionTable
@@ -75,15 +76,12 @@ class Everything:
     def __post_init__(self) -> None:
         model = self.model
         names = [body.name for body in model.bodies]
-        if self.alert is not None and not (np.isfinite(self.alert) and self.alert > 0):
-            raise InputError(f"Everything, alert: expected a distance > 0 in m, got {self.alert}")
+        refuse_alert("Everything", self.alert)
         skin = closed_skin(boundary_of(model), model.reference, names)
-        exclude = [tuple(model.body_number(name) for name in pair) for pair in self.exclude]
+        exclude = excluded_pairs("Everything", model, self.exclude)
         if isinstance(self.curved, str):
             raise InputError(f"Everything, curved: expected several names of bodies, got {self.curved!r}: write [{self.curved!r}]")
         named = np.isin(np.arange(len(names)), [model.body_number(name) for name in self.curved])
-        if any(len(pair) != 2 for pair in exclude):
-            raise InputError(f"Everything, exclude: expected pairs of body names, got {self.exclude!r}")
         excluded = np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64)
         reference = shape_of(skin, model.reference)
         folding = folding_bodies(skin, reference, [body.part if isinstance(body, Body) else None for body in model.bodies])

@@ -15,12 +15,19 @@ def rigid_polygon(
     """Return the homogeneous plate within a closed polygon of corners (n, 2) [m], convex or not, with one surface "skin".
 
     Of `density` [kg/m^3] times `thickness` [m], or of `mass` [kg]. Area, centroid and polar moment by Green's theorem: sums over the
-    sides of c = x_k y_k+1 - x_k+1 y_k times polynomials. InputError for polygons without an area or that cross themselves.
+    sides of c = x_k y_k+1 - x_k+1 y_k times polynomials. InputError for polygons without an area, with a corner twice, or that
+    cross themselves.
     """
     what = f"polygon {name!r}"
     p = np.asarray(points, dtype=np.float64)
     if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
         raise InputError(f"{what}: expected at least three finite corners of shape (n, 2), got shape {p.shape}")
+    if (same := np.flatnonzero((p == np.roll(p, -1, axis=0)).all(axis=1))).size:
+        again = (int(same[0]) + 1) % len(p)
+        raise InputError(
+            f"{what}: expected corners that differ from the next one (the last is joined to the first by itself), got corner {again} "
+            f"where corner {int(same[0])} is, at {tuple(p[again].tolist())}"
+        )
     given = mass if density is None else density
     if (density is None) == (mass is None) or not (np.isfinite(given) and given > 0):  # type: ignore[arg-type,operator]
         raise InputError(f"{what}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")

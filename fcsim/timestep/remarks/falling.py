@@ -30,7 +30,12 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
     extent.
     """
     g = float(np.linalg.norm(gravity))
-    if g == 0 or not scheme.timing.moving or model.loads or len(model.bodies) < 2 or np.any(state.v):
+    if g == 0 or not scheme.timing.moving or model.loads or np.any(state.v):
+        return
+    if len(model.bodies) < 2:
+        if not model.supports:
+            name = model.bodies[0].name
+            yield f"body {name!r} is alone, and no support holds it: it falls for ever. Is the floor forgotten, or a support?"
         return
     if not model.supports:
         directions = ", ".join(map(repr, DIRECTIONS[model.dimension]))
@@ -73,7 +78,7 @@ def _ways(model: Model, positions: FloatArray, axis: int, sign: float) -> tuple[
     others = [k for k in range(low.shape[1]) if k != axis]
     shared = (np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None]))[..., others]
     bottom, top = (low[:, axis], high[:, axis]) if sign < 0 else (-high[:, axis], -low[:, axis])
-    beneath = (top[None] <= top[:, None]) | (bottom[None] < bottom[:, None])  # a slope's box reaches over what lies on its lower end
+    beneath = bottom[None] < top[:, None]  # a slope's box reaches over what lies on its lower end, a hook's under what hangs in it
     below = (shared > 0).all(axis=-1) & beneath & ~np.eye(len(points), dtype=bool)
     return np.maximum(bottom[:, None] - top[None], 0.0), below
 

@@ -13,6 +13,7 @@ from fcsim.contact_detection import Detection, Detector
 from fcsim.contact_detection.never_touching import never_touching
 from fcsim.mesh.part import Body
 from fcsim.timestep.remarks.falling import falling
+from fcsim.timestep.remarks.pieces import torn_meshes
 from fcsim.timestep.remarks.unlikely import diagonal_pull, fast_turning, soft_or_stiff, steep_friction
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -43,6 +44,7 @@ def opening_remarks(
     found += [_coarse_floor(model, scheme, floor), steep_friction(detector), fast_turning(model, scheme, state.t, steps)]
     found.append(diagonal_pull(model, scheme, state.t, steps))
     found.append(soft_or_stiff(model, gravity, EARTH[0] <= float(np.linalg.norm(gravity)) <= EARTH[1]))
+    found.append(torn_meshes(model))
     if not linked and not upwards:
         found.append(falling(model, state, scheme, gravity, steps, _held(model)))
     if isinstance(detector, Detector):

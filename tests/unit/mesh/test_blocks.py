@@ -213,10 +213,21 @@ def test_a_surface_mesh_in_space_is_refused():
             part_from_gmsh(gmsh, "p", MATERIAL)
 
 
-@pytest.mark.parametrize("size", [(1e-300, 1e-300, 1e-300), (1.0, 1.0, 1e-8), (1e-9, 1e-9, 1e-9), (1.0, 1.0, 1e15), (1e300, 1e300, 1e300)])
+@pytest.mark.parametrize("size", [(1e-300, 1e-300, 1e-300), (1.0, 1.0, 1e-8), (1e-16, 1e-9, 1e-9), (1.0, 1.0, 1e15), (1e300, 1e300, 1e300)])
 def test_lengths_that_gmsh_does_not_tell_apart_are_refused(size: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="'b', size: expected lengths above"):
         brick("b", size, (1, 1, 1), Material(1e9, 0.2, 1e3))
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+@pytest.mark.parametrize("power", [-20, -33])
+def test_small_boxes_are_meshed_as_large_ones(power: int, cell: str) -> None:
+    """A micrometre, a tenth of a nanometre: gmsh, asked for boxes of 2e-7 m, makes a mixture of cells of them."""
+    unit, material = 2.0**power, Material(1e9, 0.2, 1e3)
+    size, origin = np.array([1.0, 0.2, 0.7]), np.array([0.3, -1.0, 5.0])
+    small, large = (brick("b", k * size, (3, 2, 4), material, cell=cell, origin=k * origin) for k in (unit, 1.0))
+    assert np.array_equal(small.points, unit * large.points)
+    assert np.array_equal(small.cells, large.cells)
 
 
 def test_an_origin_beside_which_a_box_is_nothing_is_refused() -> None:

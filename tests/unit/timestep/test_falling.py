@@ -1,5 +1,6 @@
 """What falls past or for long, and fast rotations, in the plane, in other units, along other axes; no alarm where all is right."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.contact_detection import Everything
 from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
-from fcsim.mesh.part import Body
+from fcsim.mesh.part import Body, Part
+from fcsim.mesh.solids.rigid_polygon import rigid_polygon
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.theta import Theta
@@ -74,3 +76,50 @@ def test_rotations(angle: Any, told: bool) -> None:
     model = build_model(bodies, supports=[DrivenRotation("drum", angle, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))])
     said = Simulation(model, Everything(model, 0.5), Theta(1e-2), 100)._opening(at_rest(model, h=1e-2))
     assert any("Angles are in radians" in remark for remark in said) is told
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0])
+def test_what_hangs_in_a_hook_is_over_it(unit: float) -> None:
+    """The hook reaches higher than what hangs in it."""
+    hook = unit * np.array([(0, 0), (0.05, 0), (0.05, 0.3), (0.0, 0.3), (0.0, 0.05), (-0.1, 0.05), (-0.1, 0.1), (-0.15, 0.1), (-0.15, 0)])
+    hung = hook @ [[1, 0], [0, -1]] + unit * np.array([-0.05, 0.1])
+    bodies = [rigid_polygon("hook", hook, density=1.0), rigid_polygon("hung", hung - unit * np.array([0.05, 0]), density=1.0)]
+    model = build_model(bodies, supports=[Support("hook", ("x", "y", "rz"))], gravity=lambda t: np.array([0.0, -9.81 * unit]))
+    assert Simulation(model, Everything(model, 0.5), Theta(1e-3), 5)._opening(at_rest(model)) == ()
+
+
+def test_a_body_that_is_alone_falls_for_ever() -> None:
+    box = rigid_box("box", (1, 1, 1), (0, 0, 0), 1.0)
+    model = build_model([box], gravity=lambda t: np.array([0.0, 0.0, -9.81]))
+    (alone,) = Simulation(model, Everything(model, 0.5), Theta(1e-3), 5)._opening(at_rest(model))
+    assert "body 'box' is alone, and no support holds it: it falls for ever. Is the floor forgotten" in alone
+    thrown = State(0.0, at_rest(model).x, np.ones(6))
+    assert Simulation(model, Everything(model, 0.5), Theta(1e-3), 5)._opening(thrown) == ()
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0])
+def test_a_mesh_in_pieces_that_lie_on_each_other_is_named(unit: float) -> None:
+    """Nodes doubled for every cell, and around one cell; a mesh with a slit is one piece, and pieces apart are meant."""
+    whole = brick("stone", (unit, unit, unit), (2, 2, 2), Material(1e9, 0.2, 1000.0))
+
+    def told(points: np.ndarray, cells: np.ndarray) -> tuple[str, ...]:
+        body = Body("stone", Part("stone", points, cells, whole.cell_type, {}, whole.material))
+        floor = rigid_box("floor", (4 * unit, 4 * unit, unit), (0, 0, -0.5 * unit), 1.0)
+        model = build_model([body, floor], supports=[Support("floor", ("x", "y", "z", "rx", "ry", "rz"))])
+        return Simulation(model, Everything(model, 0.5), Theta(1e-3), 5)._opening(at_rest(model))
+
+    def separated(cells: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        own = np.unique(whole.cells[cells])
+        shared = np.intersect1d(own, np.delete(whole.cells, cells, axis=0))
+        number = np.arange(len(whole.points))
+        number[shared] = len(whole.points) + np.arange(len(shared))
+        corners = whole.cells.copy()
+        corners[cells] = number[corners[cells]]
+        return np.vstack([whole.points, whole.points[shared]]), corners
+
+    soup = whole.points[whole.cells].reshape(-1, 3), np.arange(whole.cells.size).reshape(whole.cells.shape)
+    assert re.search("part 'stone' is 8 pieces that share no node, though 56 of its nodes .* merge the nodes", told(*soup)[0])
+    points, cells = separated([0])
+    assert re.search("is 2 pieces that share no node, though 14 of its nodes", told(points, cells)[0])
+    apart = np.where(np.isin(np.arange(len(points)), cells[0])[:, None], points - 0.5 * unit, points)
+    assert told(apart, cells) == told(whole.points, whole.cells) == ()

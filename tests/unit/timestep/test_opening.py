@@ -1,15 +1,18 @@
 """A newcomer's mistakes are named as a run begins, each with its mend, in any units; what is meant is not called a mistake."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
@@ -123,3 +126,11 @@ def test_a_floor_of_errors_beside_which_bodies_are_small() -> None:
         r"at least 0.001 m a step .*floor = 0.001 m\), and the smallest body is 2e-06 m: give a floor", said[0]
     )
     assert pile(unit=1e-5, gravity=0.0, h=1e-6) == ()
+
+
+@pytest.mark.parametrize(("change", "message"), [(lambda v: v * np.nan, "got NaN"), (lambda v: v[:-1], r"\(12,\), got shape \(11,\)")])
+def test_an_initial_state_that_is_none_of_the_model_is_refused(change: Any, message: str) -> None:
+    model = build_model([rigid_box(name, (1, 1, 1), (0, 0, k), 1.0) for k, name in enumerate("ab")])
+    start = at_rest(model)
+    with pytest.raises(InputError, match=message):
+        Simulation(model, Everything(model, 0.3), Theta(1e-2), 3, initial=replace(start, v=change(start.v)))

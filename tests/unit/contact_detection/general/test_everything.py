@@ -175,6 +175,8 @@ def test_friction_by_names() -> None:
         ({("low", "floor"): -1}, ">= 0, got -1"),
         ({("low", "low"): 0.1}, r"an entry for the bodies 'floor' and 'low'"),
         (lambda one, other: None, "got None"),
+        (lambda names: 0.3, r"a function of two names of bodies, got one of \(names\)"),
+        ({("low", "floor"): 0.1, ("floor", "low"): 0.3}, "one number for 'low' and 'floor', got 0.1 and 0.3"),
     ],
 )
 def test_wrong_friction(mu, message: str) -> None:
@@ -190,6 +192,9 @@ def test_excluded_and_held_pairs_do_not_touch() -> None:
     assert len(Everything(model, 0.5, exclude=[("c", "b")])(model.reference)) == 0
     with pytest.raises(InputError, match="'d'"):
         Everything(model, 0.5, exclude=[("c", "d")])
+    for exclude in (("a", "b"), "abc", [("a", "b", "c")], [("a",)]):
+        with pytest.raises(InputError, match="exclude: expected pairs of names of bodies"):
+            Everything(model, 0.5, exclude=exclude)  # type: ignore[arg-type]
 
 
 def test_surfaces_that_do_not_enclose_a_body_are_refused() -> None:
@@ -224,8 +229,9 @@ def test_wrong_input() -> None:
             everything(x)
         with pytest.raises(InputError, match=message):
             everything(model.reference, x)
-    with pytest.raises(InputError, match="alert: expected a distance > 0"):
-        Everything(model, 0.5, alert=0.0)
+    for alert in (0.0, -1.0, np.nan, np.inf, "1e-3"):
+        with pytest.raises(InputError, match="Everything, alert: expected a distance > 0"):
+            Everything(model, 0.5, alert=alert)  # type: ignore[arg-type]
     assert len(everything(model.reference)) == 0
 
 

@@ -82,6 +82,13 @@ def test_a_polygon_that_crosses_itself_is_refused() -> None:
         rigid_polygon("bow", [(0, 0), (2, 2), (2, 0), (0, 1)], density=1.0)
 
 
+@pytest.mark.parametrize(("corners", "again"), [([(0, 0), (1, 0), (1, 1), (0, 0)], 0), ([(0, 0), (1, 0), (1, 0), (1, 1)], 2)])
+def test_a_polygon_with_a_corner_twice_is_refused(corners: list[tuple[float, float]], again: int) -> None:
+    """As when the last corner is the first once more."""
+    with pytest.raises(InputError, match=f"corners that differ from the next one .*, got corner {again} where"):
+        rigid_polygon("closed", corners, density=1.0)
+
+
 def test_polygons_against_the_rectangle_and_the_l() -> None:
     plate = rigid_polygon("plate", np.array([(5, 8), (7, 8), (7, 7), (5, 7)]), mass=3.0)
     assert plate.centre == pytest.approx([6.0, 7.5])
