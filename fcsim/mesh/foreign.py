@@ -82,7 +82,7 @@ def _read(path: Path, plane: Literal["strain", "stress"], thickness: float, arra
                 raise InputError(f"{path}: expected a mesh that gmsh can read, got: {said}") from None
     refuse_others(path)
     mesh = quietly(path, "a mesh that meshio can read", lambda: _read_meshio(path))
-    blocks = quietly(path, "a mesh with groups that can be read", lambda: _blocks(mesh, _chosen(mesh, array)))
+    blocks = quietly(path, "a mesh with groups that can be read", lambda: _blocks(mesh, _chosen(path, mesh, array)))
     return named_mesh(str(path), mesh.points, blocks, plane=plane, thickness=thickness)
 
 
@@ -106,7 +106,7 @@ def quietly[T](path: Path, expected: str, call: Callable[[], T]) -> T:
         raise InputError(f"{path}: expected {expected}, got: {message}") from None
 
 
-def _chosen(mesh: Mesh, array: str) -> str:
+def _chosen(path: Path, mesh: Mesh, array: str) -> str:
     """The name of the array that groups solid cells, "": the file's own groups do."""
     solid = [b for b, cells in enumerate(mesh.cells) if _solid(cells.type)]
     if not array or not solid:
@@ -118,16 +118,16 @@ def _chosen(mesh: Mesh, array: str) -> str:
     ]
     if array != ANY:
         if array not in whole:
-            raise InputError(
-                f"expected an array of whole numbers, one a cell, among {', '.join(map(repr, whole)) or 'none'}, got {array!r}"
-            )
+            known = ", ".join(map(repr, whole)) or "none"
+            raise InputError(f"{path}: expected an array of whole numbers, one a cell, among {known}, got {array!r}")
         return array
     tagged = any(np.any(mesh.cell_data[key][b]) for key in TAGS if key in mesh.cell_data for b in solid)
     if tagged or any(sets[b] is not None and len(sets[b]) for sets in mesh.cell_sets.values() for b in solid):
         return ""
     whole = [key for key in whole if key not in TAGS and all(np.asarray(mesh.cell_data[key][b]).dtype.kind in "iu" for b in solid)]
     if len(whole) > 1:
-        raise InputError(f"expected the name of the array that says which part a cell is in, got {', '.join(map(repr, whole))}")
+        known = ", ".join(map(repr, whole))
+        raise InputError(f"{path}: expected the name of the array that says which part a cell is in, got {known}")
     return whole[0] if whole else ""
 
 

@@ -44,6 +44,30 @@ def _rho(first: FloatArray, memory: Memory | None) -> FloatArray:
     return np.clip(rho, *adaptive_range(first))
 
 
+@dataclass(frozen=True, eq=False)
+class LastVelocity(Kept):
+    """u (nc, d) of a solution."""
+
+    u: FloatArray
+
+
+def _expected(u: FloatArray, r: FloatArray, memory: Memory | None, options: NewtonOptions) -> FloatArray | None:
+    """The velocities (nc, d) at which the first step is linearised: those of the last solution, u (nc, d) of the start where contacts are
+    new. None where nothing is known, r begins at zero, or a line search would measure F at u.
+
+    A start r near the answer has statuses far from the answer's: u = W r + q takes what is wrong with r for opening and sliding. The
+    last solution's statuses are nearly the right ones.
+    """
+    earlier = None if memory is None else memory.earlier(LastVelocity)
+    if memory is None or earlier is None or earlier.u.shape[1] != u.shape[1]:
+        return None
+    if options.line_search != "none" or options.safeguard or not r.any():
+        return None
+    place, expected = earlier.places(memory.identity), u.copy()
+    expected[place >= 0] = earlier.u[place[place >= 0]]
+    return expected
+
+
 def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions, *, once: bool = False) -> Iterate:
     """Nonsmooth Newton from the starting point r (m,); once: as in `newton_system`."""
     return to_the_end(local_turns(problem, r, monitor, options, once=once))
@@ -53,7 +77,11 @@ def local_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options:
     """`newton` by turns of one iteration each."""
     linear = "auto" if options.linear == "kkt" else options.linear
     system = newton_system(problem.delassus, linear, condensing=options.formulation in ("AC", "JM"), memory=monitor.memory, once=once)
-    iterate = yield from newton_turns(LocalSpace(system, problem.q, r), r, problem.diagonal_blocks, problem.mu, monitor, options)
+    space, shape = LocalSpace(system, problem.q, r), problem.diagonal_blocks.shape[:2]
+    expected = None if once else _expected(space.u.reshape(shape), r, monitor.memory, options)
+    iterate = yield from newton_turns(space, r, problem.diagonal_blocks, problem.mu, monitor, options, expected)
+    if iterate.status is Status.SOLVED and monitor.memory is not None and not once:
+        monitor.memory = monitor.memory.having(LastVelocity(monitor.memory.identity, space.u.reshape(shape)))
     if monitor.memory is not None and isinstance(system, CondensedSystem):
         left, memory = system.left(monitor.memory.identity), monitor.memory.without(KeptCondensation)
         monitor.memory = memory if left is None else memory.having(left)
@@ -101,11 +129,21 @@ def newton_iterations(
 
 
 def newton_turns(
-    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
+    space: NewtonSpace,
+    r: FloatArray,
+    diagonal_blocks: FloatArray,
+    mu: FloatArray,
+    monitor: Monitor,
+    options: NewtonOptions,
+    expected: FloatArray | None = None,
 ) -> Turns:
     """Newton's method by turns of one iteration each; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
 
-    Where an adapted rho led to a solution, the next solve with this memory begins near it."""
+    Where an adapted rho led to a solution, the next solve with this memory begins near it. With velocities u_e that are
+    `expected` (nc, d) the first step is Newton's in (u, r) from there, where u_e need not be W r + q:
+    A du + B dr = -(F(u_e, r) + A (u - u_e)),  A and B those of (u_e, r).
+    Long because it is one iteration from its verdict to the next.
+    """
     shape = diagonal_blocks.shape[:2]
     first_rho = rho = RHO_RULES[options.rho](diagonal_blocks) * options.rho_factor
     adaptive = options.rho == "adaptive"
@@ -123,7 +161,10 @@ def newton_turns(
                 # half the way back: the tiny last steps drive rho to its bounds
                 monitor.memory = monitor.memory.having(AdaptedRho(monitor.memory.identity, np.sqrt(rho * first_rho)))
             return Iterate(r, status)
-        F, A, B = formulation(space.u.reshape(shape), r.reshape(shape), mu, rho)
+        u = space.u.reshape(shape)
+        F, A, B = formulation(u if expected is None else expected, r.reshape(shape), mu, rho)
+        if expected is not None:
+            F, expected = F + np.einsum("aij,aj->ai", A, u - expected), None
         value = 0.5 * float(np.sum(F * F))
         try:
             dr, du, slope = _direction(space, F, A, B, options.safeguard)  # (S.2)

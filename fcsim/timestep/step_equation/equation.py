@@ -17,7 +17,8 @@ from fcsim.errors import Unphysical
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
-from fcsim.solvers import Memory, Result
+from fcsim.solvers import Memory, Result, method
+from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.timestep.chain import Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.links.linked import Linked
@@ -29,7 +30,7 @@ from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning, leanin
 from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE, Linearisation
 from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
 from fcsim.timestep.step_equation.mixing import Mixing
-from fcsim.timestep.warm_start import Reactions, warm_start
+from fcsim.timestep.warm_start import Reactions, nearest_start, warm_start
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +209,8 @@ def solve_equation(
         tol = _tolerance(settings.tol, reduction, extent, equation)
         if start is None:
             enough = tol * max(float(np.linalg.norm(reduction.q)), settings.floor)
-            start = r = _start(reduction, rolling, equation.met, past.reactions, enough)
+            begins = method(lead.solver if lead.steps else settings.name)
+            start = r = _start(reduction, rolling, equation.met, past.reactions, enough, isinstance(begins.options, NewtonOptions))
         first = len(attempts)
         if rolling is None:
             result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
@@ -240,13 +242,14 @@ def solve_equation(
 
 
 def _start(
-    reduction: Reduction, rolling: RollingReduction | None, met: Encounter, reactions: Sequence[Reactions], enough: float
+    reduction: Reduction, rolling: RollingReduction | None, met: Encounter, reactions: Sequence[Reactions], enough: float, newton: bool
 ) -> FloatArray:
-    """Where a step's first solve begins (m,); enough: residual in the unit of q with which an answer is one."""
+    """Where a step's first solve begins (m,); enough: residual in the unit of q with which an answer is one; newton: whether
+    Newton's method begins."""
     if not len(met.contacts):
         return np.empty(0)
     if rolling is None:
-        return warm_start(reduction.local, met.contacts, reactions, enough)
+        return (nearest_start if newton else warm_start)(reduction.local, met.contacts, reactions, enough)
     return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 

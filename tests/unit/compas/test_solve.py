@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -136,6 +136,40 @@ def test_what_readers_find_of_a_joint(arch: tuple[Any, Any, Any]) -> None:
         assert again.force_magnitude(edge) == pytest.approx(np.linalg.norm(total))
         assert min(again.force_normal(edge)) >= 0 and max(map(abs, again.gap(edge))) < 1e-7
         assert all(f["c_nn"] == 0 for f in contact.forces)
+
+
+def dome(around: int, up: int) -> list[Any]:
+    """Bricks of a spherical dome of radius 5 m and 0.3 m thick, rings of `around` / 2 bricks from the oculus down, each turned by half a
+    brick against the next: a brick is two cells with plane faces, so that joints fit."""
+    meshes = []
+    for ring in range(up):
+        for first in range(ring % 2, around + ring % 2, 2):
+            points = []
+            for k, row, r in product((first, first + 1, first + 2), (ring, ring + 1), (5.0, 5.3)):
+                down, turn = math.pi * (0.1 + 0.4 * row / up), 2 * math.pi * (k % around) / around
+                points.append([r * math.sin(down) * math.cos(turn), r * math.sin(down) * math.sin(turn), r * math.cos(down)])
+            cell = [(0, 2, 6, 4), (1, 5, 7, 3), (0, 4, 5, 1), (2, 3, 7, 6)]  # within, without, above, below
+            faces = [tuple(c + shift for c in face) for shift in (0, 4) for face in cell]
+            meshes.append(Mesh.from_vertices_and_faces(points, [*faces, (0, 1, 3, 2), (8, 10, 11, 9)]))
+    return meshes
+
+
+@pytest.mark.parametrize(("around", "up"), [(16, 6), pytest.param(32, 12, marks=pytest.mark.slow)])
+def test_every_brick_of_a_dome_is_in_equilibrium(around: int, up: int) -> None:
+    """The dome of compas_dem's example (32 by 12: 192 bricks), its lowest ring held: reactions sum to the weight."""
+    bricks = dome(around, up)
+    held = tuple(range(len(bricks) - around // 2, len(bricks)))
+    model = build(*bricks, supports=held)
+    model.compute_contacts(tolerance=1e-3)
+    results = solve(posed(model))
+    assert imbalance(model, results) < 1e-6 and results.metadata["converged"]
+    weight = sum(RHO * moments(b.modelgeometry)[0] * G for b in model.elements() if not b.is_support)
+    on_supports = [edge for edge in results.edges() if len({edge[0] in held, edge[1] in held}) == 2]
+    reactions = [np.array(results.resultant_global(edge)) * (-1 if edge[0] in held else 1) for edge in on_supports]
+    assert_allclose(np.sum(reactions, axis=0), [0, 0, weight], atol=1e-8 * weight)
+    # the membrane pushes outwards at its foot, by friction at most
+    out = [np.array(results.force_point(edge))[:2] @ force[:2] for edge, force in zip(on_supports, reactions, strict=True)]
+    assert max(out) < 0  # the supports push back, inwards
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])

@@ -75,7 +75,7 @@ def cut() -> Simulation:
         ],
     )
     pair = SurfacePair(contact_surface(model, [("block", "z-")]), contact_surface(model, [("plane", "z+")]), 0.5, 1e-1)
-    settings = SolverSettings(name="NSN-AC", options={"max_iterations": 4}, fallback=())
+    settings = SolverSettings(name="NSN-AC", options={"max_iterations": 3}, fallback=())
     return Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(0.5), 2, settings, cuttings=6)
 
 

@@ -45,7 +45,7 @@ def pressed(scheme: Scheme, steps: int, iterations: int, cuttings: int = 6, drag
 
 def test_a_step_that_is_too_long_is_cut() -> None:
     """And gives what as many short steps give: equal x, r, v on the grid; sums of energy and iterations over the parts."""
-    simulation = pressed(QuasiStatic(0.5), 2, iterations=4)
+    simulation = pressed(QuasiStatic(0.5), 2, iterations=3)
     first, second = list(simulation)
     assert (first.substeps, first.attempts[0].share) == (1, 1.0)
     assert second.substeps > 1 and second.attempts[0].share == 1.0
@@ -90,7 +90,7 @@ def test_what_was_tried_is_said_when_cutting_does_not_help() -> None:
     assert "step 1 did not converge to 1e-08 (NSN-AC from previous steps: maximum number of iterations reached, error " in text
     assert "from t = 0 to 0.5 s: cut into parts of h/2 to h/8 = 0.0625 s, the last from t = 0 s" in text
     with pytest.raises(NotConverged) as caught:
-        list(pressed(QuasiStatic(0.5), 2, iterations=4, cuttings=0))
+        list(pressed(QuasiStatic(0.5), 2, iterations=3, cuttings=0))
     assert "cut into" not in str(caught.value) and "step 2" in str(caught.value)
 
 
@@ -103,7 +103,7 @@ def test_dynamics_is_cut_too() -> None:
     """Impulses of parts and of whole steps differ by their length: the warm start takes that into account."""
     h = 0.1
     whole = list(pressed(Theta(h), 10, iterations=200, drag=0.04))
-    cut = list(pressed(Theta(h), 10, iterations=2, drag=0.04))
+    cut = list(pressed(Theta(h), 10, iterations=3, drag=0.04))
     assert max(step.substeps for step in cut) > 2
     for step in cut:
         assert step.force_per_reaction == pytest.approx(1 / step.scheme.h)

@@ -252,3 +252,36 @@ def test_nothing_is_accepted_on_a_velocity_that_drifted() -> None:
         r = np.zeros(30)
         iterate = newton_iterations(_Drifting(DenseSystem(Delassus(p.W, 3)), p.q, r), r, p.diagonal_blocks, p.mu, monitor, options)
         assert iterate.status.solved == (true_error(p, iterate.r) <= 1e-6)
+
+
+@pytest.mark.parametrize("contact_order", [[0, 1, 2, 3, 4, 5], [3, 5, 0, 2, 1, 4]])
+def test_the_first_step_has_the_last_solutions_statuses(contact_order: list[int]) -> None:
+    """All contacts stick, so that Newton's equations are linear: one step solves them from any r whose statuses are known to be sticking.
+
+    u = W r + q at an r that is off where W is stiff calls some of them sliding or open. Contacts are matched by their numbers, new ones
+    begin with their own u."""
+    rng = np.random.default_rng(5)
+    H = rng.standard_normal((18, 18))
+    W, r = 1e3 * (H.T @ H) + np.eye(18), np.tile([4.0, 1.0, 0.0], 6)
+    first = LocalProblem(W, -W @ r, np.full(6, 0.5))
+    memory = solve(first, "NSN-AC", memory=Memory.of(np.arange(6)), tol=1e-10).memory
+    assert memory is not None
+    order, dofs = np.array(contact_order), (3 * np.array(contact_order)[:, None] + np.arange(3)).ravel()
+    following = LocalProblem(W[np.ix_(dofs, dofs)], -1.2 * (W @ r)[dofs], np.full(6, 0.5))
+    stiff = np.linalg.eigh(W)[1][:, -1]
+    start = (1.2 * r + 2.5 * stiff)[dofs]
+    cold = solve(following, "NSN-AC", start, memory=Memory.of(order), tol=1e-9)
+    warm = solve(following, "NSN-AC", start, memory=memory.follow(order), tol=1e-9)
+    assert warm.solved and warm.iterations == 1 < cold.iterations
+    assert_allclose(warm.r, 1.2 * r[dofs], atol=1e-6)
+    unknown = solve(following, "NSN-AC", start, memory=memory.follow(order + 100), tol=1e-9)
+    assert unknown.solved and unknown.iterations == cold.iterations
+
+
+def test_from_zero_the_last_velocities_are_not_looked_at() -> None:
+    p, memory = random_problem(3), Memory.of(np.arange(10))
+    solved = solve(p, "NSN-AC", memory=memory, tol=1e-10)
+    assert solved.memory is not None
+    without = solved.memory.without(AdaptedRho)
+    again = solve(p, "NSN-AC", np.zeros(30), memory=without, tol=1e-10)
+    assert again.solved and again.iterations == solved.iterations
