@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from fcsim import (
     Everything,
     ExactContacts,
+    Gap,
     Material,
     QuasiStatic,
     Simulation,
@@ -125,6 +126,23 @@ def test_a_box_falls_through_a_gap_of_its_width(unit: Units, wider: float, mu: f
     last = run(model_of([left, right, box], ["left", "right"], down(unit)), mu, 2e-3 * unit.T, 40)[-1]
     fallen = 0.5 * 9.81 * 0.08**2 if wider >= 0 else 0.001
     assert_allclose(of_rigid(last, "box", last.state.x) / [unit.L, unit.L, 1], [0, -fallen, 0], atol=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", [SI, MILLI, SMALL])
+def test_a_box_drops_askew_into_a_gap(unit: Units) -> None:
+    """It turns about the edges that it meets and jams; a share of a size a second is another one where time has another unit."""
+    c, s = np.cos(0.1), np.sin(0.1)
+    left = plate("left", [(-1, -1), (-0.105, -1), (-0.105, 0), (-1, 0)], unit)
+    right = plate("right", [(0.105, -1), (1, -1), (1, 0), (0.105, 0)], unit)
+    corners = np.array([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)]) @ [[c, s], [-s, c]] + [0, 0.15]
+    box = plate("box", corners, unit)
+    model = model_of([left, right, box], ["left", "right"], down(unit))
+    scheme, witness = Theta(1e-3 * unit.T, law=Gap(recovery=0.1 / unit.T)), Witness(every=1, tolerance=1e-4)
+    *_, last = Simulation(model, Everything(model, 0.1), scheme, 1000, SolverSettings(tol=1e-8), witness=witness)
+    assert last.ledger.created <= 1e-6 * last.ledger.supplied
+    assert np.abs(of_rigid(last, "box", last.state.v)).max() < 1e-6
+    assert_allclose(force_on(last, "box") / (box.mass * unit.g), [0, 1], atol=1e-6)
 
 
 def test_a_plate_hangs_on_a_pin_with_a_thousandth_of_play() -> None:
