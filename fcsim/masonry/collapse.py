@@ -37,6 +37,8 @@ _SOFT_REST = 1e-2
 """The same of deformable blocks, whose vibrations die away slowly."""
 _WIDER, _LEAST = 0.05, 0.3
 """Share by which a bracket is widened at first, twice as much each further time; below a share of where it began it goes down to zero."""
+_NOTHING, _MOST = 1e-6, 1e3
+"""Multipliers whose loads are this share of the blocks' weight count as none; that many times the weight is more than any fall needs."""
 _TOLERANCE, FINEST = 1e-7, 1e-10
 """What stands moves by 1e-8 of its extent in all steps of a trial at this tolerance, a hundredth of first motion; at 1e-6 blocks creep into
 motion below the load at which they must move. Errors are shares of all forces: where forces press on light blocks it is finer, see
@@ -219,7 +221,7 @@ def bracket(
     """Return between which multipliers the structure begins to move and to fall, each to `resolution` of the multiplier, by bisection.
 
     low, high: where to begin, as limit analysis says; widened as long as low moves or high does not fall; blocks, stone: see `structure`.
-    InputError where the problem has no load that grows.
+    InputError where the problem has no load that grows; NotConverged where nothing makes it fall.
     """
     if not problem.scaled:
         raise InputError(f"{problem.name!r}: expected a load that the multiplier scales, got none")
@@ -242,21 +244,25 @@ def bracket(
             watch(known[multiplier])
         return known[multiplier]
 
-    low, high = max(low, 0.0), max(high, low, 1e-6)
+    nothing = _NOTHING * GRAVITY / pull
+    low, high = max(low, 0.0), max(high, low, nothing)
+    most = max(high, GRAVITY / pull) * _MOST
     begin, wider = low, _WIDER
     while low > 0 and at(low).moves:
         high, low, wider = (low if at(low).falls else high), low * (1 - min(wider, 0.5)), 2 * wider
         low = low if low > _LEAST * begin else 0.0
     wider = _WIDER
-    while not at(high).falls and high < 1e3:
+    while not at(high).falls:
+        if high > most:
+            raise NotConverged(f"{problem.name!r}: expected a structure that falls, got one that stands at the multiplier {high:.4g} still")
         high, wider = high * (1 + wider), 2 * wider
     stands = max((seen.multiplier for seen in known.values() if not seen.falls and seen.multiplier < high), default=low)
-    fall = _bisected(stands, high, resolution, lambda multiplier: at(multiplier).falls)
+    fall = _bisected(stands, high, resolution, nothing, lambda multiplier: at(multiplier).falls)
     if low == 0 and at(0.0).moves:
         return Bracket((0.0, 0.0), fall, _sorted(known))
     begun = [multiplier for multiplier, seen in known.items() if seen.moves]
     still = [multiplier for multiplier, seen in known.items() if not seen.moves and multiplier < min(begun)]
-    motion = _bisected(max(still, default=0.0), min(begun), resolution, lambda multiplier: at(multiplier).moves)
+    motion = _bisected(max(still, default=0.0), min(begun), resolution, nothing, lambda multiplier: at(multiplier).moves)
     return Bracket(motion, fall, _sorted(known))
 
 
@@ -271,8 +277,8 @@ def _acceleration(problem: MasonryProblem, limit: LimitProblem) -> float:
     return float(np.abs(model.rigid_part(limit.live)[:, : model.dimension]).sum() / mass)
 
 
-def _bisected(low: float, high: float, resolution: float, happens: Callable[[float], bool]) -> tuple[float, float]:
-    while high - low > resolution * high:
+def _bisected(low: float, high: float, resolution: float, nothing: float, happens: Callable[[float], bool]) -> tuple[float, float]:
+    while high - low > max(resolution * high, nothing):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if happens(middle) else (middle, high)
     return low, high

@@ -9,54 +9,28 @@ from pathlib import Path
 import numpy as np
 
 from fcsim.files import replacing_for_good
-from fcsim.masonry.collapse import FINEST, Bracket, pressed, tolerance_of
+from fcsim.masonry.collapse import Bracket
 from fcsim.masonry.histories.branch import Branch
 from fcsim.masonry.histories.shake import Shake
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.masonry.limit_analysis.reactions import SupportForces
 from fcsim.masonry.openings import Opening
 from fcsim.masonry.problem import MasonryProblem
+from fcsim.masonry.remarks import remarks
 from fcsim.records import write_record
 from fcsim.version import __version__
-
-_BELOW = 0.99
-"""Share of Coulomb's multiplier by limit analysis below which a simulated fall is remarked upon."""
 
 
 def summary(analysis: LimitAnalysis, seen: Bracket | None) -> Mapping[str, object]:
     """What is known of the collapse load, in JSON's types."""
     found = {
-        limit.law.lower(): {"outcome": limit.outcome, "multiplier": limit.multiplier, "rounds": limit.rounds, "span": limit.span}
-        for limit in (analysis.associative, analysis.coulomb)
+        law: {"outcome": limit.outcome, "multiplier": limit.multiplier, "rounds": limit.rounds, "span": limit.span}
+        for law, limit in (("associative", analysis.associative), ("coulomb", analysis.coulomb), ("lowest", analysis.lowest))
     }
     simulated = None if seen is None else {"motion": seen.motion, "fall": seen.fall, "trials": seen.trials}
     expected = analysis.problem.expected
     named = {"name": analysis.problem.name, "version": __version__, "limit_analysis": found, "simulation": simulated, "expected": expected}
     return named | {"remarks": remarks(analysis, seen)}
-
-
-def remarks(analysis: LimitAnalysis, seen: Bracket | None) -> tuple[str, ...]:
-    """Return what must be known of simulated numbers: a fall below limit analysis, first motion that is not to be trusted."""
-    if seen is None:
-        return ()
-    said, least = [], analysis.coulomb
-    if least.outcome == "limit" and seen.fall[1] < _BELOW * least.multiplier:
-        said.append(
-            f"the simulation falls at {seen.fall[1]:.6g}, below the least multiplier that limit analysis found under Coulomb's law "
-            f"({least.multiplier:.6g}): that one is no lower bound, another mechanism with slip goes before it; take the simulated one"
-        )
-    longest = max((trial.t for trial in seen.trials), default=1.0)
-    if tolerance_of(analysis.problem, seen.motion[1], longest) < FINEST:
-        said.append(
-            f"forces of {pressed(analysis.problem):.2g} times the blocks' weight act upon them: errors of the solver may move the lightest "
-            "by as much as counts as first motion, whose multiplier may be too low; that of the fall is not touched"
-        )
-    elif any(trial.rough and trial.moves and not trial.falls for trial in seen.trials):
-        said.append(
-            "steps from rest did not converge to the tolerance that first motion asks for, whose multiplier may be too low; that of the "
-            "fall is not touched"
-        )
-    return tuple(said)
 
 
 def write_analysis(directory: Path, analysis: LimitAnalysis, seen: Bracket | None) -> None:
@@ -77,7 +51,7 @@ def write_analysis(directory: Path, analysis: LimitAnalysis, seen: Bracket | Non
     header = ("block", "with", "state", "N [kN]", "T [kN]", "T/N", "eccentricity [m]", "length [m]")
     write_csv(directory / "joints.csv", header, joints)
     model = analysis.limit.model
-    velocities = model.rigid_part(analysis.coulomb.v)
+    velocities = model.rigid_part(analysis.lowest.v)
     d = model.dimension
     names = ("vx", "vz", "omega") if d == 2 else ("vx", "vy", "vz", "omega x", "omega y", "omega z")
     largest = max(float(np.abs(velocities[:, :d]).max()), 1e-300)

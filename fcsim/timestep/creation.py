@@ -24,7 +24,7 @@ def refuse_creation(step: Step, share: float, rest: float, extent: float) -> Non
     rest [J]: kinetic energy that counts as none; extent [m]: size of the model.
     """
     ledger = step.ledger
-    if ledger.created <= share * ledger.supplied + rest:
+    if share == np.inf or ledger.created <= share * ledger.supplied + rest:
         return
     model, state = step.model, step.state
     loads = float(np.abs(model.load(state.t, state.x) + pushing(model, state.x, When.at(state.t))).sum())

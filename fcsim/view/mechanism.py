@@ -51,7 +51,7 @@ def _corners(analysis: LimitAnalysis) -> list[FloatArray]:
 def _moved(analysis: LimitAnalysis) -> list[FloatArray]:
     """The corners of each block as the mechanism moves them, by rotations: the fastest by `SHOWN` of the extent."""
     model = analysis.limit.model
-    v = analysis.coulomb.v
+    v = analysis.lowest.v
     reach = float(np.linalg.norm(model.node_velocity(v), axis=1).max(initial=0.0))
     amount = SHOWN * analysis.problem.size / reach if reach > 0 else 0.0
     return np.split(model.positions(model.advance(np.zeros(model.n_dofs), amount * v)), model.node_offset[1:-1])
@@ -94,7 +94,7 @@ def _thrust_line(analysis: LimitAnalysis) -> list[tuple[tuple[float, ...], tuple
 
 
 def _said(analysis: LimitAnalysis) -> str:
-    found = analysis.coulomb
+    found = analysis.lowest
     if found.outcome == "falls":
         return "falls under the loads that stay"
     if found.outcome == "unbounded":
@@ -105,7 +105,7 @@ def _said(analysis: LimitAnalysis) -> str:
 def _draw_solids(analysis: LimitAnalysis, path: Path) -> Path:
     pv = offscreen()
     model = analysis.limit.model
-    speed = np.linalg.norm(model.node_velocity(analysis.coulomb.v), axis=1)
+    speed = np.linalg.norm(model.node_velocity(analysis.lowest.v), axis=1)
     most = max(float(speed.max(initial=0.0)), 1e-300)
     plotter = canvas(pv)
     limits = []

@@ -240,7 +240,7 @@ def _simulated(options: argparse.Namespace, analysis: LimitAnalysis) -> Bracket 
 
     if options.static or analysis.associative.outcome != "limit":
         return None
-    low = analysis.coulomb.multiplier if analysis.coulomb.outcome == "limit" else 0.5 * analysis.associative.multiplier
+    low = analysis.lowest.multiplier if analysis.lowest.outcome == "limit" else 0.5 * analysis.associative.multiplier
     step = options.resolution
 
     def told(seen: object) -> None:
@@ -263,7 +263,8 @@ def _words(seen) -> str:  # type: ignore[no-untyped-def]
 
 
 def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket | None, *, angle: bool = False) -> int:
-    from fcsim.masonry.report import remarks, summary, write_analysis
+    from fcsim.masonry.remarks import remarks
+    from fcsim.masonry.report import summary, write_analysis
 
     if options.out is not None:
         from fcsim.view.mechanism import draw_mechanism
@@ -293,20 +294,23 @@ def _report(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket 
 
     for found, remark in (
         (analysis.associative, "no state of equilibrium above it"),
-        (analysis.coulomb, "least found: the mechanism goes with Coulomb's law"),
+        (analysis.coulomb, "from there on the mechanism goes with Coulomb's law"),
     ):
         words = {"falls": "it falls under the loads that stay", "unbounded": "borne at every multiplier", "undecided": "did not converge"}
         row(f"limit analysis, {found.law}", found.multiplier, words.get(found.outcome, remark))
+    if analysis.lowest is not analysis.coulomb:
+        row("limit analysis, Coulomb, lowest", analysis.lowest.multiplier, "another mechanism with slip: motion may begin there")
     if seen is not None:
         for what, (low, high) in (("first motion", seen.motion), ("falls", seen.fall)):
-            row(f"simulation, {what}: not at", low, "held for a while, it did not")
+            if high > 0:
+                row(f"simulation, {what}: not at", low, "held for a while, it did not")
             row(f"simulation, {what}: at", high, "")
     print_table(("", "", "multiplier", *(["degrees"] if angle else [])), rows, texts=2)
     for remark in remarks(analysis, seen):
         say(f"note: {remark}")
     for expected in problem.expected:
         say(f"expected: {expected.quantity}: {expected.value}")
-    if analysis.coulomb.outcome == "limit":
+    if analysis.lowest.outcome == "limit":
         states = [joint.state for joint in analysis.joints]
         say("mechanism: " + ", ".join(f"{states.count(state)} joints {word}" for state, word in WORDS.items() if state in states))
     if options.out is not None:
@@ -328,12 +332,9 @@ def _write_cracks(directory: Path, analysis: LimitAnalysis, seen: Bracket, step:
     from fcsim.masonry.report import write_openings
     from fcsim.view.cracks import draw_cracks
 
-    rigid = not step.model.deformable
-    touching = (
-        analysis.limit.contacts
-        if rigid
-        else Everything(step.model, analysis.problem.friction, 1e-4 * analysis.problem.smallest)(step.model.reference)
-    )
+    touching = analysis.limit.contacts
+    if step.model.deformable:
+        touching = Everything(step.model, analysis.problem.friction, 1e-4 * analysis.problem.smallest)(step.model.reference)
     joints = openings(touching, step.model, step.state.x)
     write_openings(directory / "openings.csv", joints)
     if analysis.problem.dimension == 2:

@@ -5,19 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fcsim.masonry.limit_analysis.joints import Joint, joints_of
-from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit
+from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit, lowest_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.problem import MasonryProblem
 
 
 @dataclass(frozen=True, eq=False)
 class LimitAnalysis:
-    """What limit analysis says of a problem: joints with the forces and the mechanism of `coulomb`."""
+    """What limit analysis says of a problem: joints with the forces and the mechanism of `lowest`, which is `coulomb` or a state of
+    collapse below it that other forces led to."""
 
     problem: MasonryProblem
     limit: LimitProblem
     associative: LimitLoad
     coulomb: LimitLoad
+    lowest: LimitLoad
     joints: tuple[Joint, ...]
 
 
@@ -25,7 +27,10 @@ def analyse(problem: MasonryProblem, tolerance: float | None = None) -> LimitAna
     """Return the limit analysis of a problem with rigid blocks; tolerance [m]: see `limit_problem`."""
     limit = limit_problem(problem, tolerance=tolerance)
     upper = associative_limit(limit)
-    least = coulomb_limit(limit, upper)
+    coulomb = coulomb_limit(limit, upper)
+    least = lowest_limit(limit, upper, coulomb)
+    if coulomb.outcome == "undecided":
+        coulomb = least
     u = limit.H.T @ least.v[limit.free]
     names = tuple(block.name for block in problem.blocks)
-    return LimitAnalysis(problem, limit, upper, least, joints_of(limit.contacts, names, least.r, u))
+    return LimitAnalysis(problem, limit, upper, coulomb, least, joints_of(limit.contacts, names, least.r, u))

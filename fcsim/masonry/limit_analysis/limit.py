@@ -5,7 +5,8 @@ equilibrium above it, so every structure with Coulomb friction has fallen by the
 multipliers of the equilibrium, v with live . v = 1, are the mechanism: H^T v in K*, slip with dilatancy.
 
 Coulomb: slip opens no joint. A fixed point of limit problems with Tresca's friction, |r_T| <= mu N for N given, with N = r_N of their
-answers, is a state of incipient collapse under Coulomb's law; such states are not unique, and the least one that was found counts.
+answers, is a state of incipient collapse under Coulomb's law; such states are not unique: that of the associative forces is the known
+one, which tables hold, and others lead to the lowest that is found.
 
 Sources: M. C. Ferris, F. Tin-Loi, Int. J. Mech. Sci. 43, 2001 (the mathematical program with complementarity constraints); M. Gilbert,
 C. Casapulla, H. M. Ahmed, Comput. Struct. 84, 2006 (sequences of limit problems).
@@ -13,7 +14,8 @@ C. Casapulla, H. M. Ahmed, Comput. Struct. 84, 2006 (sequences of limit problems
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -21,11 +23,12 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.brief import brief
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
-from fcsim.masonry.limit_analysis.programs import Answer, Program, slip_of
+from fcsim.masonry.limit_analysis.programs import ASTRAY, Answer, Program, slip_of
 
-ROUNDS = 60
+ROUNDS, _FURTHER = 60, 20  # of the fixed point; from further beginnings, once one has led to a state
 _SETTLED, _NEAR = 1e-5, 1e-3
 _JUMPS = 5  # rounds of the fixed point before it takes half steps
+_BY_CHANCE, _SEED = 2, 21  # beginnings of the fixed point with normal forces of chance
 
 Outcome = Literal["limit", "unbounded", "falls", "undecided"]
 
@@ -76,23 +79,59 @@ def associative_limit(problem: LimitProblem) -> LimitLoad:
 
 
 def coulomb_limit(problem: LimitProblem, start: LimitLoad) -> LimitLoad:
-    """Return the least load multiplier found at which Coulomb's friction allows a mechanism, from the associative answer on.
-
-    That of the fixed point; where the rounds go on without one, the least of the mechanisms that they passed and that were certified.
-    """
+    """Return the multiplier at which Coulomb's friction allows a mechanism, by the fixed point from the associative answer `start` on."""
     if start.outcome != "limit":
         return LimitLoad("Coulomb", start.outcome, start.multiplier, start.r, start.v)
+    program, d = Program(problem, problem.dead, problem.live), problem.contacts.dimension
+    return _fixed_point(problem, program, start, np.maximum(start.r[::d], 0.0), ROUNDS)
+
+
+def lowest_limit(problem: LimitProblem, start: LimitLoad, known: LimitLoad) -> LimitLoad:
+    """Return the lowest of `known`, from the associative answer `start`, and of the fixed points that other forces lead to.
+
+    From no friction at all, from the forces of the loads that stay and from chance ones, always the same. 4 of 49 seeded walls have one
+    1 to 8 % below that of the associative forces, and fall there or near.
+    """
+    if start.outcome != "limit":
+        return known
+    program, least = Program(problem, problem.dead, problem.live), known
+    for normals in _beginnings(problem, start):
+        decided = least.outcome == "limit"
+        found = _fixed_point(problem, program, start, normals, _FURTHER if decided else ROUNDS)
+        if found.outcome == "limit" and (not decided or found.multiplier < least.multiplier):
+            least = found
+    return least
+
+
+def _beginnings(problem: LimitProblem, start: LimitLoad) -> Iterator[FloatArray]:
+    """Normal forces (nc,) [N] from which fixed points are sought besides the associative ones."""
+    d, dead = problem.contacts.dimension, problem.dead
+    normals = np.maximum(start.r[::d], 0.0)
+    yield np.zeros_like(normals)
+    stands = Program(problem, np.zeros_like(dead), dead).solve(at_most=1.0)
+    if stands is not None:
+        yield np.maximum(stands.r[::d], 0.0)
+    dice = np.random.default_rng(_SEED)
+    for _ in range(_BY_CHANCE):
+        yield normals * dice.uniform(0.0, 2.0, len(normals))
+
+
+def _fixed_point(problem: LimitProblem, program: Program, start: LimitLoad, given: FloatArray, most: int) -> LimitLoad:
+    """The state of collapse in which the normal forces of Tresca's law are those of its answer, from `given` (nc,) [N] on, in at
+    most so many rounds.
+
+    Where the rounds go on without one, the least of the mechanisms that they passed and that were certified.
+    """
     d = problem.contacts.dimension
-    program = Program(problem, problem.dead, problem.live)
-    mean, last = start.r, start.multiplier
+    last = start.multiplier
     certified: LimitLoad | None = None
-    for rounds in range(1, ROUNDS + 1):
-        found = program.solve(given=np.maximum(mean[::d], 0.0))
+    for rounds in range(1, most + 1):
+        found = program.solve(given=given)
         if found is None:
             break
         settled = abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3 * program.natural)
         # a program that is linear settles, and only then is worth its certificate; cones wander among mechanisms
-        state = _state_of_collapse(problem, program, found, rounds) if settled or d == 3 or rounds == ROUNDS else None
+        state = _state_of_collapse(problem, program, found, rounds) if settled or d == 3 or rounds == most else None
         if state is not None and state.span is not None:
             near = _NEAR * max(abs(last), 1e-3 * program.natural)
             if settled and state.span[0] - near <= found.multiplier <= state.span[1] + near:
@@ -100,17 +139,20 @@ def coulomb_limit(problem: LimitProblem, start: LimitLoad) -> LimitLoad:
             if certified is None or state.multiplier < certified.multiplier:
                 certified = state
         # forces are not unique: the answers jump between corners of one set, their mean settles
-        mean, last = found.r if rounds <= _JUMPS else 0.5 * (mean + found.r), found.multiplier
-    return certified or LimitLoad("Coulomb", "undecided", last, start.r, start.v, ROUNDS)
+        normals = np.maximum(found.r[::d], 0.0)
+        given, last = normals if rounds <= _JUMPS else 0.5 * (given + normals), found.multiplier
+    return certified or LimitLoad("Coulomb", "undecided", last, start.r, start.v, most)
 
 
 def _state_of_collapse(problem: LimitProblem, program: Program, found: Answer, rounds: int) -> LimitLoad | None:
     """The answer's mechanism with forces that belong to it under Coulomb's law, at the least multiplier where they do; None: nowhere."""
     slip = slip_of(problem, found.v)
-    least, most = program.solve(slip=slip, sign=-1.0), program.solve(slip=slip)
-    if least is None or most is None:
-        return None
-    return LimitLoad("Coulomb", "limit", least.multiplier, least.r, found.v, rounds, (least.multiplier, most.multiplier))
+    for astray in ASTRAY[problem.contacts.dimension]:
+        least = program.solve(slip=replace(slip, astray=astray), sign=-1.0)
+        most = None if least is None else program.solve(slip=replace(slip, astray=astray))
+        if least is not None and most is not None:
+            return LimitLoad("Coulomb", "limit", least.multiplier, least.r, found.v, rounds, (least.multiplier, most.multiplier))
+    return None
 
 
 def _undecided(problem: LimitProblem, law: Literal["associative", "Coulomb"]) -> LimitLoad:

@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import linprog
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
 from fcsim.solvers.variational.conic import clarabel_module
 
 _ALIKE = 1e3
 """Numbers of one order: their quotient is not beyond this."""
-_STILL = {2: 1e-7, 3: 1e-5}  # of the largest contact velocity; interior points are rounder than corners
+_ROUGH = 1e3
+"""Friction beyond it (an angle of 89.94 degrees) counts as this, so that numbers stay near 1."""
+_NEAR_NONE = 1e-6  # of a natural multiplier: where a mechanism goes at none, forces that belong to it may lie beside it
+_STILL = {2: 1e-7, 3: 1e-4}  # of the largest contact velocity; interior points are rounder than corners
+ASTRAY = {2: (0.0,), 3: (1e-7, 1e-4)}
+"""Shares of mu r_N, one after the other, by which friction may differ from what the slip asks: in space its direction is known to some
+digits alone, and where it decides all forces none would meet it exactly."""
 
 
 @dataclass(frozen=True, eq=False)
 class Slip:
-    """What a mechanism asks of contact forces: none where it opens, friction -mu r_N t along the slip t (nc, d - 1) where it slides."""
+    """What a mechanism asks of contact forces: none where it opens, friction -mu r_N t along the slip t (nc, d - 1) where it slides, in
+    space to a share `astray` of mu r_N."""
 
     opens: BoolArray
     slides: BoolArray
     along: FloatArray
+    astray: float = 0.0
 
 
 def slip_of(problem: LimitProblem, v: FloatArray) -> Slip:
@@ -52,6 +60,8 @@ class Program:
     """
 
     def __init__(self, problem: LimitProblem, dead: FloatArray, live: FloatArray) -> None:
+        contacts = problem.contacts
+        problem = replace(problem, contacts=replace(contacts, mu=np.minimum(contacts.mu, _ROUGH)))
         self.problem = problem
         size, arm = problem.problem.size, np.ones(problem.model.n_dofs)
         if not 1 / _ALIKE < size < _ALIKE:
@@ -78,15 +88,9 @@ class Program:
 
         given (nc,) [N]: the normal forces of Tresca's disks in place of Coulomb's cones; slip: the mechanism to which forces are to belong.
         """
-        rows, right = [self.balance], [-self.dead]
-        if slip is not None:
-            rows.append(self._belonging(slip))
-            right.append(np.zeros(rows[-1].shape[0]))
-        equal = sp.vstack(rows, format="csc"), np.concatenate(right)
-        low = at_least / self.natural if slip is None else -np.inf
-        found = (self._linear if self.problem.contacts.dimension == 2 else self._conic)(
-            *equal, None if given is None else given / self.force, (low, at_most / self.natural), sign
-        )
+        low = at_least / self.natural if slip is None else -_NEAR_NONE
+        heads = None if given is None else given / self.force
+        found = (self._linear if self.problem.contacts.dimension == 2 else self._conic)(heads, slip, (low, at_most / self.natural), sign)
         if found is None:
             return None
         multiplier, r, dual = found
@@ -95,24 +99,36 @@ class Program:
         power = float(self.live @ dual) * (self.force / self.natural)
         if power != 0:
             v[self.problem.free] = self.arm * dual / power
+        multiplier = max(multiplier, low if slip is None else 0.0)  # interior points come to bounds from either side
         return Answer(multiplier * self.natural, r * self.force, v)
 
-    def _belonging(self, slip: Slip) -> sp.csc_array:
-        """Rows whose product with (r, lambda) is zero where forces belong to the mechanism."""
-        d, mu, nc = self.problem.contacts.dimension, self.problem.contacts.mu, len(self.problem.contacts)
+    def _equal(self, rows: sp.csc_array | None) -> tuple[sp.csc_array, FloatArray]:
+        """Equilibrium, and rows whose product with (r, lambda) is zero."""
+        if rows is None:
+            return self.balance, -self.dead
+        return sp.vstack([self.balance, rows], format="csc"), np.append(-self.dead, np.zeros(rows.shape[0]))
+
+    def _none(self, slip: Slip) -> sp.csc_array:
+        """Rows whose product with (r, lambda) are the forces where the mechanism opens."""
+        d, size = self.problem.contacts.dimension, self.problem.H.shape[1] + 1
         none = (d * np.flatnonzero(slip.opens)[:, None] + np.arange(d)).ravel()
+        return sp.csc_array((np.ones(len(none)), (np.arange(len(none)), none)), shape=(len(none), size))
+
+    def _friction_off(self, slip: Slip) -> sp.csc_array:
+        """Rows whose product with (r, lambda) is r_T + mu r_N t at every contact that slides."""
+        d, mu = self.problem.contacts.dimension, self.problem.contacts.mu
         sliding = np.flatnonzero(slip.slides)
         count = (d - 1) * len(sliding)
         tangents = (d * sliding[:, None] + np.arange(1, d)).ravel()
         against = (mu[sliding, None] * slip.along[sliding]).ravel()
-        rows = np.concatenate([np.arange(len(none)), np.tile(len(none) + np.arange(count), 2)])
-        columns = np.concatenate([none, tangents, np.repeat(d * sliding, d - 1)])
-        values = np.concatenate([np.ones(len(none) + count), against])
-        return sp.csc_array((values, (rows, columns)), shape=(len(none) + count, d * nc + 1))
+        columns = np.concatenate([tangents, np.repeat(d * sliding, d - 1)])
+        values = np.concatenate([np.ones(count), against])
+        return sp.csc_array((values, (np.tile(np.arange(count), 2), columns)), shape=(count, self.problem.H.shape[1] + 1))
 
     def _linear(
-        self, equal: sp.csc_array, right: FloatArray, given: FloatArray | None, bounds: tuple[float, float], sign: float
+        self, given: FloatArray | None, slip: Slip | None, bounds: tuple[float, float], sign: float
     ) -> tuple[float, FloatArray, FloatArray] | None:
+        equal, right = self._equal(None if slip is None else sp.vstack([self._none(slip), self._friction_off(slip)], format="csc"))
         mu, nc = self.problem.contacts.mu, len(self.problem.contacts)
         a = np.arange(nc)
         cone = mu if given is None else np.zeros(nc)
@@ -132,9 +148,10 @@ class Program:
         return float(answer.x[-1]), answer.x[:-1], np.asarray(answer.eqlin.marginals)
 
     def _conic(
-        self, equal: sp.csc_array, right: FloatArray, given: FloatArray | None, bounds: tuple[float, float], sign: float
+        self, given: FloatArray | None, slip: Slip | None, bounds: tuple[float, float], sign: float
     ) -> tuple[float, FloatArray, FloatArray] | None:
         clarabel = clarabel_module()
+        equal, right = self._equal(None if slip is None else self._none(slip))
         mu, nc, d = self.problem.contacts.mu, len(self.problem.contacts), self.problem.contacts.dimension
         size = d * nc + 1
         normal = d * np.arange(nc)
@@ -151,7 +168,14 @@ class Program:
             heads[normal] = mu * given
         entries = np.concatenate([normal, tangents])
         rows.append(sp.csc_array((np.concatenate([-weight, -np.ones(len(tangents))]), (entries, entries)), shape=(d * nc, size)))
-        cones = [clarabel.ZeroConeT(len(right)), clarabel.NonnegativeConeT(lines), *[clarabel.SecondOrderConeT(d)] * nc]
+        count = nc
+        if slip is not None:  # |r_T + mu r_N t| <= a small part of mu r_N where it slides
+            sliding = np.flatnonzero(slip.slides)
+            count += len(sliding)
+            near = sp.csc_array((slip.astray * mu[sliding], (np.arange(len(sliding)), d * sliding)), shape=(len(sliding), size))
+            rows.append(-sp.vstack([near, self._friction_off(slip)], format="csr")[_heads_first(len(sliding), d)])
+            heads = np.append(heads, np.zeros(d * len(sliding)))
+        cones = [clarabel.ZeroConeT(len(right)), clarabel.NonnegativeConeT(lines), *[clarabel.SecondOrderConeT(d)] * count]
         cost = np.zeros(size)
         cost[-1] = -sign
         settings = clarabel.DefaultSettings()
@@ -162,3 +186,9 @@ class Program:
             return None
         x = np.array(answer.x)
         return float(x[-1]), x[:-1], np.array(answer.z)[: len(right)]
+
+
+def _heads_first(count: int, d: int) -> IntArray:
+    """The order in which rows of `count` heads, then of d - 1 entries of each, become cones one after the other."""
+    each = np.arange(count)[:, None]
+    return np.hstack([each, count + (d - 1) * each + np.arange(d - 1)]).ravel()

@@ -144,6 +144,10 @@ def _triangles(what: str, x: FloatArray, face: Sequence[int] | IntArray) -> IntA
     left = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     if not np.isclose(np.abs(left).sum() / 2, area, rtol=1e-6):
         raise InputError(f"{what}: expected faces that do not cross themselves, got {face!r}")
+    if (np.abs(left) <= STRAIGHT * size**2).any():  # corners of different edges in one line, as the shoulders of a T
+        rounder = with_corners_on_edges(p, normal)
+        if rounder is not None:
+            return corners[rounder]
     return corners[np.where(left[:, None] < 0, cut[:, ::-1], cut)]
 
 

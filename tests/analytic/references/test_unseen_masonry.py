@@ -18,7 +18,8 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from fcsim.masonry import analyse, bracket, read_masonry
-from fcsim.masonry.report import remarks
+from fcsim.masonry.collapse import Bracket
+from fcsim.masonry.remarks import remarks
 
 G, DEPTH = 9.81, 0.3
 Points = list[tuple[float, float]]
@@ -286,14 +287,30 @@ def test_units_order_place_and_inexact_joints_change_nothing(tmp_path: Path, see
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [3, 5, 8, 13])
-def test_simulated_loads_lie_between_coulomb_and_associative_or_it_is_said(tmp_path: Path, seed: int) -> None:
-    """No structure stands above the associative load. Coulomb's by fixed point is no bound: a fall below it must be told as such."""
+@pytest.mark.parametrize("seed", [2, 3, 5, 8, 13, 16, 18, 26])
+def test_simulated_loads_lie_between_coulomb_and_associative(tmp_path: Path, seed: int) -> None:
+    """No structure stands above the associative load. Coulomb's, the least of fixed points from several beginnings, is none that motion
+    must wait for; from the associative forces alone walls 2, 8, 18 and 26 have one above the load at which they fall, or near it."""
     problem = read_masonry(write(tmp_path / "wall.json", sample(seed)))
     found = analyse(problem)
-    low, high = found.coulomb.multiplier, found.associative.multiplier
-    seen = bracket(problem, 0.9 * low, 1.1 * high, resolution=5e-3)
+    low, high = found.lowest.multiplier, found.associative.multiplier
+    seen = bracket(problem, 0.995 * low, 1.005 * high, resolution=5e-3)
     assert seen.fall[0] <= 1.01 * high
-    told = any("no lower bound" in remark for remark in remarks(found, seen))
-    assert told == (seen.fall[1] < 0.99 * low)
-    assert told == (seed == 8)  # the others go by hinges, or by the mechanism that limit analysis found
+    assert seen.fall[1] >= 0.995 * low
+    assert remarks(found, seen) == ()
+
+
+@pytest.mark.parametrize(("seed", "least"), [(8, 0.3891)])
+def test_other_beginnings_find_what_falls_first(tmp_path: Path, seed: int, least: float) -> None:
+    """The wall of 24 blocks falls at 0.3891 in simulation; the fixed point from the associative forces is 0.4082."""
+    found = analyse(read_masonry(write(tmp_path / "wall.json", sample(seed))))
+    assert found.lowest.outcome == "limit"
+    assert found.lowest.multiplier <= least < found.coulomb.multiplier
+
+
+def test_a_fall_below_coulomb_is_told(tmp_path: Path) -> None:
+    """As no iteration can say that it has found the least: by numbers that are made up."""
+    found = analyse(read_masonry(write(tmp_path / "wall.json", sample(3))))
+    low = found.coulomb.multiplier
+    (one,) = remarks(found, Bracket((0.9 * low, 0.95 * low), (0.9 * low, 0.95 * low), ()))
+    assert "no lower bound" in one

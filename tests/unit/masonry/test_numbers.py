@@ -14,7 +14,7 @@ from fcsim.masonry import Bracket, MasonryProblem, PointForce, analyse, pushed, 
 from fcsim.masonry.atlas.shapes import one_block
 from fcsim.masonry.case import masonry_case
 from fcsim.masonry.collapse import Trial, pressed, tolerance_of
-from fcsim.masonry.report import remarks
+from fcsim.masonry.remarks import remarks
 from fcsim.running.run import RunOptions, run_case
 
 

@@ -1,0 +1,104 @@
+"""What must be known of an analysis beside its numbers: stones that nothing holds, joints that are not closed, falls outside the bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from fcsim.contact_detection import Contacts
+from fcsim.masonry.collapse import FINEST, FIRST, Bracket, pressed, tolerance_of
+from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
+
+_BELOW, _ABOVE = 0.99, 1.02
+"""Shares of Coulomb's multiplier by limit analysis below which a fall is remarked upon, and of the associative one above which."""
+_NOTHING = 1e-3  # of the multiplier of a fall: an associative one below it is zero
+_THIN = 1e-6  # of a structure's extent: contacts that span less are one point or one line
+_NAMED = 5  # blocks that are named before "and n more"
+
+
+def remarks(analysis: LimitAnalysis, seen: Bracket | None) -> tuple[str, ...]:
+    """Return what must be known of the model and of simulated numbers, one sentence each."""
+    return (*_of_the_model(analysis), *(() if seen is None else _of_the_simulation(analysis, seen)))
+
+
+def _of_the_model(analysis: LimitAnalysis) -> list[str]:
+    contacts, blocks, said = analysis.limit.contacts, analysis.problem.blocks, []
+    held = np.array([block.support for block in blocks])
+    names = [block.name for block in blocks]
+    loose = unheld(contacts, held)
+    weight = analysis.problem.acceleration(scaled=False)
+    if np.any(weight) and not weight[2] < 0:
+        said.append(f"the acceleration that stays, {tuple(weight.tolist())} m/s^2, does not act down: z is up")
+    elif not np.any(analysis.limit.dead):
+        said.append("no load stays upon the blocks: nothing presses joints together")
+    if not held.any():
+        said.append("no block is a support: all fall")
+    elif loose.any():
+        said.append(f"no chain of contacts leads to a support from {_named(names, loose)}: joints wider than the tolerance are open")
+    thin = on_a_line(contacts, len(blocks), _THIN * analysis.problem.size) & ~held & ~loose
+    if thin.any():
+        where = "a point" if contacts.dimension == 2 else "a line or a point"
+        said.append(f"others are touched along {where} alone by {_named(names, thin)}: where that bears a stone the slightest push ends it")
+    return said
+
+
+def unheld(contacts: Contacts, held: np.ndarray) -> np.ndarray:
+    """Which blocks (n,) no chain of contacts joins to one that is held."""
+    n = len(held)
+    a, b = contacts.bodies.T
+    _, piece = connected_components(sp.coo_array((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False)
+    return np.asarray(~np.isin(piece, piece[held]))
+
+
+def on_a_line(contacts: Contacts, count: int, near: float) -> np.ndarray:
+    """Which of `count` blocks touch others along one line alone (2D: at one point), to `near` [m]."""
+    found = np.zeros(count, dtype=bool)
+    both = contacts.bodies.ravel()
+    order = np.argsort(both, kind="stable")
+    points = np.repeat(contacts.point, 2, axis=0)[order]
+    numbers, first = np.unique(both[order], return_index=True)
+    for number, own in zip(numbers, np.split(points, first[1:]), strict=True):
+        spans = np.linalg.svd(own - own.mean(axis=0), compute_uv=False)
+        found[number] = len(spans) < contacts.dimension - 1 or spans[contacts.dimension - 2] < near
+    return found
+
+
+def _of_the_simulation(analysis: LimitAnalysis, seen: Bracket) -> list[str]:
+    said, least, upper = [], analysis.lowest, analysis.associative
+    gap = float(np.abs(analysis.limit.contacts.gap).max(initial=0.0))
+    if seen.motion == (0.0, 0.0) and gap > 0.1 * FIRST * analysis.problem.size:
+        said.append(
+            f"joints are not closed exactly (to {gap:.2g} m), and close first: the structure moves under the loads that stay, its first "
+            "motion under those that grow is not told; the fall is"
+        )
+    if least.outcome == "limit" and seen.fall[1] < _BELOW * least.multiplier:
+        said.append(
+            f"the simulation falls at {seen.fall[1]:.6g}, below the least multiplier that limit analysis found under Coulomb's law "
+            f"({least.multiplier:.6g}): that one is no lower bound, another mechanism with slip goes before it; take the simulated one"
+        )
+    if upper.outcome == "limit" and seen.fall[0] > _ABOVE * upper.multiplier > _NOTHING * seen.fall[0]:
+        said.append(
+            f"it begins to move by {seen.motion[1]:.6g} and comes to rest again up to {seen.fall[0]:.6g}, beyond what it bears as it was "
+            f"built ({upper.multiplier:.6g}): stones that have moved bear on others; take the multiplier of first motion"
+        )
+    longest = max((trial.t for trial in seen.trials), default=1.0)
+    if tolerance_of(analysis.problem, seen.motion[1], longest) < FINEST:
+        said.append(
+            f"forces of {pressed(analysis.problem):.2g} times the blocks' weight act upon them: errors of the solver may move the lightest "
+            "by as much as counts as first motion, whose multiplier may be too low; that of the fall is not touched"
+        )
+    elif any(trial.rough and trial.moves and not trial.falls for trial in seen.trials):
+        said.append(
+            "steps from rest did not converge to the tolerance that first motion asks for, whose multiplier may be too low; that of the "
+            "fall is not touched"
+        )
+    return said
+
+
+def _named(names: Sequence[str], chosen: np.ndarray) -> str:
+    """The names of the chosen blocks, some of them where they are many."""
+    found = [repr(name) for name, one in zip(names, chosen, strict=True) if one]
+    return ", ".join(found[:_NAMED]) + (f" and {len(found) - _NAMED} more" if len(found) > _NAMED else "")
