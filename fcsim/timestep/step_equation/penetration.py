@@ -39,8 +39,9 @@ def at_end(model: Model, detection: Detection, scheme: Scheme, met: Encounter, a
     """Look at the end of a step; settled: looking ahead came to its end.
 
     Contacts are kept where they are detected, at x_m and x_m', on the motion that `look_ahead` foresees. In between, at the end of the
-    step, what turns by omega h lies deeper by up to R (omega h)^2 / 8; and where many contacts bend at once, looking ahead may end before
-    all of them are met. Either error is a quarter, or less, in half the step. Only `Everything`, which answers for all contacts, has its
+    step, what turns by omega h lies deeper by up to R (omega h)^2 / 8; where many contacts bend at once, looking ahead may end before
+    all of them are met; and a contact that it brings back to x_m may have a gap there that is less than the bodies', which a law takes
+    for penetration that is old and leaves at x_m'. Each error is a quarter, or less, in half the step. Only `Everything`, which answers for all contacts, has its
     steps cut: with listed surfaces a step is what its scheme makes of them, the depth between its contacts' instants and its end included.
     """
     positions = model.positions(after.x)
@@ -57,7 +58,7 @@ def at_end(model: Model, detection: Detection, scheme: Scheme, met: Encounter, a
     if not answers or (settled and there is None):
         return AtEnd(penetration, False)
     sinks = there is not None and _deeper(detection, met, there)
-    if not (sinks or settled):
+    if not sinks:
         sinks = _deeper(detection, met, detection(model.positions(scheme.detection_configuration(model, after))))
     return AtEnd(penetration, sinks)
 
