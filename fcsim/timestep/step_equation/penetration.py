@@ -41,8 +41,9 @@ def at_end(model: Model, detection: Detection, scheme: Scheme, met: Encounter, a
     Contacts are kept where they are detected, at x_m and x_m', on the motion that `look_ahead` foresees. In between, at the end of the
     step, what turns by omega h lies deeper by up to R (omega h)^2 / 8; where many contacts bend at once, looking ahead may end before
     all of them are met; and a contact that it brings back to x_m may have a gap there that is less than the bodies', which a law takes
-    for penetration that is old and leaves at x_m'. Each error is a quarter, or less, in half the step. Only `Everything`, which answers for all contacts, has its
-    steps cut: with listed surfaces a step is what its scheme makes of them, the depth between its contacts' instants and its end included.
+    for penetration that is old and leaves at x_m'. Each error is a quarter, or less, in half the step. Only `Everything`, which answers
+    for all contacts, has its steps cut: with listed surfaces a step is what its scheme makes of them, the depth between its contacts'
+    instants and its end included.
     """
     positions = model.positions(after.x)
     if not scheme.timing.moving:
