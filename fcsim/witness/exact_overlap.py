@@ -1,8 +1,9 @@
 """The overlap of bodies of exact shape, with each other and with meshed bodies: distances of points and segments, in closed form.
 
 A sphere or capsule overlaps another body by its radius less the signed distance of its core to that body. Between two cores the distance
-is in closed form; of a core to a plane too; of a core to a skin it is exact at points, and along a capsule's core the least at nine points.
-Cylinders are witnessed against planes only, by their lowest point.
+is in closed form; of a core to a plane too; of a core to a skin it is exact at points, and along a capsule's core the least at points no
+farther apart than its radius: nothing passes between them. So is that of the largest capsule within a cylinder; its rims are looked at
+elsewhere.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from fcsim.witness._distance_kernels import Forest
 from fcsim.witness._overlap_kernels import depth_of_balls
 from fcsim.witness.points_in_solids import points_in_cylinders, points_in_planes
 
-_ALONG = np.linspace(-1.0, 1.0, 9)
+LEAST, MOST = 9, 257
+"""Points along a core: a rod of 128 times its thickness is looked at without a gap."""
 
 
 class ExactBodies(NamedTuple):
@@ -115,16 +117,23 @@ def _planes(exact: ExactBodies, centre: FloatArray, along: FloatArray) -> tuple[
 def _skins(
     exact: ExactBodies, centre: FloatArray, along: FloatArray, forest: Forest, meshed: IntArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Spheres and capsules in meshed bodies."""
+    """Spheres, capsules and the balls within cylinders in meshed bodies."""
     d = centre.shape[1]
-    round_ = exact.of("sphere", "capsule")
+    round_ = exact.of("sphere", "capsule", "cylinder")
     if not len(round_) or not len(meshed):
         return _none(d)
-    share = [(np.zeros(1) if exact.half[k] == 0 else _ALONG) for k in round_]
-    owner = np.repeat(round_, [len(x) for x in share])
-    points = centre[owner] + (np.concatenate(share) * exact.half[owner])[:, None] * along[owner]
-    body, other, depth, place = depth_of_balls(np.pad(points, ((0, 0), (0, 3 - d))), exact.radius[owner], forest, meshed, d)
-    return np.stack([exact.body[owner[body]], other], axis=1), depth, points[place]
+    cylinder = np.array(exact.kind)[round_] == "cylinder"
+    radius = np.where(cylinder, np.minimum(exact.radius[round_], exact.half[round_]), exact.radius[round_])
+    half = np.where(cylinder, exact.half[round_] - radius, exact.half[round_])
+    count = np.where(half > 0, np.clip(np.ceil(2 * half / radius).astype(int) + 1, LEAST, MOST), 1)
+    along_core = np.concatenate([np.linspace(-1, 1, n) * h if n > 1 else np.zeros(1) for n, h in zip(count, half, strict=True)])
+    owner = np.repeat(round_, count)
+    points = centre[owner] + along_core[:, None] * along[owner]
+    body, other, depth, place = depth_of_balls(np.pad(points, ((0, 0), (0, 3 - d))), np.repeat(radius, count), forest, meshed, d)
+    pairs = np.stack([exact.body[owner[body]], other], axis=1)
+    order = np.lexsort((-depth, *pairs.T))  # of each pair the deepest
+    first = order[np.any(np.diff(pairs[order], axis=0, prepend=-1) != 0, axis=1)]
+    return pairs[first], depth[first], points[place[first]]
 
 
 def _none(d: int) -> tuple[IntArray, FloatArray, FloatArray]:

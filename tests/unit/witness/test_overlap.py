@@ -137,6 +137,18 @@ def test_l_shaped_body_is_not_its_hull() -> None:
     assert overlap(angle, moved(stone, (0.0, -0.07))).depth == pytest.approx([0.07])
 
 
+@pytest.mark.parametrize("rod", [rigid_cylinder, rigid_capsule])
+@pytest.mark.parametrize("at", [0.03, 0.19, 0.41])
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e3])
+def test_a_thin_rod_through_a_thin_plate(rod, at: float, size: float) -> None:
+    """A rod of 1 m and 2 cm across a plate of 4 mm: wherever they cross it lies as deep as the plate's half and its own radius, but for
+    what two points a radius apart miss; beside the plate there is nothing."""
+    plate = cube("plate", (0.3 * size, 0.3 * size, 4e-3 * size))
+    through = rod("rod", 0.01 * size, 1.0 * size, (0.01 * size, 0.02 * size, at * size), 1.0, axis=(0, 0, 1))
+    assert overlap(plate, through).depth == pytest.approx([0.01 * size], rel=0.3)
+    assert not len(overlap(plate, rod("rod", 0.01 * size, 1.0 * size, (0.161 * size, 0, at * size), 1.0, axis=(0, 0, 1))).depth)
+
+
 def test_exact_shapes() -> None:
     """Spheres 0.2 apart of radius 0.11; a ball 0.01 in a box's face and 0.01 in its edge; capsules that cross; a tilted post in a floor."""
     two = [rigid_sphere("a", 0.11, (0, 0, 0), 1.0), rigid_sphere("b", 0.11, (0.2, 0, 0), 1.0)]
@@ -239,7 +251,7 @@ def test_meshed_bodies_in_planes_and_cylinders_in_all() -> None:
     assert overlap(Body("soft", brick("soft", (1, 1, 1), (2, 2, 2), STONE, origin=(0, 0, -0.03))), plane).depth == pytest.approx([0.03])
     assert overlap(rigid_rectangle("box", (1, 1), (0, 0.49), 1.0), rigid_plane("floor", (0, 0), (0, 1))).depth == pytest.approx([0.01])
     drum = rigid_cylinder("drum", 0.5, 1.0, (0, 0, 0), 1.0, axis=(0, 0, 1))
-    assert overlap(drum, rigid_box("box", (0.2, 0.2, 0.2), (0, 0, 0.57), 1.0)).depth == pytest.approx([0.03])
+    assert overlap(drum, rigid_box("box", (0.2, 0.2, 0.2), (0, 0, 0.57), 1.0)).depth == pytest.approx([0.03, 0.03])  # looked at from both
     assert overlap(drum, rigid_cylinder("lid", 0.4, 0.2, (0.1, 0, 0.58), 1.0, axis=(0, 0, 1))).depth == pytest.approx([0.02])
     beside = overlap(drum, rigid_cylinder("twin", 0.5, 1.0, (0.96, 0, 0), 1.0, axis=(0, 0, 1)))
     assert beside.depth.max() == pytest.approx(0.04, rel=0.05)
