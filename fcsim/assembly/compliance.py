@@ -214,6 +214,13 @@ class SystemFactor:
             self._where = shares.solved_where(self._groups, [isinstance(group, GroupFactor) for group in self._groups])
         return self._where
 
+    def ranks(self) -> IntArray:
+        """The rank (nb,) that each body is of, in the order of `places`, of a model that ranks share."""
+        assert self.model.shares is not None
+        count = len(self.model.bodies)
+        members = [group.members for group in self._groups] + [np.arange(count - len(self._rigid_inverse), count)]
+        return self.model.shares.owner[np.concatenate(members)]
+
     def compliances(self) -> Iterator[tuple[int, FloatArray, IntArray]]:
         """The compliances of the bodies that this rank works on, in the order of `places`: (first body, C (c, k, k), which of them is
         whose (nb,))."""

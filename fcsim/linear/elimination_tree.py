@@ -9,6 +9,8 @@ bodies: compiled, small fronts):
    are taken together as fronts.
 3. Joints are written out as their contacts again.
 
+Contacts that are to go last, since other matrices meet there, are left out of the ordering and put behind it.
+
 Sources: A. George, J. W. H. Liu, SIAM Review 31, 1989 (minimum degree, indistinguishable nodes); J. W. H. Liu, SIAM Review 34, 1992
 (elimination trees, fronts); T. A. Davis, Direct Methods for Sparse Linear Systems, SIAM, 2006 (structure of the factor).
 """
@@ -23,7 +25,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear import _elimination_tree_kernels as kernels
 
 
@@ -58,14 +60,15 @@ class EliminationTree:
         return float(np.sum(2 / 3 * n**3 + 2 * n * n * b + 2 * n * b * b))
 
 
-def elimination_tree(indptr: IntArray, indices: IntArray, padding: float) -> EliminationTree:
+def elimination_tree(indptr: IntArray, indices: IntArray, padding: float, last: BoolArray | None = None) -> EliminationTree:
     """Analyse a block pattern (rows `indptr`, columns `indices`) that is symmetric.
 
-    padding: share of zeros that a front may hold for the sake of fewer, larger ones.
+    padding: share of zeros that a front may hold for the sake of fewer, larger ones; last (nc,): contacts that no other one follows on
+    its way to the root.
     """
-    joint, size = joints(indptr, indices)
+    joint, size = joints(indptr, indices, last)
     pattern = kernels.quotient(indptr, indices, joint, len(size))
-    order = minimum_degree(*pattern)
+    order = minimum_degree(*pattern) if last is None else _others_first(pattern[0], pattern[1], np.bincount(joint, weights=last) > 0)
     order = order[kernels.postorder(kernels.elimination_tree(*pattern, order))]
     parent = kernels.elimination_tree(*pattern, order)
     starts, rows = kernels.column_structure(*pattern, order, parent)
@@ -105,13 +108,24 @@ def joint_count(indptr: IntArray, indices: IntArray) -> int:
     return len(np.unique(_signatures(indptr, indices)))
 
 
-def joints(indptr: IntArray, indices: IntArray) -> tuple[IntArray, IntArray]:
-    """The joint (nc,) of each contact, contacts with one set of neighbours, and the number of contacts of each joint, by first contact."""
-    _, first, joint, size = np.unique(_signatures(indptr, indices), return_index=True, return_inverse=True, return_counts=True)
+def joints(indptr: IntArray, indices: IntArray, apart: BoolArray | None = None) -> tuple[IntArray, IntArray]:
+    """The joint (nc,) of each contact, contacts with one set of neighbours, and the number of contacts of each joint, by first contact;
+    apart (nc,): contacts that are in no joint with others."""
+    signature = _signatures(indptr, indices)
+    if apart is not None:
+        signature[apart] ^= np.uint64(2**63)  # no weight has this bit: sums of other sets may, as seldom as they are equal
+    _, first, joint, size = np.unique(signature, return_index=True, return_inverse=True, return_counts=True)
     by_contact = np.argsort(first)
     number = np.empty_like(by_contact)
     number[by_contact] = np.arange(len(first))
     return number[joint], size[by_contact]
+
+
+def _others_first(indptr: IntArray, indices: IntArray, last: BoolArray) -> IntArray:
+    """`minimum_degree` of the rows that are not last, then those that are."""
+    others = np.flatnonzero(~last)
+    graph = sp.csr_array((np.ones(len(indices)), indices, indptr), shape=(len(last), len(last)))[others][:, others]
+    return np.concatenate([others[minimum_degree(graph.indptr, graph.indices)], np.flatnonzero(last)])
 
 
 def minimum_degree(indptr: IntArray, indices: IntArray) -> IntArray:

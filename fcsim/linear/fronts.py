@@ -30,14 +30,22 @@ from fcsim.threads import pieces, side_by_side
 
 
 class _Assembly:
-    """Goes through the fronts with the contacts that take part (nc,) and keeps the complements that wait for their parents."""
+    """Goes through the fronts with the contacts that take part (nc,) and keeps the complements that wait for their parents.
 
-    def __init__(self, tree: EliminationTree, taking_part: BoolArray) -> None:
-        self._tree, self._part = tree, taking_part
-        self.contacts = tree.order[taking_part[tree.order]]
+    contacts: those that are eliminated, in that order; left: those that are not, though they take part, which stand on the fronts' borders
+    alone and are numbered after the others; remainders: complements on them, with the places of their rows in `left`.
+    """
+
+    def __init__(self, tree: EliminationTree, taking_part: BoolArray, left: BoolArray | None = None) -> None:
+        """left (nc,): contacts that are not eliminated, the tree's last; None: all are."""
+        self._tree, self._part, self._left = tree, taking_part, left
+        ordered = tree.order[taking_part[tree.order]]
+        self.contacts, self.left = (ordered, ordered[:0]) if left is None else (ordered[~left[ordered]], ordered[left[ordered]])
         self._number = np.empty(len(taking_part), dtype=np.int64)
         self._number[self.contacts] = np.arange(len(self.contacts))
+        self._number[self.left] = len(self.contacts) + np.arange(len(self.left))
         self._waiting: dict[int, list[tuple[IntArray, NDArray[np.floating]]]] = {}
+        self.remainders: list[tuple[IntArray, NDArray[np.floating]]] = []
 
     def __iter__(self) -> Iterator[tuple[int, IntArray, IntArray, IntArray, list[tuple[IntArray, NDArray[np.floating]]]]]:
         """Yield for each front: the number of its first contact, own and border contacts, the latter's numbers, and the children's
@@ -45,6 +53,10 @@ class _Assembly:
         begin = 0
         for f, (own, border, parent) in enumerate(self._tree):
             own, border = own[self._part[own]], border[self._part[border]]
+            if self._left is not None:
+                own, border = own[~self._left[own]], np.concatenate([own[self._left[own]], border])
+                if not len(own) and f not in self._waiting:
+                    continue
             n, beyond = len(own), self._number[border]
             children = [
                 (np.where(below < begin + n, below - begin, n + np.searchsorted(beyond, below)), S) for below, S in self._waiting.pop(f, ())
@@ -55,7 +67,9 @@ class _Assembly:
 
     def pass_on(self, complement: NDArray[np.floating]) -> None:
         """Leave the present front's complement for its parent."""
-        if len(self._beyond):
+        if len(self._beyond) and self._beyond[0] >= len(self.contacts):
+            self.remainders.append((self._beyond - len(self.contacts), complement))
+        elif len(self._beyond):
             self._waiting.setdefault(self._parent, []).append((self._beyond, complement))
 
 
@@ -113,19 +127,36 @@ class Multifrontal:
         return x.reshape(rhs.shape)
 
 
+def _complement(rows: BlockRows, assembly: _Assembly, local: IntArray, dtype: DTypeLike) -> NDArray[np.floating]:
+    """W on the contacts that are left and all complements on them; local (nc,): scratch that is -1 everywhere."""
+    d, left = rows.blocks.shape[1], assembly.left
+    k = d * len(left)
+    whole, none = np.zeros((k, k), dtype=dtype), np.zeros((k, 0), dtype=dtype)
+    fill_symmetric(left, left[:0], local, rows.indptr, rows.indices, rows.blocks, whole, none)
+    while assembly.remainders:
+        place, S = assembly.remainders.pop()
+        extend_add_upper(S, place, 0, d, np.zeros((0, 0), dtype=dtype), np.zeros((0, k), dtype=dtype), whole)
+    return whole
+
+
 class MultifrontalCholesky:
     """L L^T of a symmetric W on the held contacts (nc,) of `rows`, unknowns in the order of `contacts`; fronts of the given precision.
 
-    conditioning: the least pivot over the largest.
+    conditioning: the least pivot over the largest; left (k,): the contacts on which W's complement is left, their unknowns after the
+    others; complement (k d, k d): W there less what the eliminated ones take, its upper triangle, in their order.
     """
 
-    def __init__(self, rows: BlockRows, held: BoolArray, dtype: DTypeLike = np.float64) -> None:
+    def __init__(
+        self, rows: BlockRows, held: BoolArray, dtype: DTypeLike = np.float64, *, shift: float = 0.0, left: BoolArray | None = None
+    ) -> None:
+        """shift: added to the diagonal of what is eliminated; left (nc,): those among the held contacts that are not, the last of the
+        tree of `rows`; None: all are."""
         d = rows.blocks.shape[1]
         potrf = sla.lapack.get_lapack_funcs("potrf", dtype=dtype)
         self._trsm, self._trsv, syrk = sla.blas.get_blas_funcs(("trsm", "trsv", "syrk"), dtype=dtype)
         local = np.full(len(held), -1)
-        assembly = _Assembly(rows.tree, held)
-        self.contacts = assembly.contacts
+        assembly = _Assembly(rows.tree, held, left)
+        self.contacts, self.left = assembly.contacts, assembly.left
         self._fronts = []
         pivots = [np.empty(0)]
         for begin, own, border, beyond, children in assembly:
@@ -135,6 +166,7 @@ class MultifrontalCholesky:
             for place, S in children:
                 extend_add_upper(S, place, n, d, F11, F12, F22)
             if n:
+                F11.flat[:: d * n + 1] += shift
                 L, info = potrf(F11.T, lower=True, overwrite_a=True, clean=False)
                 if info != 0:
                     raise SingularMatrix(f"W of {len(self.contacts)} held contacts is not positive definite")
@@ -147,6 +179,7 @@ class MultifrontalCholesky:
             assembly.pass_on(F22)
         every = np.concatenate(pivots)
         self.conditioning = float(every.min() / every.max()) if len(every) else 1.0
+        self.complement = _complement(rows, assembly, local, dtype)
 
     def forward(self, X: FloatArray) -> FloatArray:
         """Overwrite X (n, k), in C order, with L^-1 X and return it; columns that are zero so far cost nothing."""

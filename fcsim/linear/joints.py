@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray, Matrix
+from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.linear._block_rows_kernels import block_rows_of_dense
 from fcsim.linear._elimination_tree_kernels import has_symmetric_pattern
 from fcsim.linear.block_rows import product_by_rows
@@ -39,8 +39,8 @@ class Pattern:
 class BlockRows:
     """W by sorted block rows with the elimination tree of its pattern; SingularMatrix where the pattern is not symmetric."""
 
-    def __init__(self, W: Matrix, d: int, earlier: Pattern | None = None) -> None:
-        """W: dense or sparse; earlier: where W has this pattern, it is not analysed again."""
+    def __init__(self, W: Matrix, d: int, earlier: Pattern | None = None, last: BoolArray | None = None) -> None:
+        """W: dense or sparse; earlier: where W has this pattern, it is not analysed again; last (nc,): see `elimination_tree`."""
         if isinstance(W, np.ndarray):
             indptr, indices, blocks = block_rows_of_dense(W, d)
             rows = sp.bsr_array((blocks, indices, indptr), shape=W.shape)
@@ -56,7 +56,7 @@ class BlockRows:
             return
         if not has_symmetric_pattern(self.indptr, self.indices):
             raise SingularMatrix("the pattern of W is not symmetric")
-        self.pattern = Pattern(self.indptr, self.indices, elimination_tree(self.indptr, self.indices, PADDING))
+        self.pattern = Pattern(self.indptr, self.indices, elimination_tree(self.indptr, self.indices, PADDING, last))
 
     @property
     def tree(self) -> EliminationTree:

@@ -22,10 +22,11 @@ from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.linear.block_factors.analysis import Analysis
 from fcsim.linear.block_rows import BLOCKS_A_PIECE, compressed_blocks, product_by_rows
-from fcsim.linear.factors import Factor, is_symmetric
+from fcsim.linear.factors import Factor, SingularMatrix, is_symmetric
 from fcsim.linear.joints import BlockRows, joint_rows
 from fcsim.linear.storage import eliminated_dense
 from fcsim.problem._judge_kernels import diagonal_blocks_of_rows
+from fcsim.problem.distributed import DistributedDelassus
 from fcsim.problem.motion import Motion
 from fcsim.problem.shifted_factor import complete_rows, plus_diagonal, shifted_factor
 
@@ -40,7 +41,7 @@ class Delassus:
 
     What is asked for is computed once and kept as long as this object; factors are not kept, since they are large: who uses one again
     keeps it (see `Memory` for what serves the next problem). A LinearOperator has products alone; InputError where it is to be
-    eliminated, or where W is nothing of these.
+    eliminated, or where W is nothing of these. A `DistributedDelassus` has what that names.
     """
 
     W: Matrix
@@ -109,6 +110,8 @@ class Delassus:
     @cached_property
     def entries(self) -> int:
         """Entries of W that are not zero."""
+        if isinstance(self.W, DistributedDelassus):
+            return self.W.entries
         return int(np.count_nonzero(self.W if isinstance(self.W, np.ndarray) else self.W.data))
 
     @property
@@ -230,7 +233,12 @@ class Delassus:
         return Delassus(W, self.dimension, self.shift, motion)
 
     def factor(self, rho: float, *, symmetric: bool) -> Factor:
-        """The factor of W + rho I: Cholesky where symmetric and positive definite, else LU; SingularMatrix where that fails."""
+        """The factor of W + rho I: Cholesky where symmetric and positive definite, else LU; SingularMatrix where that fails, and over
+        ranks where W + rho I is not symmetric positive definite."""
+        if isinstance(self.W, DistributedDelassus) and self.shift is None:
+            if not symmetric:
+                raise SingularMatrix("W + rho I over ranks: expected a symmetric W to factor")
+            return self.W.factor(rho)
         return shifted_factor(self.matrix, self.dimension, rho, symmetric, lambda: self.analysis)
 
     @cached_property
@@ -252,7 +260,9 @@ class Delassus:
 
 
 def diagonal_blocks(W: Matrix, d: int) -> FloatArray:
-    """The blocks W_aa (nc, d, d) of W (m, m), dense or sparse."""
+    """The blocks W_aa (nc, d, d) of W (m, m), dense, sparse or over ranks."""
+    if isinstance(W, DistributedDelassus):
+        return W.diagonal_blocks()
     nc = W.shape[0] // d
     index = np.arange(nc)
     if isinstance(W, np.ndarray):

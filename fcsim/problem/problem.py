@@ -18,6 +18,7 @@ from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.problem.delassus import Delassus
+from fcsim.problem.distributed import DistributedDelassus, whole_delassus
 from fcsim.problem.motion import Motion
 
 
@@ -35,6 +36,8 @@ def as_vector(values: object, what: str) -> FloatArray:
 
 def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
     matrix: Matrix
+    if isinstance(values, DistributedDelassus) and values.shape == shape:
+        return cast(Matrix, values)  # of which methods ask no more than it has
     if not sp.issparse(values):
         try:
             matrix = np.asarray(values, dtype=np.float64)
@@ -224,6 +227,12 @@ class LocalProblem:
     def compliance(self) -> FloatArray:
         """tr(W_aa) / d (nc,), see `Delassus.compliance`."""
         return self.delassus.compliance
+
+    @property
+    def whole(self) -> LocalProblem:
+        """The problem with all of W on every rank where that is distributed; itself else."""
+        W = whole_delassus(self.W)
+        return self if W is self.W else replace(self, W=W, motion=None)
 
     @property
     def local(self) -> LocalProblem:

@@ -137,7 +137,7 @@ class World:
         self._count(own.nbytes, self.size - 1)
         return everything
 
-    def gathered(self, own: FloatArray, counts: IntArray) -> FloatArray:
+    def gathered[T: np.generic](self, own: NDArray[T], counts: IntArray) -> NDArray[T]:
         """The numbers (sum of counts,) of all ranks in their order, counts (size,); own (counts[number],): this rank's."""
         return self._gathered(own, counts)
 

@@ -83,7 +83,7 @@ class _Files:
         answer = Solution(result.u, result.r, result.v, result.multiplier)
         files: list[Callable[[], Path]] = []
         for form in self._forms:
-            given = problem if form == "global" else reduction.local
+            given = problem if form == "global" else reduction.local.whole
             files.append(partial(self._write, form, given, fclib_set, problem, result, answer, guess))
         return files
 

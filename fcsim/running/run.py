@@ -147,7 +147,7 @@ def run_case(
         moments, description = told("the beginning", (moments, description))
         if announce is not None:
             announce(str(size))
-        return _run(case, moments, outputs or Unwritten(), directory, description, watch if writes() else None)
+        return _run(case, moments, outputs or Unwritten(), options, directory, description, watch if writes() else None)
 
 
 def _opened(
@@ -181,6 +181,13 @@ def _opened(
     return moments, outputs, description
 
 
+def _made_together(step: Step, options: RunOptions) -> None:
+    """What files and tables need of all ranks, before one of them writes."""
+    step.energy  # noqa: B018 - kept by the step
+    if options.export_every and step.number % options.export_every == 0 and "local" in options.export_forms:
+        step.reduction.local.whole  # noqa: B018 - kept by its W
+
+
 def _resumed(
     now: Description, stored: Description, case: Case, moments: tuple[Moment, Moment] | None, directory: Path, accept: bool
 ) -> Description:
@@ -196,6 +203,7 @@ def _run(
     case: Case,
     moments: tuple[Moment, Moment] | None,
     outputs: Outputs | Unwritten,
+    options: RunOptions,
     directory: Path,
     description: Description,
     watch: Callable[[Case, Step], None] | None,
@@ -216,7 +224,7 @@ def _run(
     try:
         for step in case.simulation.run(*moments) if moments else case.simulation:
             if world() is not None:
-                step.energy  # noqa: B018 - by all ranks, before one writes it
+                _made_together(step, options)
             with alone():
                 seconds = outputs.take(step)
             tally.add(step, seconds)

@@ -222,7 +222,7 @@ class Method:
     run(problem, r, monitor, options) -> Iterate works on the local form without equality constraints. A method that can work
     on the global form without reduction has `run_global` as well, one that can work on a mixed local form (V, R, s) without
     elimination has `run_mixed`; both are chosen by the option linear="kkt". `limits` says on which problems the method is not meant
-    to reach a small error; its status is honest there as everywhere.
+    to reach a small error; its status is honest there as everywhere. over_ranks: it asks no more of W than a `DistributedDelassus` has.
     """
 
     run: Run
@@ -234,6 +234,7 @@ class Method:
     run_global: Run | None = None
     run_mixed: Run | None = None
     limits: str = ""
+    over_ranks: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -139,7 +139,7 @@ def _way(chosen: Method, solver: str, options: Options, given: Reduced) -> tuple
         known = "problems with rolling friction" if 5 in chosen.dimensions else " and ".join(f"{d}D" for d in chosen.dimensions)
         raise InputError(f"solver {solver!r}: works in {known}, the problem has {given.dimension}D")
     if getattr(options, "linear", "") != "kkt":
-        return chosen.run, given.local
+        return chosen.run, given.local if chosen.over_ranks else given.local.whole
     run = {Reduction: chosen.run_global, Elimination: chosen.run_mixed}.get(type(given))
     if run is None:
         form = {Reduction: "a global problem", Elimination: "a mixed local problem"}.get(type(given), "a local problem without constraints")

@@ -136,14 +136,18 @@ SOLVERS: dict[str, Method] = {
     ),
     "NSN-AC-PLI-LOOP": _hybrid((_PLI, _NEWTON_GP), "NSN_AC (PLI_NSN_LOOP)", cycles=10),
     "NSN-AC-NSN-PLI-LOOP": _hybrid((_PLI, _NEWTON_GP), "NSN_AC (NSN_AND_PLI_NSN_LOOP)", cycles=10, first=(_NEWTON_GP,)),
-    "FP-DS": Method(fixed_point, ProjectionOptions(), "projection", "De Saxcé, Feng 1998", "DSFP, FPP"),
-    "EG": Method(extragradient, ProjectionOptions(), "projection", "Korpelevich 1976", "EG"),
-    "HP": Method(hyperplane, HyperplaneOptions(), "projection", "Konnov 1993; Solodov, Svaiter 1999", "HP"),
-    "FP-VI-UPK": Method(fixed_point, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_FPP"),
-    "FP-VI-UTK": Method(fixed_point, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_FPP (SOLODOV)"),
-    "EG-VI-UPK": Method(extragradient, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_EG"),
-    "EG-VI-UTK": Method(extragradient, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_EG (SOLODOV)"),
-    "ADMM": Method(admm, AdmmOptions(), "ADMM", "Boyd et al. 2011; Goldstein et al. 2014", "ADMM", run_global=admm_global),
+    "FP-DS": Method(fixed_point, ProjectionOptions(), "projection", "De Saxcé, Feng 1998", "DSFP, FPP", over_ranks=True),
+    "EG": Method(extragradient, ProjectionOptions(), "projection", "Korpelevich 1976", "EG", over_ranks=True),
+    "HP": Method(hyperplane, HyperplaneOptions(), "projection", "Konnov 1993; Solodov, Svaiter 1999", "HP", over_ranks=True),
+    "FP-VI-UPK": Method(fixed_point, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_FPP", over_ranks=True),
+    "FP-VI-UTK": Method(
+        fixed_point, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_FPP (SOLODOV)", over_ranks=True
+    ),
+    "EG-VI-UPK": Method(extragradient, ProjectionOptions(step_rule="Khobotov"), "projection", _BOOK, "VI_EG", over_ranks=True),
+    "EG-VI-UTK": Method(
+        extragradient, ProjectionOptions(step_rule="Solodov-Tseng"), "projection", _BOOK, "VI_EG (SOLODOV)", over_ranks=True
+    ),
+    "ADMM": Method(admm, AdmmOptions(), "ADMM", "Boyd et al. 2011; Goldstein et al. 2014", "ADMM", run_global=admm_global, over_ranks=True),
     "ADMM-SPECTRAL": Method(
         admm,
         AdmmOptions(rho_update="spectral", balancing_ratio=10.0, acceleration="none"),

@@ -29,7 +29,7 @@ def derivative(
     given = reduced(problem)
     if isinstance(given, Elimination):
         raise InputError("derivative: expected a global problem or a local one without V, R and s, got a mixed local problem")
-    local = given.local
+    local = given.local.whole
     r = np.asarray(r, dtype=np.float64)
     if r.shape != local.q.shape:
         raise InputError(f"r: expected reactions of shape {local.q.shape}, got {r.shape}: is this the problem that was solved?")

@@ -93,6 +93,8 @@ class AdmmOptions(Options):
 
 def admm(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AdmmOptions) -> Iterate:
     """ADMM on the local form."""
+    if options.rescaling != "none" or options.symmetry not in ("check", "assume"):
+        problem = problem.whole
     vi = Inequality.coulomb(problem)
     iterated = split(vi, r, ProblemWatch(vi.velocity, monitor, options.max_iterations), options, monitor)
     if not iterated.status.solved:

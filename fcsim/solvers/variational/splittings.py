@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray
 from fcsim.linear.factors import Factor, factorise
 from fcsim.problem import Delassus
+from fcsim.problem.distributed import DistributedFactor
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.memory import Kept
@@ -41,14 +42,14 @@ class LocalSplitting:
     """z = r in C, -rho zeta = u + g in C*; `gain` and `dual_gain` carry the primal and the dual residual over to the natural one.
 
     With the factor of an earlier W, which a simulation keeps, the linear step is one of iterative refinement from the last x: the fixed
-    point is the same, and where W has changed by less than rho the iterates hardly differ.
+    point is the same, and where W has changed by less than rho the iterates hardly differ. So it is with a factor that is not exact.
     """
 
     def __init__(self, vi: Inequality, symmetric: bool, monitor: Monitor | None = None) -> None:
         """monitor: whose memory has earlier factors and takes this one's."""
         self._vi, self._symmetric, self._monitor = vi, symmetric, monitor
         self.dual_gain = 1.0
-        self._x: FloatArray | None = None  # the last x where the factor is an earlier W's
+        self._x: FloatArray | None = None  # the last x where the factor is not this W's, or not exact
 
     def set_rho(self, rho: float) -> None:
         self.rho = rho
@@ -56,6 +57,8 @@ class LocalSplitting:
         self._x = None
         forget_factor(self._monitor)  # the old one makes room for the new
         self._factor = self._vi.factor(rho, self._symmetric)
+        if isinstance(self._factor, DistributedFactor) and not self._factor.exact:
+            self._x = np.zeros(self._vi.operator.size)
         if self._monitor is not None and self._monitor.memory is not None:
             memory = self._monitor.memory
             self._monitor.memory = memory.having(SplittingFactor(memory.identity, rho, self._factor))

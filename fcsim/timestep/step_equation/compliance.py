@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,10 +12,14 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.brief import brief
+from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem.delassus_sum import DelassusSum
+from fcsim.problem.distributed import DistributedDelassus, contact_layout
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning
 
+DISTRIBUTED_FROM = 300_000
+"""Entries that the bodies' shares of W have from which it is distributed: a product of half of them takes as long as an exchange."""
 _MARGIN = 0.05
 """Of A's own stiffness: what A + B keeps of it at least in every direction."""
 
@@ -30,6 +35,7 @@ class StepCompliance:
     bent: the geometric stiffness B of contacts on the bodies' unknowns, None = none: M is A + B with A of the factor. With P the unknowns
     that B touches, (A + B)^-1 = A^-1 - A^-1 P X P^T A^-1, X = (I + B_PP C)^-1 B_PP, C = P^T A^-1 P: A's factors stay the bodies' own.
     leaning: gaps that do not close along their normals, see `Leaning`: M is (A + B) T. None = none.
+    over_ranks: whether W, where ranks share the model, may be left distributed among them.
     """
 
     factor: SystemFactor
@@ -37,6 +43,7 @@ class StepCompliance:
     summed: Matrix | None = None
     bent: sp.csr_array | None = None
     leaning: Leaning | None = None
+    over_ranks: bool = False
 
     __repr__ = brief
 
@@ -130,7 +137,8 @@ class StepCompliance:
             return self._leant(H, dimension)
         H = sp.csc_array(H if self.joint is None else sp.csr_array(H)[: H.shape[0] - len(self._soft)])
         if self.bent is None:
-            matrix = self._sum(H, dimension)
+            distributed = self._distributed(H, dimension) if self.over_ranks and self.joint is None else None
+            matrix = self._sum(H, dimension) if distributed is None else distributed
         else:
             m, k = H.shape[1], len(self._touched)
             wide = self._sum(sp.csc_array(sp.hstack([H, _chosen(self._touched, H.shape[0], dimension)])), dimension)
@@ -150,17 +158,40 @@ class StepCompliance:
 
     def _sum(self, H: sp.sparray, dimension: int) -> Matrix:
         """H^T A^-1 H for H (n, m) on the bodies' unknowns, from their compliances."""
-        model = self.factor.model
-        if model.driven == "eliminated":
-            H = sp.csc_array((H.data, model.free_dofs[H.indices], H.indptr), shape=(model.n_dofs, H.shape[1]))
-        if self.factor.rotation is not None:
-            H = self._in_frames(H)
+        model, H = self.factor.model, self._on_compliances(H)
         W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
         for first, compliances, kind in self.factor.compliances():
             W.add(first, compliances, kind)
         if model.shares is not None:
             model.shares.world.summed("W", W.values)
         return W.matrix()
+
+    def _distributed(self, H: sp.csc_array, dimension: int) -> Matrix | None:
+        """The same as the ranks' own bodies' shares; None where W is small, its contacts are not all ranks', or there is one process."""
+        shares = self.factor.model.shares
+        if shares is None or dimension != self.factor.model.dimension:
+            return None
+        H, (body, column), rank = self._on_compliances(H), self.factor.places, self.factor.ranks()
+        nc, count = H.shape[1] // dimension, len(rank)
+        first, contacts = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)[:2]
+        layout = contact_layout(shares.world, first, contacts, rank, nc, dimension)
+        entries = np.sum(np.diff(first) ** 2) * dimension**2
+        if entries < DISTRIBUTED_FROM or not all(len(some) for some in layout.contacts):
+            return None
+        with shares.world.together("W"):
+            own = np.where(body >= 0, np.where(rank == shares.world.number, np.arange(count), -1)[body], -1)
+            W = DelassusSum(H[:, layout.own_unknowns], own, column, count, dimension)
+            for begin, compliances, kind in self.factor.compliances():
+                W.add(begin, compliances, kind)
+            rows = sp.bsr_array(W.matrix(), blocksize=(dimension, dimension))
+        return cast(Matrix, DistributedDelassus(layout, rows))
+
+    def _on_compliances(self, H: sp.csc_array) -> sp.csc_array:
+        """H on the dofs (n_dofs,), in the axes of the bodies' compliances."""
+        model = self.factor.model
+        if model.driven == "eliminated":
+            H = sp.csc_array((H.data, model.free_dofs[H.indices], H.indptr), shape=(model.n_dofs, H.shape[1]))
+        return H if self.factor.rotation is None else self._in_frames(H)
 
     def _in_frames(self, H: sp.csc_array) -> sp.csc_array:
         """H along the supports' axes as they are in the axes of the bodies' compliances."""

@@ -197,6 +197,8 @@ def solve_equation(
     """
     compliance, elastic = equation.compliance, equation.elastic
     lead = past.lead
+    if isinstance(compliance, StepCompliance):
+        compliance = replace(compliance, over_ranks=method(settings.name).over_ranks and not lead.steps and equation.met.moments is None)
     term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term

@@ -171,3 +171,21 @@ def test_scattered_contacts_have_no_fronts() -> None:
     assert joint_rows(single, 3) is None
     dense = sp.bsr_array(np.ones((900, 900)), blocksize=(3, 3))
     assert joint_rows(dense, 3) is None
+
+
+def test_what_is_left_has_the_complement_of_the_rest() -> None:
+    W, joint = wall(4, 3, 5, 3, 2)
+    left = np.isin(joint, [3, 8, 9])
+    shift = 0.7
+    factor = MultifrontalCholesky(BlockRows(W, 3, last=left), np.ones(len(left), dtype=bool), shift=shift, left=left)
+    inner, border = ((3 * contacts[:, None] + np.arange(3)).ravel() for contacts in (factor.contacts, factor.left))
+    A = W.toarray()
+    E = A[np.ix_(inner, inner)] + shift * np.eye(len(inner))
+    expected = A[np.ix_(border, border)] - A[np.ix_(border, inner)] @ np.linalg.solve(E, A[np.ix_(inner, border)])
+    assert_allclose(np.triu(factor.complement), np.triu(expected), atol=1e-12 * np.abs(A).max())
+    b = np.random.default_rng(0).standard_normal(len(A))
+    x = np.concatenate([b[inner], np.zeros(len(border))])[:, None]
+    x = factor.forward(x)[:, 0]  # what the rest brings to what is left, in its place
+    assert_allclose(x[len(inner) :], -A[np.ix_(border, inner)] @ np.linalg.solve(E, b[inner]), atol=1e-11)
+    x[len(inner) :] = b[border]
+    assert_allclose(factor.backward(x)[: len(inner)], np.linalg.solve(E, b[inner] - A[np.ix_(inner, border)] @ b[border]), atol=1e-11)

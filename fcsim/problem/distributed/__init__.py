@@ -1,0 +1,7 @@
+"""W over ranks of MPI: each has the shares h C h^T of its own bodies, and the factor of what only they take part in."""
+
+from fcsim.problem.distributed.delassus import DistributedDelassus as DistributedDelassus
+from fcsim.problem.distributed.delassus import whole_delassus as whole_delassus
+from fcsim.problem.distributed.factor import DistributedFactor as DistributedFactor
+from fcsim.problem.distributed.layout import ContactLayout as ContactLayout
+from fcsim.problem.distributed.layout import contact_layout as contact_layout

@@ -1,0 +1,91 @@
+"""W as the sum of the ranks' shares: W x is the sum over a rank's own bodies of h C h^T x, put together contact by contact."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator
+
+from fcsim.arrays import FloatArray, Matrix
+from fcsim.brief import brief
+from fcsim.linear.block_rows import product_by_rows
+from fcsim.problem.distributed.factor import DistributedFactor
+from fcsim.problem.distributed.layout import ContactLayout
+
+
+class DistributedDelassus(LinearOperator):
+    """W (m, m), symmetric; rows: this rank's share by block rows (bsr, sorted) on its own contacts.
+
+    All ranks ask for the same at the same time. Products, diagonal blocks and the factor of W + rho I are what there is of it; `whole` is
+    the matrix itself, on every rank, for who needs that.
+    """
+
+    __repr__ = brief
+
+    def __init__(self, layout: ContactLayout, rows: sp.bsr_array) -> None:
+        size = layout.nc * layout.dimension
+        super().__init__(np.float64, (size, size))
+        self.layout, self.rows = layout, rows
+
+    def _matvec(self, x: FloatArray) -> FloatArray:
+        layout = self.layout
+        with layout.together("product with W"):
+            x = np.ascontiguousarray(x.ravel()[layout.own_unknowns])
+            own = product_by_rows(self.rows, np.zeros_like(x), x) if layout.dimension == 3 else self.rows @ x
+        return layout.summed(own)
+
+    def _rmatvec(self, x: FloatArray) -> FloatArray:
+        return self._matvec(x)
+
+    def diagonal_blocks(self) -> FloatArray:
+        """The contacts' own blocks W_aa (nc, d, d)."""
+        return self._diagonal_blocks
+
+    @cached_property
+    def _diagonal_blocks(self) -> FloatArray:
+        layout, d = self.layout, self.layout.dimension
+        row = np.repeat(np.arange(len(layout.own)), np.diff(self.rows.indptr))
+        on = np.flatnonzero(row == self.rows.indices)
+        own = np.zeros((len(layout.own), d, d))
+        own[row[on]] = self.rows.data[on]
+        return np.stack([layout.summed(own[:, i].ravel()).reshape(-1, d) for i in range(d)], axis=1)
+
+    def diagonal(self) -> FloatArray:
+        """The diagonal (m,)."""
+        return np.einsum("aii->ai", self.diagonal_blocks()).ravel()
+
+    @cached_property
+    def entries(self) -> int:
+        """Entries that the ranks' shares have, those of both on a block that two have."""
+        world = self.layout.world
+        return int(world.gathered(np.array([float(self.rows.nnz)]), np.ones(world.size, dtype=np.int64)).sum())
+
+    def factor(self, rho: float) -> DistributedFactor:
+        """The factor of W + rho I; SingularMatrix, on all ranks, where that is not positive definite."""
+        return DistributedFactor(self.layout, self.rows, rho, self.matvec)
+
+    @cached_property
+    def whole(self) -> sp.bsr_array:
+        """W by block rows, summed over the ranks: the bits that one process would have."""
+        layout, d = self.layout, self.layout.dimension
+        world, own = layout.world, layout.own
+        with layout.together("all of W"):
+            row = np.repeat(own, np.diff(self.rows.indptr))
+        counts = world.gathered(np.array([float(len(row))]), np.ones(world.size, dtype=np.int64)).astype(np.int64)
+        place = world.gathered(row * layout.nc + own[self.rows.indices], counts)
+        blocks = world.gathered(self.rows.data.ravel(), counts * d * d).reshape(-1, d, d)
+        places, number = np.unique(place, return_inverse=True)
+        data = np.zeros((len(places), d, d))
+        begin = 0
+        for count in counts.tolist():  # no place twice among a rank's
+            data[number[begin : begin + count]] += blocks[begin : begin + count]
+            begin += count
+        starts = np.searchsorted(places, layout.nc * np.arange(layout.nc + 1))
+        return sp.bsr_array((data, (places % layout.nc).astype(np.int32), starts.astype(np.int32)), shape=self.shape)
+
+
+def whole_delassus(W: Matrix) -> Matrix:
+    """W as a matrix on every rank, itself where it is one."""
+    return W.whole if isinstance(W, DistributedDelassus) else W
