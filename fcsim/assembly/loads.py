@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly import elasticity
 from fcsim.assembly.forms.facet_pressure import facet_forces, nodal_sum
 from fcsim.assembly.forms.nodal_forces import form_forces, given_forces
 from fcsim.assembly.forms.part_forms import PartForms
+from fcsim.assembly.forms.turning_force import TurningForce
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.supports import TimeFunction
 from fcsim.brief import brief
@@ -56,12 +57,20 @@ class BodyForce:
 
 @dataclass(frozen=True)
 class FollowerForce:
-    """A force [N] at a rigid body's centre of mass and a moment [N m], as of `Force`, that turn with the body, times factor(t)."""
+    """A force [N] and a moment [N m] (3 entries, 2D: 1) that turn with what they act on, in world axes as it stands in the reference, times
+    factor(t).
+
+    On a rigid body they act at its centre of mass, as those of `Force`. Of a deformable one a `surface` is named: they act at the middle of
+    that surface, spread evenly over its area in the reference, and turn with it: by the rotation that leaves the least of its nodes'
+    displacements (`fcsim.assembly.forms.turning_force`). A force on the end face of a beam keeps its angle with that face. On a body of
+    linear kinematics, whose equations are those of the reference, they stay as they are.
+    """
 
     body: str
     force: tuple[float, ...]
     moment: tuple[float, ...] | None = None
     factor: TimeFunction = field(default=lambda t: 1.0)
+    surface: str | None = None
 
 
 @dataclass(frozen=True)
@@ -144,19 +153,18 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
     if isinstance(load, FollowerPressure):
         vector[own] = _pressure(layout, body, load)
         return vector
+    if isinstance(load, FollowerForce) and isinstance(body, Body):
+        nodes, spread = turning_force(layout, load)
+        vector[: layout.n_elastic].reshape(-1, d)[nodes] = spread.forces(layout.reference[nodes])
+        return vector
     if isinstance(load, Force | Follower):
         if not isinstance(body, RigidBody):
             raise InputError(
                 f"{type(load).__name__} on body {load.body!r}: expected a rigid body; use Traction or BodyForce on a deformable one"
             )
-        moment = (0.0,) * (len(DIRECTIONS[d]) - d) if load.moment is None else load.moment
-        values = np.concatenate([load.force, moment])
-        if values.shape != (len(DIRECTIONS[d]),) or not np.all(np.isfinite(values)):
-            raise InputError(
-                f"{type(load).__name__} on body {load.body!r}: expected {d} force and {len(DIRECTIONS[d]) - d} moment components, finite "
-                f"numbers, got {load.force} and {load.moment}"
-            )
-        vector[own] = values
+        if isinstance(load, FollowerForce) and load.surface is not None:
+            raise InputError(f"FollowerForce on body {load.body!r}, surface: expected none on a rigid body, got {load.surface!r}")
+        vector[own] = np.concatenate(_force_and_moment(d, load))
         return vector
     if not isinstance(body, Body):
         raise InputError(f"{type(load).__name__} on body {load.body!r}: expected a deformable body; use Force on a rigid one")
@@ -173,6 +181,32 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
         nodal = elasticity.body_force(body.part, in_part_axes)
     vector[own] = (nodal.reshape(-1, d) @ body.rotation.T).ravel()
     return vector
+
+
+def _force_and_moment(d: int, load: Force | FollowerForce) -> tuple[FloatArray, FloatArray]:
+    """(d,) [N] and (3,), in 2D (1,), [N m]."""
+    count = len(DIRECTIONS[d]) - d
+    moment = (0.0,) * count if load.moment is None else load.moment
+    values = np.concatenate([load.force, moment])
+    if values.shape != (d + count,) or not np.all(np.isfinite(values)):
+        raise InputError(
+            f"{type(load).__name__} on body {load.body!r}: expected {d} force and {count} moment components, finite numbers, got "
+            f"{load.force} and {load.moment}"
+        )
+    return values[:d], values[d:]
+
+
+def turning_force(layout: BodyLayout, load: FollowerForce) -> tuple[IntArray, TurningForce]:
+    """The nodes (k,), by the model's numbers, of a follower's surface of a deformable body, and its force on them."""
+    if load.surface is None:
+        raise InputError(
+            f"FollowerForce on body {load.body!r}, surface: expected the name of a surface of this deformable body, on which it acts and "
+            "with which it turns, got None"
+        )
+    layout.facets(load.body, load.surface)  # refuses an unknown name
+    area = nodal_area(layout, load.body, load.surface)
+    nodes = np.flatnonzero(area)
+    return nodes, TurningForce(area[nodes] / area.sum(), layout.reference[nodes], *_force_and_moment(layout.dimension, load))
 
 
 def _nodal_forces(body: Body, load: NodalForces | FormLoad) -> FloatArray:

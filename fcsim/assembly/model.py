@@ -19,9 +19,9 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group, operator_groups
 from fcsim.assembly.inner_forces import NonlinearBodies
 from fcsim.assembly.kinematics.elastic_forces import ElasticForces
-from fcsim.assembly.kinematics.following import FollowingPressures, When, following_pressures
+from fcsim.assembly.kinematics.following import FollowingLoads, When, following_loads
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout, in_order
-from fcsim.assembly.loads import Follower, FollowerPressure, Load, factor_at, load_vector, turned
+from fcsim.assembly.loads import Follower, Load, factor_at, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
 from fcsim.assembly.shares.shares import Shares, shares_of
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
@@ -113,10 +113,10 @@ class Model(BodyLayout):
         return shares_of(self)
 
     @cached_property
-    def following(self) -> FollowingPressures:
-        """The pressures that follow deformable bodies; those on bodies of linear kinematics do not."""
-        soft = [load for load in self.loads if isinstance(load, FollowerPressure) and not self._on_rigid(load)]
-        return following_pressures(self, self.groups if soft else (), soft)
+    def following(self) -> FollowingLoads:
+        """The pressures and forces that follow deformable bodies; those on bodies of linear kinematics do not."""
+        soft = [load for load in self.loads if isinstance(load, Follower) and not self._on_rigid(load)]
+        return following_loads(self, self.groups if soft else (), soft)
 
     def _on_rigid(self, load: Load) -> bool:
         return self.body_number(load.body) >= len(self.deformable)
@@ -217,7 +217,7 @@ class Model(BodyLayout):
 
     def load(self, t: float, x: FloatArray | None = None) -> FloatArray:
         """External forces (n_dofs,) [N] at time t: gravity and the loads; followers of rigid bodies as they stand at x (default: the
-        reference). Without pressures that follow deformable bodies, which are part of what a step solves for: see `following`."""
+        reference). Without what follows deformable bodies, which is part of what a step solves for: see `following`."""
         force = np.zeros(self.n_dofs)
         if self.gravity is not None:
             d = self.dimension

@@ -40,7 +40,7 @@ from fcsim.timestep.step import Attempt, Moment, Step
 from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
-from fcsim.timestep.step_equation.linearisation import Linearisation
+from fcsim.timestep.step_equation.linearisation import Linearisation, joined_nodes
 from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
 from fcsim.timestep.step_equation.penetration import CUTS, at_end
 from fcsim.timestep.step_equation.settling import solve_settled
@@ -101,9 +101,9 @@ class Simulation:
 
     @cached_property
     def contact_nodes(self) -> NDArray[np.int64]:
-        """Nodes that contacts and links can touch, and in statics those on the rims of surfaces whose pressures follow."""
+        """Nodes that contacts and links can touch, and in statics those that the tangent of loads that follow joins."""
         nodes = self.detector.nodes if self.linkage is None else np.union1d(self.detector.nodes, self.linkage.nodes)
-        return nodes if self.scheme.timing.moving or not self.model.following else np.union1d(nodes, self.model.following.rims)
+        return joined_nodes(nodes, self.scheme, self.model)
 
     @cached_property
     def factor(self) -> SystemFactor:

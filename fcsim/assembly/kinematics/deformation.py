@@ -10,8 +10,9 @@ import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.elements import quadrature
+from fcsim.assembly.forms.rotations import angle_of
 from fcsim.assembly.groups import Group
-from fcsim.assembly.kinematics.frames import FloatingGroup, angle_of
+from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.brief import brief
 from fcsim.mesh.cell_type import CELL_TYPES
 

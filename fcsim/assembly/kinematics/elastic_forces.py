@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.groups import Group
-from fcsim.assembly.kinematics.frames import FloatingGroup, Frames, polar_rotation
+from fcsim.assembly.kinematics.frames import FloatingGroup, Frames
 
 
 @dataclass(frozen=True, eq=False)

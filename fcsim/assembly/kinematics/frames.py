@@ -25,6 +25,7 @@ from functools import cached_property
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.groups import Group
 from fcsim.brief import brief
 
@@ -107,26 +108,6 @@ class _Mean:
         tau = np.linalg.solve(self.J.transpose(0, 2, 1), _moment(self.q, f)[:, :, None])[:, :, 0]
         inner = f - group.weight[:, None] * _turn(tau, group.arm)
         return inner @ self.R.transpose(0, 2, 1)
-
-
-def polar_rotation(A: FloatArray) -> FloatArray:
-    """The rotations R (n, d, d) nearest to matrices A (n, d, d), R^T A symmetric: U diag(1, .., det) V^T of A = U s V^T."""
-    if not len(A):
-        return A.copy()
-    U, _, Vt = np.linalg.svd(A)
-    mirrored = np.linalg.det(U) * np.linalg.det(Vt) < 0
-    U[mirrored, :, -1] *= -1
-    rotations: FloatArray = U @ Vt
-    return rotations
-
-
-def angle_of(R: FloatArray) -> FloatArray:
-    """Angles (n,) [rad], 0 to pi, by which rotation matrices (n, d, d) turn; exact for small ones too."""
-    d = R.shape[-1]
-    skew = R - R.transpose(0, 2, 1)
-    sine = np.sqrt(np.einsum("bij,bij->b", skew, skew) / 8)
-    cosine = 0.5 * (np.trace(R, axis1=1, axis2=2) - (d - 2))
-    return np.arctan2(sine, cosine)
 
 
 def _moment(a: FloatArray, f: FloatArray) -> FloatArray:

@@ -7,11 +7,14 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
+import scipy.linalg as sla
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.brief import brief
+from fcsim.linear.factors import Factor, factorise
 from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.distributed import DistributedDelassus, contact_layout
@@ -22,6 +25,9 @@ DISTRIBUTED_FROM = 300_000
 """Entries that the bodies' shares of W have from which it is distributed: a product of half of them takes as long as an exchange."""
 _MARGIN = 0.05
 """Of A's own stiffness: what A + B keeps of it at least in every direction."""
+
+_CONDITION = 1e6
+"""Of I + B_PP C: where larger, A + B is factored as a whole."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +40,7 @@ class StepCompliance:
     summed: W of this H where it is known already, from another right side of the step.
     bent: the geometric stiffness B of contacts on the bodies' unknowns, None = none: M is A + B with A of the factor. With P the unknowns
     that B touches, (A + B)^-1 = A^-1 - A^-1 P X P^T A^-1, X = (I + B_PP C)^-1 B_PP, C = P^T A^-1 P: A's factors stay the bodies' own.
+    Where mass alone holds a body C is so large that this loses digits: then A + B is factored as a whole.
     leaning: gaps that do not close along their normals, see `Leaning`: M is (A + B) T. None = none.
     over_ranks: whether W, where ranks share the model, may be left distributed among them.
     """
@@ -87,8 +94,8 @@ class StepCompliance:
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return M^-1 rhs for rhs (n,) of the problem's unknowns."""
         own = len(rhs) - len(self._soft)
-        v = self.factor.solve(rhs[:own])
-        if self.bent is not None:
+        v = self.factor.solve(rhs[:own]) if self._whole is None else self._whole.solve(rhs[:own])
+        if self.bent is not None and self._whole is None:
             pushed = np.zeros(own)
             pushed[self._touched] = self._correction @ v[self._touched]
             v = v - self.factor.solve(pushed)
@@ -109,22 +116,41 @@ class StepCompliance:
         return (C if isinstance(C, np.ndarray) else C.toarray())[:k, :k]
 
     @cached_property
+    def _B(self) -> FloatArray:
+        """B_PP (k, k)."""
+        assert self.bent is not None  # none is asked for else
+        return self.bent[self._touched][:, self._touched].toarray()
+
+    @cached_property
+    def _nearly_one(self) -> tuple[FloatArray, NDArray[np.int32], float]:
+        """The factors of I + B_PP C by LAPACK, its pivots, and one over its condition number."""
+        matrix = np.eye(len(self._B)) + self._B @ self._compliance_there
+        size = np.linalg.norm(matrix, 1)
+        factors, pivots, _ = sla.lapack.dgetrf(matrix, overwrite_a=True)
+        return factors, pivots, float(sla.lapack.dgecon(factors, size)[0])
+
+    @cached_property
     def _correction(self) -> FloatArray:
         """X (k, k)."""
-        assert self.bent is not None  # none is asked for else
-        B = self.bent[self._touched][:, self._touched].toarray()
-        X: FloatArray = np.linalg.solve(np.eye(len(B)) + B @ self._compliance_there, B)
+        factors, pivots, _ = self._nearly_one
+        X: FloatArray = sla.lapack.dgetrs(factors, pivots, self._B)[0]
         return X
+
+    @cached_property
+    def _whole(self) -> Factor | None:
+        """The factor of A + B, None where the correction serves."""
+        if self.bent is None or self._nearly_one[2] * _CONDITION > 1:
+            return None
+        return factorise(sp.csr_array(self.factor.matrix() + self.bent))
 
     @property
     def positive(self) -> bool:
         """Whether the symmetric part of A + B is positive definite, as A is."""
         if self.bent is None:
             return True
-        B = self.bent[self._touched][:, self._touched].toarray()
         try:
             L = np.linalg.cholesky(self._compliance_there)
-            np.linalg.cholesky((1 - _MARGIN) * np.eye(len(B)) + 0.5 * (L.T @ (B + B.T) @ L))
+            np.linalg.cholesky((1 - _MARGIN) * np.eye(len(L)) + 0.5 * (L.T @ (self._B + self._B.T) @ L))
         except np.linalg.LinAlgError:
             return False
         return True
@@ -139,6 +165,8 @@ class StepCompliance:
         if self.bent is None:
             distributed = self._distributed(H, dimension) if self.over_ranks and self.joint is None else None
             matrix = self._sum(H, dimension) if distributed is None else distributed
+        elif self._whole is not None:
+            matrix = H.T @ self._whole.solve(H.toarray())
         else:
             m, k = H.shape[1], len(self._touched)
             wide = self._sum(sp.csc_array(sp.hstack([H, _chosen(self._touched, H.shape[0], dimension)])), dimension)

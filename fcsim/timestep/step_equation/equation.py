@@ -71,6 +71,11 @@ class Equation:
             return own
         return LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance, summed=self.summed)
 
+    @property
+    def of_bodies(self) -> StepCompliance:
+        """The compliance without links."""
+        return self.compliance if isinstance(self.compliance, StepCompliance) else self.compliance.base
+
     @cached_property
     def leaning(self) -> Leaning | None:
         """How gaps lean from their normals; None where they do not, and beside links."""

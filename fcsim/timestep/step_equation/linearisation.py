@@ -7,8 +7,8 @@ by the bodies' rotations in the middle of the step, the problem at the iterate v
     A v = H r + b - e_i,  A = M + S,  e_i = w F(x(v_i)) - S v_i
 
 so that A, W and all factors are the same for all iterations: only the right side changes. S differs from the derivative of w F by the
-strain and by the rest of the rotation, which is the rate of convergence. Linear bodies have e_i = w K x(0) at once. Pressures P that follow
-the bodies are forces of that configuration too: w P(x(v_i)) joins b.
+strain and by the rest of the rotation, which is the rate of convergence. Linear bodies have e_i = w K x(0) at once. Pressures and forces P
+that follow the bodies are of that configuration too: w P(x(v_i)) joins b.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.kinematics.elastic_forces import Configuration
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
@@ -73,35 +73,35 @@ class Linearisation:
         return e if self.rotation is None else e - scheme.factors(self.model)[1] * elastic.turned_stiffness(self.rotation, v)
 
     def pressed(self, v: FloatArray) -> tuple[FloatArray, When]:
-        """The configuration (n_dofs,) in which pressures act at the iterate v (n_dofs,), and when of the step."""
+        """The configuration (n_dofs,) in which loads that follow act at the iterate v (n_dofs,), and when of the step."""
         first, last = self.scheme.elastic_path(self.model, self.state, v)
         return first + self.scheme.elastic_share * (last - first), self.scheme.when(self.state)
 
     def push(self, v: FloatArray) -> FloatArray | float:
-        """w P (n_dofs,) of the pressures that follow deformable bodies, at the iterate v (n_dofs,); 0 where there are none."""
+        """w P (n_dofs,) of the loads that follow deformable bodies, at the iterate v (n_dofs,); 0 where there are none."""
         following = self.model.following
         return self.scheme.elastic_weight * following.force(*self.pressed(v)) if following else 0.0
 
     def less_pressures(self, v: FloatArray, blocks: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
         """The blocks (nb, nblocks, d, d) of each group of nonlinear bodies less the symmetric part of w dP/dv, see `beside`."""
         model, scheme = self.model, self.scheme
-        if not model.following or self._floating:
+        if not model.following or self.held_by_mass:
             return blocks
         weight = scheme.elastic_weight * scheme.elastic_reach
         return tuple(model.following.with_blocks(*self.pressed(v), model.nonlinear.groups, blocks, weight))
 
     def beside(self, v: FloatArray) -> sp.csr_array | None:
-        """Less what of dP/dv (n_dofs, n_dofs) is not in the blocks, in statics: that of the rims of open surfaces.
+        """Less what of dP/dv (n_dofs, n_dofs) is not in the blocks, in statics.
 
-        Where mass may be all that holds a body neither is taken, and iterations converge by the pressure over the modulus: dP/dv maps
-        translations to zero, but its transpose does not, so that its symmetric part takes the definiteness of so little."""
-        if self.scheme.timing.moving or self._floating or not self.model.following:
+        Where mass may be all that holds a body that is the whole of it: dP/dv maps translations to zero, but its transpose does not, so
+        that the blocks with its symmetric part would lose the definiteness of so little."""
+        if self.scheme.timing.moving or not self.model.following:
             return None
-        rest = -self.model.following.skew(*self.pressed(v))
+        rest = -self.model.following.apart(*self.pressed(v), whole=self.held_by_mass)
         return rest if rest.nnz else None
 
     @property
-    def _floating(self) -> bool:
+    def held_by_mass(self) -> bool:
         """Whether statics hold bodies by their mass."""
         return not self.scheme.timing.moving and self.scheme.factors(self.model)[0] > 0
 
@@ -121,3 +121,10 @@ class Linearisation:
         """Values (n_dofs,) from the deformable bodies' (n_deformable,); 1 for rigid ones."""
         sizes = np.diff(self.model.dof_offset[: len(of_bodies) + 1])
         return np.concatenate([np.repeat(of_bodies, sizes), np.ones(self.model.n_dofs - self.model.n_elastic)])
+
+
+def joined_nodes(nodes: IntArray, scheme: Scheme, model: Model) -> IntArray:
+    """Numbers of the `nodes`, and of those that `Linearisation.beside` joins."""
+    if scheme.timing.moving or not model.following:
+        return nodes
+    return np.union1d(nodes, model.following.nodes(whole=scheme.factors(model)[0] > 0))

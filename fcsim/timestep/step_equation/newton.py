@@ -11,7 +11,8 @@ grows, or a body has no admissible state, (v, r) is gone only part of the way. I
 with gaps brought back to the beginning of the step, so that u remains the increment over all of it, and A_i has their geometric stiffness
 -d(H r)/dv (`contact_tangent`); in dynamics they are those of the step.
 
-Pressures P that follow the bodies give A_i the symmetric part of their tangent, and in quasi-statics the rest of it too (`beside`).
+Pressures P that follow the bodies give A_i the symmetric part of their tangent, and in quasi-statics the rest of it too, with that of
+forces that follow (`beside`).
 
 A_i must be positive definite: a body that has lost stiffness gets a share of its first one beside, and converges more slowly for it.
 Bodies keep their tangent and factor while that differs by less than `KEPT`.
@@ -23,6 +24,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.body_factors import Indefinite
@@ -34,7 +36,6 @@ from fcsim.solvers.memory import Kept
 from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt, Linearised
-from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, longest_flight
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
@@ -152,7 +153,7 @@ class _Newton:
                 warm = warm_start(reduction.local, equation.met.contacts, past.reactions) if cold else now.r
                 flight = min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
                 allowed = tol * flight * (CLOSER if share else 1.0)
-                if flight < 1.0 and settings is not self.settings:
+                if flight < 1.0 and equation.slanted is not None:
                     continue
                 tried: list[Attempt] = []
                 result, serving = solve_chain(settings, reduction, warm, allowed, equation.share, tried, past.serving, lead)
@@ -211,19 +212,30 @@ class _Newton:
 
     def _ways(self, equation: Equation, now: _Iterate) -> Iterator[tuple[Equation, FloatArray | float, SolverSettings]]:
         """The equation with B and E by differences, for one method that is quick to say whether it arrives; then with B by formulas for the
-        whole chain. Of a body that hardly anything holds W has rank one but for round-off, and E leaves nothing that has a solution."""
-        by_differences, pushed = self._bent(equation, now, differences=True)
+        whole chain. Of a body that hardly anything holds W has rank one but for round-off, and E leaves nothing that has a solution.
+
+        Where mass alone holds bodies the loads that follow them have their tangent only if the contacts that press hold them, g H_a of
+        `_bent`: forces that change with a body's shape, and push what next to nothing holds, leave W without monotony."""
+        beside = equation.elastic.beside(now.v)
+        if beside is not None and equation.elastic.held_by_mass:
+            bending, pushed = self._bent(equation, now, beside, differences=False)
+            if bending.of_bodies.positive:
+                yield bending, pushed, self.settings
+            beside = None
+        by_differences, pushed = self._bent(equation, now, beside, differences=True)
         if by_differences.slanted is not None:
             yield by_differences, pushed, replace(self.settings, name=SLANTED, options={}, fallback=())
-        yield *self._bent(equation, now, differences=False), self.settings
+        yield *self._bent(equation, now, beside, differences=False), self.settings
 
-    def _bent(self, equation: Equation, now: _Iterate, *, differences: bool) -> tuple[Equation, FloatArray | float]:
+    def _bent(
+        self, equation: Equation, now: _Iterate, beside: sp.csr_array | None, *, differences: bool
+    ) -> tuple[Equation, FloatArray | float]:
         """The equation with the geometric stiffness B of its contacts under the iterate's reactions, with what pressures have beside the
         factors, and what both add to the right side; in statics only, since contacts stay those of the step in dynamics.
 
         Where B costs the matrix its positive definiteness, g H_a (H_a^T v + w_a) is added for the rows a of contacts that press or stick,
         and nothing changes where they go on doing so; where that does not do either, B is left out."""
-        met, beside, pushed = equation.met, equation.elastic.beside(now.v), 0.0
+        met, pushed = equation.met, 0.0
         if beside is not None:
             equation, pushed = replace(equation, bent=beside), beside @ now.v
         if self.anew is None or not np.any(now.r) or met.compliance is not None or met.adhesive_impulse is not None:
@@ -241,7 +253,7 @@ class _Newton:
         normal = met.scaled_H[:, pressed]
         for held in (0.0, HELD * largest):
             bending = replace(equation, bent=bent + held * (normal @ normal.T), slanted=None) if held else replace(equation, bent=bent)
-            own = bending.compliance if isinstance(bending.compliance, StepCompliance) else bending.compliance.base
+            own = bending.of_bodies
             if own.bent is not None and bending.bent is not None and own.positive:
                 return bending, bending.bent @ now.v - held * (normal @ (normal.T @ now.v + met.w[pressed])) if held else bent @ now.v
         return replace(equation, slanted=None), pushed

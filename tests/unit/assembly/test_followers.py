@@ -1,5 +1,6 @@
 """Loads that follow a body: resultants from formulas, the motion of a spinning rigid body in closed form."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -84,10 +85,35 @@ def test_pressure_on_a_deformable_body_is_a_load_of_its_own_where_the_body_rotat
     assert_allclose(there.reshape(-1, 3).sum(axis=0), -1.5 * 4.0 * 6.0 * turn @ R[:, 0], atol=1e-12)
 
 
+@pytest.mark.parametrize("R", [np.eye(3), Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()], ids=["straight", "placed"])
+def test_a_force_on_a_surface_turns_with_it(R: np.ndarray) -> None:
+    """Its resultant acts at the middle of the surface, however the cells divide it; of linear kinematics it stays as it is."""
+    part = brick("soft", (1, 1, 1), (2, 3, 2), Material(1e6, 0.3, 1e3))
+    part = replace(part, points=part.points**1.5 * [1.0, 2.0, 3.0])
+    body = Body("soft", part, rotation=R)
+    load = FollowerForce("soft", (4.0, 5.0, 6.0), (1.0, 2.0, 3.0), lambda t: 1 + t, "x+")
+    turn = Rotation.from_rotvec([0.4, 1.2, -2.0]).as_matrix()
+    free = build_model([body], loads=[load])
+    x = (body.points @ turn.T - body.points + 0.7).ravel()
+    assert_allclose(free.load(2.0, x), 0)
+    for model, rotation in ((free, turn), (build_model([body], loads=[load], kinematics="linear"), np.eye(3))):
+        forces = model.following.force(x, When(0.0, 2.0, 0.25)) if model.following else 0.5 * model.load(2.0, x)  # 1.5 is half of 3
+        force = forces.reshape(-1, 3)
+        arm = (body.points - R @ [1.0, 1.0, 1.5]) @ rotation.T
+        assert_allclose(force.sum(axis=0), 1.5 * rotation @ [4, 5, 6], atol=1e-12)
+        assert_allclose(np.cross(arm, force).sum(axis=0), 1.5 * rotation @ [1, 2, 3], atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("load", "message"),
     [
-        (FollowerForce("soft", (1.0, 0, 0)), "FollowerForce on body 'soft': expected a rigid body"),
+        (FollowerForce("soft", (1.0, 0, 0)), "FollowerForce on body 'soft', surface: expected the name of a surface .* got None"),
+        (FollowerForce("soft", (1.0, 0, 0), surface="side"), "body 'soft': expected a surface among"),
+        (FollowerForce("soft", (1.0, 0), surface="x+"), "FollowerForce on body 'soft': expected 3 force and 3 moment components"),
+        (
+            FollowerForce("box", (1.0, 0, 0), surface="x+"),
+            "on body 'box', surface: expected none on a rigid body, got 'x\\+'",
+        ),
         (FollowerPressure("soft", "side", 1.0), "body 'soft': expected a surface among"),
         (FollowerPressure("soft", "x+", float("inf")), "FollowerPressure on body 'soft': expected a finite pressure"),
         (FollowerPressure("soft", "x+", "1e5"), "expected a finite pressure in Pa, got '1e5'"),  # type: ignore[arg-type]

@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from fcsim.assembly.forms.rotations import angle_of, polar_rotation
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
-from fcsim.assembly.kinematics.frames import angle_of, polar_rotation
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.errors import InputError

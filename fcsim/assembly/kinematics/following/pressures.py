@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,24 +10,12 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.forms.facet_pressure import facet_forces, facet_tangents, nodal_sum
 from fcsim.assembly.groups import Group
+from fcsim.assembly.kinematics.following.when import When
 from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.loads import FollowerPressure, factor_at
 
 RIM = 1e-9
 """Entries of the skew part of the stiffness, relative to the largest of all, that are round-off: inner edges have none."""
-
-
-@dataclass(frozen=True)
-class When:
-    """The pressure of a step: share f(end) + (1 - share) f(begin) of a factor f of time; times in s."""
-
-    begin: float
-    end: float
-    share: float = 1.0
-
-    @staticmethod
-    def at(t: float) -> When:
-        return When(t, t)
 
 
 class FollowingPressures:
@@ -92,6 +79,19 @@ class FollowingPressures:
             total = total + strength * _skew(facet_tangents(points), facets, n)
         return total
 
+    def derivative(self, x: FloatArray, when: When) -> sp.csr_array:
+        """dF/dx (n_dofs, n_dofs)."""
+        n = self._layout.n_dofs
+        total = sp.csr_array((n, n))
+        for strength, facets, points in self._pressed(x, when):
+            total = total + strength * _sum(facet_tangents(points), facets, n)
+        return total
+
+    @property
+    def nodes(self) -> IntArray:
+        """Numbers of the nodes of the surfaces."""
+        return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *(facets.ravel() for facets in self._facets)]))
+
     @property
     def rims(self) -> IntArray:
         """Numbers of the nodes on the rims of the surfaces."""
@@ -102,22 +102,19 @@ class FollowingPressures:
         return np.unique(np.concatenate(found))
 
 
-def _skew(K: FloatArray, facets: IntArray, n: int) -> sp.csr_array:
-    """(A - A^T) / 2 (n, n) of the sum A of the facets' K (nf, k, k, d, d); what cancels is left out."""
+def _sum(K: FloatArray, facets: IntArray, n: int) -> sp.csr_array:
+    """The sum (n, n) of the facets' K (nf, k, k, d, d)."""
     d = K.shape[-1]
     axes = np.arange(d)
     rows = np.broadcast_to(d * facets[:, :, None, None, None] + axes[:, None], K.shape)
     columns = np.broadcast_to(d * facets[:, None, :, None, None] + axes, K.shape)
-    A = sp.csr_array((K.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n))
+    return sp.csr_array((K.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n))
+
+
+def _skew(K: FloatArray, facets: IntArray, n: int) -> sp.csr_array:
+    """(A - A^T) / 2 (n, n) of the sum A of the facets' K (nf, k, k, d, d); what cancels is left out."""
+    A = _sum(K, facets, n)
     S = sp.csr_array(0.5 * (A - A.T))
     S.data[np.abs(S.data) <= RIM * np.abs(K).max(initial=0.0)] = 0
     S.eliminate_zeros()
     return S
-
-
-def following_pressures(layout: BodyLayout, groups: Sequence[Group], loads: Sequence[object]) -> FollowingPressures:
-    """Those of the loads that follow their body: pressures on bodies of which any rotation is no strain."""
-    rotating = {int(number) for group in groups if group.rotates for number in group.members}
-    return FollowingPressures(
-        layout, [load for load in loads if isinstance(load, FollowerPressure) and layout.body_number(load.body) in rotating]
-    )

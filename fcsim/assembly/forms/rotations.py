@@ -1,0 +1,27 @@
+"""Rotations nearest to matrices, and their angles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+
+
+def polar_rotation(A: FloatArray) -> FloatArray:
+    """The rotations R (n, d, d) nearest to matrices A (n, d, d), R^T A symmetric: U diag(1, .., det) V^T of A = U s V^T."""
+    if not len(A):
+        return A.copy()
+    U, _, Vt = np.linalg.svd(A)
+    mirrored = np.linalg.det(U) * np.linalg.det(Vt) < 0
+    U[mirrored, :, -1] *= -1
+    rotations: FloatArray = U @ Vt
+    return rotations
+
+
+def angle_of(R: FloatArray) -> FloatArray:
+    """Angles (n,) [rad], 0 to pi, by which rotation matrices (n, d, d) turn; exact for small ones too."""
+    d = R.shape[-1]
+    skew = R - R.transpose(0, 2, 1)
+    sine = np.sqrt(np.einsum("bij,bij->b", skew, skew) / 8)
+    cosine = 0.5 * (np.trace(R, axis1=1, axis2=2) - (d - 2))
+    return np.arctan2(sine, cosine)
