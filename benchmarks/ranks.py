@@ -25,6 +25,7 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -45,7 +46,8 @@ from fcsim.running.parameters import parse_parameters
 from fcsim.timestep.chain import SolverSettings
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
-ADMM = {"initial_rho": "norm", "rho": 3e-5, "rho_update": "constant"}
+RHO, REPEATED = 3e-5, 15
+ADMM = {"initial_rho": "norm", "rho": RHO, "rho_update": "constant"}
 
 
 def predicted(bricks: int, ranks: list[int], rates: Rates) -> Table:
@@ -92,44 +94,44 @@ def timed(work: Callable[[], object], times: int) -> float:
     return float(np.median(spent))
 
 
-def measure(bricks: int, steps: int, tol: float) -> dict[str, Any] | None:
-    """This rank's part of a simulated wall: seconds, memory, what was sent; of the last step's W the parts of an iteration."""
+def measure(bricks: int, steps: int, tol: float, *, parts: bool) -> None:
+    """This rank's part of a simulated wall, as JSON: seconds, memory, what was sent; parts: of an iteration, with the last step's W."""
     courses, whole = WALLS[bricks]
     script = load_case(CASE)
     given = {"courses": str(courses), "blocks": str(whole + 0.5), "steps": str(steps), "gravity_last": "2"}
     with sharing() as world:
         simulation = script.build(parse_parameters(script, given)).simulation
         settings = SolverSettings(name="ADMM", tol=tol, options=ADMM, fallback=())
-        rows = []
+        rows: list[tuple[float, ...]] = []
         begin = time.perf_counter(), time.process_time()
         for step in replace(simulation, solver=settings):
             now = time.perf_counter(), time.process_time()
             rows.append((step.result.iterations, now[0] - begin[0], now[1] - begin[1], step.seconds["solve"]))
             begin = now
-        operator = step.reduction.local.delassus
-        x, rho = np.random.default_rng(0).standard_normal(operator.size), 3e-5 * operator.norm
-        sent = (0, 0) if world is None else (world.exchanges, world.bytes)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        parts = {"W": timed(lambda: operator @ x, 15)}
-        after = (0, 0) if world is None else (world.exchanges, world.bytes)
-        start = time.process_time()
-        factor = operator.factor(rho, symmetric=True)
-        parts["factor"] = time.process_time() - start
-        parts["solve"] = timed(lambda: factor.solve(x), 15)
-        own = {"rows": rows, "peak_GiB": peak, "sent": sent, "a_product": [(b - a) / 15 for a, b in zip(sent, after, strict=True)]}
-        local = operator.W.rows if world is not None else operator.W  # type: ignore[union-attr]
-        found = {**own, **parts, "blocks": len(local.indices), "contacts": local.shape[0] // D, "unknowns": operator.size}
-        Path(os.environ["RANKS_OUT"], f"{0 if world is None else world.number}.json").write_text(json.dumps(found), encoding="utf-8")
-    return None
+        number, sent = (0, 0) if world is None else (world.number, world.bytes)
+        found: dict[str, Any] = {"rows": rows, "sent": sent, "peak_GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
+        if parts:
+            operator = step.reduction.local.delassus
+            x, rho = np.random.default_rng(0).standard_normal(operator.size), RHO * operator.norm
+            sent = 0 if world is None else world.bytes
+            found["W"] = timed(lambda: operator @ x, REPEATED)
+            found["a_product"] = 0 if world is None else (world.bytes - sent) / REPEATED
+            start = time.process_time()
+            factor = operator.factor(rho, symmetric=True)
+            found["factor"] = time.process_time() - start
+            found["solve"] = timed(lambda: factor.solve(x), REPEATED)
+            W: Any = operator.W
+            local = W if world is None else W.rows
+            found |= {"blocks": len(local.indices), "contacts": local.shape[0] // D}
+        Path(os.environ["RANKS_OUT"], f"{number}.json").write_text(json.dumps(found), encoding="utf-8")
 
 
-def run(bricks: int, ranks: int, steps: int, tol: float) -> list[dict[str, Any]]:
+def run(bricks: int, ranks: int, steps: int, tol: float, *, parts: bool) -> list[dict[str, Any]]:
     """`measure` on every rank, in processes of their own."""
-    import tempfile
-
     with tempfile.TemporaryDirectory() as folder:
         launcher = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)] if ranks > 1 else []
         command = [*launcher, sys.executable, __file__, "--measure", str(bricks), "--steps", str(steps), "--tol", str(tol)]
+        command += ["--parts"] if parts else []
         subprocess.run(command, check=True, env={**os.environ, "RANKS_OUT": folder})
         return [json.loads(Path(folder, f"{rank}.json").read_text(encoding="utf-8")) for rank in range(ranks)]
 
@@ -140,7 +142,7 @@ def check(bricks: int, ranks: list[int], steps: int, tol: float, rates: Rates) -
     for heading in ("ranks", "contacts a rank", "blocks of W", "W x [ms]", "solve [ms]", "factor [s]", "kB sent by W x"):
         table.add_column(heading, justify="right")
     for count in ranks:
-        c, found = counted(wall(*WALLS[bricks]), count), run(bricks, count, steps, tol)
+        c, found = counted(wall(*WALLS[bricks]), count), run(bricks, count, steps, tol, parts=True)
         s, most = (
             seconds(c, rates, as_built=True),
             {key: max(one[key] for one in found) for key in ("blocks", "contacts", "W", "solve", "factor")},
@@ -149,7 +151,7 @@ def check(bricks: int, ranks: list[int], steps: int, tol: float, rates: Rates) -
         sent = REAL * D * c.share.contacts * (count - 1) / 1e3
         cells = [f"{c.share.contacts} / {most['contacts']}", f"{c.share.blocks} / {most['blocks']}"]
         cells += [f"{1e3 * s['W']:.1f} / {1e3 * most['W']:.1f}", f"{1e3 * solve:.1f} / {1e3 * most['solve']:.1f}"]
-        cells += [f"{s['factor']:.2f} / {most['factor']:.2f}", f"{sent:.0f} / {max(one['a_product'][1] for one in found) / 1e3:.0f}"]
+        cells += [f"{s['factor']:.2f} / {most['factor']:.2f}", f"{sent:.0f} / {max(one['a_product'] for one in found) / 1e3:.0f}"]
         table.add_row(str(count), *cells)
     return table
 
@@ -171,7 +173,7 @@ def scaling(bricks: int, ranks: list[int], steps: int, tol: float) -> Table:
     ):
         table.add_column(heading, justify="right")
     for count in ranks:
-        found = run(bricks, count, steps, tol)
+        found = run(bricks, count, steps, tol, parts=False)
         rows = np.array([one["rows"] for one in found])  # (ranks, steps, 4)
         later, iterations = rows[:, 2:], rows[0, 2:, 0].sum()
         cells = [f"{rows[:, 1, 1].max():.1f}", f"{later[:, :, 1].sum(axis=1).max():.1f}", f"{iterations:.0f}"]
@@ -179,7 +181,7 @@ def scaling(bricks: int, ranks: list[int], steps: int, tol: float) -> Table:
             f"{1e3 * later[:, :, 3].sum(axis=1).max() / iterations:.1f}",
             f"{1e3 * later[:, :, 2].sum(axis=1).max() / iterations:.1f}",
         ]
-        cells += [f"{max(one['peak_GiB'] for one in found):.2f}", f"{sum(one['sent'][1] for one in found) / 1e6:.0f}"]
+        cells += [f"{max(one['peak_GiB'] for one in found):.2f}", f"{sum(one['sent'] for one in found) / 1e6:.0f}"]
         table.add_row(str(count), *cells)
     return table
 
@@ -193,9 +195,10 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=4)
     parser.add_argument("--tol", type=float, default=1e-4)
     parser.add_argument("--measure", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--parts", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.measure:
-        measure(options.measure, options.steps, options.tol)
+        measure(options.measure, options.steps, options.tol, parts=options.parts)
         return
     rates = Rates()
     console = Console(width=190)

@@ -30,10 +30,10 @@ SEPARATE = 3
 class Rates:
     """product, fronts, interface [bytes/s]; vectors: [s] an iteration and unknown; factor [flops/s]; latency [s]; network [bytes/s]."""
 
-    product: float = 1.0e10
-    fronts: float = 6.0e9
+    product: float = 7.8e9
+    fronts: float = 1.1e10
     interface: float = 1.0e10
-    vectors: float = 6.0e-8
+    vectors: float = 1.0e-7
     factor: float = 6.0e10
     latency: float = 2e-6
     network: float = 1e10

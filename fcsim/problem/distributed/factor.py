@@ -20,7 +20,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import dofs_of
-from fcsim.linear.factors import SingularMatrix, probes
+from fcsim.linear.factors import SingularMatrix, mirror, probes
 from fcsim.linear.fronts import MultifrontalCholesky
 from fcsim.linear.joints import BlockRows
 from fcsim.problem.distributed.layout import ContactLayout
@@ -57,9 +57,9 @@ class DistributedFactor:
         with layout.together("fronts of W"):
             self._own = MultifrontalCholesky(rows, np.ones(len(layout.own), dtype=bool), dtype, shift=self._rho, left=layout.at_interface)
             global_order = dofs_of(np.searchsorted(layout.interface, layout.own[self._own.left]), layout.dimension)
-            upper = np.triu(self._own.complement)
+            mirror(self._own.complement)
+            complement[np.ix_(global_order, global_order)] = self._own.complement
             del self._own.complement
-            complement[np.ix_(global_order, global_order)] = upper + np.triu(upper, 1).T
         self._dtype = dtype
         self._left, self._inner = global_order, dofs_of(self._own.contacts, layout.dimension)
         world.summed("complement of W", complement)
