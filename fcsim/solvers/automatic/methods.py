@@ -91,6 +91,12 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
             behind = race.best < OVERTAKEN * monitor.best
 
 
+def fresh_start(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """Proximal Newton from zero, left to itself: an iterate of sweeps brings self-stress along that proximal steps may not get rid of."""
+    options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
+    return proximal_turns(race.problem, np.zeros(race.problem.m), monitor, options)
+
+
 def least_squares(race: Race, monitor: ShareOfMonitor) -> Turns:
     """Levenberg-Marquardt on the error itself, from the best iterate."""
     return levenberg_marquardt_turns(race.problem, race.best_r(), monitor, Options(max_iterations=race.options.max_iterations))

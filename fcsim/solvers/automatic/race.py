@@ -92,7 +92,9 @@ class Stage:
     price          of one of its iterations
     alone          whether it goes on alone now, though nothing predicts its arrival
     left           whether it is given up now, beside what it decides itself
+    set_up         price of what comes before its first iteration
     steady         whether its rate so far says something about what comes
+    from_zero      whether it begins at r = 0, of error about 1, whatever the race has reached
     """
 
     name: str
@@ -102,7 +104,9 @@ class Stage:
     price: Callable[[Race], float]
     alone: Callable[[Race, Runner], bool] = lambda race, runner: False
     left: Callable[[Race, Runner], bool] = lambda race, runner: False
+    set_up: Callable[[Race], float] = lambda race: 0.0
     steady: bool = False
+    from_zero: bool = False
 
 
 class Runner:
@@ -110,15 +114,15 @@ class Runner:
 
     def __init__(self, stage: Stage, race: Race) -> None:
         self.stage, self.monitor = stage, ShareOfMonitor(race.monitor)
-        self.price = stage.price(race)
+        self.price, self.set_up = stage.price(race), stage.set_up(race)
         self._turns = stage.turns(race, self.monitor)
         self.result: Iterate | None = None
-        self._course = [(0.0, min(race.monitor.best, 1e3))]
+        self._course = [(0.0, 1.0 if stage.from_zero else min(race.monitor.best, 1e3))]
 
     @property
     def spent(self) -> float:
         """Seconds on the reference machine."""
-        return self.monitor.iterations * self.price
+        return self.monitor.iterations * self.price + (self.set_up if self.monitor.iterations else 0.0)
 
     def work(self, amount: float) -> None:
         """Take turns until about so much is spent, one at least."""
@@ -135,7 +139,7 @@ class Runner:
         self._course.append((self.spent, best))
 
     def decades(self) -> float:
-        """Powers of ten by which its best error is below the race's when it entered."""
+        """Powers of ten by which its best error is below that of where it began."""
         return float(np.log10(self._course[0][1] / max(self._course[-1][1], 1e-300)))
 
     def gain(self, share: float) -> float:

@@ -35,6 +35,8 @@ PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
+FRESH, NEAR = 40, 1e-7
+"""Iterations of proximal Newton after which it may have begun in the wrong place, and the error below which it is not that."""
 STUCK = 100
 """Iterations of proximal Newton after which it may be stuck."""
 SETTLED = 10
@@ -171,6 +173,14 @@ def _enter_proximal(race: Race) -> bool:
     return race.warm or race.joints is not None or _dearer_than_proximal(race, _swept(race))
 
 
+def _enter_fresh_start(race: Race) -> bool:
+    """Proximal Newton is at an end, or the second half of its iterations made the error no tenth smaller."""
+    runner = race.runners.get("proximal Newton")
+    if runner is None or race.best <= NEAR:
+        return False
+    return runner.result is not None or (runner.monitor.iterations >= FRESH and runner.gain(0.5) < 1 / 0.9)
+
+
 def _enter_least_squares(race: Race) -> bool:
     """After proximal Newton, or where that has long made the error no tenth smaller and would go on."""
     if race.best > FAR:
@@ -202,6 +212,7 @@ STAGES: tuple[Stage, ...] = (
         enters=_enter_splitting,
         turns=methods.splitting,
         price=lambda race: race.prices.admm,
+        set_up=lambda race: race.prices.splitting(0),
         alone=_on_track,
         steady=True,
         left=lambda race, runner: race.joints is not None and not _on_track(race, runner),
@@ -224,6 +235,15 @@ STAGES: tuple[Stage, ...] = (
         turns=methods.proximal,
         price=lambda race: race.prices.proximal(_closed(race)),
         alone=lambda race, runner: runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades(),
+    ),
+    Stage(
+        "fresh start",
+        "Proximal Newton from zero. Enters where that from the best iterate does not get on. Its first iterations are alone.",
+        enters=_enter_fresh_start,
+        turns=methods.fresh_start,
+        price=lambda race: race.prices.proximal(_closed(race)),
+        alone=lambda race, runner: runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades(),
+        from_zero=True,
     ),
     Stage(
         "proof",

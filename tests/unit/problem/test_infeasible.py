@@ -39,6 +39,17 @@ def test_a_self_stress_that_works_against_what_is_prescribed(name: str, size: in
     assert result.message.startswith("no solution")
 
 
+@pytest.mark.parametrize("size", [7, 60])
+def test_velocities_say_the_same_as_contacts(size: int) -> None:
+    """With H and M known the programme has the rows of H N instead of W^T N: each finds a self-stress of the same worth."""
+    p = local("wedged", size, 1)
+    assert p.delassus.motion is not None
+    found = [squeezed(each) for each in (p, LocalProblem(p.W, p.q, p.mu))]
+    worth = [-float(p.q @ each.direction) for each in found if each is not None and each.direction is not None]
+    assert len(worth) == 2 and worth[0] == pytest.approx(worth[1], rel=1e-6)
+    assert all(np.abs(p.W.T @ each.direction).max() <= 1e-8 * np.abs(p.W).max() for each in found if each is not None)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_rods_of_painleve_have_no_case(seed: int) -> None:
     result = solve(problems("rods", 4, seed), "auto")

@@ -1,10 +1,52 @@
-"""Adding the contacts' shares h^T K h to a matrix of the bodies' velocities, compiled."""
+"""The contacts' own equations, and adding their shares h^T K h to a matrix of the bodies' velocities; compiled."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+
+
+@njit(cache=True)
+def contacts_eliminated(A, B, shift, rhs):
+    """K = C^-1 A (nc, d, d) and c = C^-1 rhs (nc, d) with C = shift A + B of each contact, by elimination of [C, A, rhs] with row pivoting.
+
+    Returns (K, c, the first contact whose C is singular or -1); A, B (nc, d, d), shift (nc,), rhs (nc, d).
+    """
+    nc, d = rhs.shape
+    K, c, rows = np.empty((nc, d, d)), np.empty((nc, d)), np.empty((d, 2 * d + 1))
+    for a in range(nc):
+        for i in range(d):
+            for j in range(d):
+                rows[i, j] = shift[a] * A[a, i, j] + B[a, i, j]
+                rows[i, d + j] = A[a, i, j]
+            rows[i, 2 * d] = rhs[a, i]
+        for k in range(d):
+            pivot = k
+            for i in range(k + 1, d):
+                if abs(rows[i, k]) > abs(rows[pivot, k]):
+                    pivot = i
+            if rows[pivot, k] == 0.0:
+                return K, c, a
+            if pivot != k:
+                for j in range(k, 2 * d + 1):
+                    rows[k, j], rows[pivot, j] = rows[pivot, j], rows[k, j]
+            for i in range(k + 1, d):
+                factor = rows[i, k] / rows[k, k]
+                if factor != 0.0:
+                    for j in range(k + 1, 2 * d + 1):
+                        rows[i, j] -= factor * rows[k, j]
+        for j in range(d, 2 * d + 1):
+            for i in range(d - 1, -1, -1):
+                total = rows[i, j]
+                for l in range(i + 1, d):
+                    total -= rows[i, l] * rows[l, j]
+                rows[i, j] = total / rows[i, i]
+        for i in range(d):
+            for j in range(d):
+                K[a, i, j] = rows[i, d + j]
+            c[a, i] = rows[i, 2 * d]
+    return K, c, -1
 
 
 @njit(cache=True)

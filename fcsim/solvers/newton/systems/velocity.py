@@ -22,7 +22,7 @@ from fcsim.linear.block_factors.lu import BlockLU
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem import Delassus
 from fcsim.problem.motion import Motion
-from fcsim.solvers.newton.systems._velocity_kernels import add_shares, add_shares_to_rows, places
+from fcsim.solvers.newton.systems._velocity_kernels import add_shares, add_shares_to_rows, contacts_eliminated, places
 
 SPARSE_STEPS = 50
 """Small steps of what the sparse elimination takes beside its operations."""
@@ -109,11 +109,9 @@ class VelocitySystem:
         bodies, shift = self._bodies, self.operator.shift
         if shift is None:
             raise SingularMatrix("without a shift the contacts' own equations are singular where they stick")
-        try:
-            C = np.linalg.inv(A * shift[:, None, None] + B)
-        except np.linalg.LinAlgError as error:
-            raise SingularMatrix(f"the equations of a single contact are singular: {error}") from None
-        K, c = C @ A, np.einsum("aij,aj->ai", C, rhs)
+        K, c, singular = contacts_eliminated(A, B, shift, rhs)
+        if singular >= 0:
+            raise SingularMatrix(f"contact {singular}: its own equations are singular")
         Wdr = bodies.HT @ bodies.solve(K, bodies.H @ c.ravel())
         dr = (c - np.einsum("aij,aj->ai", K, Wdr.reshape(rhs.shape))).ravel()
         return dr, Wdr + self.operator.by_unknown * dr

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.race import Race, ShareOfMonitor, Stage, run
+from fcsim.solvers.automatic.race import Race, Runner, ShareOfMonitor, Stage, run
 from fcsim.solvers.automatic.stages import AutomaticOptions
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.turns import Turns
@@ -49,6 +50,25 @@ def test_a_method_that_never_arrives_costs_about_what_the_one_that_does(dear: fl
     iterate, the_race = race([method("stuck", stuck, dear), method("sudden", lambda k: 0.0 if k == 200 else 0.9)])
     assert iterate.status is Status.SOLVED
     assert the_race.runners["stuck"].spent <= 1.25 * 200 + 2 * dear
+
+
+def test_what_comes_before_the_first_iteration_is_charged() -> None:
+    """A factor that costs as much as 300 iterations: the other method, which arrives after 200, has not waited for it twice."""
+    dear = replace(method("dear", stuck), set_up=lambda race: 300.0)
+    iterate, the_race = race([dear, method("sudden", lambda k: 0.0 if k == 200 else 0.9)])
+    assert iterate.status is Status.SOLVED
+    runner = the_race.runners["dear"]
+    assert runner.spent == 300 + runner.monitor.iterations and runner.monitor.iterations <= 2
+
+
+def test_who_begins_at_zero_is_measured_from_there() -> None:
+    """Another method's good iterate says nothing about how a method gets on that did not begin with it."""
+    steady = method("steady", lambda k: 0.9**k)
+    for from_zero, best in ((True, 1.0), (False, 1e-3)):
+        the_race = race([method("near", lambda k: 1e-3)], max_iterations=5)[1]
+        runner = Runner(replace(steady, from_zero=from_zero), the_race)
+        runner.work(20.0)
+        assert runner.decades() == pytest.approx(-np.log10(min(best, 0.9**runner.monitor.iterations) / best))
 
 
 def test_who_is_on_its_way_goes_alone() -> None:
