@@ -1,8 +1,8 @@
 """Ranks of MPI that share the work of one simulation: who they are, how they exchange what they have, how they end together.
 
-Every rank runs the same program on the same numbers; what is shared is the work on bodies (see `fcsim.assembly.shares`). Sharing is asked
-for, by `fcsim run` under a launcher or by a script's `with sharing():`, so that ranks which each do something else are left alone; and
-MPI is loaded by those alone who share.
+Every rank runs the same program on the same numbers; what is shared is the work on bodies (see `fcsim.assembly.shares`), and by some
+methods W with its factor (`fcsim.problem.distributed`). Sharing is asked for, by `fcsim run` under a launcher or by a script's
+`with sharing():`, so that ranks which each do something else are left alone; and MPI is loaded by those alone who share.
 """
 
 from fcsim.ranks.asked import asked_ranks as asked_ranks

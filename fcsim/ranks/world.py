@@ -3,7 +3,8 @@
 * All exchanges are made by every rank in the same order. Each begins with what it is for: ranks that have drifted apart notice, and stop.
 * A rank waits awake: it hears signals, and others that have ended, and takes no core while it waits.
 * Results do not depend on the number of ranks: what is gathered stands in the order of bodies, and what is summed has at most two terms
-  that are not zero in every place (a contact's two bodies), whose sum does not depend on their order.
+  that are not zero in every place (a contact's two bodies), whose sum does not depend on their order. Where W is distributed, which terms
+  there are depends on the ranks: those results are the same within the solver's tolerance, and still bit by bit on all ranks of one run.
 """
 
 from __future__ import annotations
