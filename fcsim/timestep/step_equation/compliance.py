@@ -178,7 +178,7 @@ class StepCompliance:
         """H^T T^-1 (A + B)^-1 H, T^-1 = I + H_c Y E^T."""
         assert self.leaning is not None
         m, wide = H.shape[1], sp.csc_array(sp.hstack([H, self.leaning.E]))
-        W = replace(self, leaning=None).delassus(wide, dimension)
+        W = replace(self, leaning=None, over_ranks=False).delassus(wide, dimension)
         W = W if isinstance(W, np.ndarray) else W.toarray()
         W = W[: wide.shape[1], : wide.shape[1]]
         leant: FloatArray = W[:m, :m] + (H.T @ self.leaning.H) @ (self.leaning.inverse @ W[m:, :m])
