@@ -23,9 +23,10 @@ SUSPECT = 0.3
 @dataclass(frozen=True, eq=False)
 class Deformation:
     """Of each deformable body (n_deformable,): rotation [rad] of its frame from the reference; strain, the largest principal one in size
-    at the most strained of its cells' centres (`CellType.inside` of cells of second order), without the rotation; inverted: whether a cell
-    has a negative volume somewhere (of finite strain: at a quadrature point); turning: whether its kinematics covers rotation; finite:
-    whether its material covers any strain."""
+    at the most strained of the centres (`CellType.inside` of cells of second order) of those cells whose law is of small strain, of all
+    where none is: without the body's rotation, of laws of points in bodies that turn without that of the point either; inverted: whether a
+    cell has a negative volume somewhere (of finite strain: at a quadrature point); turning: whether its kinematics covers rotation; finite:
+    whether its materials cover any strain."""
 
     rotation: FloatArray
     strain: FloatArray
@@ -54,7 +55,7 @@ class DeformationMeasure:
             rotation[group.members] = angle_of(frames.rotation)
             strain[group.members] = measure.strain(frames.strained, self._unseen)
             inverted[group.members] = measure.inverted(frames.strained)
-            turning[group.members], finite[group.members] = group.rotates, group.finite
+            turning[group.members], finite[group.members] = group.rotates, measure.finite
         return Deformation(rotation, strain, inverted, turning, finite)
 
 
@@ -65,7 +66,9 @@ class _GroupMeasure:
         self._where = quadrature(self._cell)[0] if group.finite else self._cell.nodes
         self._points = self.floating.arm
         self._cells = group.part.cells
-        self._inside = self._gradient(self._cell.inside)
+        limited = None if group.laws is None else group.laws.of_small_strain
+        self.finite, self._stretches = limited is not None and not limited.size, limited is not None and group.rotates
+        self._inside = self._gradient(self._cell.inside, self._cells if limited is None or self.finite else self._cells[limited])
         components = np.sqrt(np.asarray(self._inside.multiply(self._inside).sum(axis=1)).reshape(-1, self._points.shape[1]).sum(axis=1))
         self._strain_per_motion = float(components.max()) * np.sqrt(self._cells.shape[1])
         edges = np.unique(np.sort(self._cells[:, self._cell.edges].reshape(-1, 2), axis=1), axis=0)
@@ -73,14 +76,14 @@ class _GroupMeasure:
         self._lengths = np.linalg.norm(self._points[edges[:, 0]] - self._points[edges[:, 1]], axis=1)
         self._shortest = float(self._lengths.min())
 
-    def _gradient(self, at: FloatArray) -> sp.csr_array:
-        """(nq ncells d, nn): derivatives of nodal values by the points' coordinates at the places `at` (nq, d) of all cells."""
+    def _gradient(self, at: FloatArray, cells: IntArray) -> sp.csr_array:
+        """(nq nc d, nn): derivatives of nodal values by the points' coordinates at the places `at` (nq, d) of cells (nc, k)."""
         reference = self._cell.gradient(at)
-        jacobian = np.einsum("cai,qaj->qcij", self._points[self._cells], reference)
+        jacobian = np.einsum("cai,qaj->qcij", self._points[cells], reference)
         gradient = np.einsum("qaj,qcji->qcia", reference, np.linalg.inv(jacobian))
         nq, nc, d = gradient.shape[:3]
         rows = np.broadcast_to(np.arange(nq * nc * d).reshape(nq, nc, d, 1), gradient.shape)
-        columns = np.broadcast_to(self._cells[None, :, None, :], gradient.shape)
+        columns = np.broadcast_to(cells[None, :, None, :], gradient.shape)
         return sp.csr_array((gradient.ravel(), (rows.ravel(), columns.ravel())), shape=(nq * nc * d, len(self._points)))
 
     def _displacement_gradient(self, operator: sp.csr_array, y: FloatArray) -> FloatArray:
@@ -97,9 +100,11 @@ class _GroupMeasure:
             return bound
         H = self._displacement_gradient(self._inside, y)
         epsilon = 0.5 * (H + H.swapaxes(2, 3))
+        if self._stretches:  # Green and Lagrange's strain, which no rotation of a point changes
+            epsilon = epsilon + 0.5 * H.swapaxes(2, 3) @ H
         most = np.argmax(np.einsum("qbij,qbij->qb", epsilon, epsilon), axis=0)
         principal: FloatArray = np.linalg.eigvalsh(epsilon[most, np.arange(len(y))])
-        return np.abs(principal).max(axis=1)
+        return np.abs(np.sqrt(1 + 2 * principal) - 1 if self._stretches else principal).max(axis=1)
 
     def inverted(self, y: FloatArray) -> BoolArray:
         found = np.zeros(len(y), dtype=bool)
@@ -110,6 +115,6 @@ class _GroupMeasure:
             change = np.linalg.norm(y[suspect][:, a] - y[suspect][:, b], axis=2) / self._lengths
             suspect = suspect[change.max(axis=1) > SUSPECT]
         if suspect.size:
-            H = self._displacement_gradient(self._gradient(self._where), y[suspect])
+            H = self._displacement_gradient(self._gradient(self._where, self._cells), y[suspect])
             found[suspect] = np.any(np.linalg.det(np.eye(y.shape[2]) + H) <= 0, axis=0)
         return found

@@ -112,6 +112,7 @@ class NonlinearPart:
         self.part, self.graph, self._data = part, node_graph(part), part_cells(part)
         laws = laws_of(part)
         self.finite = any(law.strain == "finite" for law, _ in laws)
+        self.of_small_strain = np.concatenate([np.empty(0, dtype=np.int64), *(cells for law, cells in laws if law.strain != "finite")])
         self.turning = turning or self.finite
         self.regions = tuple(self._region(law, numbers) for law, numbers in laws)
         self.size = sum(len(r.numbers) * self._data.weight.shape[1] * r.width for r in self.regions)
