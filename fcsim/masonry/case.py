@@ -15,8 +15,8 @@ from fcsim.files import sha256
 from fcsim.masonry.models import MODELS, read_model
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.pushes import pushed, tilted
-from fcsim.masonry.structure import BlocksAre, Stone, structure
-from fcsim.running.case import Case, CaseScript, History, Sensor, load_case
+from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure
+from fcsim.running.case import Case, CaseScript, History, PlotWishes, Sensor, load_case
 from fcsim.running.known_cases import case_place
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
@@ -103,7 +103,7 @@ def build(problem: MasonryProblem, p: Parameters) -> Case:
     friction = {pair: p.friction * value for pair, value in mu.items()} if isinstance(mu, dict) else p.friction * mu
     solver = SolverSettings(name=p.solver, tol=p.tol)
     simulation = Simulation(model, Everything(model, friction), Theta(p.h, p.theta), p.steps, solver, created=math.inf)
-    free = np.repeat([not problem.blocks[problem.number[body.name]].support for body in model.bodies], np.diff(model.node_offset))
+    free = free_nodes(problem, model)
 
     def displacement(step: Step) -> float:
         return float(np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1).max())
@@ -112,13 +112,18 @@ def build(problem: MasonryProblem, p: Parameters) -> Case:
         return math.degrees(rate * step.state.t) if p.tilt else grown(step.state.t)
 
     loading = Sensor("tilt", "angle of the table", "degrees", load) if p.tilt else Sensor("multiplier", "load multiplier", "", load)
+    plots: PlotWishes = {}
+    if p.tilt or p.ramp:
+        plots["histories"] = (History("displacement", ("displacement",), against=loading.column),)
+    if p.tilt:
+        plots["imposed"] = loading.column  # an angle, which films say; a multiplier has no unit
     sensors = (loading, Sensor("displacement", "largest displacement of a block", "m", displacement))
     return Case(
         name=problem.name,
         title=problem.title or problem.name,
         simulation=simulation,
         sensors=sensors,
-        plots={"histories": (History("displacement", ("displacement",), against=loading.column),)} if p.tilt or p.ramp else {},
+        plots=plots,
         fclib_set="FCSIM_Masonry",
         description="; ".join((f"{len(problem.blocks)} blocks ({p.blocks_are}), {model.n_dofs} degrees of freedom", *remarks)),
     )

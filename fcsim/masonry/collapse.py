@@ -21,7 +21,7 @@ from fcsim.errors import InputError, NotConverged
 from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
 from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce
-from fcsim.masonry.structure import BlocksAre, Stone, structure
+from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
@@ -154,7 +154,7 @@ def _held(
     scheme = Theta(duration / steps, 1.0) if soft else Theta(duration / steps)
     count = 2 * steps if soft else steps
     detector = Everything(model, problem.friction)
-    free = np.repeat([not problem.blocks[problem.number[body.name]].support for body in model.bodies], np.diff(model.node_offset))
+    free = free_nodes(problem, model)
     tolerances = sorted({tolerance, max(_TOLERANCE, tolerance), max(_MOVING_TOLERANCE, tolerance)})
     done, begin = 0, None
     for tol in tolerances:

@@ -8,10 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.loads import Force, Load
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports.support import Support
+from fcsim.contact_detection import Contacts, Everything
 from fcsim.errors import InputError
 from fcsim.masonry.bodies import force_and_moment, outline, rigid_blocks, supports, vector_of
 from fcsim.masonry.problem import Block, MasonryProblem, PointForce
@@ -42,11 +43,13 @@ def structure(
     multiplier: TimeFunction = lambda t: 0.0,
     staying: TimeFunction = lambda t: 1.0,
     held: Sequence[Support] | None = None,
+    lumped: bool = True,
 ) -> tuple[Model, tuple[str, ...]]:
     """Return the model of a problem and remarks on it; its loads are staying(t) times those that stay, multiplier(t) times the others,
     and where the ground shakes the inertia of blocks that are seen from it.
 
-    held: in place of the problem's own supports. "mixed": every second block is deformable. Supports, blocks of a given mass and blocks
+    held: in place of the problem's own supports; lumped: the mass of deformable blocks on their nodes, which gives coarse meshes too much
+    inertia of rotation. "mixed": every second block is deformable. Supports, blocks of a given mass and blocks
     with a force or a support upon them are rigid always. Blocks that are equal but for their place are one part, meshed once.
     """
     if blocks_are not in ("rigid", "deformable", "mixed"):
@@ -75,8 +78,19 @@ def structure(
         if isinstance(load, PointForce):
             force, moment = force_and_moment(problem, load, rigid[problem.number[load.block]])
             loads.append(Force(load.block, force, moment, multiplier if load.scaled else staying))
-    model = build_model(bodies, supports=stays, loads=loads, gravity=gravity, beta=0.0 if blocks_are == "rigid" else stone.beta)
-    return model, remarks
+    beta = 0.0 if blocks_are == "rigid" else stone.beta
+    return build_model(bodies, supports=stays, loads=loads, gravity=gravity, beta=beta, lumped=lumped), remarks
+
+
+def touching(problem: MasonryProblem, model: Model) -> Contacts:
+    """The contacts of the blocks as they were built, those of `limit_problem` where all are rigid."""
+    return Everything(model, problem.friction, 1e-4 * problem.smallest)(model.reference)
+
+
+def free_nodes(problem: MasonryProblem, model: Model) -> BoolArray:
+    """Which nodes (n_nodes,) of a problem's model are of blocks that are no supports."""
+    free = [not problem.blocks[problem.number[body.name]].support for body in model.bodies]
+    return np.repeat(free, np.diff(model.node_offset))
 
 
 def _deformable(problem: MasonryProblem, block: Block, stone: Stone, meshed: dict[bytes, Part]) -> Body:

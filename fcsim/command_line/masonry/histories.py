@@ -6,6 +6,7 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.masonry.arguments import stone
 from fcsim.command_line.terminal import print_table, say
 from fcsim.errors import EXIT_OK, InputError
 
@@ -22,7 +23,7 @@ def shake_ground(options: argparse.Namespace, problem: MasonryProblem) -> int:
         problem = shaken(problem, options.direction, read_acceleration_record(options.record).scaled(options.factor))
     elif options.factor != 1.0:
         raise InputError("--factor: expected it with --record")
-    seen = shake(problem, duration=options.duration, h=options.h)
+    seen = shake(problem, duration=options.duration, h=options.h, blocks=options.blocks, stone=stone(options))
     if options.out is not None:
         from fcsim.masonry.report import write_shake
         from fcsim.view.histories import draw_shake

@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.masonry.arguments import add_export, read
+from fcsim.command_line.masonry.arguments import add_export, read, stone
 from fcsim.command_line.terminal import print_table, say
 from fcsim.errors import EXIT_OK, InputError
 
@@ -73,7 +73,7 @@ def _settle(options: argparse.Namespace) -> int:
         refuse_format(options.export)
     problem = read(options)
     movements = _movements(options, problem)
-    seen = settle(problem, movements, steps=options.steps)
+    seen = settle(problem, movements, steps=options.steps, blocks=options.blocks, stone=stone(options))
     if options.export is not None:
         write_blocks(options.export, moved_blocks(problem, seen.model, seen.x))
     if options.out is not None:
@@ -106,6 +106,7 @@ def _write(options: argparse.Namespace, problem: MasonryProblem, seen: Settlemen
 
 def _print(options: argparse.Namespace, problem: MasonryProblem, seen: Settlement) -> None:
     from fcsim.masonry.exports.settlement import columns_of, rows_of
+    from fcsim.masonry.histories.settle import ROTATION
 
     rows = rows_of(problem, seen, digits=6)
     shown = sorted({0, 1, len(rows) - 1, *range(0, len(rows), max(len(rows) // _SHOWN, 1))} & set(range(len(rows))))
@@ -114,6 +115,8 @@ def _print(options: argparse.Namespace, problem: MasonryProblem, seen: Settlemen
     end = f"{1e3 * seen.moved[-1]:.5g} mm"
     what = "falls when its support has moved by" if seen.falls else "stands still at"
     say(f"{name}: {what} {end}; {int(seen.open_joints[-1])} joints open")
+    if seen.turned:
+        say(f"ends there: beyond it a block turns by more than {ROTATION:g} degree, and elastic blocks are computed for small turns")
     for joint in sorted(seen.joints, key=lambda joint: -joint.opening)[:6]:
         if joint.opening > 1e-3 * seen.opening[-1] > 0:
             say(f"  {joint.between[0]} | {joint.between[1]}: open {1e3 * joint.opening:.4g} mm, slipped {1e3 * joint.slip:.4g} mm")

@@ -75,6 +75,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
             command.add_argument("--tolerance", type=float, help="[m] blocks that are nearer touch (default 1e-4 of the smallest block)")
         command.add_argument("--out", type=Path, help="folder for the analysis (JSON), its joints (CSV) and the picture of the mechanism")
         command.add_argument("--json", action="store_true", help="print JSON")
+    for command in (tilt, push, shake, settle):
+        add_stone(command)
     for command in (tilt, push):
         _add_trials(command)
 
@@ -84,7 +86,6 @@ def _add_trials(command: argparse.ArgumentParser) -> None:
     command.add_argument("--film", action="store_true", help="run the collapse as well: film, steps and VTK files in OUT/run")
     command.add_argument("--resolution", type=float, default=0.005, help="of the multiplier, as a share of it (default 0.005)")
     command.add_argument("--static", action="store_true", help="limit analysis alone, no simulation")
-    add_stone(command)
     add_export(command, "the blocks as they fall, to a file")
 
 
@@ -153,7 +154,7 @@ def _push(options: argparse.Namespace) -> int:
         raise InputError(f"{options.model}: expected a load that the multiplier scales, or --direction, got none")
     if options.branch:
         for name, default in (("export", None), ("blocks", "rigid")):
-            if getattr(options, name) != default:
+            if getattr(options, name) != default:  # several elastic blocks that turn about each other do not settle in statics
                 raise InputError(f"--{name}: expected it without --branch, which knows rigid blocks and writes no blocks")
         return push_by_displacement(options, problem)
     for name in ("step", "to"):
@@ -327,15 +328,13 @@ def _falling(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket
 
 def _write_cracks(directory: Path, analysis: LimitAnalysis, seen: Bracket, step: Step) -> None:
     """The openings of joints in the beginning fall, as a table and, in 2D, as a picture."""
-    from fcsim.contact_detection import Everything
     from fcsim.masonry.openings import openings
     from fcsim.masonry.report import write_openings
+    from fcsim.masonry.structure import touching
     from fcsim.view.cracks import draw_cracks
 
-    touching = analysis.limit.contacts
-    if step.model.deformable:
-        touching = Everything(step.model, analysis.problem.friction, 1e-4 * analysis.problem.smallest)(step.model.reference)
-    joints = openings(touching, step.model, step.state.x)
+    contacts = touching(analysis.problem, step.model) if step.model.deformable else analysis.limit.contacts
+    joints = openings(contacts, step.model, step.state.x)
     write_openings(directory / "openings.csv", joints)
     if analysis.problem.dimension == 2:
         title = f"{analysis.problem.title or analysis.problem.name}: {step.state.t:.2f} s after the multiplier {seen.fall[1]:.4g}"

@@ -36,6 +36,7 @@ def settlement_summary(problem: MasonryProblem, movements: Sequence[Movement], s
         "version": __version__,
         "movements": movements,
         "falls": seen.falls,
+        "turned": seen.turned,
         "moved": seen.moved,
         "forces": seen.forces,
         "opening": seen.opening,

@@ -7,6 +7,10 @@ turns about its hinges (J. Heyman, "The stone skeleton", Int. J. Solids Struct. 
 
 Floating blocks are regularised by their mass, by 1e-6 of their weight at the support's own pace; where a block moves far more than its
 support the structure falls, and the table ends there.
+
+Deformable blocks take their weight first, and the way begins from there. Their equilibrium is that of small rotations: forces are those of
+the structure as it was built, and the way ends where a block has turned by a degree. What a structure bears by its shape until it falls is
+for rigid blocks.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports.support import Support
 from fcsim.contact_detection import Contacts, Everything
@@ -27,16 +32,19 @@ from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import limit_problem
 from fcsim.masonry.openings import Opening, openings
 from fcsim.masonry.problem import GRAVITY, MasonryProblem
-from fcsim.masonry.structure import structure
+from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure, touching
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.state import State
 from fcsim.timestep.step import Step
 
 _SHARE = 1e-6  # of the weight: the regularising force of a block that moves as its support does
 _RUNS = 1e3  # times its support's pace: a block that moves so fast falls, by a thousandth of its weight out of balance
 _OPEN = 1e-7  # of the structure's extent
 STEPS = 100
+ROTATION = 1.0
+"""Degrees that deformable blocks may turn by: forces are wrong by what structures have changed their shape by, about its sine."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,8 @@ class Settlement:
 
     moved (n,) [m]: the largest displacement of a support's corner; forces: by support (n, d) [N], by which it holds the structure;
     opening, slip (n,) [m]: the widest joint, the largest slip; open_joints (n,): how many joints have opened
-    falls: the structure ran away after the last row; joints: their openings in it; x: the configuration of `model` there
+    falls: the structure ran away after the last row; turned: the way ends there because a deformable block has turned by more than
+    `ROTATION`; joints: their openings in it; x: the configuration of `model` there
     """
 
     moved: FloatArray
@@ -65,6 +74,7 @@ class Settlement:
     slip: FloatArray
     open_joints: FloatArray
     falls: bool
+    turned: bool
     joints: tuple[Opening, ...]
     model: Model
     x: FloatArray
@@ -81,33 +91,41 @@ def movements_of(problem: MasonryProblem) -> tuple[Movement, ...]:
 
 
 def settle(
-    problem: MasonryProblem, movements: Sequence[Movement], *, steps: int = STEPS, watch: Callable[[Step], None] = lambda step: None
+    problem: MasonryProblem,
+    movements: Sequence[Movement],
+    *,
+    steps: int = STEPS,
+    blocks: BlocksAre = "rigid",
+    stone: Stone | None = None,
+    watch: Callable[[Step], None] = lambda step: None,
 ) -> Settlement:
     """Return the way of a structure under the loads that stay, its supports moving in proportion to their ends, in equal steps.
 
+    blocks, stone: see `structure`; watch(step): called after each step.
     InputError where nothing moves, a name is no support's, blocks fall before anything moves; NotConverged of a step without an answer.
     """
     _checked(problem, movements, steps)
     limit = limit_problem(replace(problem, motion={}))
     if associative_limit(replace(limit, live=np.zeros_like(limit.live))).outcome == "falls":
         raise InputError(f"{problem.name!r}: expected a structure that stands before its supports move, got one that falls")
-    contacts = limit.contacts
     reach = _reach(problem, movements)
     scheme = QuasiStatic(1.0 / steps, _SHARE * GRAVITY / (steps**2 * reach / steps))
-    still, _ = structure(replace(problem, motion={}))
+    still, _ = structure(replace(problem, motion={}), blocks, stone)
+    contacts = touching(problem, still)
     first = next(iter(Simulation(still, Everything(still, problem.friction), scheme, 1, _SOLVER, created=np.inf)))
     watch(first)
     rows = [_Row.of(0.0, first, contacts, problem)]
     falls, last = False, first
-    for step in _moving(problem, movements, scheme, steps):
-        free = np.repeat(
-            [not problem.blocks[problem.number[body.name]].support for body in step.model.bodies], np.diff(step.model.node_offset)
-        )
-        pace = np.linalg.norm(step.model.node_displacement(step.state.x) - step.model.node_displacement(step.previous.x), axis=1)[
-            free
-        ].max()
+    moving, _ = structure(problem, blocks, stone, held=_driven(problem, movements))
+    free, measure, turned = free_nodes(problem, moving), DeformationMeasure(moving.groups, len(moving.deformable)), False
+    for step in _moving(problem, moving, scheme, steps, first.state.x if moving.deformable else None):
+        way = moving.node_displacement(step.state.x) - moving.node_displacement(step.previous.x)
+        pace = np.linalg.norm(way, axis=1)[free].max()
         if pace > _RUNS * reach / steps:
             falls = True
+            break
+        turned = bool(np.degrees(measure(step.state.x).rotation.max(initial=0.0)) > ROTATION)
+        if turned:
             break
         watch(step)
         last = step
@@ -116,17 +134,18 @@ def settle(
     moved, opening, slip, count = np.array([(row.moved, row.opening, row.slip, row.open_joints) for row in rows]).T
     forces = {name: np.array([row.forces[name] for row in rows]) for name in names}
     joints = openings(contacts, last.model, last.state.x)
-    return Settlement(moved, forces, opening, slip, count, falls, joints, last.model, last.state.x)
+    return Settlement(moved, forces, opening, slip, count, falls, turned, joints, last.model, last.state.x)
 
 
 _SOLVER = SolverSettings(name="auto")
 
 
-def _moving(problem: MasonryProblem, movements: Sequence[Movement], scheme: QuasiStatic, steps: int) -> Iterator[Step]:
-    model, _ = structure(problem, held=_driven(problem, movements))
+def _moving(problem: MasonryProblem, model: Model, scheme: QuasiStatic, steps: int, begin: FloatArray | None) -> Iterator[Step]:
+    """The steps of the way; begin (n_dofs,): the configuration under the loads that stay, None: the reference."""
+    initial = None if begin is None else State(0.0, begin, np.zeros(model.n_dofs))
     detector = Everything(model, problem.friction)
     try:
-        yield from Simulation(model, detector, scheme, steps, _SOLVER, created=np.inf)
+        yield from Simulation(model, detector, scheme, steps, _SOLVER, initial=initial, created=np.inf)
     except NotConverged as error:
         raise NotConverged(f"{problem.name!r}, supports moving: {error}") from None
 
@@ -146,8 +165,8 @@ class _Row:
         forces = {}
         slave, master = step.contacts.bodies.T if len(step.contacts) else (np.empty(0), np.empty(0))
         for block in problem.blocks:
-            if block.support and (contacts.bodies == problem.number[block.name]).any():
-                k = number[block.name]
+            k = number[block.name]
+            if block.support and (contacts.bodies == k).any():
                 total = step.force_in_space[master == k].sum(axis=0) - step.force_in_space[slave == k].sum(axis=0)
                 forces[block.name] = total if len(step.contacts) else np.zeros(problem.dimension)
         wide = [joint.opening for joint in joints]

@@ -1,7 +1,8 @@
 """A structure on ground that shakes: what moves, how far, and whether it falls.
 
 Blocks are seen from the ground, whose acceleration acts as their inertia. Impacts are inelastic (Moreau's law, e = 0): a block that rocks
-loses what Housner's angular momentum about the new toe says (G. W. Housner, Bull. Seismol. Soc. Am. 53, 1963).
+loses what Housner's angular momentum about the new toe says (G. W. Housner, Bull. Seismol. Soc. Am. 53, 1963). Of deformable blocks the
+damping of their stone takes what impacts make of the motion.
 """
 
 from __future__ import annotations
@@ -11,11 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.frames import FloatingGroup, angle_of
+from fcsim.assembly.model import Model
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.masonry.problem import GRAVITY, BaseAcceleration, MasonryProblem
-from fcsim.masonry.structure import structure
+from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.theta import Theta
@@ -46,8 +49,16 @@ def shaken(problem: MasonryProblem, direction: tuple[float, float, float], recor
     return replace(problem, shaking=(BaseAcceleration(direction, record),))
 
 
-def shake(problem: MasonryProblem, *, duration: float | None = None, h: float | None = None, theta: float = 0.5) -> Shake:
-    """Return what the ground's shaking makes of rigid blocks.
+def shake(
+    problem: MasonryProblem,
+    *,
+    duration: float | None = None,
+    h: float | None = None,
+    theta: float = 0.5,
+    blocks: BlocksAre = "rigid",
+    stone: Stone | None = None,
+) -> Shake:
+    """Return what the ground's shaking makes of a structure; blocks, stone: see `structure`.
 
     duration [s]: by default the record's and two seconds; h [s]: the step, by default a hundredth of the time in which the smallest block
     falls by its extent. InputError where no ground shakes and no block begins moved.
@@ -59,22 +70,34 @@ def shake(problem: MasonryProblem, *, duration: float | None = None, h: float | 
     h = float(np.sqrt(2 * problem.smallest / GRAVITY)) / _STEPS if h is None else h
     if not (np.isfinite(duration) and np.isfinite(h) and 0 < h <= duration):
         raise InputError(f"duration, h: expected times in s with 0 < h <= duration, got {duration} and {h}")
-    model, _ = structure(problem)
+    model, _ = structure(problem, blocks, stone, lumped=False)
     simulation = Simulation(
         model, Everything(model, problem.friction), Theta(h, theta), int(np.ceil(duration / h)), SolverSettings(name="auto"), created=np.inf
     )
-    free = np.array([not problem.blocks[problem.number[body.name]].support for body in model.bodies])
-    corners = np.repeat(free, np.diff(model.node_offset))
-    d = model.dimension
+    corners = free_nodes(problem, model)
     t, displacement, turn, speed = [], [], [], 0.0
-    drop = np.zeros(len(free))
+    drop = np.zeros(len(model.bodies))
     for step in simulation:
-        rows = model.rigid_part(step.state.x)[free]
         t.append(step.state.t)
         displacement.append(float(np.linalg.norm(model.node_displacement(step.state.x)[corners], axis=1).max()))
-        turn.append(float(np.linalg.norm(rows[:, d:], axis=1).max()))
-        drop[free] = -rows[:, d - 1]
+        turns, drop = _turns_and_drops(model, step.state.x)
+        turn.append(float(turns.max()))
         speed = float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[corners], axis=1).max())
-    extents = np.array([np.ptp(block.surface.points, axis=0).max() for block in problem.blocks])
+    extents = [np.ptp(problem.blocks[problem.number[body.name]].surface.points, axis=0).max() for body in model.bodies]
     fallen = tuple(body.name for body, by, extent in zip(model.bodies, drop, extents, strict=True) if by > DOWN * extent)
     return Shake(np.array(t), np.array(displacement), np.array(turn), fallen, speed > 0.01 * problem.size)
+
+
+def _turns_and_drops(model: Model, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Of each body (n_bodies,) how far it has turned [rad] and how far its centroid came down [m]; of deformable ones their frames and
+    the mean of their volume."""
+    d, count = model.dimension, len(model.deformable)
+    turn, drop = np.zeros((2, len(model.bodies)))
+    rows = model.rigid_part(x)
+    turn[count:], drop[count:] = np.linalg.norm(rows[:, d:], axis=1), -rows[:, d - 1]
+    for group in model.groups:
+        floating = FloatingGroup(group)
+        moved = floating.displacement(x)
+        turn[group.members] = angle_of(floating.frames(moved).rotation)
+        drop[group.members] = -(floating.weight @ moved)[:, d - 1]
+    return turn, drop

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fcsim.errors import InputError
-from fcsim.masonry import MasonryProblem, Movement, limit_problem, settle, support_forces
+from fcsim.masonry import MasonryProblem, Movement, Stone, limit_problem, settle, support_forces
 from fcsim.masonry.atlas.shapes import arch, cuboid
 
 G = 9.81
@@ -61,6 +61,50 @@ def test_a_block_on_a_support_that_turns_slides_at_the_angle_of_friction() -> No
         assert np.degrees(np.arctan(0.3)) - step <= angle <= np.degrees(np.arctan(0.3)) + 2 * step  # forces are those of where steps begin
         force = seen.forces["slab"][-1]
         assert force[-1] == pytest.approx(0.2 * 2000.0 * G, rel=1e-3)
+
+
+def test_an_elastic_beam_on_three_supports_gives_their_middle_less_as_it_settles() -> None:
+    """Two spans l under w: the middle bears 5 w l / 4 - 6 E I s / l^3 when it has settled by s (S. Timoshenko, "Strength of
+    Materials", 1930, the theorem of three moments); with little friction, which holds the beam's lower face."""
+    E, depth, breadth, l = 1e9, 0.2, 0.4, 1.998  # between the edges of the supports
+    piers = [block for block in beam(2).blocks if block.support]
+    slender = MasonryProblem("slender", 2, (*piers, cuboid("beam", (0.0, 0.0, 0.0), (4.0, breadth, depth))), 0.01)
+    seen = settle(slender, [Movement("middle", (0.0, 0.0, -8e-3))], steps=2, blocks="deformable", stone=Stone(E, 0.0, cells=0.25))
+    w, EI = 2000.0 * G * breadth * depth, E * breadth * depth**3 / 12
+    middle = seen.forces["middle"][:, -1]
+    assert middle[0] == pytest.approx(1.25 * w * l, rel=0.02)
+    slope = (middle[0] - middle[1:]) / seen.moved[1:]
+    assert slope == pytest.approx(6 * EI / l**3, rel=0.04)  # by cells of a quarter of the depth
+    total = sum(force[:, -1] for force in seen.forces.values())
+    assert total == pytest.approx(np.full(3, 4.0 * w), rel=1e-5)
+
+
+@pytest.mark.parametrize(("out", "which"), [(0.01, 0), (-0.01, 1)])
+def test_an_arch_of_stiff_voussoirs_has_the_thrust_of_rigid_ones(out: float, which: int) -> None:
+    problem = arch(12, 0.25, 0.8)
+    names = [block.name for block in problem.blocks if block.support]
+    bounds = {of.name: np.sort(np.abs([of.least[0], of.largest[0]])) for of in support_forces(limit_problem(problem))}
+    seen = settle(problem, [Movement(names[0], (out, 0.0, 0.0))], steps=4, blocks="deformable", stone=Stone(E=1e10, cells=1.0))
+    thrust = seen.thrust(names[0])
+    assert thrust[1:] == pytest.approx(np.full(4, bounds[names[0]][which]), rel=1e-4)
+    assert not seen.falls and not seen.turned
+
+
+def test_elastic_blocks_end_where_they_turn_and_slide_before() -> None:
+    """Statics of small turns: a stone slides at the angle of friction below a degree; a steeper way ends at a degree, and says so."""
+    slab = cuboid("slab", (-2.0, 0.0, -0.5), (2.0, 1.0, 0.0), support=True)
+    stone = cuboid("stone", (-0.5, 0.0, 0.0), (0.5, 1.0, 0.2))
+    for mu, falls in ((0.01, True), (0.3, False)):
+        seen = settle(
+            MasonryProblem("slope", 2, (slab, stone), mu),
+            [Movement("slab", turn=(0.0, np.radians(2.0), 0.0))],
+            steps=40,
+            blocks="deformable",
+            stone=Stone(E=1e9, cells=1.0),
+        )
+        assert (seen.falls, seen.turned) == (falls, not falls)
+        angle = np.degrees(np.arctan(0.01)) if falls else 1.0
+        assert 0.05 * (len(seen.moved) - 1) == pytest.approx(angle, abs=0.1)
 
 
 def test_mistakes_are_named() -> None:

@@ -60,8 +60,13 @@ def test_settle_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert len(list(csv.DictReader((out / "settle.csv").open()))) == 6
     assert (out / "settle.png").stat().st_size > 5000 and (out / "cracks.png").stat().st_size > 5000
     assert (tmp_path / "arch.obj").read_text().count("\no ") + (tmp_path / "arch.obj").read_text().startswith("o ") == 9
+    capsys.readouterr()
+    assert main(["settle", str(path), *options, "--blocks", "deformable", "--json"]) == EXIT_OK  # stiff ones: as the rigid ones do
+    soft = json.loads(capsys.readouterr().out)
+    assert soft["forces"]["v-1"][-1] == pytest.approx(seen["forces"]["v-1"][-1], rel=0.02) and not soft["turned"]
     for wrong in (
         [],
+        ["--E", "1e9", *options],
         ["--move", "1,0,0"],
         ["--of", "v3", "--move", "1,0,0"],
         ["--about", "0,0,0", *options],

@@ -69,9 +69,12 @@ def test_push_brackets_the_load(model: Path, capsys: pytest.CaptureFixture[str])
     assert low <= 0.4 * (1 + 1e-6) and high >= 0.4 * (1 - 1e-6) and high - low <= 0.05 * high
 
 
-def test_the_collapse_is_filmed_and_its_cracks_are_measured(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_collapse_is_filmed_and_its_cracks_are_measured(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The block turns about its toe: the joint opens by the base times the angle, and does not slip."""
     out = tmp_path / "out"
+    monkeypatch.setattr("fcsim.command_line.masonry.trials._FALL", 0.2)  # [s] that are filmed
     assert main(["push", str(model), "--direction", "x", "--resolution", "0.05", "--out", str(out), "--film"]) == EXIT_OK
     (joint,) = csv.DictReader((out / "openings.csv").open())
     opening, slip = float(joint["opening [mm]"]), float(joint["slip [mm]"])
@@ -85,7 +88,7 @@ def test_the_collapse_is_filmed_and_its_cracks_are_measured(model: Path, tmp_pat
 def test_a_model_runs_as_a_case(model: Path, tmp_path: Path) -> None:
     """Deformable: the floor carries the weight once the waves of its beginning have gone."""
     out = tmp_path / "run"
-    settings = ["--set", "blocks_are=deformable", "--set", "E=1e7", "--set", "beta=5e-3", "--steps", "60"]
+    settings = ["--set", "blocks_are=deformable", "--set", "E=1e7", "--set", "beta=5e-3", "--set", "cells=1", "--steps", "60"]
     assert main(["run", str(model), *settings, "--out", str(out), "--export-every", "0", "--vtk-every", "0"]) == EXIT_OK
     rows = list(csv.DictReader((out / "steps.csv").open()))
     assert len(rows) == 60
@@ -93,9 +96,21 @@ def test_a_model_runs_as_a_case(model: Path, tmp_path: Path) -> None:
     assert float(rows[-1]["displacement"]) == pytest.approx(2000 * 9.81 * 1.0**2 / (2 * 1e7), rel=0.15)  # rho g h^2 / 2 E
 
 
+def test_a_film_of_a_tilt_says_the_angle(model: Path) -> None:
+    """What `fcsim render` writes under the title: the imposed column, here the table's angle after each step of 0.5 degrees."""
+    from fcsim.masonry.case import any_case
+
+    case = any_case(model)
+    made = case.build(case.parameters(tilt=50.0, h=0.01, steps=2))
+    assert made.plots["imposed"] == "tilt"
+    angle = next(sensor for sensor in made.sensors if sensor.column == "tilt")
+    assert [angle.measure(step) for step in made.simulation] == pytest.approx([0.5, 1.0])
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["push", "--direction", "x", "--branch", "--blocks", "deformable"], "knows rigid blocks"),
         (["push"], "a load that the multiplier scales, or --direction"),
         (["limit"], ""),
         (["limit", "--direction", "y"], "plane of x and z"),
