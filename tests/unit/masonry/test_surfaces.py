@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from fcsim.errors import InputError
-from fcsim.masonry import analyse, masonry_of_surfaces, pushed
+from fcsim.masonry import Acceleration, analyse, bracket, masonry_of_surfaces, pushed
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -33,3 +34,15 @@ def test_a_drum_that_is_held(column: Path) -> None:
     assert analyse(pushed(held, (0.0, 1.0, 0.0))).coulomb.multiplier == pytest.approx(0.8, rel=1e-4)
     with pytest.raises(InputError, match="supports: expected names or patterns"):
         masonry_of_surfaces(column, scale=1e-3, supports=["pier*"])
+
+
+@pytest.mark.slow
+def test_a_column_falls_in_simulation_in_metres_as_in_millimetres_and_tonnes(column: Path) -> None:
+    """The file's millimetres scaled, and the same column in mm, t, s and N: multipliers have no unit, so that the brackets are one."""
+    metres = pushed(masonry_of_surfaces(column, mu=0.7, scale=1e-3), (1.0, 0.0, 0.0))
+    large = masonry_of_surfaces(column, mu=0.7, density=2e-9, scale=1.0)
+    weight = (Acceleration((0.0, 0.0, -9810.0)), Acceleration((9810.0, 0.0, 0.0), scaled=True))
+    found = [bracket(problem, 0.39, 0.41, resolution=0.01) for problem in (metres, replace(large, loads=weight))]
+    for seen in found:
+        assert seen.fall == pytest.approx((0.4, 0.4), rel=0.011) and seen.fall[0] <= 0.4 * (1 + 1e-6)
+    assert found[1].fall == pytest.approx(found[0].fall, rel=1e-9)
