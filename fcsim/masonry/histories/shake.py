@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.assembly.kinematics.frames import FloatingGroup, angle_of
+from fcsim.assembly.forms.rotations import angle_of
+from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.assembly.model import Model
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.contact_detection import Everything
