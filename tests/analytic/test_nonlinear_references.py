@@ -1,4 +1,4 @@
-"""Published and closed-form problems of finite strain and plasticity; the letters are those of the reference list of issue 16."""
+"""Published and closed-form problems of finite strain and plasticity; the letters are those of the reference list."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Published and closed problems of dynamics: D1, D2, D3, D5 and D6 of the reference list of issue 16."""
+"""Published and closed problems of dynamics: D1, D2, D3, D5 and D6 of the reference list."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Contact problems of finite strain: B5, B11, D7 of the reference list of issue 16."""
+"""Contact problems of finite strain: B5, B11, D7 of the reference list."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Published contact problems of small strain with exact answers: A1, A11, A12, A13, A15, A16, A17 of the reference list of issue 16."""
+"""Published contact problems of small strain with exact answers: A1, A11, A12, A13, A15, A16, A17 of the reference list."""
 
 from dataclasses import replace
 from typing import Any
