@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -86,3 +87,13 @@ def _spin(weight: FloatArray, arm: FloatArray, rate: FloatArray) -> FloatArray:
     inertia = np.trace(spread, axis1=1, axis2=2)[:, None, None] * np.eye(3) - spread
     omega: FloatArray = np.linalg.solve(inertia, moment[..., None])[..., 0]
     return omega
+
+
+def stiffened(base: SystemFactor, blocks: tuple[FloatArray, ...], body: int, factor: float) -> tuple[FloatArray, ...]:
+    """The blocks with a share of the first stiffness added to one body's."""
+    changed = []
+    for group, own in zip(base.nonlinear_groups, blocks, strict=True):
+        own = own.copy()
+        own[group.members == body] += factor * group.first_stiffness
+        changed.append(own)
+    return tuple(changed)

@@ -37,7 +37,7 @@ from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt, Linearised
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, longest_flight
-from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
+from fcsim.timestep.step_equation.inner_term import InnerTerm, Term, stiffened
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
 from fcsim.timestep.step_equation.tangent import tangent_by_differences, tangent_by_formulas
 from fcsim.timestep.warm_start import Reactions, warm_start
@@ -200,7 +200,7 @@ class _Newton:
                 if share == _SHARES[-1]:
                     raise
                 more = _SHARES[0] if not share else 3 * share
-                blocks = _stiffened(base, blocks, error.body, more * self.inner.scheme.elastic_weight * self.inner.scheme.elastic_reach)
+                blocks = stiffened(base, blocks, error.body, more * self.inner.scheme.elastic_weight * self.inner.scheme.elastic_reach)
         if past.serving is not None:
             past = replace(past, serving=past.serving.having(KeptFactor(np.empty(0, dtype=np.int64), factor=factor)))
         return factor, share, past
@@ -336,16 +336,6 @@ class _Newton:
         equation = self.equation
         self.attempts.append(Attempt("Newton", "the last state", why, apart, len(self.done), equation.share, self.settings.tol))
         return None, past
-
-
-def _stiffened(base: SystemFactor, blocks: tuple[FloatArray, ...], body: int, factor: float) -> tuple[FloatArray, ...]:
-    """The blocks with a share of the first stiffness added to one body's."""
-    changed = []
-    for group, own in zip(base.nonlinear_groups, blocks, strict=True):
-        own = own.copy()
-        own[group.members == body] += factor * group.first_stiffness
-        changed.append(own)
-    return tuple(changed)
 
 
 def _places(known: IntArray, wanted: IntArray) -> tuple[IntArray, FloatArray]:
