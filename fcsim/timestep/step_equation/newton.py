@@ -69,7 +69,8 @@ CLOSER = 0.01
 """Of the solver's tolerance where a body is stiffened: what the solver leaves open, times that stiffness, is in the residual."""
 
 JAMMED = ((2, 1 / 32), (4, 1.0))
-"""How many iterations one after the other that went less than how far, after which one goes all the way, whatever the residual."""
+"""How many iterations one after the other that went less than how far, after which one goes all the way, whatever the residual: contacts
+that press are between two states then. Without them it is a body that loses its stiffness."""
 
 _SHORTEST = 1 / 64
 _SHARES = (0.01 / 1024, 0.01 / 256, 0.01 / 64, 0.01 / 16, 0.0025, 0.01, 0.04, 0.16, 0.64, 2.5)
@@ -278,7 +279,7 @@ class _Newton:
         """How far to go from the iterate towards the answer v (n_dofs,), r: all the way where the residual does not grow."""
         length, best = 1.0, None
         lengths = [one.length for one in self.done]
-        jammed = any(len(lengths) >= n and max(lengths[-n:]) < limit for n, limit in JAMMED)
+        jammed = bool(np.any(result.r)) and any(len(lengths) >= n and max(lengths[-n:]) < limit for n, limit in JAMMED)
         r0 = now.r if now.r.shape == result.r.shape else result.r
         l1 = np.empty(0) if result.multiplier is None else result.multiplier
         l0 = now.l if now.l.shape == l1.shape else l1
