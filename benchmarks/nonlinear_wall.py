@@ -31,10 +31,11 @@ CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
 KINDS = ("linear", "turning", "neo-hooke")
 
 
-def wall(kind: str, assignments: dict[str, str]) -> Simulation:
-    """The wall with blocks of one of `KINDS`."""
+def wall(kind: str, assignments: dict[str, str], loop: str = "auto") -> Simulation:
+    """The wall with blocks of one of `KINDS`; loop: see `SolverSettings`."""
     script = load_case(CASE)
     simulation = script.build(parse_parameters(script, assignments)).simulation
+    simulation = replace(simulation, solver=replace(simulation.solver, loop=loop))
     model = simulation.model
     if kind == "linear":
         return simulation
@@ -50,9 +51,9 @@ def wall(kind: str, assignments: dict[str, str]) -> Simulation:
     return replace(simulation, model=replace(model, bodies=bodies, kinematics="turning"))
 
 
-def measure(kinds: list[str], steps: int, assignments: dict[str, str]) -> tuple[dict[str, list[float]], dict[str, list[int]]]:
+def measure(kinds: list[str], steps: int, assignments: dict[str, str], loop: str) -> tuple[dict[str, list[float]], dict[str, list[int]]]:
     """Seconds of processor time of each step by kind, and the linearised problems of each."""
-    runs: dict[str, Iterator[Step]] = {kind: iter(wall(kind, {**assignments, "steps": str(steps)})) for kind in kinds}
+    runs: dict[str, Iterator[Step]] = {kind: iter(wall(kind, {**assignments, "steps": str(steps)}, loop)) for kind in kinds}
     seconds: dict[str, list[float]] = {kind: [] for kind in kinds}
     problems: dict[str, list[int]] = {kind: [] for kind in kinds}
     for number in range(steps):
@@ -62,7 +63,7 @@ def measure(kinds: list[str], steps: int, assignments: dict[str, str]) -> tuple[
             taken = time.process_time() - begin
             if number:  # the first one sets up
                 seconds[kind].append(taken)
-                problems[kind].append(max(len(step.linearised), 1))
+                problems[kind].append(max(len(step.linearised), len(step.attempts)))
     return seconds, problems
 
 
@@ -71,11 +72,12 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=60)
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments")
+    parser.add_argument("--loop", default="auto", choices=("auto", "one", "sequence"))
     options = parser.parse_args()
     kinds = options.kinds.split(",")
     if unknown := [kind for kind in kinds if kind not in KINDS]:
         raise InputError(f"--kinds: expected some of {', '.join(KINDS)}, got {unknown[0]!r}")
-    seconds, problems = measure(kinds, options.steps, dict(text.split("=", 1) for text in options.assignments))
+    seconds, problems = measure(kinds, options.steps, dict(text.split("=", 1) for text in options.assignments), options.loop)
     table = Table(
         "blocks", "median step [s]", "of the first", "Newton problems", title=f"masonry wall, {options.steps} steps, processor time"
     )

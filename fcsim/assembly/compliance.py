@@ -95,9 +95,11 @@ class SystemFactor:
         other._set_rigid_mass(rigid_mass)
         return other
 
-    def turned(self, rotation: FloatArray) -> SystemFactor:
+    def turned(self, rotation: FloatArray | None) -> SystemFactor:
         """The factor of T (a M + b K) T^T, where T turns the nodes of each deformable body by rotation (n_deformable, d, d), which
-        `ElasticForces.system_rotation` gives: factors and compliances stay what they are in the bodies' axes."""
+        `ElasticForces.system_rotation` gives: factors and compliances stay what they are in the bodies' axes. None: itself."""
+        if rotation is None:
+            return self
         other = copy.copy(self)
         other.rotation, other._matrix = rotation, None
         return other

@@ -47,6 +47,7 @@ class NonlinearBodies:
         self.groups = tuple(group for group in groups if group.laws is not None)
         self.beta, self._model = beta, model
         sizes = [group.laws.size * len(group.members) for group in self.groups if group.laws is not None]
+        self._last: tuple[tuple[object, ...], InnerForces] | None = None
         self._offset = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
     def __bool__(self) -> bool:
@@ -89,7 +90,26 @@ class NonlinearBodies:
 
         v (n_dofs,): velocities that are damped, with their change `rate` [1/s] for a unit change of x in the tangent.
         start = (x_0 (n_dofs,), s): x is the share s of the way from x_0 to the end of a step, see `fcsim.assembly.nonlinear.mean_strain`.
+        What was asked for last is remembered: a step ends where its energy is measured.
         """
+        arrays = (x, variables, v, None if start is None else start[0])
+        key = (*(None if a is None else a.tobytes() for a in arrays), t, dt, rate, None if start is None else start[1], tangent)
+        if self._last is None or self._last[0] != key:
+            self._last = key, self._computed(x, variables, t, dt, v, rate, start, tangent)
+        return self._last[1]
+
+    def _computed(
+        self,
+        x: FloatArray,
+        variables: FloatArray | None,
+        t: float,
+        dt: float,
+        v: FloatArray | None,
+        rate: float,
+        start: tuple[FloatArray, float] | None,
+        tangent: bool,
+    ) -> InnerForces:
+        """`inner` where it is not remembered."""
         force, energy, dissipated, viscous = np.zeros_like(x), 0.0, 0.0, 0.0
         after, blocks, bad = [np.empty(0)], [], -1
         for group, part, own in self.shares(variables):

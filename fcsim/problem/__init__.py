@@ -3,7 +3,7 @@
 from fcsim.arrays import Matrix
 from fcsim.problem.delassus import Delassus, diagonal_blocks
 from fcsim.problem.judge import OPEN, SLIP, STICK, Checks, Judge, check, contact_status, error, natural_map_residual, scaled_error
-from fcsim.problem.problem import Answer, GlobalProblem, LocalProblem, Reduced
+from fcsim.problem.problem import Answer, Followed, GlobalProblem, LocalProblem, Reduced
 
 __all__ = [
     "OPEN",
@@ -12,6 +12,7 @@ __all__ = [
     "Answer",
     "Checks",
     "Delassus",
+    "Followed",
     "GlobalProblem",
     "Judge",
     "LocalProblem",

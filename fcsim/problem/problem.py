@@ -7,9 +7,10 @@ In dynamics v, u are velocities [m/s] and r impulses [N s]; in quasi-statics v, 
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, cast
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
@@ -106,6 +107,18 @@ class Reduced(Protocol):
         ...
 
 
+@runtime_checkable
+class Followed(Reduced, Protocol):
+    """A problem whose free velocity follows its solution, u = W r + q(r), where a nonlinearity changes q by little on the way.
+
+    q is that of the first linearisation; `answer` is of the q that belongs to its r, and None where that does not settle.
+    """
+
+    def free(self, r: FloatArray) -> FloatArray:
+        """q (m,) linearised anew at r (m,)."""
+        ...
+
+
 class GlobalForm:
     """What global problems share whatever the cone of a contact: M v = H r + G l + f, G^T v + b = 0, u = H^T v + w."""
 
@@ -164,6 +177,12 @@ class GlobalProblem(GlobalForm):
         self._check_vectors()
         object.__setattr__(self, "mu", _friction(self.mu, self.m, self.dimension))
         self._check_matrices()
+
+    def with_load(self, f: FloatArray) -> GlobalProblem:
+        """The same problem with another right side f (n,): the matrices that are known to fit are not looked at again."""
+        other = copy(self)
+        object.__setattr__(other, "f", as_vector(f, "f"))
+        return other
 
 
 @dataclass(frozen=True, eq=False)

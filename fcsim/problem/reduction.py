@@ -27,7 +27,7 @@ from fcsim.problem.delassus import diagonal_blocks, own_compliance
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.elimination import Elimination
 from fcsim.problem.motion import Motion
-from fcsim.problem.problem import Answer, GlobalForm, GlobalProblem, LocalProblem, Reduced
+from fcsim.problem.problem import Answer, Followed, GlobalForm, GlobalProblem, LocalProblem, Reduced
 
 CONTACTS_AT_ONCE = 1000
 """Contacts whose own blocks of W are computed together where W as a whole is not wanted."""
@@ -182,7 +182,8 @@ class Reduction:
         return H if p.G is None else sp.csr_array(sp.vstack([H, sp.csr_array((p.G.shape[1], p.m))]))
 
     @cached_property
-    def _free(self) -> FloatArray:
+    def unloaded(self) -> FloatArray:
+        """M^-1 f (n,), with equality constraints also the multiplier's part: what moves without reactions."""
         p = self.problem
         rhs = p.f if p.G is None or p.b is None else np.concatenate([p.f, p.b])
         return self.factor.solve(rhs)
@@ -190,7 +191,7 @@ class Reduction:
     @cached_property
     def q(self) -> FloatArray:
         """q = w + H^T M^-1 f (m,)."""
-        return self.problem.w + self._H.T @ self._free
+        return self.problem.w + self._H.T @ self.unloaded
 
     @property
     def mu(self) -> FloatArray:
@@ -228,7 +229,14 @@ class Reduction:
 
     def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """Return v (n,) = M^-1 (H r + G l + f) and the multiplier l (p,), None without equality constraints."""
-        x = self._free + self.factor.solve(self._H @ r)
+        return self.split(self.unloaded + self.pushed(r))
+
+    def pushed(self, r: FloatArray) -> FloatArray:
+        """M^-1 H r (n,), as `unloaded`."""
+        return self.factor.solve(self._H @ r)
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+        """v (n,) and l (p,), None without equality constraints, of a solution x with the factor."""
         return (x, None) if self.problem.G is None else (x[: self.problem.n], x[self.problem.n :])
 
     def answer(self, r: FloatArray) -> Answer:
@@ -275,12 +283,12 @@ def reduce(problem: GlobalForm, factor: MassFactor | None = None) -> Reduction:
     return Reduction(problem, factor)
 
 
-def reduced(problem: GlobalProblem | LocalProblem | Reduction) -> Reduced:
+def reduced(problem: GlobalProblem | LocalProblem | Reduction | Followed) -> Reduced:
     """A problem in whatever form with the way to its local form: its `Reduction`, its `Elimination` where it is mixed, else itself."""
     if isinstance(problem, GlobalProblem):
         return reduce(problem)
     if isinstance(problem, LocalProblem):
         return problem if problem.V is None else Elimination(problem)
-    if isinstance(problem, Reduction):
+    if isinstance(problem, Reduction | Followed):
         return problem
     raise InputError(f"problem: expected a GlobalProblem, a LocalProblem or a Reduction, got {type(problem).__name__}")

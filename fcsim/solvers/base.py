@@ -221,8 +221,9 @@ class Method:
 
     run(problem, r, monitor, options) -> Iterate works on the local form without equality constraints. A method that can work
     on the global form without reduction has `run_global` as well, one that can work on a mixed local form (V, R, s) without
-    elimination has `run_mixed`; both are chosen by the option linear="kkt". `limits` says on which problems the method is not meant
-    to reach a small error; its status is honest there as everywhere. over_ranks: it asks no more of W than a `DistributedDelassus` has.
+    elimination has `run_mixed`; both are chosen by the option linear="kkt". One that can work on a problem whose q follows its solution
+    (`fcsim.problem.Followed`) has `run_followed`. `limits` says on which problems the method is not meant to reach a small error; its
+    status is honest there as everywhere. over_ranks: it asks no more of W than a `DistributedDelassus` has.
     """
 
     run: Run
@@ -233,6 +234,7 @@ class Method:
     dimensions: tuple[int, ...] = (2, 3)
     run_global: Run | None = None
     run_mixed: Run | None = None
+    run_followed: Run | None = None
     limits: str = ""
     over_ranks: bool = False
 

@@ -11,7 +11,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
-from fcsim.problem import Answer, GlobalProblem, LocalProblem, Reduced, check, natural_map_residual
+from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem, Reduced, check, natural_map_residual
 from fcsim.problem.elimination import Elimination
 from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction, reduced
@@ -25,7 +25,7 @@ from fcsim.solvers.table import method
 
 
 def solve(
-    problem: GlobalProblem | LocalProblem | Reduction | GlobalRollingProblem,
+    problem: GlobalProblem | LocalProblem | Reduction | Followed | GlobalRollingProblem,
     solver: str = "NSN-AC",
     r: FloatArray | None = None,
     *,
@@ -39,7 +39,8 @@ def solve(
     """Solve a frictional contact problem by the named method and check the answer.
 
     problem    in global or local form, or a `Reduction` whose factor of M is known already (a simulation's); with rolling friction in
-               global form, by the methods of dimension 5 or "auto" (see `solve_rolling`; it keeps no memory)
+               global form, by the methods of dimension 5 or "auto" (see `solve_rolling`; it keeps no memory); one whose q follows its
+               solution (`fcsim.problem.Followed`) by the nonsmooth Newton methods
     r          (m,) starting point, default 0
     tol        on the error that decides; `floor` [unit of q] as in `fcsim.problem.error`
     error      "scaled", which does not depend on the units (`fcsim.problem.scaled_error`), or "published" (`fcsim.problem.error`)
@@ -58,26 +59,29 @@ def solve(
         answered = small(problem, chosen, bool(overrides), solver, r, tol, error, floor)
         if answered is not None:
             return answered
-    return _solve(problem, chosen, solver, r, tol, error, floor, time_limit, memory, overrides)
+    return solve_by(
+        chosen, problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, memory=memory, overrides=overrides
+    )
 
 
 @limited_threads()
-def _solve(
-    problem: GlobalProblem | LocalProblem | Reduction | GlobalRollingProblem,
+def solve_by(
     chosen: Method,
+    problem: GlobalProblem | LocalProblem | Reduction | Followed | GlobalRollingProblem,
     solver: str,
-    r: FloatArray | None,
+    r: FloatArray | None = None,
+    *,
     tol: float,
-    error: str,
-    floor: float,
-    time_limit: float,
-    memory: Memory | None,
-    overrides: Mapping[str, object],
+    error: str = "scaled",
+    floor: float = 0.0,
+    time_limit: float = float("inf"),
+    memory: Memory | None = None,
+    overrides: Mapping[str, object] | None = None,
 ) -> Result:
-    """`solve` by the general way."""
+    """`solve` by a method that need not be in the table, under the name `solver`; its arguments are not checked again."""
     if isinstance(problem, GlobalRollingProblem):
-        return solve_rolling(problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, **overrides)
-    options = override(chosen.options, overrides)
+        return solve_rolling(problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, **(overrides or {}))
+    options = override(chosen.options, overrides or {})
     start = time.perf_counter()
     given = reduced(problem)  # M^-1 or R^-1
     run, form = _way(chosen, solver, options, given)  # the local form, or the problem as it is
@@ -134,10 +138,15 @@ def _judged(
 
 
 def _way(chosen: Method, solver: str, options: Options, given: Reduced) -> tuple[Run, LocalProblem | Reduced]:
-    """The method's run function and the form of the problem that it takes: local, or as it is where linear="kkt" asks for that."""
+    """The method's run function and the form of the problem that it takes: local, or as it is where linear="kkt" asks for that or q
+    follows."""
     if given.dimension not in chosen.dimensions:
         known = "problems with rolling friction" if 5 in chosen.dimensions else " and ".join(f"{d}D" for d in chosen.dimensions)
         raise InputError(f"solver {solver!r}: works in {known}, the problem has {given.dimension}D")
+    if isinstance(given, Followed):
+        if chosen.run_followed is None:
+            raise InputError(f"solver {solver!r}: expected a nonsmooth Newton method for a problem whose q follows its solution")
+        return chosen.run_followed, given
     if getattr(options, "linear", "") != "kkt":
         return chosen.run, given.local if chosen.over_ranks else given.local.whole
     run = {Reduction: chosen.run_global, Elimination: chosen.run_mixed}.get(type(given))

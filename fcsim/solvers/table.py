@@ -27,7 +27,7 @@ from fcsim.solvers.lcp.planar import (
     planar_lemke,
     planar_nsgs,
 )
-from fcsim.solvers.newton.iterations import newton
+from fcsim.solvers.newton.iterations import newton, newton_followed
 from fcsim.solvers.newton.kkt import newton_global, newton_mixed
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt
 from fcsim.solvers.newton.options import NewtonOptions
@@ -53,7 +53,9 @@ _ROLLING = "Acary, Bourrier 2021"
 
 def _newton(formulation: str, source: str, siconos: str, rho: str = "split spectral norm", line_search: str = "none") -> Method:
     options = NewtonOptions(formulation=formulation, rho=rho, line_search=line_search)
-    return Method(newton, options, "Newton", source, siconos, run_global=newton_global, run_mixed=newton_mixed)
+    return Method(
+        newton, options, "Newton", source, siconos, run_global=newton_global, run_mixed=newton_mixed, run_followed=newton_followed
+    )
 
 
 def _nsgs(one_contact: str, source: str, siconos: str = "", options: GaussSeidelOptions = GaussSeidelOptions()) -> Method:  # noqa: B008

@@ -13,7 +13,7 @@ from fcsim.errors import InputError, NotConverged
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import RollingReduction
 from fcsim.solvers import Memory, Result, Status, method, solve
-from fcsim.solvers.base import override
+from fcsim.solvers.base import choice, override
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.timestep.step import Attempt, Lead
 
@@ -24,7 +24,10 @@ class SolverSettings:
 
     The chain of a step: `name` from the previous steps' reactions (see `warm_start`), `name` from zero, then each of `fallback` from
     zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. A link that had to answer three times in a
-    row begins the next 25 chains, see `Lead`; `Step.attempts` says what was tried. floor [m/s; quasi-statics: m]: see
+    row begins the next 25 chains, see `Lead`; `Step.attempts` says what was tried. loop: how a step with turning or nonlinear bodies goes
+    to its answer: "sequence", friction problems that are solved one after the other; "one", one linearisation of the bodies an iteration of
+    the contacts, with the nonsmooth Newton methods (see `one_loop`, `newton_loop`); "auto": the quicker one, turning bodies in one loop,
+    nonlinear ones by the sequence. floor [m/s; quasi-statics: m]: see
     `fcsim.problem.error`.
     """
 
@@ -33,6 +36,7 @@ class SolverSettings:
     floor: float = 1e-3
     options: Mapping[str, object] = field(default_factory=dict)
     fallback: tuple[str, ...] = ("NSN-AC", "NSN-NM", "NSN-AC-HYBRID", "auto")
+    loop: str = "auto"
 
     def __post_init__(self) -> None:
         override(method(self.name).options, dict(self.options))
@@ -40,6 +44,7 @@ class SolverSettings:
             method(name)
         if not 0 < self.tol < 1:  # from 1 on r = 0 would do
             raise InputError(f"tol: expected a number > 0 and < 1, got {self.tol}")
+        choice("loop", self.loop, ("auto", "one", "sequence"))
         if not self.floor >= 0:
             raise InputError(f"floor: expected a number >= 0, got {self.floor}")
 

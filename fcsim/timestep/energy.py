@@ -185,12 +185,12 @@ def inner_work(
         return InnerWork()
     x, dt, share = middle
     start = before.x, share
+    last = bodies.inner(after.x, before.internal, after.t, after.t - before.t)  # which the step has just ended with
     force = bodies.inner(x, before.internal, before.t + dt, dt, start=start).force
     viscous = 0.0
     if bodies.beta and damped is not None:
         viscous = float(dx @ (bodies.inner(x, before.internal, before.t + dt, dt, v=damped, start=start).force - force))
     first = bodies.inner(before.x, before.internal, before.t, 0.0).energy
-    last = bodies.inner(after.x, before.internal, after.t, after.t - before.t)
     numerical = float(dx @ force) - (last.energy - first) - last.dissipated
     return InnerWork((first, last.energy), last.dissipated, viscous, numerical)
 

@@ -39,10 +39,11 @@ from fcsim.timestep.state import State, at_rest, refuse_misplaced, updated
 from fcsim.timestep.step import Attempt, Moment, Step
 from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
-from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import Linearisation, joined_nodes
 from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
 from fcsim.timestep.step_equation.penetration import CUTS, at_end
+from fcsim.timestep.step_equation.sequence import solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled
 from fcsim.timestep.warm_start import MEMORY
 from fcsim.witness import Watch, Witness, begin, penetration_seen
@@ -289,13 +290,12 @@ class Simulation:
             return None
         rest = scheme.right_hand_side(model, state)
         rigid_mass = scheme.rigid_mass(model, state, rest)
-        elastic = Linearisation(scheme, model, state)
-        factor = self._system(scheme).with_rigid_mass(rigid_mass)
-        factor = factor if elastic.rotation is None else factor.turned(elastic.rotation)
         whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
         identity = met.contacts.identity
         past = Past(memory, start.lead, None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity))
+        elastic = Linearisation(scheme, model, state, past.serving)
+        factor = self._system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
         looks, links = 0, Closing(linked(self.linkage, model, scheme, state), self._extent)
         while True:
             equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts, links.rows)

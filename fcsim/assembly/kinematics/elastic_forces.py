@@ -14,6 +14,9 @@ from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.frames import FloatingGroup, Frames
 
+KEPT = 3
+"""Configurations that are kept."""
+
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
@@ -31,6 +34,7 @@ class ElasticForces:
         self.groups, self.beta = tuple(group for group in groups if group.laws is None), beta
         self._all, self._elastic = tuple(groups), sum(group.dofs.size for group in groups)
         self._shape = count, dimension
+        self._last: dict[bytes, Configuration] = {}
         self._floating = tuple(FloatingGroup(group) if group.turning else None for group in self.groups)
 
     @property
@@ -49,10 +53,15 @@ class ElasticForces:
         return force
 
     def at(self, x: FloatArray) -> Configuration:
-        """The configuration x (n_dofs,) with the frames of its bodies."""
-        return Configuration(
-            x, tuple(None if floating is None else floating.frames(floating.displacement(x)) for floating in self._floating)
-        )
+        """The configuration x (n_dofs,) with the frames of its bodies; of the last ones asked for, which end a step and begin the next,
+        what is there."""
+        key = x.tobytes()
+        known = self._last.get(key)
+        if known is None:
+            frames = tuple(None if floating is None else floating.frames(floating.displacement(x)) for floating in self._floating)
+            known = Configuration(x.copy(), frames)
+            self._last = dict([*self._last.items(), (key, known)][-KEPT:])
+        return known
 
     def rotation(self, configuration: Configuration) -> FloatArray:
         """Rotations R (n_deformable, d, d) of the frames, the identity for linear bodies."""

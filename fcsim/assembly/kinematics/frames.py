@@ -122,4 +122,7 @@ def _turn(phi: FloatArray, a: FloatArray) -> FloatArray:
     """phi x a_i (nb, nn, d) for phi (nb, 3 or 1) and a (nn, d) or (nb, nn, d)."""
     if a.shape[-1] == 2:
         return phi[:, :, None] * np.stack([-a[..., 1], a[..., 0]], axis=-1)
-    return np.cross(phi[:, None, :], a)
+    spin = np.zeros((len(phi), 3, 3))  # a spin = phi x a
+    spin[:, 0, 1], spin[:, 1, 2], spin[:, 2, 0] = phi[:, 2], phi[:, 0], phi[:, 1]
+    turned: FloatArray = a @ (spin - spin.transpose(0, 2, 1))
+    return turned

@@ -47,7 +47,7 @@ class TurnedMatrix:
                 continue
             own = Q[group.members]
             values.append((np.einsum("bai,bcj->bacij", own, own).reshape(len(own), len(block), len(block)) @ block).ravel())
-        data = np.concatenate([*values, np.ones(1)])[self._source]
+        data = np.take(np.concatenate([*values, np.ones(1)]), self._source)
         return sp.csr_array((data, self._indices, self._indptr), shape=(self._size, self._size))
 
 

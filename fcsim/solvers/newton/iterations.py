@@ -8,21 +8,25 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
-from fcsim.problem import LocalProblem
+from fcsim.problem import Followed, LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.memory import Kept, Memory
 from fcsim.solvers.newton.formulations import FORMULATIONS, Formulation
 from fcsim.solvers.newton.line_search import LINE_SEARCHES, REFERENCES, Merit
 from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.solvers.newton.spaces import LocalSpace, NewtonSpace
+from fcsim.solvers.newton.spaces import FollowingSpace, LocalSpace, NewtonSpace
 from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
+from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range
 from fcsim.solvers.turns import Turns, to_the_end
 
@@ -73,11 +77,26 @@ def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: Newt
     return to_the_end(local_turns(problem, r, monitor, options, once=once))
 
 
-def local_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions, *, once: bool = False) -> Turns:
-    """`newton` by turns of one iteration each."""
+def newton_followed(problem: Followed, r: FloatArray, monitor: Monitor, options: NewtonOptions) -> Iterate:
+    """Nonsmooth Newton from r (m,) where q follows the solution: one loop for both, see `FollowingSpace`."""
+    if options.linear == "kkt":
+        raise InputError("option linear: expected 'auto' for a problem whose q follows its solution, got 'kkt'")
+    return to_the_end(local_turns(problem.local, r, monitor, options, space_of=partial(FollowingSpace, problem, monitor)))
+
+
+def local_turns(
+    problem: LocalProblem,
+    r: FloatArray,
+    monitor: Monitor,
+    options: NewtonOptions,
+    *,
+    once: bool = False,
+    space_of: Callable[[NewtonSystem, FloatArray, FloatArray], LocalSpace] = LocalSpace,
+) -> Turns:
+    """`newton` by turns of one iteration each; space_of: the space from the linear system, q and r."""
     linear = "auto" if options.linear == "kkt" else options.linear
     system = newton_system(problem.delassus, linear, condensing=options.formulation in ("AC", "JM"), memory=monitor.memory, once=once)
-    space, shape = LocalSpace(system, problem.q, r), problem.diagonal_blocks.shape[:2]
+    space, shape = space_of(system, problem.q, r), problem.diagonal_blocks.shape[:2]
     expected = None if once else _expected(space.u.reshape(shape), r, monitor.memory, options)
     iterate = yield from newton_turns(space, r, problem.diagonal_blocks, problem.mu, monitor, options, expected)
     if iterate.status is Status.SOLVED and monitor.memory is not None and not once:

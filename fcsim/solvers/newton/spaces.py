@@ -10,6 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.problem import Followed
+from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 
 
@@ -76,3 +78,37 @@ class LocalSpace:
         self._Wr = self._Wr + t * self._Wdr
         self.u = self._Wr + self._q
         self.exact = False
+
+
+CLOSER = 0.01
+"""Of the error at the last linearisation (at first of q itself): from there on q is linearised anew, unless it is right already."""
+
+
+class FollowingSpace(LocalSpace):
+    """u = W r + q(r) of a problem whose q follows its solution: linearised anew on the way to it, and where Newton's method has arrived.
+
+    What q is wrong by is taken as the error where it was linearised times the change that the first linearisation brought.
+    """
+
+    def __init__(self, problem: Followed, monitor: Monitor, system: NewtonSystem, q: FloatArray, r: FloatArray) -> None:
+        super().__init__(system, q, r)
+        self._problem, self._monitor = problem, monitor
+        self._wrong, self._rate = 1.0, 1.0
+        self.exact = False
+
+    def recompute(self) -> None:
+        super().recompute()
+        if self._moves:
+            self.u = self._problem.answer(self._r).u
+            self._q = self.u - self._Wr
+
+    def move(self, t: float) -> None:
+        super().move(t)
+        if self._rate * self._wrong <= 0.5 * self._monitor.tol:
+            return
+        error = self._monitor.error(self._r, self.u)
+        if error <= CLOSER * self._wrong:
+            before, self._q = self._q, self._problem.free(self._r)
+            change = float(np.linalg.norm(self._q - before)) / self._monitor.scale
+            self._rate, self._wrong = change / self._wrong, error
+            self.u = self._Wr + self._q

@@ -13,24 +13,20 @@ from fcsim.arrays import FloatArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.errors import Unphysical
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
-from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
-from fcsim.solvers import Memory, Result, method
-from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.timestep.chain import Clock, SolverSettings, solve_chain, solve_rolling_chain
+from fcsim.problem.rolling import GlobalRollingProblem
+from fcsim.solvers import Memory, Result
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Attempt, Lead, Linearised
+from fcsim.timestep.step import Lead, Linearised
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning, leaning
-from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE, Linearisation
+from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
-from fcsim.timestep.step_equation.mixing import Mixing
-from fcsim.timestep.warm_start import Reactions, nearest_start, warm_start
+from fcsim.timestep.warm_start import Reactions
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,23 +118,28 @@ class Equation:
             return given
         return given + self.factor.apply(self._moved) + (0.0 if self.bent is None else self.bent @ self._moved)
 
-    def problem(self, load: FloatArray) -> GlobalProblem | GlobalRollingProblem:
-        """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w."""
+    def right_side(self, load: FloatArray) -> FloatArray:
+        """f (n,) of the problem for the right side load (n_dofs,); what driven dofs and adhesion do enters it."""
         model, f = self.model, self.model.along(load - self._given)
         if model.driven == "eliminated":
             f = f[model.free_dofs]
         else:
             f[model.driven_dofs] = self.driven
+        if self.leaning is not None and self.slanted is not None:
+            v = self._unknown(self.slanted[1])
+            straight = replace(self.compliance, leaning=None).matrix()  # type: ignore[arg-type]
+            f = f + straight @ (self.leaning.straight(v) - v)
+        return self.compliance.load(f)
+
+    def problem(self, load: FloatArray) -> GlobalProblem | GlobalRollingProblem:
+        """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w too."""
+        model, f = self.model, self.right_side(load)
         matrix, mu, compliance = self.compliance.matrix(), self.met.contacts.mu, self.compliance
         G = b = None
         if self.linked is not None and isinstance(compliance, LinkedCompliance):
             G, b = compliance.matrix_of_links, self.linked.b
             b = b if self._moved is None else b + self.linked.G.T @ self._moved
-        if self.leaning is not None and self.slanted is not None:
-            v = self._unknown(self.slanted[1])
-            straight = replace(compliance, leaning=None).matrix()  # type: ignore[arg-type]
-            f = f + straight @ (self.leaning.straight(v) - v)
-        f, terms = compliance.load(f), self.met.terms
+        terms = self.met.terms
         if self.met.moments is not None:
             rolling = np.zeros_like(mu) if terms.rolling is None else terms.rolling
             return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling, G, b, mu_s=terms.spinning)
@@ -185,102 +186,3 @@ class Past:
         """The past of the step's next solve with other contacts `ahead`, after r (m,) was found with the contacts `met`."""
         last = Reactions(met.identity, met.frame, r.reshape(len(met), -1 if len(met) else met.dimension))
         return replace(self, reactions=(last,), serving=None if self.serving is None else self.serving.follow(ahead.identity))
-
-
-def solve_equation(
-    equation: Equation,
-    settings: SolverSettings,
-    extent: float,
-    past: Past,
-    attempts: list[Attempt],
-    clock: Clock,
-) -> tuple[Answer | None, Past]:
-    """Return the answer, None where the solver chain fails or the elastic term does not settle, and the past of the next step.
-
-    extent [m]: size of the model. What is tried goes into `attempts`. With turning bodies each problem differs from the last by its right
-    side; W and all factors are the same.
-    """
-    compliance, elastic = equation.compliance, equation.elastic
-    lead = past.lead
-    if isinstance(compliance, StepCompliance):
-        compliance = replace(compliance, over_ranks=method(settings.name).over_ranks and not lead.steps and equation.met.moments is None)
-    term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
-    for _ in range(MAX_ITERATIONS):
-        load = equation.rest - term
-        problem = equation.problem(load)
-        reduction = Reduction(problem, compliance)
-        rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
-        if problem.nc:
-            compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
-        clock.lap("assembly")
-        tol = _tolerance(settings.tol, reduction, extent, equation)
-        if start is None:
-            enough = tol * max(float(np.linalg.norm(reduction.q)), settings.floor)
-            begins = method(lead.solver if lead.steps else settings.name)
-            start = r = _start(reduction, rolling, equation.met, past.reactions, enough, isinstance(begins.options, NewtonOptions))
-        first = len(attempts)
-        if rolling is None:
-            result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
-        else:
-            result, serving = solve_rolling_chain(settings, rolling, r, tol, equation.share, attempts), past.serving
-        clock.lap("solve")
-        past = replace(past, serving=serving)
-        if result is None:
-            return None, past
-        if not mixing.points and rolling is None:  # a step teaches once, whatever its linearisations
-            past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
-        v, r = equation.velocity(result.v), result.r  # type: ignore[arg-type]
-        answer = Answer(problem, reduction, result, v, load, start, equation.factor, equation.met)
-        if elastic.rotation is None:
-            return answer, past
-        push = elastic.push(v)
-        now, allowed = elastic.term(v) - push, elastic.allowed(equation.rest, term, push)
-        change = elastic.norms(now - term) / allowed
-        if np.all(change <= 1):
-            return answer, past
-        if not np.all(np.isfinite(change)):
-            break
-        mixing = mixing.then(term, now)
-        term = mixing.next_point(elastic.of_dofs(allowed))
-        clock.lap("assembly")
-    apart = TOLERANCE * float(change.max())
-    attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
-    return None, past
-
-
-def _start(
-    reduction: Reduction, rolling: RollingReduction | None, met: Encounter, reactions: Sequence[Reactions], enough: float, newton: bool
-) -> FloatArray:
-    """Where a step's first solve begins (m,); enough: residual in the unit of q with which an answer is one; newton: whether
-    Newton's method begins."""
-    if not len(met.contacts):
-        return np.empty(0)
-    if rolling is None:
-        return (nearest_start if newton else warm_start)(reduction.local, met.contacts, reactions, enough)
-    return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
-
-
-ROUND = float(np.finfo(np.float64).eps)
-"""Tolerances below it are met by nothing."""
-
-
-def _tolerance(tol: float, reduction: Reduction, extent: float, equation: Equation) -> float:
-    """Of the step's problem for that of the settings; Unphysical where no numbers meet it."""
-    flight = longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction)
-    if tol * flight < ROUND:
-        raise Unphysical(
-            f"t = {equation.state.t:.6g} s: without contact bodies would move by {1 / max(flight, 1e-300):.3g} times the model's size, "
-            f"{extent:.3g} m, in one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's "
-            "units, a shorter step"
-        )
-    return tol * min(1.0, flight)
-
-
-def longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:
-    """How far the bodies may fly freely in one step, the size of the model, relative to how far they do; infinity where they rest.
-
-    Bodies that only contact holds move freely by f / (eta M / h^2) in q, which may be kilometres: an error relative to that would
-    take metres of penetration for converged, so that free motion counts up to the size of the model only.
-    """
-    free = float(np.linalg.norm(reduction.q))
-    return extent * force_per_reaction * float(np.sqrt(reduction.problem.nc)) / free if free else np.inf

@@ -23,6 +23,8 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.kinematics.elastic_forces import Configuration
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
+from fcsim.solvers import Memory
+from fcsim.timestep.expected_motion import expected_motion
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 
@@ -37,11 +39,12 @@ MAX_ITERATIONS = 25
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """The elastic term of one step of a scheme from a state."""
+    """The elastic term of one step of a scheme from a state; serving: what steps before have left, among it their motion."""
 
     scheme: Scheme
     model: Model
     state: State
+    serving: Memory | None = None
 
     @cached_property
     def _begin(self) -> Configuration:
@@ -58,9 +61,19 @@ class Linearisation:
 
     @cached_property
     def first(self) -> FloatArray:
-        """The first iterate (n_dofs,)."""
-        v = np.zeros(self.model.n_dofs)
-        return self.scheme.force_per_reaction * self.scheme.h * self.state.v if self.model.elastic.turning else v
+        """The first iterate (n_dofs,): of turning bodies what brings about the motion that is expected, else the last velocity."""
+        if not self.model.elastic.turning:
+            return np.zeros(self.model.n_dofs)
+        scheme, v = self.scheme, self.scheme.force_per_reaction * self.scheme.h * self.state.v
+        motion = expected_motion(self.serving, self.state, scheme.h)
+        if motion is None or not scheme.timing.moving:
+            return v
+        return v + (motion - self.moved(v)) * scheme.elastic_share / scheme.elastic_reach
+
+    def moved(self, v: FloatArray) -> FloatArray:
+        """Displacements (n_dofs,) [m] over the step at the iterate v (n_dofs,)."""
+        first, last = self.scheme.elastic_path(self.model, self.state, v)
+        return last - first
 
     def term(self, v: FloatArray) -> FloatArray:
         """e (n_dofs,) at the iterate v (n_dofs,)."""

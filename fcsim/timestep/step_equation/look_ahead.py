@@ -21,10 +21,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Everything
-from fcsim.contact_detection.contacts import Contacts, join
+from fcsim.contact_detection.contacts import join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.timestep.encounter import Encounter, under_law
 from fcsim.timestep.scheme import Scheme
@@ -53,7 +53,7 @@ def looked_ahead(
     held = met.meeting.contacts
     there = detection(model.positions(scheme.detection_configuration(model, after)))
     size = met.meeting.proportions.size_at(there)
-    place, known = _places(there, held)
+    place, known = places(held.identity, there.identity)
     bend = np.zeros(len(held)) if met.meeting.bend is None else met.meeting.bend.copy()
     straight = held.gap + timing.length_per_u * (met.H.T @ v).reshape(-1, held.dimension)[:, 0]
     meant = np.where(known, np.append(straight + bend, 0.0)[place], 0.0)
@@ -77,11 +77,11 @@ def looked_ahead(
     return None if same else again  # a law that does not ask for gaps
 
 
-def _places(there: Contacts, held: Contacts) -> tuple[IntArray, BoolArray]:
-    """Where contacts (nc,) are among those of the step, len(held) for new ones, and which are there."""
-    place = np.searchsorted(held.identity, there.identity)
-    known = np.append(held.identity, -1)[place] == there.identity
-    return np.where(known, place, len(held)), known
+def places(known: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
+    """Where the numbers `wanted` stand among the ascending `known` ones, len(known) for those that do not, and which do."""
+    place = np.searchsorted(known, wanted)
+    there = np.append(known, -1)[place] == wanted
+    return np.where(there, place, len(known)), there
 
 
 def _found_late(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State) -> bool:

@@ -26,7 +26,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray
 from fcsim.assembly.body_factors import Indefinite
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.problem import GlobalProblem
@@ -36,9 +36,12 @@ from fcsim.solvers.memory import Kept
 from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt, Linearised
-from fcsim.timestep.step_equation.equation import Answer, Equation, Past, longest_flight
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term, stiffened
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
+from fcsim.timestep.step_equation.look_ahead import places
+from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
+from fcsim.timestep.step_equation.sequence import longest_flight
 from fcsim.timestep.step_equation.tangent import tangent_by_differences, tangent_by_formulas
 from fcsim.timestep.warm_start import Reactions, warm_start
 
@@ -129,6 +132,7 @@ class _Newton:
         self.start: FloatArray | None = None
 
     def solve(self, past: Past) -> tuple[Answer | None, Past]:
+        """See `solve_nonlinear`; long because it is one iteration from its matrix to its verdict."""
         equation = self.equation
         lead = past.lead
         first = self.inner.first()
@@ -147,6 +151,7 @@ class _Newton:
             load = self._load(plain, now)
             # what a solver leaves open is in the next iterate's contacts: they would not settle to less
             tol = self.settings.tol if self.anew is None else min(self.settings.tol, TOLERANCE)
+            result: Result | None = None
             for equation, pushed, settings in self._ways(plain, now):
                 posed = equation.problem(load + pushed)
                 assert isinstance(posed, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
@@ -159,7 +164,11 @@ class _Newton:
                 allowed = tol * flight * (CLOSER if share else 1.0)
                 if flight < 1.0 and equation.slanted is not None:
                     continue
-                tried: list[Attempt] = []
+                tried, serving = list[Attempt](), past.serving
+                once, allowed = looped(settings, equation, len(self.done), allowed)
+                if once:
+                    result = contacts_once(reduction, equation, now.v, warm, settings, allowed)
+                    break
                 result, serving = solve_chain(settings, reduction, warm, allowed, equation.share, tried, past.serving, lead)
                 if result is not None:
                     break
@@ -169,7 +178,7 @@ class _Newton:
             past = replace(past, serving=serving)
             if result is None:
                 return None, past
-            if not self.done:
+            if not self.done and tried:
                 past = replace(past, lead=lead.after(tried[0].solver, tried[-1].solver))
             found = self._way(equation, now, equation.velocity(result.v), result)  # type: ignore[arg-type]
             if found is None:
@@ -180,11 +189,13 @@ class _Newton:
             new = new if self.anew is None else self._moved(replace(equation, met=met), equation.met, new)
             self.clock.lap("detection" if self.anew is not None else "assembly")
             self._note(problem, result, warm, new, length, factor, share)
-            if length == 1 and new.residual <= 1 and settled:
+            if length == 1 and new.residual <= 1 and settled and result.error <= tol:
+                if not tried:
+                    self.attempts.append(looped_attempt(result, len(self.done), equation.share, tol))
                 return self._answer(equation, reduction, new, load + pushed, result), past
             if self.anew is not None:
                 past, equation = past.of_the_same_step(equation.met.contacts, met.contacts, result.r), replace(equation, met=met)
-            now = replace(new, term=self.inner.at(new.v, tangent=True))
+            now = new if new.term.blocks else replace(new, term=self.inner.at(new.v, tangent=True))
         return self._failed("did not settle", past)
 
     def _factor(self, now: _Iterate, past: Past) -> tuple[SystemFactor, float, Past]:
@@ -285,7 +296,7 @@ class _Newton:
         l0 = now.l if now.l.shape == l1.shape else l1
         while length >= _SHORTEST:
             w, r, l = (v, result.r, l1) if length == 1 else (a + length * (b - a) for a, b in ((now.v, v), (r0, result.r), (l0, l1)))
-            term = self.inner.at(w)
+            term = self.inner.at(w, tangent=not self.done)  # after the first problem there is a second one
             if not term.inadmissible:
                 push = equation.elastic.push(w)
                 size = self._relative(equation, w, r, term, l, push)
@@ -308,7 +319,7 @@ class _Newton:
         here, meant = ((e.H.T @ new.v + e.w).reshape(-1, d)[:, 0] for e in (met, old))
         pressed = new.r.reshape(-1, d)[:, 0] > 0
         bearing = SETTLED * float(met.meeting.proportions.size.min(initial=np.inf)) / met.meeting.timing.length_per_u
-        place, known = _places(old.contacts.identity, met.contacts.identity)
+        place, known = places(old.contacts.identity, met.contacts.identity)
         moved = np.abs(here - np.append(meant, np.nan)[place])
         pressed_here = np.append(pressed, False)[place]
         same = np.count_nonzero(pressed_here) == np.count_nonzero(pressed)
@@ -337,10 +348,3 @@ class _Newton:
         equation = self.equation
         self.attempts.append(Attempt("Newton", "the last state", why, apart, len(self.done), equation.share, self.settings.tol))
         return None, past
-
-
-def _places(known: IntArray, wanted: IntArray) -> tuple[IntArray, FloatArray]:
-    """Where the numbers `wanted` stand among the ascending `known` ones, len(known) for those that do not, and which do."""
-    place = np.searchsorted(known, wanted)
-    there = np.append(known, -1)[place] == wanted
-    return np.where(there, place, len(known)), there

@@ -20,9 +20,10 @@ from fcsim.contact_law.law import Demand, Implicit, Variables
 from fcsim.timestep.chain import Clock, SolverSettings
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt
-from fcsim.timestep.step_equation.equation import Answer, Equation, Past, solve_equation
-from fcsim.timestep.step_equation.mixing import Mixing
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past
+from fcsim.timestep.step_equation.loops.mixing import Mixing
 from fcsim.timestep.step_equation.newton import solve_nonlinear
+from fcsim.timestep.step_equation.sequence import solve_equation
 
 SETTLED = 1e-6
 """By so much F(z) and z may differ, relative to 1 + z."""

@@ -199,7 +199,10 @@ def test_warm_start_takes_fewer_iterations() -> None:
 def broken_solver(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """A solver that hands back zero and says it stagnated."""
     method = dataclasses.replace(
-        SOLVERS["NSN-AC"], run=lambda problem, r, monitor, options: Iterate(np.zeros_like(r), Status.STAGNATED), run_global=None
+        SOLVERS["NSN-AC"],
+        run=lambda problem, r, monitor, options: Iterate(np.zeros_like(r), Status.STAGNATED),
+        run_global=None,
+        run_followed=None,
     )
     monkeypatch.setitem(SOLVERS, "BROKEN", method)
     yield "BROKEN"

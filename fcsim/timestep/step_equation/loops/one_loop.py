@@ -1,0 +1,133 @@
+"""Turning bodies and contacts in one loop: the elastic term follows the iterates of nonsmooth Newton.
+
+The sequence of `solve_equation` solves a friction problem, linearises the elastic term at its answer, see `linearisation`, and solves
+again. W is the same for all of these problems, and q differs by little. So Newton's method goes on where it is, with the q of the latest
+linearisation: u = W r + q(r), where q(r) takes two solutions with A. An r counts as the answer where its error is below the tolerance
+with the q that belongs to it, and the term has settled as in the sequence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem
+from fcsim.problem.reduction import Reduction
+from fcsim.solvers import Memory, Result, method, solve
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.step import Attempt
+from fcsim.timestep.step_equation.equation import Equation
+
+ROUNDS = 4
+"""How often the term is linearised anew under reactions that are held, until it has settled."""
+
+SAFETY = 10.0
+"""The term may change by so many times more for its way than it has done until it counts as settled unseen."""
+
+
+class FollowedLoad(Followed):
+    """The problem of a step whose load follows its solution.
+
+    problem, reduction: of the last linearisation; load (n_dofs,) its right side; settled: whether the last answer's term has settled
+    """
+
+    def __init__(self, equation: Equation, problem: GlobalProblem, reduction: Reduction, load: FloatArray) -> None:
+        self._equation, self._first, self.problem = equation, reduction, problem
+        self.reduction, self.load, self.settled = reduction, load, False
+        local = reduction.local
+        self._compliance = replace(equation.compliance, summed=local.W)
+        self._at, self._rate = equation.elastic.first, 0.0
+        self._pushed: tuple[FloatArray, FloatArray] | None = None
+        self._answered: tuple[FloatArray, Answer] | None = None
+
+    @property
+    def q(self) -> FloatArray:
+        return self._first.q
+
+    @property
+    def mu(self) -> FloatArray:
+        return self._first.mu
+
+    @property
+    def dimension(self) -> int:
+        return self._first.dimension
+
+    @property
+    def compliance(self) -> FloatArray:
+        return self._first.compliance
+
+    @property
+    def local(self) -> LocalProblem:
+        return self._first.local
+
+    def free(self, r: FloatArray) -> FloatArray:
+        """q (m,) linearised at what r (m,) gives with the last linearisation."""
+        self._linearised(self._velocity(r)[0])
+        return self.reduction.q
+
+    def answer(self, r: FloatArray) -> Answer:
+        """What follows from r (m,) once the term has settled."""
+        if self._answered is None or not np.array_equal(self._answered[0], r):
+            self.settled = False
+            v, multiplier = self._velocity(r)
+            for _ in range(ROUNDS):
+                self.settled = self._linearised(v)
+                if self.settled:
+                    break
+                earlier, (v, multiplier) = v, self._velocity(r)
+                self.settled = SAFETY * self._rate * float(np.linalg.norm(v - earlier)) <= 1
+                if self.settled:  # by what the term has changed so far for its way
+                    break
+            problem = self.problem
+            momentum = self.reduction.momentum_residual(r, v, multiplier)
+            self._answered = r.copy(), Answer(problem.H.T @ v + problem.w, v, multiplier, momentum)
+        return self._answered[1]
+
+    def _velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+        """v (n,) and l (p,), None without links, from r (m,) and the last linearisation: v = M^-1 f + M^-1 H r."""
+        if self._pushed is None or not np.array_equal(self._pushed[0], r):
+            self._pushed = r.copy(), self.reduction.pushed(r)
+        return self.reduction.split(self.reduction.unloaded + self._pushed[1])
+
+    def _linearised(self, of_problem: FloatArray) -> bool:
+        """Linearise at v (n,); whether that changes no body's term by what counts: then nothing is changed."""
+        equation, elastic = self._equation, self._equation.elastic
+        v = equation.velocity(of_problem)
+        if not np.all(np.isfinite(v)):
+            return False
+        push = elastic.push(v)
+        load = equation.rest - elastic.term(v) + push
+        change = elastic.norms(load - self.load) / elastic.allowed(equation.rest, equation.rest - self.load, push)
+        moved = float(np.linalg.norm(v - self._at))
+        most = float(change.max(initial=0.0))
+        self._at, self._rate = v, max(self._rate, most / moved if moved else np.inf)
+        if most <= 1:
+            return True
+        self.load, self.problem = load, self.problem.with_load(equation.right_side(load))
+        self.reduction = Reduction(self.problem, self._compliance)
+        return False
+
+
+def follows(settings: SolverSettings) -> bool:
+    """Whether the settings ask for one loop and their solver works on problems whose load follows."""
+    return settings.loop != "sequence" and method(settings.name).run_followed is not None and settings.options.get("linear") != "kkt"
+
+
+def solve_followed(
+    problem: FollowedLoad,
+    settings: SolverSettings,
+    r: FloatArray,
+    tol: float,
+    share: float,
+    attempts: list[Attempt],
+    kept: Memory | None,
+) -> tuple[Result | None, Memory | None]:
+    """As `solve_chain` of the settings' solver alone, in one loop: None also where the term has not settled."""
+    solved: Callable[..., Result] = solve  # which checks the options
+    result = solved(problem, settings.name, r, tol=tol, floor=settings.floor, memory=kept, **settings.options)
+    status = result.status.value if problem.settled or not result.solved else "did not settle"
+    attempts.append(Attempt(settings.name, "previous steps", status, result.error, result.iterations, share, tol))
+    return (replace(result, memory=None) if result.solved and problem.settled else None), result.memory

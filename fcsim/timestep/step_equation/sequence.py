@@ -1,0 +1,146 @@
+"""A step's equation solved: one friction problem, with turning bodies a sequence of them or one loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.errors import Unphysical
+from fcsim.problem import GlobalProblem
+from fcsim.problem.reduction import Reduction
+from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
+from fcsim.solvers import method
+from fcsim.solvers.newton.options import NewtonOptions
+from fcsim.timestep.chain import Clock, SolverSettings, solve_chain, solve_rolling_chain
+from fcsim.timestep.encounter import Encounter
+from fcsim.timestep.expected_motion import with_motion
+from fcsim.timestep.step import Attempt
+from fcsim.timestep.step_equation.compliance import StepCompliance
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past
+from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE
+from fcsim.timestep.step_equation.loops.mixing import Mixing
+from fcsim.timestep.step_equation.loops.one_loop import FollowedLoad, follows, solve_followed
+from fcsim.timestep.warm_start import Reactions, nearest_start, warm_start
+
+
+def solve_equation(
+    equation: Equation,
+    settings: SolverSettings,
+    extent: float,
+    past: Past,
+    attempts: list[Attempt],
+    clock: Clock,
+) -> tuple[Answer | None, Past]:
+    """Return the answer, None where the solver chain fails or the elastic term does not settle, and the past of the next step.
+
+    extent [m]: size of the model. What is tried goes into `attempts`. With turning bodies each problem differs from the last by its right
+    side; W and all factors are the same.
+    """
+    answer, past = _solved(equation, settings, extent, past, attempts, clock)
+    elastic = equation.elastic
+    if answer is not None and past.serving is not None and elastic.rotation is not None:
+        serving = with_motion(past.serving, equation.state, equation.scheme.h, elastic.moved(answer.v))
+        past = replace(past, serving=serving)
+    return answer, past
+
+
+def _solved(
+    equation: Equation, settings: SolverSettings, extent: float, past: Past, attempts: list[Attempt], clock: Clock
+) -> tuple[Answer | None, Past]:
+    """`solve_equation` without what it keeps of the motion."""
+    compliance, elastic = equation.compliance, equation.elastic
+    lead = past.lead
+    if isinstance(compliance, StepCompliance):
+        compliance = replace(compliance, over_ranks=method(settings.name).over_ranks and not lead.steps and equation.met.moments is None)
+    term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
+    for _ in range(MAX_ITERATIONS):
+        load = equation.rest - term
+        problem = equation.problem(load)
+        reduction = Reduction(problem, compliance)
+        rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
+        if problem.nc:
+            compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
+        clock.lap("assembly")
+        tol = _tolerance(settings.tol, reduction, extent, equation)
+        first = len(attempts)
+        if start is None:
+            enough = tol * max(float(np.linalg.norm(reduction.q)), settings.floor)
+            begins = method(lead.solver if lead.steps else settings.name)
+            start = r = _start(reduction, rolling, equation.met, past.reactions, enough, isinstance(begins.options, NewtonOptions))
+            if elastic.rotation is not None and isinstance(problem, GlobalProblem) and not lead.steps and follows(settings):
+                followed = FollowedLoad(equation, problem, reduction, load)
+                result, serving = solve_followed(followed, settings, r, tol, equation.share, attempts, past.serving)
+                clock.lap("solve")
+                past = replace(past, serving=serving)
+                if result is not None:
+                    past, v = replace(past, lead=lead.after(settings.name, settings.name)), equation.velocity(result.v)  # type: ignore[arg-type]
+                    last, load = followed.reduction, followed.load
+                    return Answer(followed.problem, last, result, v, load, start, equation.factor, equation.met), past
+        if rolling is None:
+            result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
+        else:
+            result, serving = solve_rolling_chain(settings, rolling, r, tol, equation.share, attempts), past.serving
+        clock.lap("solve")
+        past = replace(past, serving=serving)
+        if result is None:
+            return None, past
+        if not mixing.points and rolling is None:  # a step teaches once, whatever its linearisations
+            past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
+        v, r = equation.velocity(result.v), result.r  # type: ignore[arg-type]
+        answer = Answer(problem, reduction, result, v, load, start, equation.factor, equation.met)
+        if elastic.rotation is None:
+            return answer, past
+        push = elastic.push(v)
+        now, allowed = elastic.term(v) - push, elastic.allowed(equation.rest, term, push)
+        change = elastic.norms(now - term) / allowed
+        if np.all(change <= 1):
+            return answer, past
+        if not np.all(np.isfinite(change)):
+            break
+        mixing = mixing.then(term, now)
+        term = mixing.next_point(elastic.of_dofs(allowed))
+        clock.lap("assembly")
+    apart = TOLERANCE * float(change.max())
+    attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
+    return None, past
+
+
+def _start(
+    reduction: Reduction, rolling: RollingReduction | None, met: Encounter, reactions: Sequence[Reactions], enough: float, newton: bool
+) -> FloatArray:
+    """Where a step's first solve begins (m,); enough: residual in the unit of q with which an answer is one; newton: whether
+    Newton's method begins."""
+    if not len(met.contacts):
+        return np.empty(0)
+    if rolling is None:
+        return (nearest_start if newton else warm_start)(reduction.local, met.contacts, reactions, enough)
+    return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
+
+
+ROUND = float(np.finfo(np.float64).eps)
+"""Tolerances below it are met by nothing."""
+
+
+def _tolerance(tol: float, reduction: Reduction, extent: float, equation: Equation) -> float:
+    """Of the step's problem for that of the settings; Unphysical where no numbers meet it."""
+    flight = longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction)
+    if tol * flight < ROUND:
+        raise Unphysical(
+            f"t = {equation.state.t:.6g} s: without contact bodies would move by {1 / max(flight, 1e-300):.3g} times the model's size, "
+            f"{extent:.3g} m, in one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's "
+            "units, a shorter step"
+        )
+    return tol * min(1.0, flight)
+
+
+def longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:
+    """How far the bodies may fly freely in one step, the size of the model, relative to how far they do; infinity where they rest.
+
+    Bodies that only contact holds move freely by f / (eta M / h^2) in q, which may be kilometres: an error relative to that would
+    take metres of penetration for converged, so that free motion counts up to the size of the model only.
+    """
+    free = float(np.linalg.norm(reduction.q))
+    return extent * force_per_reaction * float(np.sqrt(reduction.problem.nc)) / free if free else np.inf

@@ -1,0 +1,152 @@
+"""Bodies and contacts in one loop beside the sequence of friction problems: the same answers, and the order of convergence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.model import build_model
+from fcsim.assembly.supports import Support
+from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.errors import InputError
+from fcsim.mesh import Body, Material
+from fcsim.mesh.blocks import rectangle, rigid_rectangle
+from fcsim.mesh.material import neo_hooke
+from fcsim.problem import scaled_error
+from fcsim.problem.reduction import Reduction, reduced
+from fcsim.solvers import Memory, solve
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.expected_motion import expected_motion, with_motion
+from fcsim.timestep.limits import Limits
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.state import State
+from fcsim.timestep.step import Step
+from fcsim.timestep.theta import Theta
+
+TOL = 1e-10
+
+
+def thrown(loop: str) -> list[Step]:
+    """A soft block that slides along the ground and turns over its front corner."""
+    ground = rigid_rectangle("ground", (4.0, 0.2), (1.0, -0.1), 1.0)
+    part = rectangle("block", (0.1, 0.2), (3, 5), Material(E=1e6, nu=0.2, density=2000.0))
+    held = Support("ground", ("x", "y", "rz"))
+    model = build_model([Body("block", part), ground], supports=[held], gravity=lambda t: (0.0, -9.81), beta=1e-4, kinematics="turning")
+    below, top = contact_surface(model, [("block", "y-"), ("block", "x+")]), contact_surface(model, [("ground", "y+")])
+    arm = part.points - (0.05, 0.0)
+    v = np.zeros(model.n_dofs)
+    v[: model.n_elastic] = np.column_stack([1.0 + 4.0 * arm[:, 1], -4.0 * arm[:, 0]]).ravel()
+    detector = Detector([SurfacePair(below, top, 0.5, 0.01)], model.n_nodes)
+    settings = SolverSettings(name="NSN-AC", tol=TOL, loop=loop)
+    start = State(0.0, np.zeros(model.n_dofs), v)
+    return list(Simulation(model, detector, Theta(2e-3), 25, settings, initial=start, witness=None))
+
+
+def test_turning_bodies_in_one_loop_have_the_answer_of_the_sequence() -> None:
+    one, sequence = thrown("one"), thrown("sequence")
+    last = one[-1]
+    assert any(len(step.contacts) and step.result.r.any() for step in one)
+    size = np.abs(last.state.x).max()
+    assert size > 0.03
+    assert_allclose(last.state.x, sequence[-1].state.x, atol=1e-7 * size)
+    assert sum(len(step.attempts) for step in one) < sum(len(step.attempts) for step in sequence)  # one solve a step that touches
+    for step in one:
+        assert step.attempts[-1].solver == "NSN-AC" and not step.fell_back
+        if step.problem.nc:  # the exported problem, judged by what is in it alone
+            local = reduced(step.problem).local  # type: ignore[arg-type]
+            assert scaled_error(local, step.result.r) < 1.1 * TOL
+    model, before = one[0].model, one[0].previous
+    work = 0.5 * float(before.v @ model.apply_mass(before.v))
+    assert all(abs(step.energy.residual) < 1e-7 * work for step in one)
+
+
+class Bending:
+    """A problem whose q moves with r: q = q0 - K r for a small K, so that its answer is that of W - K."""
+
+    def __init__(self, reduction: Reduction, K: FloatArray) -> None:
+        self._reduction, self._K = reduction, K
+        self.q, self.mu, self.dimension = reduction.q, reduction.mu, reduction.dimension
+        self.compliance, self.local = reduction.compliance, reduction.local
+        self.asked = 0
+
+    def free(self, r: FloatArray) -> FloatArray:
+        self.asked += 1
+        return self.q - self._K @ r
+
+    def answer(self, r: FloatArray):  # type: ignore[no-untyped-def]
+        answer = self._reduction.answer(r)
+        return replace(answer, u=answer.u - self._K @ r)
+
+
+def touching() -> Reduction:
+    step = next(step for step in thrown("sequence") if step.problem.nc > 1 and np.count_nonzero(step.result.r) > 2)
+    return reduced(step.problem)  # type: ignore[arg-type, return-value]
+
+
+def test_newton_follows_a_problem_whose_q_follows_its_solution() -> None:
+    reduction = touching()
+    W = reduction.local.delassus.W
+    W = W if isinstance(W, np.ndarray) else W.toarray()
+    K = 1e-3 * W
+    moving = Bending(reduction, K)
+    found = solve(moving, "NSN-AC", tol=1e-11)
+    exact = solve(replace(reduction.local, W=W - K), "NSN-AC", tol=1e-12)
+    assert found.solved and exact.solved and moving.asked
+    assert_allclose(found.r, exact.r, atol=1e-8 * np.abs(exact.r).max())
+    still = solve(reduction.local, "NSN-AC", tol=1e-12)
+    assert np.abs(still.r - exact.r).max() > 1e-5 * np.abs(exact.r).max()
+    with pytest.raises(InputError, match="nonsmooth Newton"):
+        solve(moving, "NSGS-AC")
+
+
+def pressed(loop: str, mu: float) -> list[Step]:
+    """A rubber punch that is pressed into a softer bed and drawn along it, in statics."""
+    bed, punch = (
+        rectangle("bed", (4.0, 1.0), (4, 2), neo_hooke(1e6, 0.3, 1.0)),
+        rectangle("punch", (0.5, 0.5), (3, 3), neo_hooke(3e6, 0.3, 1.0)),
+    )
+    supports = [
+        Support("bed", ("x", "y"), "y-"),
+        Support("punch", ("y",), "y+", velocity=lambda t: -0.2 if t < 1 else 0.0),
+        Support("punch", ("x",), "y+", velocity=lambda t: 0.1 if t > 1 else 0.0),
+    ]
+    model = build_model([Body("bed", bed), Body("punch", punch, translation=(0.6, 1.0))], supports=supports)
+    below, above = contact_surface(model, [("punch", "y-")]), contact_surface(model, [("bed", "y+")])
+    detector = Detector([SurfacePair(below, above, mu, 0.05, normals="smooth")], model.n_nodes)
+    anywhere = Limits(rotation=np.inf, strain=np.inf)
+    settings = SolverSettings(tol=1e-12, loop=loop)
+    return list(Simulation(model, detector, QuasiStatic(0.5), 4, settings, limits=anywhere, witness=None))
+
+
+def test_bodies_and_contacts_in_one_loop_converge_quadratically_to_the_answer_of_the_sequence() -> None:
+    one, sequence = pressed("one", 0.3), pressed("sequence", 0.3)
+    for a, b in zip(one, sequence, strict=True):
+        assert_allclose(a.state.x, b.state.x, atol=1e-8)
+        assert all(problem.result.iterations <= 1 for problem in a.linearised[1:])
+        e = [max(problem.residual, problem.result.error) for problem in a.linearised]
+        assert e[-1] < 1e-9
+        last, then = next((a, b) for a, b in zip(e[::-1], e[-2::-1], strict=False) if a > 1e-13 and b > 1e-7)
+        assert last < then**1.5, e  # of relative size: a first order of 0.01 would leave 1e-6 of 1e-4, and 1e-5 of 1e-3
+
+
+def test_expected_motion_is_on_the_line_through_the_last_two() -> None:
+    state, h, zero = State(0.3, np.zeros(2), np.zeros(2)), 0.1, np.zeros(0, dtype=np.int64)
+    first = with_motion(Memory.of(zero), replace(state, t=0.1), h, np.array([1.0, 2.0]))
+    assert expected_motion(first, state, h) is None  # of another time
+    second = with_motion(first, replace(state, t=0.2), h, np.array([1.5, 2.0]))
+    motion = expected_motion(second, state, h)
+    assert motion is not None
+    assert_allclose(motion, [2.0, 2.0])
+    again = expected_motion(with_motion(second, replace(state, t=0.2), h, np.array([1.0, 1.0])), state, h)
+    assert again is not None
+    assert_allclose(again, [1.0, 0.0])  # the step was solved once more
+    assert expected_motion(second, state, 0.5 * h) is None and expected_motion(None, state, h) is None
+
+
+def test_unknown_loop_is_refused() -> None:
+    with pytest.raises(InputError, match="option loop: expected one of"):
+        SolverSettings(loop="two")
