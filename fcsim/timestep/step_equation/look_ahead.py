@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Everything
 from fcsim.contact_detection.contacts import join
