@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -72,7 +73,8 @@ def _solved(
             start = r = _start(reduction, rolling, equation.met, past.reactions, enough, isinstance(begins.options, NewtonOptions))
             if elastic.rotation is not None and isinstance(problem, GlobalProblem) and not lead.steps and follows(settings):
                 followed = FollowedLoad(equation, problem, reduction, load)
-                result, serving = solve_followed(followed, settings, r, tol, equation.share, attempts, past.serving)
+                asked = partial(_tolerance, settings.tol, extent=extent, equation=equation)
+                result, serving = solve_followed(followed, settings, r, asked, equation.share, attempts, past.serving)
                 clock.lap("solve")
                 past = replace(past, serving=serving)
                 if result is not None:

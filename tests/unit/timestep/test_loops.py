@@ -1,21 +1,23 @@
 """Bodies and contacts in one loop beside the sequence of friction problems: the same answers, and the order of convergence."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh import Body, Material
 from fcsim.mesh.blocks import rectangle, rigid_rectangle
 from fcsim.mesh.material import neo_hooke
-from fcsim.problem import scaled_error
+from fcsim.problem import GlobalProblem, scaled_error
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.solvers import Memory, solve
 from fcsim.timestep.chain import SolverSettings
@@ -24,12 +26,16 @@ from fcsim.timestep.limits import Limits
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Step
+from fcsim.timestep.step import Attempt, Step
+from fcsim.timestep.step_equation.equation import Equation
+from fcsim.timestep.step_equation.linearisation import Linearisation
+from fcsim.timestep.step_equation.loops.one_loop import FollowedLoad, solve_followed
 from fcsim.timestep.theta import Theta
 
 TOL = 1e-10
 
 
+@cache
 def thrown(loop: str) -> list[Step]:
     """A soft block that slides along the ground and turns over its front corner."""
     ground = rigid_rectangle("ground", (4.0, 0.2), (1.0, -0.1), 1.0)
@@ -150,3 +156,85 @@ def test_expected_motion_is_on_the_line_through_the_last_two() -> None:
 def test_unknown_loop_is_refused() -> None:
     with pytest.raises(InputError, match="option loop: expected one of"):
         SolverSettings(loop="two")
+
+
+def struck(loop: str) -> list[Step]:
+    """A block that rocks on the ground while another one strikes the ground at 300 m/s, far away."""
+    ground = rigid_rectangle("ground", (20.0, 0.2), (0.0, -0.1), 1.0)
+    stone, steel = Material(E=1e8, nu=0.2, density=2000.0), Material(E=1e12, nu=0.2, density=8000.0)
+    rocking, small = rectangle("rocking", (0.2, 0.4), (3, 6), stone), rectangle("small", (0.1, 0.1), (1, 1), steel)
+    bodies = [Body("rocking", rocking, translation=(-0.2, 0.0)), Body("small", small, translation=(3.0, 1.05)), ground]
+    model = build_model(
+        bodies, supports=[Support("ground", ("x", "y", "rz"))], gravity=lambda t: (0.0, -9.81), beta=1e-4, kinematics="turning"
+    )
+    X, v = model.reference[: len(rocking.points)], np.zeros(model.n_dofs)
+    v[: X.size] = 10.0 * np.column_stack([X[:, 1], -X[:, 0]]).ravel()
+    v[X.size + 1 : model.n_elastic : 2] = -300.0
+    settings = SolverSettings(name="NSN-AC", tol=TOL, loop=loop)
+    start = State(0.0, np.zeros(model.n_dofs), v)
+    return list(Simulation(model, Everything(model, 0.5), Theta(1e-3), 6, settings, initial=start, witness=None))
+
+
+def left_at_the_end(step: Step) -> FloatArray:
+    """What the state at the end of a step of Theta leaves of each body's equation of motion, relative to the largest of its terms."""
+    model, scheme, before, after = step.model, step.scheme, step.previous, step.state
+    assert isinstance(scheme, Theta) and not model.alpha
+    h, theta, elastic = scheme.h, scheme.theta, model.elastic
+    mean = theta * after.v + (1 - theta) * before.v
+    inner = elastic.force(elastic.at(before.x), elastic.at(after.x), theta, mean)
+    terms = [
+        model.apply_mass(after.v),
+        -model.apply_mass(before.v),
+        h * inner,
+        -h * model.load(before.t, before.x),
+        -step.H @ step.reaction,
+    ]
+    ends = model.dof_offset[: len(model.deformable)]
+    sizes = [np.sqrt(np.add.reduceat(np.square(term[: model.n_elastic]), ends)) for term in (*terms, np.sum(terms, axis=0))]
+    left: FloatArray = sizes[-1] / np.max(sizes[:-1], axis=0)
+    return left
+
+
+def test_a_body_has_settled_by_itself_beside_one_that_an_impact_throws_about() -> None:
+    """The velocity that the impact changes says nothing of the forces of the body that turns elsewhere."""
+    steps = struck("one")
+    assert any(np.abs(step.state.v - step.previous.v).max() > 100.0 for step in steps)  # the impact
+    assert any(step.contacts.bodies.size and np.any(step.contacts.bodies == 0) and step.result.r.any() for step in steps)
+    for step in steps:
+        assert step.substeps == 1 and not step.fell_back
+        assert left_at_the_end(step)[0] < 1e-9
+
+
+def following(first: float) -> FollowedLoad:
+    """The problem of a step of the block, first linearised at its last velocity times `first`."""
+    step = next(step for step in thrown("sequence") if step.problem.nc > 1 and np.count_nonzero(step.result.r) > 2)
+    model, scheme, state = step.model, step.scheme, step.previous
+    elastic = Linearisation(scheme, model, state)
+    rest = scheme.right_hand_side(model, state)
+    factor = SystemFactor(model, *scheme.factors(model), np.arange(model.n_nodes)).turned(elastic.rotation)
+    equation = Equation(scheme, model, state, step.encounter, factor, rest, scheme.driven(model, state), elastic, 1.0)
+    load = rest - elastic.term(first * state.v)
+    problem = equation.problem(load)
+    assert isinstance(problem, GlobalProblem)
+    return FollowedLoad(equation, problem, Reduction(problem, equation.compliance), load)
+
+
+def test_reactions_without_forces_of_finite_numbers_have_no_answer() -> None:
+    """As an iterate of a method that diverges may be; the problem stays what it was."""
+    problem = following(1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        problem.answer(np.full(len(problem.q), 1e200))
+    assert not problem.settled and np.all(np.isfinite(problem.reduction.q))
+    problem.answer(np.zeros(len(problem.q)))
+    assert problem.settled
+
+
+def test_error_of_the_one_loop_is_that_of_the_problem_it_ends_with() -> None:
+    """Begun far from the motion, with a q of another size."""
+    problem, attempts = following(30.0), list[Attempt]()
+    settings = SolverSettings(name="NSN-AC", tol=1e-6)
+    result, _ = solve_followed(problem, settings, np.zeros(len(problem.q)), lambda _: settings.tol, 1.0, attempts, None)
+    assert result is not None and attempts[-1].error == result.error > 0
+    first, last = (float(np.linalg.norm(q)) for q in (problem.q, problem.reduction.q))
+    assert abs(first - last) > 1e-3 * last
+    assert_allclose(result.error, scaled_error(problem.reduction.local, result.r), rtol=1e-5)

@@ -14,18 +14,16 @@ from dataclasses import replace
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem
+from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem, natural_map_residual
+from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory, Result, method, solve
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.step import Attempt
 from fcsim.timestep.step_equation.equation import Equation
 
-ROUNDS = 4
-"""How often the term is linearised anew under reactions that are held, until it has settled."""
-
-SAFETY = 10.0
-"""The term may change by so many times more for its way than it has done until it counts as settled unseen."""
+ROUNDS = 6
+"""How often the term is looked at under reactions that are held, until it has settled."""
 
 
 class FollowedLoad(Followed):
@@ -39,7 +37,6 @@ class FollowedLoad(Followed):
         self.reduction, self.load, self.settled = reduction, load, False
         local = reduction.local
         self._compliance = replace(equation.compliance, summed=local.W)
-        self._at, self._rate = equation.elastic.first, 0.0
         self._pushed: tuple[FloatArray, FloatArray] | None = None
         self._answered: tuple[FloatArray, Answer] | None = None
 
@@ -77,10 +74,7 @@ class FollowedLoad(Followed):
                 self.settled = self._linearised(v)
                 if self.settled:
                     break
-                earlier, (v, multiplier) = v, self._velocity(r)
-                self.settled = SAFETY * self._rate * float(np.linalg.norm(v - earlier)) <= 1
-                if self.settled:  # by what the term has changed so far for its way
-                    break
+                v, multiplier = self._velocity(r)
             problem = self.problem
             momentum = self.reduction.momentum_residual(r, v, multiplier)
             self._answered = r.copy(), Answer(problem.H.T @ v + problem.w, v, multiplier, momentum)
@@ -93,19 +87,17 @@ class FollowedLoad(Followed):
         return self.reduction.split(self.reduction.unloaded + self._pushed[1])
 
     def _linearised(self, of_problem: FloatArray) -> bool:
-        """Linearise at v (n,); whether that changes no body's term by what counts: then nothing is changed."""
+        """Linearise at v (n,); whether that changes no body's term by what counts: then nothing is changed, nor where an iterate that
+        diverges has no load of finite numbers."""
         equation, elastic = self._equation, self._equation.elastic
         v = equation.velocity(of_problem)
-        if not np.all(np.isfinite(v)):
-            return False
         push = elastic.push(v)
         load = equation.rest - elastic.term(v) + push
         change = elastic.norms(load - self.load) / elastic.allowed(equation.rest, equation.rest - self.load, push)
-        moved = float(np.linalg.norm(v - self._at))
-        most = float(change.max(initial=0.0))
-        self._at, self._rate = v, max(self._rate, most / moved if moved else np.inf)
-        if most <= 1:
+        if np.all(change <= 1):
             return True
+        if not np.all(np.isfinite(load)):
+            return False
         self.load, self.problem = load, self.problem.with_load(equation.right_side(load))
         self.reduction = Reduction(self.problem, self._compliance)
         return False
@@ -120,14 +112,22 @@ def solve_followed(
     problem: FollowedLoad,
     settings: SolverSettings,
     r: FloatArray,
-    tol: float,
+    allowed: Callable[[Reduction], float],
     share: float,
     attempts: list[Attempt],
     kept: Memory | None,
 ) -> tuple[Result | None, Memory | None]:
-    """As `solve_chain` of the settings' solver alone, in one loop: None also where the term has not settled."""
+    """As `solve_chain` of the settings' solver alone, in one loop: None also where the term has not settled, or where the error is above
+    what is `allowed` for the last linearisation: the first, far from the motion, may have a q of another size."""
     solved: Callable[..., Result] = solve  # which checks the options
+    tol = allowed(problem.reduction)
     result = solved(problem, settings.name, r, tol=tol, floor=settings.floor, memory=kept, **settings.options)
-    status = result.status.value if problem.settled or not result.solved else "did not settle"
+    if result.solved:
+        residual = natural_map_residual(result.r, result.u, problem.mu, problem.dimension, problem.compliance)
+        error = relative(residual, max(float(np.linalg.norm(problem.reduction.q)), settings.floor))
+        tol = allowed(problem.reduction)
+        result = replace(result, error=error, scaled_error=error)
+    within = result.solved and problem.settled and result.error <= tol
+    status = result.status.value if within or not result.solved else "did not settle"
     attempts.append(Attempt(settings.name, "previous steps", status, result.error, result.iterations, share, tol))
-    return (replace(result, memory=None) if result.solved and problem.settled else None), result.memory
+    return (replace(result, memory=None) if within else None), result.memory
