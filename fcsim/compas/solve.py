@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +20,11 @@ from fcsim.assembly.model import Model
 from fcsim.compas.problem import Pairs, Posed, posed
 from fcsim.compas.results import Written, results_of
 from fcsim.contact_detection import Everything
+from fcsim.contact_law.as_built import AsBuilt
+from fcsim.contact_law.coulomb import NO_GAP
 from fcsim.errors import InputError, MissingDependency, NotConverged
 from fcsim.masonry.problem import GRAVITY
-from fcsim.masonry.structure import BlocksAre, Stone, structure
+from fcsim.masonry.structure import BlocksAre, Stone, as_built, structure
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
@@ -169,9 +172,18 @@ def _statics(
     h = 1.0 / count
     model, remarks = structure(asked.masonry, blocks, stone, multiplier=lambda t: min(t, 1.0), held=asked.supports(pace))
     scheme = QuasiStatic(h, GRAVITY / asked.masonry.size * h**2)
+    if blocks == "rigid":
+        law = as_built(asked.masonry, model)
+        scheme, remarks = replace(scheme, law=law), (*remarks, *_closed_joints(law, asked.masonry.smallest))
     everything = Everything(model, asked.masonry.friction)
     simulation = Simulation(model, everything, scheme, count + REST_STEPS, settings, created=math.inf, witness=witness)
     return _until_rest(simulation, count, asked), remarks
+
+
+def _closed_joints(law: AsBuilt, smallest: float) -> tuple[str, ...]:
+    if max(law.closed, law.overlap) <= NO_GAP * smallest:
+        return ()
+    return (f"joints with gaps of up to {law.closed:.3g} m and overlaps of up to {law.overlap:.3g} m are taken as closed as they lie",)
 
 
 def _until_rest(simulation: Simulation, count: int, asked: Posed) -> Iterator[Step]:

@@ -13,6 +13,7 @@ from fcsim.assembly.loads import Force, Load
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports.support import Support
 from fcsim.contact_detection import Contacts, Everything
+from fcsim.contact_law.as_built import AsBuilt
 from fcsim.errors import InputError
 from fcsim.masonry.bodies import force_and_moment, outline, rigid_blocks, supports, vector_of
 from fcsim.masonry.problem import Block, MasonryProblem, PointForce
@@ -85,6 +86,12 @@ def structure(
 def touching(problem: MasonryProblem, model: Model) -> Contacts:
     """The contacts of the blocks as they were built, those of `limit_problem` where all are rigid."""
     return Everything(model, problem.friction, 1e-4 * problem.smallest)(model.reference)
+
+
+def as_built(problem: MasonryProblem, model: Model) -> AsBuilt:
+    """The law of statics by which the joints of `touching` are closed as the blocks were given, whatever gap or overlap they were left."""
+    gap = touching(problem, model).gap
+    return AsBuilt(closed=float(gap.max(initial=0.0)), overlap=float(-gap.min(initial=0.0)))
 
 
 def free_nodes(problem: MasonryProblem, model: Model) -> BoolArray:
