@@ -13,7 +13,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection import Detection, contact_matrix
-from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
@@ -147,9 +147,10 @@ class Encounter:
 
 @dataclass(frozen=True, eq=False)
 class Anew:
-    """How contacts are found at the iterates of a step of statics: met, at v (n_dofs,), under their law; detection: the bare ones."""
+    """How contacts are found at the iterates of a step of statics: met, at v (n_dofs,) and with others that are met on the way, under their
+    law; detection: the bare ones."""
 
-    met: Callable[[FloatArray], Encounter]
+    met: Callable[[FloatArray, Contacts | None], Encounter]
     detection: Detection
 
 
@@ -170,6 +171,7 @@ def met_on_the_way(
     scheme: Scheme,
     state: State,
     v: FloatArray,
+    more: Contacts | None,
     proportions: Proportions,
     variables: Variables | None,
     trial: Variables | None = None,
@@ -177,12 +179,14 @@ def met_on_the_way(
     """The contacts of a step of statics as they are found at its iterate v (n_dofs,) [m], for increments from its beginning.
 
     The gap g(x + v) is linearised there: 0 <= g - N . (H^T v) + u_N ⊥ r_N >= 0 with u the increment over the whole step; the law is told
-    the
-    gap brought back, `contacts` has that at the iterate.
+    the gap brought back, `contacts` has that at the iterate. more: contacts beside those found there, as they stand there.
     """
     x = model.advance(state.x, v)
     positions = model.positions(x)
     found = detection(positions)
+    if more is not None:
+        found = join([found, more.take(~np.isin(more.identity, found.identity))])
+        found = found.take(np.argsort(found.identity, kind="stable"))
     H = model.contact_matrix(contact_matrix(found, model.n_nodes), x)
     back = found.gap - (H.T @ v).reshape(len(found), -1)[:, 0] if len(found) else found.gap
     met = under_law(model, scheme, state, replace(found, gap=back), positions, proportions, variables, configuration=x, trial=trial)

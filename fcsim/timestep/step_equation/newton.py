@@ -9,7 +9,8 @@ contact is a global problem like any other step's: the solver begins where it en
 measured and linearised next, until R is below the tolerance and contact is where it was meant: quadratic where S_i is exact. Where R
 grows, or a body has no admissible state, (v, r) is gone only part of the way. In quasi-statics contacts are found anew at every iterate,
 with gaps brought back to the beginning of the step, so that u remains the increment over all of it, and A_i has their geometric stiffness
--d(H r)/dv (`contact_tangent`); in dynamics they are those of the step.
+-d(H r)/dv (`contact_tangent`); where bodies pass others on the way to (v, r) the problem is solved again with these contacts (`passed`). In
+dynamics contacts are those of the step.
 
 Pressures P that follow the bodies give A_i the symmetric part of their tangent, and in quasi-statics the rest of it too, with that of
 forces that follow (`beside`).
@@ -29,6 +30,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray
 from fcsim.assembly.body_factors import Indefinite
 from fcsim.assembly.compliance import SystemFactor
+from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
@@ -39,7 +41,7 @@ from fcsim.timestep.step import Attempt, Linearised
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term, stiffened
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
-from fcsim.timestep.step_equation.look_ahead import places
+from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
 from fcsim.timestep.step_equation.sequence import longest_flight
 from fcsim.timestep.step_equation.tangent import tangent_by_differences, tangent_by_formulas
@@ -47,9 +49,6 @@ from fcsim.timestep.warm_start import Reactions, warm_start
 
 TOLERANCE = 1e-9
 """Of a body's residual, relative to the forces on it."""
-
-SETTLED = 1e-8
-"""Of the smallest body: by how much less a contact may have moved from where it was meant."""
 
 KEPT = 1e-5
 """A body's system matrix serves on while no entry differs by more than this share of the largest."""
@@ -130,6 +129,7 @@ class _Newton:
         self.inner = InnerTerm(equation.scheme, equation.model, equation.state)
         self.done: list[Linearised] = []
         self.start: FloatArray | None = None
+        self.passed: Contacts | None = None
 
     def solve(self, past: Past) -> tuple[Answer | None, Past]:
         """See `solve_nonlinear`; long because it is one iteration from its matrix to its verdict."""
@@ -180,16 +180,21 @@ class _Newton:
                 return None, past
             if not self.done and tried:
                 past = replace(past, lead=lead.after(tried[0].solver, tried[-1].solver))
-            found = self._way(equation, now, equation.velocity(result.v), result)  # type: ignore[arg-type]
+            v = equation.velocity(result.v)  # type: ignore[arg-type]
+            if (more := self._more(equation, now, v)) is not None:
+                past = past.of_the_same_step(equation.met.contacts, more.contacts, result.r)
+                equation, now = replace(equation, met=more), self._moved(replace(equation, met=more), equation.met, now)
+                continue
+            found = self._way(equation, now, v, result)
             if found is None:
                 return self._failed("a body has no admissible state on the way to the answer", past)
             new, length = found
-            met = equation.met if self.anew is None else self.anew.met(new.v)
-            settled = self.anew is None or self._settled(equation, met, new)
+            met = equation.met if self.anew is None else self.anew.met(new.v, None)
+            at_rest = self.anew is None or settled(equation.met, met, new.v, new.r)
             new = new if self.anew is None else self._moved(replace(equation, met=met), equation.met, new)
             self.clock.lap("detection" if self.anew is not None else "assembly")
             self._note(problem, result, warm, new, length, factor, share)
-            if length == 1 and new.residual <= 1 and settled and result.error <= tol:
+            if length == 1 and new.residual <= 1 and at_rest and result.error <= tol:
                 if not tried:
                     self.attempts.append(looped_attempt(result, len(self.done), equation.share, tol))
                 return self._answer(equation, reduction, new, load + pushed, result), past
@@ -307,26 +312,20 @@ class _Newton:
             length *= 0.5
         return best
 
+    def _more(self, equation: Equation, now: _Iterate, v: FloatArray) -> Encounter | None:
+        """The contacts of the iterate with those that the way to the answer v (n_dofs,) passes; None where it passes no others."""
+        if self.anew is None:
+            return None
+        self.passed = passed(equation, self.anew, now.v, v, self.extent, self.passed)
+        return None if self.passed is None else self.anew.met(now.v, self.passed)
+
     def _moved(self, equation: Equation, earlier: Encounter, new: _Iterate) -> _Iterate:
         """The iterate with its reactions at the contacts as they are found there, and the residual with these."""
+        if not new.r.size:
+            return replace(new, r=np.zeros(equation.met.rows * len(equation.met.contacts)))
         old = Reactions(earlier.contacts.identity, earlier.contacts.frame, new.r.reshape(-1, earlier.contacts.dimension))
         r = old.transfer(equation.met.contacts)
         return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l, new.push))
-
-    def _settled(self, equation: Equation, met: Encounter, new: _Iterate) -> bool:
-        """Whether contacts are where the last problem meant them: pressed ones at their gap, none closed that was not."""
-        d, old = met.contacts.dimension, equation.met
-        here, meant = ((e.H.T @ new.v + e.w).reshape(-1, d)[:, 0] for e in (met, old))
-        pressed = new.r.reshape(-1, d)[:, 0] > 0
-        bearing = SETTLED * float(met.meeting.proportions.size.min(initial=np.inf)) / met.meeting.timing.length_per_u
-        place, known = places(old.contacts.identity, met.contacts.identity)
-        moved = np.abs(here - np.append(meant, np.nan)[place])
-        pressed_here = np.append(pressed, False)[place]
-        same = np.count_nonzero(pressed_here) == np.count_nonzero(pressed)
-        open_or_known = np.where(
-            pressed_here, moved <= bearing, here >= np.minimum(-bearing, np.where(known, np.append(meant, 0)[place], 0) - bearing)
-        )
-        return bool(same and np.all(open_or_known))
 
     def _note(
         self, problem: GlobalProblem, result: Result, start: FloatArray, new: _Iterate, length: float, factor: SystemFactor, share: float
