@@ -1,9 +1,11 @@
 """`auto` with each of its stages left out, and beside named methods, on FCLIB files and on the families of synthetic problems.
 
     python benchmarks/ablation.py --out ablation.csv [--fclib FOLDER] [--sizes 60 240] [--seeds 0] [--limit 5]
+    python benchmarks/ablation.py --out beside.csv --beside 5 [...]
 
 Writes a row a solve (processor time, the least of three) and prints two Markdown tables, those of docs/auto.md. A stage that no problem
-needs has no place in `auto`: without it as many are solved, in no more time.
+needs has no place in `auto`: without it as many are solved, in no more time. With `--beside` no stage is left out, and a named method gets
+so many times the seconds that `auto` took, 0.1 at least: enough to see who is faster, on more problems.
 """
 
 from __future__ import annotations
@@ -67,12 +69,24 @@ def tables(rows: list[dict[str, str]]) -> str:
         by_problem[row["family"], row["problem"]][row["variant"]] = answered, float(row["seconds"])
     lines = ["| | answered | seconds | slowest against the race |", "|---|---|---|---|"]
     for variant in ("auto", *VARIANTS):
-        found = [problem for problem in by_problem.values() if variant in problem]
+        found = [problem for problem in by_problem.values() if variant in problem and RACE in problem]
         answered = sum(problem[variant][0] for problem in found)
         ratios = [problem[variant][1] / problem[RACE][1] for problem in found if problem[variant][0] and problem[RACE][1] > 1e-2]
         total = sum(problem[variant][1] for problem in found)
         lines.append(f"| {variant} | {answered} of {len(found)} | {total:.1f} | {max(ratios, default=1.0):.1f} |")
-    head = ["family", "problems", "auto", "s", *NAMED, "auto over best named, sum", "worst above 10 ms"]
+    if not any(RACE in problem for problem in by_problem.values()):
+        lines = []
+    head = [
+        "family",
+        "problems",
+        "auto",
+        "s",
+        *NAMED,
+        "auto over best named, sum",
+        "worst above 10 ms",
+        "above 5",
+        "over the best single method",
+    ]
     lines += ["", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for family in dict.fromkeys(family for family, _ in by_problem):
         found = [problem for (name, _), problem in by_problem.items() if name == family]
@@ -84,8 +98,20 @@ def tables(rows: list[dict[str, str]]) -> str:
                 both.append((problem["auto"][1], best))
         ratio = f"{sum(a for a, _ in both) / sum(b for _, b in both):.1f}" if both else "-"
         worst = max((a / b for a, b in both if max(a, b) > 1e-2), default=None)
+        far = sum(a > 5 * b for a, b in both if max(a, b) > 1e-2)
         spent = sum(problem["auto"][1] for problem in found)
-        cells = [family, str(len(found)), solved[0], f"{spent:.2f}", *solved[1:], ratio, "-" if worst is None else f"{worst:.1f}"]
+        answered_by_auto = [problem for problem in found if problem["auto"][0]]
+        single = min(
+            (
+                (sum(problem[name][1] for problem in answered_by_auto), name)
+                for name in NAMED
+                if answered_by_auto and all(problem[name][0] for problem in answered_by_auto)
+            ),
+            default=None,
+        )
+        over = "-" if single is None else f"{sum(problem['auto'][1] for problem in answered_by_auto) / single[0]:.1f} ({single[1]})"
+        worst_ratio = "-" if worst is None else f"{worst:.1f}"
+        cells = [family, str(len(found)), solved[0], f"{spent:.2f}", *solved[1:], ratio, worst_ratio, str(far), over]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -97,6 +123,7 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+", default=[60, 240])
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--limit", type=float, default=5.0, help="seconds a solve")
+    parser.add_argument("--beside", type=float, help="no stage left out; named methods get so many times what auto took")
     arguments = parser.parse_args()
     fields = ("family", "problem", "nc", "variant", "status", "seconds")
     rows: list[dict[str, str]] = []
@@ -109,10 +136,13 @@ def main() -> None:
         if not rows:
             writer.writeheader()
         for family, name, problem in sets(arguments):
-            for variant in ALL:
+            limit = arguments.limit
+            for variant in ALL if arguments.beside is None else ("auto", *NAMED):
                 if (name, variant) in done:
                     continue
-                status, seconds = measured(problem, variant, arguments.limit)
+                status, seconds = measured(problem, variant, limit)
+                if variant == "auto" and arguments.beside is not None:
+                    limit = min(limit, max(0.1, arguments.beside * seconds))
                 row = dict(zip(fields, (family, name, str(problem.nc), variant, status, f"{seconds:.5f}"), strict=True))
                 rows.append(row)
                 writer.writerow(row)

@@ -38,9 +38,6 @@ NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 40, 200, 5
 """Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's."""
 SHARES, PRODUCTS = 8, 3
 """How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
-OWN_EQUATIONS = 2000 * SCALAR
-"""Operations of what an iteration in the bodies' velocities does with a contact by itself: linearise, eliminate, adapt rho, two errors
-(0.6 to 1.1 microseconds were measured, whatever the bodies)."""
 SVD = 20
 """Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
 LP, LP_STEPS = 10, 1000
@@ -113,7 +110,7 @@ class Prices:
             return self.newton(closed)
         bodies = bodies_of(self.problem.delassus)
         reads = SHARES * REAL * bodies.places_count + PRODUCTS * REAL * self.entries
-        return self.machine.seconds(Work(bodies.flops + OWN_EQUATIONS * self.problem.nc, reads, NEWTON_STEPS))
+        return self.machine.seconds(Work(bodies.flops, reads, NEWTON_STEPS))
 
     def _share(self, closed: int) -> float:
         return closed / self.problem.m if closed and self.joints is None else 1.0

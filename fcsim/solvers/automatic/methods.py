@@ -92,7 +92,7 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 
 def fresh_start(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from zero, left to itself: an iterate of sweeps brings self-stress along that proximal steps may not get rid of."""
+    """Proximal Newton from zero, never from another's iterate: that of sweeps brings self-stress along, which may stay."""
     options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
     return proximal_turns(race.problem, np.zeros(race.problem.m), monitor, options)
 

@@ -92,7 +92,6 @@ class Stage:
     price          of one of its iterations
     alone          whether it goes on alone now, though nothing predicts its arrival
     left           whether it is given up now, beside what it decides itself
-    set_up         price of what comes before its first iteration
     steady         whether its rate so far says something about what comes
     from_zero      whether it begins at r = 0, of error about 1, whatever the race has reached
     """
@@ -104,7 +103,6 @@ class Stage:
     price: Callable[[Race], float]
     alone: Callable[[Race, Runner], bool] = lambda race, runner: False
     left: Callable[[Race, Runner], bool] = lambda race, runner: False
-    set_up: Callable[[Race], float] = lambda race: 0.0
     steady: bool = False
     from_zero: bool = False
 
@@ -114,7 +112,7 @@ class Runner:
 
     def __init__(self, stage: Stage, race: Race) -> None:
         self.stage, self.monitor = stage, ShareOfMonitor(race.monitor)
-        self.price, self.set_up = stage.price(race), stage.set_up(race)
+        self.price = stage.price(race)
         self._turns = stage.turns(race, self.monitor)
         self.result: Iterate | None = None
         self._course = [(0.0, 1.0 if stage.from_zero else min(race.monitor.best, 1e3))]
@@ -122,7 +120,7 @@ class Runner:
     @property
     def spent(self) -> float:
         """Seconds on the reference machine."""
-        return self.monitor.iterations * self.price + (self.set_up if self.monitor.iterations else 0.0)
+        return self.monitor.iterations * self.price
 
     def work(self, amount: float) -> None:
         """Take turns until about so much is spent, one at least."""

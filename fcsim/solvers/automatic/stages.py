@@ -35,8 +35,13 @@ PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
-FRESH, NEAR = 40, 1e-7
+FRESH, NEAR = 40, 1e-6
 """Iterations of proximal Newton after which it may have begun in the wrong place, and the error below which it is not that."""
+FRESH_COST, FRESH_SHARE = 20, 3.0
+"""Iterations that a fresh start takes to show whether it gets on, about; how many times as much must have been spent before it may."""
+FRESH_ALONE, FRESH_DECADE = 10, 5
+"""Iterations that a fresh start which arrives needs at first, and for each tenfold (it took 36 to 42 for 8 decades on four of five problems
+that it solved); one that is behind is given up, since those that were hardly ever arrived."""
 STUCK = 100
 """Iterations of proximal Newton after which it may be stuck."""
 SETTLED = 10
@@ -174,9 +179,12 @@ def _enter_proximal(race: Race) -> bool:
 
 
 def _enter_fresh_start(race: Race) -> bool:
-    """Proximal Newton is at an end, or the second half of its iterations made the error no tenth smaller."""
+    """Proximal Newton is at an end, or the second half of its iterations made the error no tenth smaller; nobody is about to arrive."""
     runner = race.runners.get("proximal Newton")
     if runner is None or race.best <= NEAR:
+        return False
+    cost = FRESH_COST * runner.price
+    if race.spent() < FRESH_SHARE * cost or any(other.needs() <= SLOWING * cost for other in race.running()):
         return False
     return runner.result is not None or (runner.monitor.iterations >= FRESH and runner.gain(0.5) < 1 / 0.9)
 
@@ -212,7 +220,6 @@ STAGES: tuple[Stage, ...] = (
         enters=_enter_splitting,
         turns=methods.splitting,
         price=lambda race: race.prices.admm,
-        set_up=lambda race: race.prices.splitting(0),
         alone=_on_track,
         steady=True,
         left=lambda race, runner: race.joints is not None and not _on_track(race, runner),
@@ -238,11 +245,13 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "fresh start",
-        "Proximal Newton from zero. Enters where that from the best iterate does not get on. Its first iterations are alone.",
+        "Proximal Newton from zero. Enters where that from the best iterate does not get on and nobody is about to arrive. Works alone; "
+        "left as soon as it needs more iterations for a tenfold than those that arrive.",
         enters=_enter_fresh_start,
         turns=methods.fresh_start,
         price=lambda race: race.prices.proximal(_closed(race)),
-        alone=lambda race, runner: runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades(),
+        alone=lambda race, runner: True,
+        left=lambda race, runner: runner.monitor.iterations >= FRESH_ALONE + FRESH_DECADE * runner.decades(),
         from_zero=True,
     ),
     Stage(

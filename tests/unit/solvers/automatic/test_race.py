@@ -11,7 +11,7 @@ import pytest
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.race import Race, Runner, ShareOfMonitor, Stage, run
-from fcsim.solvers.automatic.stages import AutomaticOptions
+from fcsim.solvers.automatic.stages import STAGES, AutomaticOptions
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.turns import Turns
 
@@ -52,15 +52,6 @@ def test_a_method_that_never_arrives_costs_about_what_the_one_that_does(dear: fl
     assert the_race.runners["stuck"].spent <= 1.25 * 200 + 2 * dear
 
 
-def test_what_comes_before_the_first_iteration_is_charged() -> None:
-    """A factor that costs as much as 300 iterations: the other method, which arrives after 200, has not waited for it twice."""
-    dear = replace(method("dear", stuck), set_up=lambda race: 300.0)
-    iterate, the_race = race([dear, method("sudden", lambda k: 0.0 if k == 200 else 0.9)])
-    assert iterate.status is Status.SOLVED
-    runner = the_race.runners["dear"]
-    assert runner.spent == 300 + runner.monitor.iterations and runner.monitor.iterations <= 2
-
-
 def test_who_begins_at_zero_is_measured_from_there() -> None:
     """Another method's good iterate says nothing about how a method gets on that did not begin with it."""
     steady = method("steady", lambda k: 0.9**k)
@@ -69,6 +60,16 @@ def test_who_begins_at_zero_is_measured_from_there() -> None:
         runner = Runner(replace(steady, from_zero=from_zero), the_race)
         runner.work(20.0)
         assert runner.decades() == pytest.approx(-np.log10(min(best, 0.9**runner.monitor.iterations) / best))
+
+
+def test_a_fresh_start_is_given_up_as_soon_as_it_is_behind() -> None:
+    """Tenfold each four iterations arrives, tenfold each ten is left at the twentieth: 10 + 5 k / 10 <= k from there on."""
+    fresh = next(stage for stage in STAGES if stage.name == "fresh start")
+    for each, arrives in ((4, True), (10, False)):
+        begun = replace(method("begun", lambda k, each=each: 10 ** (-k / each)), alone=fresh.alone, left=fresh.left, from_zero=True)
+        iterate, the_race = race([begun, method("other", lambda k: 0.0 if k == 500 else 0.9)])
+        assert iterate.status is Status.SOLVED
+        assert the_race.runners["begun"].spent == pytest.approx(4 * 8 if arrives else 20, abs=3)
 
 
 def test_who_is_on_its_way_goes_alone() -> None:
