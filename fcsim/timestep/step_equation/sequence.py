@@ -71,7 +71,7 @@ def _solved(
             enough = tol * max(float(np.linalg.norm(reduction.q)), settings.floor)
             begins = method(lead.solver if lead.steps else settings.name)
             start = r = _start(reduction, rolling, equation.met, past.reactions, enough, isinstance(begins.options, NewtonOptions))
-            if elastic.rotation is not None and isinstance(problem, GlobalProblem) and not lead.steps and follows(settings):
+            if isinstance(problem, GlobalProblem) and not lead.steps and follows(settings, elastic):
                 followed = FollowedLoad(equation, problem, reduction, load)
                 asked = partial(_tolerance, settings.tol, extent=extent, equation=equation)
                 result, serving = solve_followed(followed, settings, r, asked, equation.share, attempts, past.serving)

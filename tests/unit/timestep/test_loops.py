@@ -238,3 +238,19 @@ def test_error_of_the_one_loop_is_that_of_the_problem_it_ends_with() -> None:
     first, last = (float(np.linalg.norm(q)) for q in (problem.q, problem.reduction.q))
     assert abs(first - last) > 1e-3 * last
     assert_allclose(result.error, scaled_error(problem.reduction.local, result.r), rtol=1e-5)
+
+
+def test_bodies_that_only_reactions_hold_in_statics_go_by_the_sequence() -> None:
+    """Under reactions that are held they would fly away by what is wrong with these, over eta."""
+    stone = Material(E=1e6, nu=0.2, density=2000.0)
+    part = rectangle("block", (0.2, 0.1), (4, 2), stone)
+    bodies = [Body("lower", part), Body("upper", part, translation=(0.02, 0.1)), rigid_rectangle("ground", (10.0, 0.4), (0.0, -0.2), 1.0)]
+    supports = [
+        Support("ground", ("x", "y", "rz")),
+        Support("upper", ("y",), "y+", velocity=lambda t: -0.01),
+        Support("upper", ("x",), "y+", velocity=lambda t: 0.01),
+    ]
+    model = build_model(bodies, supports=supports, gravity=lambda t: (0.0, -9.81), kinematics="turning")
+    settings = SolverSettings(name="NSN-AC")
+    for step in Simulation(model, Everything(model, 0.5), QuasiStatic(0.1, eta=1e-3), 2, settings, witness=None):
+        assert step.result.r.any() and not step.fell_back

@@ -21,6 +21,7 @@ from fcsim.solvers import Memory, Result, method, solve
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.step import Attempt
 from fcsim.timestep.step_equation.equation import Equation
+from fcsim.timestep.step_equation.linearisation import Linearisation
 
 ROUNDS = 6
 """How often the term is looked at under reactions that are held, until it has settled."""
@@ -103,9 +104,13 @@ class FollowedLoad(Followed):
         return False
 
 
-def follows(settings: SolverSettings) -> bool:
-    """Whether the settings ask for one loop and their solver works on problems whose load follows."""
-    return settings.loop != "sequence" and method(settings.name).run_followed is not None and settings.options.get("linear") != "kkt"
+def follows(settings: SolverSettings, elastic: Linearisation) -> bool:
+    """Whether bodies turn, the settings ask for one loop and their solver works on problems whose load follows.
+
+    Not in statics where mass may be all that holds a body: under reactions that are held it would fly away."""
+    if elastic.rotation is None or elastic.held_by_mass or settings.loop == "sequence":
+        return False
+    return method(settings.name).run_followed is not None and settings.options.get("linear") != "kkt"
 
 
 def solve_followed(
