@@ -70,10 +70,10 @@ def tables(rows: list[dict[str, str]]) -> str:
     lines = ["| | answered | seconds | slowest against the race |", "|---|---|---|---|"]
     for variant in ("auto", *VARIANTS):
         found = [problem for problem in by_problem.values() if variant in problem and RACE in problem]
-        answered = sum(problem[variant][0] for problem in found)
+        count = sum(problem[variant][0] for problem in found)
         ratios = [problem[variant][1] / problem[RACE][1] for problem in found if problem[variant][0] and problem[RACE][1] > 1e-2]
         total = sum(problem[variant][1] for problem in found)
-        lines.append(f"| {variant} | {answered} of {len(found)} | {total:.1f} | {max(ratios, default=1.0):.1f} |")
+        lines.append(f"| {variant} | {count} of {len(found)} | {total:.1f} | {max(ratios, default=1.0):.1f} |")
     if not any(RACE in problem for problem in by_problem.values()):
         lines = []
     head = [

@@ -62,14 +62,14 @@ def test_who_begins_at_zero_is_measured_from_there() -> None:
         assert runner.decades() == pytest.approx(-np.log10(min(best, 0.9**runner.monitor.iterations) / best))
 
 
-def test_a_fresh_start_is_given_up_as_soon_as_it_is_behind() -> None:
+@pytest.mark.parametrize(("each", "spent"), [(4.0, 32), (10.0, 20)])
+def test_a_fresh_start_is_given_up_as_soon_as_it_is_behind(each: float, spent: int) -> None:
     """Tenfold each four iterations arrives, tenfold each ten is left at the twentieth: 10 + 5 k / 10 <= k from there on."""
     fresh = next(stage for stage in STAGES if stage.name == "fresh start")
-    for each, arrives in ((4, True), (10, False)):
-        begun = replace(method("begun", lambda k, each=each: 10 ** (-k / each)), alone=fresh.alone, left=fresh.left, from_zero=True)
-        iterate, the_race = race([begun, method("other", lambda k: 0.0 if k == 500 else 0.9)])
-        assert iterate.status is Status.SOLVED
-        assert the_race.runners["begun"].spent == pytest.approx(4 * 8 if arrives else 20, abs=3)
+    begun = replace(method("begun", lambda k: 10.0 ** (-k / each)), alone=fresh.alone, left=fresh.left, from_zero=True)
+    iterate, the_race = race([begun, method("other", lambda k: 0.0 if k == 500 else 0.9)])
+    assert iterate.status is Status.SOLVED
+    assert the_race.runners["begun"].spent == pytest.approx(spent, abs=3)
 
 
 def test_who_is_on_its_way_goes_alone() -> None:
