@@ -74,18 +74,18 @@ def test_graded(tmp_path: Path) -> None:
 
 def test_a_collection_of_both_forms(built: Built, tmp_path: Path) -> None:
     """The iterations are those that the method needs from r = 0, found here again; both forms are copied."""
-    selection = select_problems(built.directory, tmp_path / "out", count=2, solver="NSN-AC-GP", tol=1e-6)
+    selection = select_problems(built.directory, tmp_path / "out", count=2, solver="ADMM", tol=1e-6)
     assert (tmp_path / "out" / "picture.png").read_bytes() == (built.directory / "picture.png").read_bytes()
     assert any("r = 0 solves it" in note for note in selection.notes)  # step 1 has no load yet
     assert sorted((e.form, e.step) for e in selection.entries) == [("global", 2), ("global", 3), ("local", 2), ("local", 3)]
     for entry in selection.entries:
-        result = solve(read_fclib(tmp_path / "out" / entry.place).problem, "NSN-AC-GP", tol=1e-6)
+        result = solve(read_fclib(tmp_path / "out" / entry.place).problem, "ADMM", tol=1e-6)
         assert result.solved and abs(entry.iterations - result.iterations) <= 1  # W of either form differs by round-off
         assert entry.name == f"FCSIM_LowWall_FEM-i{entry.iterations:05d}-25-{entry.step:05d}.hdf5"
         source = next(e for e in built.entries if e.place == entry.source)
         for name in ("form", "step", "time", "nc", "n", "m", "density", "symmetric", "rank", "condition", "error", "sha256", "fill"):
             assert getattr(entry, name) == getattr(source, name), name
-        assert (entry.solver, entry.tol, entry.status) == ("NSN-AC-GP", 1e-6, "SOLVED")
+        assert (entry.solver, entry.tol, entry.status) == ("ADMM", 1e-6, "SOLVED")
     assert not any(row.failures for row in check_collection(tmp_path / "out"))
 
 

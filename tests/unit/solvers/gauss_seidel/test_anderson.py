@@ -62,9 +62,11 @@ def test_fewer_sweeps_than_gauss_seidel_on_rank_deficient_problems(family: str, 
     assert 4 * mixed.iterations < plain.iterations
 
 
-def test_a_problem_that_sweeps_and_their_conjugate_gradients_do_not_solve() -> None:
-    problem = problems("frictions", 100, 1)
-    assert [solve(problem, name, tol=1e-8).solved for name in ("NSGS-AC", "NNCG", "NSGS-AA")] == [False, False, True]
+def test_more_problems_than_sweeps_of_widely_different_friction() -> None:
+    """Which ones differs with the last bits: four and seven of these eight where it was counted."""
+    piles = [problems("frictions", 60, seed) for seed in range(8)]
+    plain, mixed = (sum(solve(pile, name, tol=1e-8).solved for pile in piles) for name in ("NSGS-AC", "NSGS-AA"))
+    assert mixed > plain
 
 
 @pytest.mark.parametrize(("option", "value"), [("window", 0), ("restart", 0.5)])

@@ -111,10 +111,10 @@ def test_the_storage_of_a_small_matrix_does_not_matter(kind: Any) -> None:
 
 @pytest.mark.parametrize("limit", [door.LEAST_LIMIT, 1e9])
 def test_a_limit_of_time_that_the_door_cannot_reach_leaves_it_open(limit: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object) -> None:
+    def refused(*_: object, **__: object) -> None:
         raise AssertionError("the general way")
 
-    monkeypatch.setattr(sys.modules["fcsim.solvers.solve"], "_solve", refused)  # the package has the function under that name
+    monkeypatch.setattr(sys.modules["fcsim.solvers.solve"], "solve_by", refused)  # the package has the function under that name
     assert solve(problem(4), "NSGS-AC", time_limit=limit).solved
     with pytest.raises(AssertionError, match="the general way"):
         solve(problem(4), "NSGS-AC", time_limit=0.5 * door.LEAST_LIMIT)
