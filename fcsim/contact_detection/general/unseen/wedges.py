@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.general._foot_kernels import feet
 from fcsim.contact_detection.general._pierce_kernels import inside, inside_polygon
 from fcsim.contact_detection.general.near import NearBodies, near_edges, near_vertices
 from fcsim.contact_detection.general.vertices import VertexContacts
@@ -20,6 +21,7 @@ from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _ALONG = 0.5  # sine of the angle up to which edges run along each other
 _ALIKE = 0.9  # cosine between normals that are the same way out
+_FLAT = 1.0 - 1e-9  # cosine of a direction of contact that is the face's own
 _ROUND = 1e-9
 _THIN = 1e-6  # determinant of two unit vectors that are parallel
 
@@ -136,7 +138,7 @@ def _overlap(skin: Skin, shape: Shape, corners: _Corners, depth: FloatArray, nea
 
 def _at_ends(skin: Skin, shape: Shape, corners: _Corners, face: IntArray, near: NearBodies) -> VertexContacts:
     """The contacts of corners with the face (n,) that is the way out, 0, 1 of the second, 2, 3 of the first: of the other corner's ends
-    that lie beside this one's edge, with their feet on that edge; else of its own ends on the other's edge."""
+    that lie beside this one's edge, with their feet on that face or, beside it, on that edge; else of its own ends on the other's."""
     rows = np.arange(len(face))
     owner = np.where(face < 2, 1, 0)
     facet, other = corners.facet[rows, owner, face % 2], corners.facet[rows, 1 - owner]
@@ -157,8 +159,34 @@ def _at_ends(skin: Skin, shape: Shape, corners: _Corners, face: IntArray, near: 
     is_first = (skin.facets[on] == edge[:, :1]) & skin.real[on]
     is_second = (skin.facets[on] == edge[:, 1:]) & skin.real[on] & ~is_first
     weights = is_first * (1 - share)[:, None] + is_second * share[:, None]
+    near_of = np.concatenate([limit[np.nonzero(beside)[0]], limit[np.nonzero(mine)[0]]])[keep]
+    on, weights = _on_face(skin, shape, vertex, on, weights, N, near_of)
     foot = np.einsum("rk,rkd->rd", weights, shape.point[skin.facets[on]])
     return VertexContacts(vertex, on, weights, N, np.einsum("rd,rd->r", shape.point[vertex] - foot, N))
+
+
+def _on_face(
+    skin: Skin, shape: Shape, vertex: IntArray, on: IntArray, weights: FloatArray, N: FloatArray, near: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """The nearest facet in the plane of each facet `on` (n,) that faces along N, and the weights of the foot there; others as they are.
+
+    The corner's edge may be the farther one of a joint: forces act where the bodies meet. All facets of a body are looked at, since
+    contacts that only corners tell of are few."""
+    body = skin.facet_body[on]
+    first, count = skin.first_facet[body], skin.first_facet[body + 1] - skin.first_facet[body]
+    row = np.repeat(np.arange(len(on)), count)
+    facet = np.arange(len(row)) - np.repeat(np.cumsum(count) - count - first, count)
+    alike = np.einsum("rd,rd->r", N[row], shape.normal[facet]) > _FLAT
+    alike &= np.einsum("rd,rd->r", N[row], shape.normal[on[row]]) > _FLAT
+    row, facet = row[alike], facet[alike]
+    off = np.einsum("rd,rd->r", shape.centre[facet] - shape.centre[on[row]], N[row])
+    row, facet = row[np.abs(off) <= near[row]], facet[np.abs(off) <= near[row]]
+    place, _, _, distance, _ = feet(vertex[row], facet, shape.point, skin.facets, skin.sides, shape.normal)
+    order = np.lexsort((facet, distance, row))
+    nearest = order[np.append(True, np.diff(row[order]) != 0)] if len(order) else order
+    on, weights = on.copy(), weights.copy()
+    on[row[nearest]], weights[row[nearest]] = facet[nearest], place[nearest]
+    return on, weights
 
 
 def _places(shape: Shape, ends: IntArray, edge: IntArray, near: FloatArray) -> tuple[FloatArray, BoolArray]:
