@@ -18,6 +18,7 @@ _RISES = 1.2  # tangent of the slope up to which a facet lies over another one, 
 _SAME_PLANE = 1.0 - 1e-10  # cosine
 _RIMS = 16
 _TIGHT = 1e-5  # of half a facet: what overlaps a face by more lies on its rim only where it is as near to that
+_OPPOSITE, _ACROSS = -0.9, 1e-3  # cosine of faces that look opposite ways; of a way out: nearer to the far face than this, it leads across
 _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it is round-off: its mean normal is taken
 
 
@@ -130,6 +131,17 @@ def _covers(
 
 
 @njit(cache=True)
+def _leads_across(best: int, begin: int, end: int, normal: FloatArray, height: FloatArray, distance: FloatArray) -> bool:
+    """Whether the way out through the facet of row `best` leads across the whole body: the vertex is at its opposite face but for noise.
+
+    Corners of joints that overlap by the digits of a file, flush with their neighbours' undersides, leave through no top."""
+    n, across = at(normal, best), False
+    for row in range(begin, end):
+        across = across or (distance[row] < _ACROSS * abs(height[best]) and dot(at(normal, row), n) < _OPPOSITE)
+    return across
+
+
+@njit(cache=True)
 def _pseudonormal(row: int, f: int, feature: int, normal: FloatArray, s: Surroundings) -> Vector:
     """Direction whose scalar product with the arm from the foot tells outside from inside."""
     if feature == INSIDE:
@@ -226,6 +238,9 @@ def touched_facets(
                         best = row
             if best < 0:
                 break
+            if height[best] < 0.0 and _leads_across(best, begin, end, normal, height, distance):
+                usable[best] = False
+                continue
             n = at(normal, best)
             foot = minus(at(s.point, v), times(height[best], n))
             tight = min(2.0 * tol, _TIGHT * depth[group])  # flush sides of elastic bodies do not stay flush; edges that overlap are held
