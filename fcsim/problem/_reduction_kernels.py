@@ -79,34 +79,37 @@ def difference(indptr, indices, data, first, second, place, limit):
 
 
 @njit(cache=True)
-def equal_blocks(indptr, indices, data, order, start, place, tolerance):
+def equal_blocks(indptr, indices, data, order, start, place, wanted, tolerance):
     """Number the kinds of diagonal blocks that differ by at most tolerance times their largest entry, in a csr or csc matrix
     with sorted indices.
 
-    order, start, place: the `connected_components`. Returns the kind of each component (count,), -1 for those of one unknown, and
-    whether the blocks of a kind are equal to the last bit.
+    order, start, place: the `connected_components`; wanted (count,): which of them are numbered. Returns the kind of each component
+    (count,), -1 for the others, and whether the blocks of a kind are equal to the last bit.
     """
     count, exact = len(start) - 1, True
     kind = np.full(count, -1)
     example, largest, kinds = np.empty(count, dtype=np.int64), np.empty(count), 0
     for c in range(count):
-        own = order[start[c] : start[c + 1]]
-        if len(own) == 1:
+        if not wanted[c]:
             continue
+        own = order[start[c] : start[c + 1]]
+        greatest = 0.0
+        for i in own:
+            for e in range(indptr[i], indptr[i + 1]):
+                greatest = max(greatest, abs(data[e]))
         for k in range(kinds):
+            limit = tolerance * largest[k]
+            if abs(greatest - largest[k]) > limit:  # then some entry differs by more: the blocks themselves need not be read
+                continue
             first = order[start[example[k]] : start[example[k] + 1]]
             if len(first) == len(own):
-                limit = tolerance * largest[k]
                 apart = difference(indptr, indices, data, first, own, place, limit)
                 if apart <= limit:
                     kind[c] = k
                     exact = exact and apart == 0
                     break
         if kind[c] < 0:
-            kind[c], example[kinds], largest[kinds] = kinds, c, 0.0
-            for i in own:
-                for e in range(indptr[i], indptr[i + 1]):
-                    largest[kinds] = max(largest[kinds], abs(data[e]))
+            kind[c], example[kinds], largest[kinds] = kinds, c, greatest
             kinds += 1
     return kind, exact
 

@@ -2,7 +2,7 @@
 
 A global FCLIB file knows nothing of bodies, but its M is block diagonal over them: the blocks are the connected components of M's
 graph. Blocks that are equal up to round-off are recognised and factored once, and a block's compliance is formed only on the degrees
-of freedom that H touches.
+of freedom that H touches; rigid bodies' blocks of up to six unknowns are factored all at once.
 Equality constraints G^T v + b = 0 are part of the factored matrix [[M, -G], [-G^T, 0]].
 """
 
@@ -21,6 +21,7 @@ from fcsim.errors import InputError
 from fcsim.linear import storage
 from fcsim.linear.factors import DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
 from fcsim.linear.singularity import refuse_singular
+from fcsim.linear.small_blocks import small_blocks
 from fcsim.problem._delassus_kernels import alike_in_contacts
 from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
 from fcsim.problem.delassus import diagonal_blocks, own_compliance
@@ -54,7 +55,8 @@ class _Block:
 
 
 class BlockFactor:
-    """Factor of a block diagonal sparse matrix A whose blocks are found as connected components; equal blocks are factored once.
+    """Factor of a block diagonal sparse matrix A whose blocks are found as connected components; equal blocks are factored once,
+    small ones (`small_blocks`) each for itself.
 
     Copies of a body that stand elsewhere were assembled with other round-off: blocks that differ by no more than that (`EQUAL`) share
     a factor too, and `solve` then corrects x by the residual of A itself.
@@ -72,7 +74,8 @@ class BlockFactor:
         size = np.diff(start)
         self._single = dofs[start[:-1][size == 1]]
         self._inverse_diagonal = 1 / _diagonal(A, self._single)
-        kind, exact = equal_blocks(*arrays, dofs, start, place, EQUAL)
+        self._small, taken = small_blocks(arrays, dofs, start, place)
+        kind, exact = equal_blocks(*arrays, dofs, start, place, (size > 1) & ~taken, EQUAL)
         self.blocks = []
         for k in range(kind.max(initial=-1) + 1):
             copies = np.flatnonzero(kind == k)
@@ -95,6 +98,8 @@ class BlockFactor:
         columns = rhs.reshape(self.n, -1)
         x = np.empty_like(columns)
         x[self._single] = self._inverse_diagonal[:, None] * columns[self._single]
+        for small in self._small:
+            small.solve(columns, x)
         for block in self.blocks:
             copies, size = block.dofs.shape
             stacked = columns[block.dofs].transpose(0, 2, 1).reshape(-1, size).T  # (size, copies k) in LAPACK's order
@@ -118,6 +123,13 @@ class BlockFactor:
                 column[block.dofs[:, surface]] = np.arange(len(surface))
                 compliances.append((count, block, surface))
                 count += copies
+        begins = []
+        for small in self._small:
+            copies, size = small.unknowns.shape
+            body[small.unknowns] = np.arange(count, count + copies)[:, None]
+            column[small.unknowns] = np.arange(size)
+            begins.append(count)
+            count += copies
         # dofs that M couples to nothing are taken together where they touch the same contacts: a rigid body's
         group = alike_in_contacts(H.indptr, H.indices, self.n, self._single, d)
         sizes = np.diff(group)
@@ -130,6 +142,8 @@ class BlockFactor:
                 W.add(begin, factor.inverse_on_last(len(surface))[None], copies)
             else:
                 W.add(begin, inverse_on(surface, factor, block.dofs.shape[1])[None], copies, symmetric=False)
+        for begin, small in zip(begins, self._small, strict=True):
+            W.add(begin, small.inverses, np.arange(len(small.inverses)))
         if len(self._single):
             W.add_diagonal(count, self._inverse_diagonal, group)
         return W.matrix()

@@ -131,14 +131,44 @@ def test_contacts_beyond_the_unknowns_that_were_announced() -> None:
 
 
 def test_equal_blocks_are_factored_once() -> None:
-    twin = sp.csr_array(spd(4, np.random.default_rng(2)))
+    twin = sp.csr_array(spd(8, np.random.default_rng(2)))
     A = sp.block_diag([twin, twin, 2 * twin, sp.csr_array([[5.0]]), twin])
-    assert [block.dofs.shape for block in BlockFactor(A).blocks] == [(3, 4), (1, 4)]
+    assert [block.dofs.shape for block in BlockFactor(A).blocks] == [(3, 8), (1, 8)]
     factor = BlockFactor(random_problem(1).M)  # shuffled: the twins' dofs come in different orders
     rhs = np.random.default_rng(3).standard_normal((32, 3))
     M = dense(random_problem(1).M)
     assert_allclose(factor.solve(rhs), np.linalg.solve(M, rhs), rtol=1e-11, atol=1e-13)
     assert_allclose(factor.solve(rhs[:, 0]), np.linalg.solve(M, rhs[:, 0]), rtol=1e-11, atol=1e-13)
+
+
+@pytest.mark.parametrize("kind", [sp.csr_array, sp.csc_array])
+def test_small_blocks_are_solved_with_all_at_once(kind: Any) -> None:
+    """Blocks of two to six unknowns in any order; those that are not symmetric or indefinite go LAPACK's way."""
+    rng = np.random.default_rng(17)
+    others = [spd(3, rng) + np.triu(rng.standard_normal((3, 3)), 1), -spd(4, rng), spd(5, rng) * 1e-9, spd(6, rng) * 1e9]
+    whole = sla.block_diag(*(spd(s, rng) for s in (2, 3, 4, 5, 6, 7, 3, 6)), *others)
+    n = len(whole)
+    shuffle = rng.permutation(n)
+    A = whole[np.ix_(shuffle, shuffle)]
+    factor = BlockFactor(kind(A))
+    assert sorted(block.dofs.shape for block in factor.blocks) == [(1, 3), (1, 4), (1, 7)]
+    for columns in (1, 4):
+        x = rng.standard_normal((n, columns))
+        assert_allclose(factor.solve(A @ x), x, rtol=0, atol=1e-12)
+    H = sp.random_array((n, 12), density=0.2, rng=rng, format="csc")
+    assert_allclose(dense(factor.delassus(H, 3)), H.T @ np.linalg.solve(A, H.toarray()), rtol=1e-11, atol=1e-12)
+
+
+def test_a_small_block_with_a_small_pivot_is_left_to_lapack() -> None:
+    nearly = np.ones((3, 3)) + np.diag([0.0, 1.0, 1e-12])  # the last pivot is 1e-12 of its diagonal entry
+    blocks = BlockFactor(sp.csr_array(sla.block_diag(nearly, np.eye(3) + 1))).blocks
+    assert [block.dofs.tolist() for block in blocks] == [[[0, 1, 2]]]
+
+
+def test_a_small_block_that_is_singular_is_refused() -> None:
+    blocks = [np.eye(3) + 1, np.ones((3, 3)), np.eye(3) + 1]
+    with pytest.raises(SingularMatrix, match="block of 3 degrees of freedom"):
+        BlockFactor(sp.csr_array(sla.block_diag(*blocks)))
 
 
 def test_blocks_that_differ_by_round_off_share_a_factor_and_are_solved_as_they_are() -> None:
