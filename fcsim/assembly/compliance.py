@@ -59,12 +59,16 @@ class SystemFactor:
             for group in groups:
                 group.make()
             return
+        of_one = [group for group in groups if not group.over_ranks]
         with shares.world.together("factors"):
-            for group in groups:
+            for group in of_one:
                 if shares.solver(group.members) == shares.world.number:
                     group.make()
-        for group in groups:
+        for group in of_one:
             group.share(shares)
+        for group in groups:
+            if group.over_ranks:
+                group.make_together(shares)
 
     def _bodies_of_dofs(self) -> tuple[IntArray, IntArray]:
         """The body of each dof (n_dofs,), in the order of `compliances`, -1 for driven ones, and its number in the body's compliance."""
@@ -149,6 +153,22 @@ class SystemFactor:
             self._matrix = _joined(self._elastic.block if plain else self._elastic.at(self.rotation, self._blocks()), self._rigid_block())
         return self._matrix
 
+    def product(self, v: FloatArray) -> FloatArray:
+        """Return `matrix()` v for v (n,) on the problems' unknowns, without that matrix."""
+        model = self.model
+        moved = np.zeros(model.n_dofs)
+        moved[model.free_dofs] = v if model.driven == "eliminated" else v[model.free_dofs]
+        y = model.along(self.apply(model.world(moved)))
+        if model.driven == "eliminated":
+            return y[model.free_dofs]
+        y[model.driven_dofs] = v[model.driven_dofs]
+        return y
+
+    @property
+    def over_ranks(self) -> bool:
+        """Whether ranks have the factor of a body together, so that no rank should have all of A."""
+        return any(isinstance(group, GroupFactor) and group.over_ranks for group in self._groups)
+
     def _blocks(self) -> dict[int, FloatArray]:
         """The blocks of A of the bodies of nonlinear groups, by the group's number."""
         return {k: group.matrices for k, group in enumerate(self._groups) if isinstance(group, BodyFactors)}
@@ -194,18 +214,21 @@ class SystemFactor:
 
     def _solve_all(self, rhs: FloatArray) -> FloatArray:
         x, shares = rhs.copy(), self.model.shares
+        spread = [group for group in self._groups if isinstance(group, GroupFactor) and group.over_ranks and shares is not None]
         with self._section("solutions"):
             for group in self._groups:
                 if isinstance(group, BodyFactors):
                     own = self._own(group.members)
                     dofs = group.dofs[own][:, group.free]
                     x[dofs] = group.solve(rhs[dofs], own)
-                elif shares is None or shares.solver(group.members) == shares.world.number:
+                elif shares is None or (group not in spread and shares.solver(group.members) == shares.world.number):
                     x[group.dofs[:, group.free]] = group.solved(rhs, self.rotation)
         if shares is not None:
             dofs, counts = self._exchanged(shares)
             begin = int(counts[: shares.world.number].sum())
             x[dofs] = shares.world.gathered(x[dofs[begin : begin + counts[shares.world.number]]], counts)
+        for group in spread:
+            x[group.dofs[:, group.free]] = group.solved(rhs, self.rotation)
         rigid, free = self.model.rigid_part(x), self.model.rigid_free
         rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
@@ -213,7 +236,8 @@ class SystemFactor:
     def _exchanged(self, shares: Shares) -> tuple[IntArray, IntArray]:
         """See `Shares.solved_where`."""
         if self._where is None:
-            self._where = shares.solved_where(self._groups, [isinstance(group, GroupFactor) for group in self._groups])
+            groups = [group for group in self._groups if isinstance(group, BodyFactors) or not group.over_ranks]
+            self._where = shares.solved_where(groups, [isinstance(group, GroupFactor) for group in groups])
         return self._where
 
     def ranks(self) -> IntArray:

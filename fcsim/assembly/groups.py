@@ -13,11 +13,14 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly import elasticity
 from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.nonlinear.part import NonlinearPart, nonlinear_part
+from fcsim.assembly.over_ranks.pieces import spread_operators, spread_over
 from fcsim.assembly.supports import HeldDofs
 from fcsim.brief import brief
 from fcsim.errors import InputError
+from fcsim.linear.over_ranks.rows import RowsOverRanks
 from fcsim.mesh.material.by_region import is_linear
 from fcsim.mesh.part import Kinematics, Part
+from fcsim.ranks import World
 
 PARALLEL = 1e-12
 """1 less the cosine of axes that are one."""
@@ -30,7 +33,8 @@ class Group:
     members (nb,) their numbers; first (nb,) first dof, nodes (nb,) first node of each; turning: whether they stand in floating frames
     laws: of a part whose material is not linear; K is then its tangent at the beginning
     nodal_volume (nn,) [m^3]; rotation (d, d) of all of them; K, M (n_part, n_part) in world axes; driven (n_part,) bool along the
-    supports' axes, the rows of `axes` (nn, d, d), None = the world's
+    supports' axes, the rows of `axes` (nn, d, d), None = the world's. Of a part that ranks have together K, and a consistent M, are rows of
+    theirs
     """
 
     part: Part
@@ -39,8 +43,8 @@ class Group:
     first: IntArray
     nodes: IntArray
     rotation: FloatArray
-    K: sp.csr_array
-    M: sp.csr_array
+    K: sp.csr_array | RowsOverRanks
+    M: sp.csr_array | RowsOverRanks
     lumped: FloatArray | None
     nodal_volume: FloatArray
     driven: NDArray[np.bool_]
@@ -48,6 +52,11 @@ class Group:
     laws: NonlinearPart | None = None
 
     __repr__ = brief
+
+    @property
+    def over_ranks(self) -> bool:
+        """Whether ranks have the group's operators and its factor together."""
+        return isinstance(self.K, RowsOverRanks)
 
     @property
     def finite(self) -> bool:
@@ -94,13 +103,13 @@ class Group:
         return self.first[:, None] + np.arange(self.size)
 
 
-def rotated(operator: sp.csr_array, rotation: FloatArray) -> sp.csr_array:
+def rotated[A: (sp.csr_array, RowsOverRanks)](operator: A, rotation: FloatArray) -> A:
     """Return T K T^T for a matrix of a part placed by `rotation`."""
     d = len(rotation)
     if np.array_equal(rotation, np.eye(d)):
         return operator
     T = sp.kron(sp.eye_array(operator.shape[0] // d), sp.csr_array(rotation), format="csr")
-    return sp.csr_array(T @ operator @ T.T)
+    return operator.turned(T) if isinstance(operator, RowsOverRanks) else sp.csr_array(T @ operator @ T.T)
 
 
 def can_turn(points: FloatArray, driven: BoolArray, axes: FloatArray | None = None) -> bool:
@@ -139,13 +148,12 @@ def operator_groups(layout: BodyLayout, held: HeldDofs, lumped: bool, kinematics
         turning = named == "turning" if named else can_turn(body.points, own, axes)
         along = b"" if axes is None else axes.tobytes()
         members.setdefault((id(body.part), turning, body.rotation.tobytes(), own.tobytes(), along), []).append(b)
-    groups = []
+    groups, spread = [], spread_over(layout)
     for (_, turning, _, _, _), numbers in members.items():
         body = layout.deformable[numbers[0]]
         linear = is_linear(body.part.material)
         laws = None if linear else nonlinear_part(body.part)[turning]
-        stiffness = elasticity.stiffness(body.part) if laws is None else laws.graph.matrix(laws.first_tangent)
-        lumped_mass = elasticity.lumped_mass(body.part)
+        K, M, lumped_mass, volume = _operators(body.part, laws, lumped, spread.get(id(body.part)))
         first = layout.dof_offset[numbers]
         groups.append(
             Group(
@@ -155,13 +163,33 @@ def operator_groups(layout: BodyLayout, held: HeldDofs, lumped: bool, kinematics
                 first=first,
                 nodes=layout.node_offset[numbers],
                 rotation=body.rotation,
-                K=rotated(stiffness, body.rotation),
-                M=sp.diags_array(lumped_mass).tocsr() if lumped else rotated(elasticity.consistent_mass(body.part), body.rotation),
+                K=rotated(K, body.rotation),
+                M=M if lumped else rotated(M, body.rotation),
                 lumped=lumped_mass if lumped else None,
-                nodal_volume=elasticity.nodal_volume(body.part),
+                nodal_volume=volume,
                 driven=driven[first[0] : first[0] + len(lumped_mass)],
                 laws=laws,
                 axes=axes_of[numbers[0]],
             )
         )
     return tuple(groups)
+
+
+type Operator = sp.csr_array | RowsOverRanks
+
+
+def _operators(
+    part: Part, laws: NonlinearPart | None, lumped: bool, ranks: World | None
+) -> tuple[Operator, Operator, FloatArray, FloatArray]:
+    """K, M, the lumped mass (n_part,) and the nodes' volumes (nn,) of a part; ranks: those that have it together."""
+    if ranks is not None:
+        spread = spread_operators(part, ranks, lumped=lumped)
+        M = spread.consistent_mass or sp.diags_array(spread.lumped_mass).tocsr()
+        return spread.stiffness, M, spread.lumped_mass, spread.nodal_volume
+    mass = elasticity.lumped_mass(part)
+    return (
+        elasticity.stiffness(part) if laws is None else laws.graph.matrix(laws.first_tangent),
+        sp.diags_array(mass).tocsr() if lumped else elasticity.consistent_mass(part),
+        mass,
+        elasticity.nodal_volume(part),
+    )

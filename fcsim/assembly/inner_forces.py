@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group
@@ -165,7 +166,7 @@ def mass_blocks(group: Group) -> FloatArray:
     """The group's M as blocks (nblocks, d, d) on the graph of its nodes."""
     assert group.laws is not None
     graph, d = group.laws.graph, len(group.rotation)
-    M = group.M.tocoo()
+    M = sp.coo_array(group.M)
     blocks = np.zeros((len(graph.indices), d, d))
     rows: IntArray = np.repeat(np.arange(len(graph.indptr) - 1), np.diff(graph.indptr))
     keys = rows * (len(graph.indptr) - 1) + graph.indices

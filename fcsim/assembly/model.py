@@ -27,6 +27,7 @@ from fcsim.assembly.shares.shares import Shares, shares_of
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.brief import brief
 from fcsim.errors import InputError
+from fcsim.linear.over_ranks.rows import whole
 from fcsim.mesh.part import Kinematics, Placed, refuse_kinematics
 
 
@@ -180,7 +181,7 @@ class Model(BodyLayout):
         count = len(self.deformable)
         blocks: list[sp.csr_array | None] = [None] * (count + len(self.rigid))
         for group in self.groups:
-            block = mass * group.M + stiffness * group.K
+            block = mass * whole(group.M) + stiffness * whole(group.K)
             for first in group.first:
                 blocks[int(np.searchsorted(self.dof_offset, first))] = block
         for k, rigid in enumerate(self.rigid_mass()):

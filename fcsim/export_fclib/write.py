@@ -16,6 +16,7 @@ from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import FORMS, Solution, Storage, solution_sizes
 from fcsim.export_fclib.rolling import two_moments
 from fcsim.files import replacing_hdf5
+from fcsim.linear.over_ranks.implicit_matrix import with_entries
 from fcsim.problem import LocalProblem, Matrix
 from fcsim.problem.problem import GlobalForm
 
@@ -59,7 +60,7 @@ def write_fclib(
         _write_integer(group, "spacedim", problem.dimension)
         for letter in (*form.matrices, *form.optional_matrices):
             if (matrix := getattr(problem, letter)) is not None:
-                _write_matrix(group.create_group(letter), matrix, storage, compressor)
+                _write_matrix(group.create_group(letter), with_entries(matrix), storage, compressor)
         vectors = group.create_group("vectors")
         for letter in (*form.vectors, form.optional_vector):
             if (vector := getattr(problem, letter)) is not None:

@@ -5,7 +5,9 @@ Small matrices are factored dense (LAPACK), larger ones by MUMPS where petsc4py 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
+from itertools import count as counted
 from types import ModuleType
 from typing import Protocol
 
@@ -136,24 +138,83 @@ class SuperLU:
         return self._factor.solve(np.ascontiguousarray(rhs), trans="T")
 
 
+_PREFIXES = counted(1)
+
+
+class PetscMatrix(Protocol):
+    """What is asked of a matrix of PETSc, or of its factor by MUMPS."""
+
+    def getComm(self) -> object: ...
+
+    def getSize(self) -> tuple[int, int]: ...
+
+    def getMumpsInfog(self, number: int) -> int: ...
+
+    def matSolve(self, rhs: object, solution: object) -> None: ...
+
+
+class PetscSolver(Protocol):
+    """A PC of PETSc that solves by a factor."""
+
+    def setOperators(self, matrix: object) -> None: ...
+
+    def setUp(self) -> None: ...
+
+    def getFactorMatrix(self) -> PetscMatrix: ...
+
+    def apply(self, rhs: object, solution: object) -> None: ...
+
+
+def mumps_solver(matrix: PetscMatrix, positive_definite: bool, chosen: Mapping[str, float]) -> PetscSolver:
+    """The factor of a matrix of PETSc by MUMPS, on the matrix's communicator, as PETSc's PC; chosen: MUMPS' own options by their names in
+    PETSc, which are set under a prefix of this factor's own and removed once read. SingularMatrix where MUMPS cannot factor it."""
+    PETSc = runtime.petsc()
+    solver, options = PETSc.PC().create(comm=matrix.getComm()), PETSc.Options()
+    prefix = f"fcsim_mumps_{next(_PREFIXES)}_"
+    solver.setOptionsPrefix(prefix)
+    solver.setType("cholesky" if positive_definite else "lu")
+    solver.setFactorSolverType("mumps")
+    for key, value in chosen.items():
+        options[f"{prefix}mat_mumps_{key}"] = value
+    try:
+        solver.setOperators(matrix)
+        solver.setFromOptions()
+        _set_up(solver, PETSc, matrix.getSize()[0], positive_definite=positive_definite)
+    finally:
+        for key in chosen:
+            options.delValue(f"{prefix}mat_mumps_{key}")
+    return solver
+
+
+def _set_up(solver: PetscSolver, PETSc: ModuleType, size: int, *, positive_definite: bool) -> None:
+    """Factor; SingularMatrix where MUMPS cannot."""
+    try:
+        solver.setUp()
+    except PETSc.Error as error:
+        raise SingularMatrix(f"MUMPS could not factor a matrix of size {size}: PETSc error {error.ierr}") from None
+    factor = solver.getFactorMatrix()
+    if factor.getMumpsInfog(1) != 0:
+        raise SingularMatrix(
+            f"MUMPS could not factor a matrix of size {size}: INFOG(1) = {factor.getMumpsInfog(1)}, INFOG(2) = {factor.getMumpsInfog(2)}"
+        )
+    if positive_definite and factor.getMumpsInfog(12) > 0:  # MUMPS itself goes on
+        raise SingularMatrix(f"matrix of size {size} is not positive definite: {factor.getMumpsInfog(12)} negative pivots")
+
+
 class Mumps:
     """Sparse LU factorisation by MUMPS through petsc4py, Cholesky for a symmetric positive definite matrix: half the work and memory.
 
     Of a symmetric matrix the upper triangle alone is read; given by square blocks (bsr) it is handed over so. `compression` > 0 keeps
     the factors of large fronts as products of low rank to that relative accuracy (block low rank: P. Amestoy, A. Buttari, J.-Y.
     L'Excellent, T. Mary, ACM Trans. Math. Softw. 45, 2019): less work and memory, and solutions of about that accuracy.
-    `refactor` takes new values on the same pattern and keeps the symbolic analysis. The options that choose the ordering are set
-    under a prefix of this factor's own and removed once read.
+    `refactor` takes new values on the same pattern and keeps the symbolic analysis.
     """
 
     name = "MUMPS (PETSc)"
-    _count = 0
 
     def __init__(self, A: sp.sparray, ordering: int = 7, *, positive_definite: bool = False, compression: float = 0.0) -> None:
         PETSc = runtime.petsc()
         self._shape, self._positive_definite = A.shape, positive_definite
-        Mumps._count += 1
-        prefix = f"fcsim_mumps_{Mumps._count}_"
         rows, block = self._rows(A)
         if positive_definite:
             self._matrix = PETSc.Mat().createSBAIJ(A.shape, block, csr=rows, comm=PETSc.COMM_SELF)
@@ -161,24 +222,11 @@ class Mumps:
         else:
             self._matrix = PETSc.Mat().createAIJ(A.shape, csr=rows, comm=PETSc.COMM_SELF)
         del rows  # PETSc has its own copy
-        self._solver = PETSc.PC().create(comm=PETSc.COMM_SELF)
-        self._solver.setOptionsPrefix(prefix)
-        self._solver.setType("cholesky" if positive_definite else "lu")
-        self._solver.setFactorSolverType("mumps")
-        options = PETSc.Options()
         more_space = 5 if positive_definite else 50  # [%] over MUMPS' estimate; pivoting makes the estimate of an LU a guess
-        chosen: dict[str, float] = {f"{prefix}mat_mumps_icntl_7": ordering, f"{prefix}mat_mumps_icntl_14": more_space}
+        chosen: dict[str, float] = {"icntl_7": ordering, "icntl_14": more_space}
         if compression:
-            chosen |= {f"{prefix}mat_mumps_icntl_35": 2, f"{prefix}mat_mumps_cntl_7": compression}
-        for key, value in chosen.items():
-            options[key] = value
-        try:
-            self._solver.setOperators(self._matrix)
-            self._solver.setFromOptions()
-            self._set_up(PETSc)
-        finally:
-            for key in chosen:
-                options.delValue(key)
+            chosen |= {"icntl_35": 2, "cntl_7": compression}
+        self._solver = mumps_solver(self._matrix, positive_definite, chosen)
 
     def _rows(self, A: sp.sparray) -> tuple[tuple[NDArray[np.integer], NDArray[np.integer], FloatArray], int]:
         """Row starts, columns, values in PETSc's types, and the size of their blocks."""
@@ -192,20 +240,6 @@ class Mumps:
         A.sort_indices()
         return (A.indptr.astype(integer), A.indices.astype(integer), A.data), 1
 
-    def _set_up(self, PETSc: ModuleType) -> None:
-        try:
-            self._solver.setUp()
-        except PETSc.Error as error:
-            raise SingularMatrix(f"MUMPS could not factor a matrix of size {self._shape[0]}: PETSc error {error.ierr}") from None
-        factor = self._solver.getFactorMatrix()
-        if factor.getMumpsInfog(1) != 0:
-            raise SingularMatrix(
-                f"MUMPS could not factor a matrix of size {self._shape[0]}: INFOG(1) = {factor.getMumpsInfog(1)}, "
-                f"INFOG(2) = {factor.getMumpsInfog(2)}"
-            )
-        if self._positive_definite and factor.getMumpsInfog(12) > 0:  # MUMPS itself goes on
-            raise SingularMatrix(f"matrix of size {self._shape[0]} is not positive definite: {factor.getMumpsInfog(12)} negative pivots")
-
     def refactor(self, A: sp.sparray) -> None:
         """Factor new values on the pattern given at construction."""
         PETSc = runtime.petsc()
@@ -216,7 +250,7 @@ class Mumps:
             self._matrix.setValuesCSR(*rows)
         self._matrix.assemble()
         self._solver.setOperators(self._matrix)
-        self._set_up(PETSc)
+        _set_up(self._solver, PETSc, self._shape[0], positive_definite=self._positive_definite)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         PETSc = runtime.petsc()

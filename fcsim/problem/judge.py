@@ -125,7 +125,7 @@ class Judge:
         self.problem = p = problem
         self._factor: SuperLU | None = None
         if isinstance(p, GlobalProblem):
-            M = sp.csc_array(p.M)
+            M = sp.csc_array(p.entries)
             self._factor = SuperLU(M if p.G is None else sp.block_array([[M, -sp.csc_array(p.G)], [-sp.csc_array(p.G).T, None]]))
         elif p.R is not None:
             self._factor = SuperLU(p.R)

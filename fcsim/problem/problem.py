@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief
 from fcsim.errors import InputError
+from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, with_entries
 from fcsim.problem.delassus import Delassus
 from fcsim.problem.distributed import DistributedDelassus, whole_delassus
 from fcsim.problem.motion import Motion
@@ -37,7 +38,7 @@ def as_vector(values: object, what: str) -> FloatArray:
 
 def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
     matrix: Matrix
-    if isinstance(values, DistributedDelassus) and values.shape == shape:
+    if isinstance(values, DistributedDelassus | ImplicitMatrix) and values.shape == shape:
         return cast(Matrix, values)  # of which methods ask no more than it has
     if not sp.issparse(values):
         try:
@@ -144,6 +145,11 @@ class GlobalForm:
         object.__setattr__(self, "H", as_matrix(self.H, "H", (self.n, self.m)))
         if self.b is not None:
             object.__setattr__(self, "G", as_matrix(self.G, "G", (self.n, len(self.b))))
+
+    @property
+    def entries(self) -> Matrix:
+        """M with its entries, also where it is known by its products alone."""
+        return with_entries(self.M)
 
     @property
     def n(self) -> int:

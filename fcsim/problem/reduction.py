@@ -273,7 +273,7 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
     cost nothing and do not count."""
     if problem.G is not None or not 0 < np.count_nonzero(_touched(problem.H)) <= FEW * problem.m:
         return None
-    return Motion(sp.csr_array(sp.csr_array(problem.H).T), sp.csr_array(problem.M), W)
+    return Motion(sp.csr_array(sp.csr_array(problem.H).T), sp.csr_array(problem.entries), W)
 
 
 def _touched(H: Matrix) -> BoolArray:
@@ -288,7 +288,7 @@ def _touched(H: Matrix) -> BoolArray:
 def reduce(problem: GlobalForm, factor: MassFactor | None = None) -> Reduction:
     """Return the reduction of a global problem; `factor` is given by a simulation that has factored its parts already."""
     if factor is None:
-        matrix = problem.M
+        matrix = problem.entries
         if problem.G is not None:
             matrix = sp.csr_array(sp.block_array([[matrix, -sp.csr_array(problem.G)], [-sp.csr_array(problem.G).T, None]]))
         touched = np.zeros(matrix.shape[0], dtype=bool)

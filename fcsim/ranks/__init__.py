@@ -11,6 +11,7 @@ from fcsim.ranks.asked import ranks_on_this_machine as ranks_on_this_machine
 from fcsim.ranks.sharing import alone as alone
 from fcsim.ranks.sharing import end_with as end_with
 from fcsim.ranks.sharing import of_rank_0 as of_rank_0
+from fcsim.ranks.sharing import partners as partners
 from fcsim.ranks.sharing import section as section
 from fcsim.ranks.sharing import shared as shared
 from fcsim.ranks.sharing import sharing as sharing

@@ -24,6 +24,11 @@ def world() -> World | None:
     return _shared[-1] if _shared and not _alone else None
 
 
+def partners() -> World | None:
+    """The ranks that this process shares its work with, also while it computes alone."""
+    return _shared[-1] if _shared else None
+
+
 def shared() -> bool:
     """Whether this process is one of several ranks that share their work, also while it computes alone."""
     return bool(_shared)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import FcsimError
-from fcsim.interrupts import Ended
+from fcsim.interrupts import Ended, held_back
 
 AWAKE, NAP = 5e-4, 2e-4
 """[s] A rank that waits looks again and again for so long, and then after so many seconds each."""
@@ -33,6 +33,8 @@ LAST_WAIT = 20.0
 """[s] A rank that ended by an error waits so long for the others to end by themselves; then it ends them."""
 LAST_WORD = 2.0
 """[s] The launcher ends all ranks where one ends with an error; rank 0, which has to say why, goes first."""
+SUMMED_AT_ONCE = 4_000_000
+"""Numbers (32 MB)."""
 _ENDED = 77
 
 
@@ -59,6 +61,7 @@ class World:
         self._mpi = MPI
         self._data, self._control = MPI.COMM_WORLD.Dup(), MPI.COMM_WORLD.Dup()
         self.number, self.size = int(self._data.Get_rank()), int(self._data.Get_size())
+        self._libraries: object = None
         self.exchanges = self.messages = self.bytes = 0
         self._ended: dict[int, tuple[int, str, bool]] = {}
         self.broken = False
@@ -132,6 +135,25 @@ class World:
             error = raised
         self._agree(what, error)
 
+    @contextmanager
+    def collective(self, what: str) -> Iterator[object]:
+        """A block in which all ranks call a library that exchanges by itself, as PETSc and MUMPS do, with the communicator that is theirs.
+
+        Nobody enters before all have come, and signals wait until the block's end. A rank that waits inside does so awake, and does not
+        hear others that end: whoever leaves the block by an error that the others do not have ends them after `LAST_WAIT`.
+        """
+        self._agree(what)
+        if self._libraries is None:
+            self._libraries = self._data.Dup()
+        with held_back():
+            try:
+                yield self._libraries
+            except FcsimError:  # found by all of them
+                raise
+            except BaseException:
+                self.broken = True
+                raise
+
     def _gathered(self, own: NDArray, counts: IntArray) -> NDArray:
         everything = np.empty(int(counts.sum()), dtype=own.dtype)
         self._wait(self._data.Iallgatherv(np.ascontiguousarray(own), [everything, counts.tolist()]))
@@ -145,10 +167,12 @@ class World:
     def summed(self, what: str, values: FloatArray) -> None:
         """Replace values by their sum over the ranks: the same bits on each."""
         self._agree(what)
-        own, whole = (self._mpi.IN_PLACE, values) if self.number == 0 else (values, None)
-        self._wait(self._data.Ireduce(own, whole, root=0))
-        self._count(values.nbytes, int(self.number > 0))
-        self._broadcast(values, 0)
+        for begin in range(0, len(values), SUMMED_AT_ONCE):  # MPI has copies of what it sums
+            some = values[begin : begin + SUMMED_AT_ONCE]
+            own, whole = (self._mpi.IN_PLACE, some) if self.number == 0 else (some, None)
+            self._wait(self._data.Ireduce(own, whole, root=0))
+            self._count(some.nbytes, int(self.number > 0))
+            self._broadcast(some, 0)
 
     def _broadcast(self, values: NDArray, root: int) -> None:
         self._wait(self._data.Ibcast(values, root=root))

@@ -58,10 +58,11 @@ def step_files(
     if isinstance(step.problem, GlobalRollingProblem) and "local" in forms:
         raise InputError("FCLIB form 'local': expected 'global' with rolling resistance, for which FCLIB has no local form")
     to = _Files(Path(directory), forms, step, title, description, compression)
-    files = to.of(fclib_set, step.reduction, step.result, step.start)
+    files = to.of(fclib_set, step.reduction, step.result, step.start, step.guess)
     for k, earlier in enumerate(step.linearised[:-1] if iterations else ()):
-        reduction = Reduction(earlier.problem, BlockFactor(earlier.problem.M))
-        files += to.of(f"{fclib_set}-newton{k:02d}", reduction, earlier.result, earlier.start)
+        reduction = Reduction(earlier.problem, BlockFactor(earlier.problem.entries))
+        guess = reduction.velocity(earlier.start)
+        files += to.of(f"{fclib_set}-newton{k:02d}", reduction, earlier.result, earlier.start, guess)
     return files
 
 
@@ -75,10 +76,11 @@ class _Files:
         self._length = _length(step)
         self._title, self._description, self._compression = title, description, compression
 
-    def of(self, fclib_set: str, reduction: Reduction, result: Result, start: FloatArray) -> list[Callable[[], Path]]:
-        """What writes one problem in all forms, with its solution and the guess r = start (m,)."""
-        problem = reduction.problem
-        v, multiplier = reduction.velocity(start)
+    def of(
+        self, fclib_set: str, reduction: Reduction, result: Result, start: FloatArray, velocity: tuple[FloatArray, FloatArray | None]
+    ) -> list[Callable[[], Path]]:
+        """What writes one problem in all forms, with its solution and the guess r = start (m,), of which velocity is (v, l)."""
+        problem, (v, multiplier) = reduction.problem, velocity
         guess = Solution(problem.H.T @ v + problem.w, start, v, multiplier)
         answer = Solution(result.u, result.r, result.v, result.multiplier)
         files: list[Callable[[], Path]] = []

@@ -184,8 +184,10 @@ def _opened(
 def _made_together(step: Step, options: RunOptions) -> None:
     """What files and tables need of all ranks, before one of them writes."""
     step.energy  # noqa: B018 - kept by the step
-    if options.export_every and step.number % options.export_every == 0 and "local" in options.export_forms:
-        step.reduction.local.whole  # noqa: B018 - kept by its W
+    if options.export_every and step.number % options.export_every == 0:
+        step.guess  # noqa: B018 - kept by the step
+        if "local" in options.export_forms:
+            step.reduction.local.whole  # noqa: B018 - kept by its W
 
 
 def _resumed(

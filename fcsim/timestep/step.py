@@ -218,6 +218,11 @@ class Step:
         return sum(a.iterations for a in self.attempts if a.status == Status.SOLVED.value)
 
     @cached_property
+    def guess(self) -> tuple[FloatArray, FloatArray | None]:
+        """v (n,) and the multiplier of the reactions `start` where the solver began."""
+        return self.reduction.velocity(self.start)
+
+    @cached_property
     def energy(self) -> Energy:
         """The balance of energy over the step."""
         last = self.last or self.last_energy()

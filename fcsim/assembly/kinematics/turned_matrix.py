@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group
+from fcsim.linear.over_ranks.rows import whole
 
 
 class TurnedMatrix:
@@ -22,7 +23,7 @@ class TurnedMatrix:
         for group in groups:
             d = len(group.rotation)
             if group.laws is None:
-                A = sp.bsr_array(sp.csr_array(mass * group.M + stiffness * group.K), blocksize=(d, d))
+                A = sp.bsr_array(sp.csr_array(mass * whole(group.M) + stiffness * whole(group.K)), blocksize=(d, d))
             else:
                 graph = group.laws.graph
                 A = sp.bsr_array((np.zeros((len(graph.indices), d, d)), graph.indices, graph.indptr))

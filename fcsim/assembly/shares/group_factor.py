@@ -16,7 +16,10 @@ from fcsim.assembly.shares.shares import Shares
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
 from fcsim.linear.factors import Factor, SingularMatrix, factorise
+from fcsim.linear.over_ranks.mumps import MumpsOverRanks
+from fcsim.linear.over_ranks.rows import RowsOverRanks, whole
 from fcsim.linear.singularity import refuse_singular
+from fcsim.runtime import release_freed_memory
 
 
 def own_surface(model: BodyLayout, group: Group, touched: BoolArray) -> IntArray:
@@ -39,14 +42,11 @@ class GroupFactor:
 
     @cached_property
     def factor(self) -> Factor:
-        """Made where it is asked for; InputError where it cannot be."""
-        group, (mass, stiffness) = self._group, self._factors
-        block = sp.csr_array(mass * group.M + stiffness * group.K)
-        if (T := group.axes_matrix) is not None:
-            block = sp.csr_array(T @ block @ T.T)
-        block = block[self.free][:, self.free]
+        """Made where it is asked for, by all ranks together of a group that is `over_ranks`; InputError where it cannot be."""
+        group, mass = self._group, self._factors[0]
+        block = self._block()
         try:
-            factor = factorise(block, positive_definite=True)
+            factor: Factor = MumpsOverRanks(block) if isinstance(block, RowsOverRanks) else factorise(block, positive_definite=True)
             if len(self.free):
                 refuse_singular(block, factor)
         except SingularMatrix as error:
@@ -54,21 +54,45 @@ class GroupFactor:
             if mass:
                 units = "expected E, density, lengths and the step in one system of units, in statics a larger eta"
                 why = f"its stiffness hides its mass in round-off: {units}"
-                if not group.M.nnz or not np.any(group.M.data):
+                if not np.any(group.M.diagonal()):
                     why = "it has no mass: in dynamics a part needs a density > 0, or supports that hold it; statics: QuasiStatic(h)"
                 error = SingularMatrix(str(error).removesuffix(" (a body without supports?)"))
             raise InputError(f"part {group.part.name!r}: its system matrix is singular ({error}); {why}") from None
         return factor
 
+    def _block(self) -> sp.csr_array | RowsOverRanks:
+        """a M + b K on the free dofs, along the supports' axes."""
+        group, (mass, stiffness) = self._group, self._factors
+        if isinstance(group.K, RowsOverRanks):
+            spread = group.K.plus(stiffness, group.M, mass)
+            return (spread if group.axes_matrix is None else spread.turned(group.axes_matrix)).on(self.free)
+        block = sp.csr_array(mass * whole(group.M) + stiffness * group.K)
+        if (T := group.axes_matrix) is not None:
+            block = sp.csr_array(T @ block @ T.T)
+        return block[self.free][:, self.free]
+
     @cached_property
     def compliance(self) -> FloatArray:
         """A^-1 on the contact dofs (k, k)."""
-        compliance = linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free))
-        return 0.5 * (compliance + compliance.T)
+        return _symmetric(linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free)))
 
     def make(self) -> None:
         """Make the factor and the compliance."""
         self.factor, self.compliance  # noqa: B018 - kept from now on
+
+    def make_together(self, shares: Shares) -> None:
+        """Make the factor of a group that is `over_ranks`, and the compliance on the ranks that have bodies of it."""
+        assert isinstance(self.factor, MumpsOverRanks)
+        keep = bool(shares.mine(self.members).any())
+        compliance = self.factor.inverse_on(np.searchsorted(self.free, self.surface), keep=keep)
+        if compliance is not None:
+            self.compliance = _symmetric(compliance)
+        release_freed_memory()
+
+    @property
+    def over_ranks(self) -> bool:
+        """Whether ranks have the factor together."""
+        return self._group.over_ranks
 
     def share(self, shares: Shares) -> None:
         """Give the compliance from the rank that has made it to those that have bodies of the group."""
@@ -101,3 +125,16 @@ class GroupFactor:
     @staticmethod
     def _turned(axes: FloatArray, x: FloatArray) -> FloatArray:
         return np.einsum("aij,baj->bai", axes, x.reshape(len(x), *axes.shape[:2])).reshape(x.shape)
+
+
+TILE = 512
+
+
+def _symmetric(C: FloatArray) -> FloatArray:
+    """(C + C^T) / 2 in the place of C."""
+    tiles = [slice(begin, begin + TILE) for begin in range(0, len(C), TILE)]
+    for k, i in enumerate(tiles):
+        for j in tiles[k:]:
+            mean = 0.5 * (C[i, j] + C[j, i].T)
+            C[i, j], C[j, i] = mean, mean.T
+    return C

@@ -27,7 +27,7 @@ class _SaddleMatrix:
 
     def __init__(self, p: GlobalForm) -> None:
         d, n, m, nc = p.dimension, p.n, p.m, p.nc
-        M, H = sp.coo_array(p.M), sp.coo_array(p.H)
+        M, H = sp.coo_array(p.entries), sp.coo_array(p.H)
         contact = H.col // d
         local = np.arange(d)
         rows = [M.row, H.row, (n + contact[:, None] * d + local).ravel()]

@@ -168,7 +168,7 @@ def clarabel_global(p: GlobalForm, v: FloatArray, g: FloatArray, accuracy: float
         blocks.insert(0, sp.csr_array(p.G).T)
         h.insert(0, -p.b)
         kinds.insert(0, clarabel.ZeroConeT(equalities))
-    M = sp.csr_array(p.M)
+    M = sp.csr_array(p.entries)
     symmetric = 0.5 * (M + M.T)
     f = p.f - (M @ v - symmetric @ v)
     force = float(np.linalg.norm(f)) or velocity_scale * float(abs(M).max())

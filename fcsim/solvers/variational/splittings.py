@@ -115,7 +115,7 @@ class GlobalSplitting:
         p = reduction.problem
         self._problem, self._reduction = p, reduction
         self._H, self._HT = sp.csr_array(p.H), sp.csr_array(p.H.T)
-        self._M, self._HHT = sp.csr_array(p.M), sp.csr_array(self._H @ self._HT)
+        self._M, self._HHT = sp.csr_array(p.entries), sp.csr_array(self._H @ self._HT)
         self._compliance = float(reduction.compliance.mean()) if p.nc else 1.0
         self._cone = Inequality(Delassus(np.empty((0, 0)), p.dimension), p.w, Cone(p.mu))
 

@@ -134,7 +134,8 @@ class Equation:
     def problem(self, load: FloatArray) -> GlobalProblem | GlobalRollingProblem:
         """The problem on the model's unknowns for the right side load (n_dofs,); what driven dofs and adhesion do enters f and w too."""
         model, f = self.model, self.right_side(load)
-        matrix, mu, compliance = self.compliance.matrix(), self.met.contacts.mu, self.compliance
+        mu, compliance = self.met.contacts.mu, self.compliance
+        matrix = compliance.problem_matrix() if isinstance(compliance, StepCompliance) else compliance.matrix()
         G = b = None
         if self.linked is not None and isinstance(compliance, LinkedCompliance):
             G, b = compliance.matrix_of_links, self.linked.b

@@ -1,0 +1,97 @@
+"""A body that ranks have together, its matrices by rows and its factor by MUMPS over their communicator, against one process."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcsim.assembly.layout import BodyLayout
+from fcsim.assembly.over_ranks.pieces import spread_over
+from fcsim.mesh.blocks import brick
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
+from tests.unit.ranks import one_body
+from tests.unit.ranks.conftest import Program
+
+PROGRAM = Path(one_body.__file__)
+Found = Callable[[int], list[dict[str, Any]]]
+
+
+@cache
+def of_one_process(name: str) -> dict[str, Any]:
+    return json.loads(json.dumps(one_body.found(name)))  # type: ignore[no-any-return]
+
+
+@pytest.fixture(scope="module")
+def found(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> Found:
+    """What each of so many ranks has found."""
+    known: dict[int, list[dict[str, Any]]] = {}
+
+    def of(ranks: int) -> list[dict[str, Any]]:
+        if ranks not in known:
+            folder = tmp_path_factory.mktemp("found")
+            ended = mpiexec(ranks, PROGRAM, folder, timeout=200, env={"PYTHONPATH": str(PROGRAM.parents[3])})
+            assert ended.code == 0, ended.err
+            known[ranks] = [json.loads((folder / f"{k}.json").read_text(encoding="utf-8")) for k in range(ranks)]
+        return known[ranks]
+
+    return of
+
+
+def close(got: object, wanted: object, share: float) -> bool:
+    """Whether vectors agree to a share of the largest entry."""
+    a, b = np.array(got), np.array(wanted)
+    return a.shape == b.shape and bool(np.abs(a - b).max() <= share * np.abs(b).max())
+
+
+RANKS = [2, pytest.param(3, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+@pytest.mark.parametrize("name", one_body.SCENARIOS)
+def test_matrices_and_solutions_agree_to_round_off(found: Found, name: str, ranks: int) -> None:
+    wanted = of_one_process(name)
+    for answer in found(ranks):
+        assert sum(answer[name]["spread"]) == 1 and not any(wanted["spread"])
+        for operator in ("K x", "M x", "A x", "largest force", "load"):
+            assert close(answer[name][operator], wanted[operator], 1e-13), operator
+        assert close(answer[name]["A^-1 x"], wanted["A^-1 x"], 1e-9)
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+@pytest.mark.parametrize("name", one_body.SCENARIOS)
+def test_steps_agree_within_the_tolerance(found: Found, name: str, ranks: int) -> None:
+    """Contacts and statuses are the same; all ranks have the same bits, and one that computes alone finds them again to round-off."""
+    wanted = of_one_process(name)
+    assert len({answer[name]["digest"] for answer in found(ranks)}) == 1
+    for got, step in zip(found(ranks)[0][name]["steps"], wanted["steps"], strict=True):
+        assert got["contacts"] == step["contacts"] and got["status"] == step["status"] and len(got["contacts"]) > 0
+        assert close(got["r"], step["r"], 1e-6) and close(got["x"], step["x"], 1e-6)
+        assert close(got["energy"], step["energy"], 1e-7)
+        assert got["momentum"] <= 1e-10 and got["again"] <= 1e-9
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+def test_the_plane_bears_the_weight(found: Found, ranks: int) -> None:
+    """Less what the fall gains, for 1 ms a step."""
+    heap = found(ranks)[0]["heap"]
+    for step in heap["steps"]:
+        assert step["push"][2] == pytest.approx(-(heap["weight"] + step["gain"] / 1e-3), rel=1e-9)
+
+
+def test_a_singular_matrix_is_refused_on_all_ranks(found: Found) -> None:
+    for answer in found(2):
+        assert (
+            "part 'block': its system matrix is singular" in answer["singular"] and "in statics a body needs supports" in answer["singular"]
+        )
+
+
+def test_without_ranks_nothing_is_spread() -> None:
+    part = brick("block", (1, 1, 1), (2, 2, 2), Material(1e7, 0.3, 2000.0))
+    assert spread_over(BodyLayout((Body("block", part),))) == {}
