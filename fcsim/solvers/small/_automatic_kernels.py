@@ -1,4 +1,9 @@
-"""`auto` on few contacts in one compiled call: sweeps as long as they will soon arrive, else proximal Newton."""
+"""`auto` on few contacts in one compiled call: conjugate sweeps and proximal Newton take turns, by counted costs.
+
+Prices are those of `automatic.costs`: the rates of its reference machine, so that runs repeat bit by bit. Sweeps go on as long as at their
+rate they arrive for less than Newton would take; Newton as long as it brings the error down as it does where it arrives; then each spends
+what the other has spent.
+"""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -6,9 +11,38 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fcsim.linear._block_rows_kernels import own_blocks
+from fcsim.linear.storage import REAL, REFERENCE
 from fcsim.problem._cone_kernels import cone_projection
-from fcsim.solvers.small._gauss_seidel_kernels import NOT_HERE, SOLVED, STAGNATED, judged, own_compliances, solve_by_sweeps
+from fcsim.problem._judge_kernels import squared_natural_residual
+from fcsim.solvers.automatic.costs import NEWTON_STEPS, PASSES
+from fcsim.solvers.automatic.costs import ONE_CONTACT as OPERATIONS
+from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
+from fcsim.solvers.newton._formulation_kernels import split_compliances
+from fcsim.solvers.small._gauss_seidel_kernels import (
+    MAX_ITERATIONS,
+    NOT_HERE,
+    SOLVED,
+    STAGNATED,
+    embedded,
+    error_of,
+    judged,
+    own_compliances,
+)
 from fcsim.solvers.small._newton_kernels import proximal_newton
+
+sweep_conjugate = ONE_CONTACT["AC"].sweep_conjugate
+
+FAR = 1e-3
+"""Error above which Newton takes long."""
+NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 30, 15
+"""Iterations that Newton needs from errors above and below `FAR`, about: what sweeps may still cost."""
+MANY, FEWER = 220, 1.5
+"""Contact unknowns that bear from which Newton in so many times fewer velocities of the bodies, which the race has, is the quicker one."""
+DECADE = 10
+"""Newton's iterations that are its own for each tenfold."""
+RATES = REFERENCE.flops, REFERENCE.bytes, REFERENCE.step
+"""Operations and bytes a second, and the seconds of a small step."""
 
 
 @njit(cache=True, nogil=True)
@@ -25,33 +59,135 @@ def projected(r, mu, d):
 
 
 @njit(cache=True, nogil=True)
-def solve_automatically(
-    W, q, mu, start, d, published, floor, tol, most, local_tolerance, local_iterations, rarely, watched, history, within
-):  # fmt: skip
-    """`solve_by_sweeps`, and where it does not arrive proximal Newton from its best iterate, then from zero, of `within` iterations each.
+def bearing(r, d):
+    """Contact unknowns of the contacts that bear, of one at least."""
+    closed = 0
+    for i in range(0, len(r), d):
+        closed += d * (r[i] > 0.0)
+    return max(closed, d)
 
-    Arguments and what is returned as there; iterations are sweeps and Newton's together. Newton's answer is brought back to the cone where
-    that leaves it one.
+
+@njit(cache=True, nogil=True)
+def newton_price(r, d, velocities):
+    """Seconds of an iteration of Newton on the reference machine, and whether it is one of the race's, in the bodies' velocities.
+
+    An LU of the unknowns of the contacts that bear, or of the velocities with the race's small steps, and W read.
     """
-    ended, sweeps, rows, r, u, scale, scaled, plain, found = solve_by_sweeps(
-        W, q, mu, start, d, published, floor, tol, most, local_tolerance, local_iterations, rarely, watched, history
-    )
-    if ended in (SOLVED, NOT_HERE):
-        return ended, sweeps, rows, r, u, scale, scaled, plain, found
-    compliance, iterations = own_compliances(W, len(mu), d), sweeps
-    weights = np.ones(len(mu)) if published else compliance
-    for attempt in range(2):
-        first = r if attempt == 0 else np.zeros_like(r)
-        reached, error, inside = proximal_newton(W, q, mu, compliance, weights, scale, tol, first, d, within)
-        iterations += inside
+    closed = bearing(r, d)
+    elsewhere = closed > max(MANY, FEWER * velocities)
+    steps = RATES[2] * NEWTON_STEPS if elsewhere else 0.0
+    size = velocities if elsewhere else closed
+    return 2.0 / 3.0 * size**3 / RATES[0] + PASSES * REAL * len(r) ** 2 / RATES[1] + steps, elsewhere
+
+
+@njit(cache=True, nogil=True)
+def sweeps_left(course, looks, tol):
+    """Sweeps until the error is tol at the rate of the second half of the course (looks, 2) of sweeps and best errors."""
+    last, best = course[looks - 1, 0], course[looks - 1, 1]
+    half = looks - 1
+    while half > 0 and course[half, 0] > 0.5 * last:
+        half -= 1
+    before = course[half, 1]
+    if not 0.0 < best < before:
+        return np.inf
+    return np.log(best / tol) / np.log(before / best) * (last - course[half, 0])
+
+
+@njit(cache=True, nogil=True)
+def solve_automatically(
+    W, q, mu, start, d, published, floor, tol, local_tolerance, local_iterations, look, first, alone, within, budget, velocities, history
+):
+    """Conjugate sweeps from `start` (m,) and proximal Newton from their best iterate, then from zero, by turns until the error is tol.
+
+    look: sweeps between two errors; first: Newton's iterations whose cost the sweeps spend before their rate is believed; alone: those of
+    Newton from the sweeps' iterate and from zero before it must have got on; within: those from each at the most; budget: seconds on the
+    reference machine after which sweeps, and after half of which Newton is left; velocities: those of the bodies behind W, where known.
+    What is returned is as in `solve_by_sweeps`; iterations are sweeps and Newton's together. Newton's answer is brought back to the cone
+    where that leaves it one. Long because it is one call from Python, as `solve_by_sweeps`.
+    """
+    nc = len(mu)
+    zero, none = np.zeros_like(q), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    compliance = own_compliances(W, nc, d)
+    if not np.all(compliance > 0.0):
+        return NOT_HERE, 0, 0, zero, q, 0.0, 0.0, 0.0, none
+    weights = np.ones(nc) if published else compliance
+    scale = max(np.sqrt(np.sum(q * q)), floor)
+    resting = np.sqrt(squared_natural_residual(zero, q, mu, weights, d))
+    if resting == 0.0 or (scale > 0.0 and resting / scale <= tol):
+        u, scaled, plain, found = judged(W, q, mu, compliance, zero, d)
+        return SOLVED, 0, 0, zero, u, scale, scaled, plain, found
+    starts, columns, blocks, q3, r3 = embedded(W, q, start, d)
+    diagonal, shift = own_blocks(starts, columns, blocks), np.zeros(nc)
+    largest = split_compliances(diagonal[:, :d, :d].copy())
+    if not np.all(largest > 0.0):
+        return NOT_HERE, 0, 0, zero, q, 0.0, 0.0, 0.0, none
+    rho, order, frozen = np.ascontiguousarray(1.0 / largest[:, :2]), np.arange(nc), np.zeros(nc, dtype=np.int64)
+    from_here, direction, last = r3.copy(), np.zeros_like(r3), 0.0
+    r, u = zero.copy(), q.copy()
+    least = error_of(starts, columns, blocks, q3, r3, mu, weights, scale, r, u, d)
+    best = r.copy()
+    sweep_price = OPERATIONS * nc / RATES[0] + 1.1 * REAL * d * d * len(columns) / RATES[1]
+    history[0, 0], history[0, 1], rows = 0, least, 1
+    course, looks = np.empty((len(history), 2)), 1
+    course[0, 0], course[0, 1] = 0.0, least
+    sweeps, sweeping, inside, of_newton, turn = 0, True, 0, 0.0, 0
+    while True:
+        price, elsewhere = newton_price(best, d, velocities)
+        allowed = of_newton if turn else first * price
+        while sweeping and not least <= tol:
+            change, _, done = sweep_conjugate(
+                starts, columns, blocks, diagonal, shift, q3, mu, rho, order, r3, frozen, from_here, direction, last, local_tolerance,
+                local_iterations, 1.0, look, tol,
+            )  # fmt: skip
+            last = change
+            sweeps += done
+            error = error_of(starts, columns, blocks, q3, r3, mu, weights, scale, r, u, d)
+            if not np.isfinite(error) or (change == 0.0 and error > tol):
+                sweeping = False
+            if error < least:
+                least, best = error, r.copy()
+            if looks < len(course):
+                course[looks, 0], course[looks, 1] = sweeps, least
+                looks += 1
+            else:
+                sweeping = False
+            if rows < len(history):
+                history[rows, 0], history[rows, 1] = sweeps + inside, error
+                rows += 1
+            spent = sweep_price * sweeps
+            price, elsewhere = newton_price(best, d, velocities)
+            patience = (NEWTON_FROM_FAR if least > FAR else NEWTON_FROM_NEAR) * price
+            if spent > budget or (spent > allowed and sweep_price * sweeps_left(course, looks, tol) > patience):
+                break
+        if least <= tol or turn == 2 or elsewhere:
+            break
+        begin = best if turn == 0 else zero
+        turn += 1
+        most = min(within, int(0.5 * budget / price))
+        found_r, found_error, iterations = proximal_newton(
+            W, q, mu, compliance, weights, scale, tol, begin, d, most, alone[turn - 1], DECADE
+        )
+        inside += iterations
+        of_newton += price * iterations
         if rows < len(history):
-            history[rows, 0], history[rows, 1] = iterations, error
+            history[rows, 0], history[rows, 1] = sweeps + inside, found_error
             rows += 1
-        if error <= tol:
-            admissible = projected(reached, mu, d)
+        if found_error <= tol:
+            admissible = projected(found_r, mu, d)
             u, scaled, plain, found = judged(W, q, mu, compliance, admissible, d)
             if (plain if published else scaled) <= tol * scale:
-                return SOLVED, iterations, rows, admissible, u, scale, scaled, plain, found
-            u, scaled, plain, found = judged(W, q, mu, compliance, reached, d)
-            return SOLVED, iterations, rows, reached, u, scale, scaled, plain, found
-    return STAGNATED, iterations, rows, r, u, scale, scaled, plain, found
+                return SOLVED, sweeps + inside, rows, admissible, u, scale, scaled, plain, found
+            u, scaled, plain, found = judged(W, q, mu, compliance, found_r, d)
+            return SOLVED, sweeps + inside, rows, found_r, u, scale, scaled, plain, found
+        if found_error < 0.1 * least and sweeping:  # its iterate is well ahead: sweeps go on from there
+            least, best = found_error, found_r
+            admissible = projected(found_r, mu, d)
+            for a in range(nc):
+                for i in range(d):
+                    r3[a, i] = admissible[a * d + i]
+            from_here[:] = r3
+            last = 0.0
+            course[0, 0], course[0, 1], looks = sweeps, least, 1
+    ended = SOLVED if least <= tol else (MAX_ITERATIONS if sweeping else STAGNATED)
+    u, scaled, plain, found = judged(W, q, mu, compliance, best, d)
+    return ended, sweeps + inside, rows, best, u, scale, scaled, plain, found

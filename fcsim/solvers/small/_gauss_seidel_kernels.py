@@ -74,10 +74,9 @@ def own_compliances(W, nc, d):
 
 
 @njit(cache=True, nogil=True)
-def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_tolerance, local_iterations, rarely, watched, history):
+def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_tolerance, local_iterations, rarely, history):
     """Sweep from `start` (m,) until the error is at most tol; at most `most` sweeps, the full error at least every `rarely` ones.
 
-    watched: sweeps after which it ends where, at the rate of the last errors, it will not have arrived by then (0: never).
     published: whether the published error decides; history (rows, 2): sweeps and error are noted there as long as there is room.
     Return how it ended, sweeps, rows of the history, r and u (m,), what errors divide by, the scaled and the published residual, and
     `violations`. Long because a call of a compiled function from Python costs as much as some sweeps: it is one.
@@ -138,7 +137,6 @@ def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_toler
                 break
             if not (light <= tau or sweeps - last >= rarely) and sweeps < most:
                 continue
-            previous, since = error, sweeps - last
             error = error_of(starts, columns, blocks, q3, r3, mu, weights, scale, r, u, d)
             last = sweeps
             if rows < len(history):
@@ -149,11 +147,6 @@ def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_toler
             if light == 0.0 and error > tol:
                 ended = STAGNATED
                 break
-            if 0 < watched <= sweeps and error > tol:
-                rate = np.log(previous / error) / since
-                if not sweeps + np.log(error / tol) / max(rate, 1e-12) <= most:
-                    ended = MAX_ITERATIONS
-                    break
             if light <= tau and error > tol:
                 tau = min(0.5 * tau, max(light * tol / error, 1e-3 * tau))
         if ended != SOLVED:

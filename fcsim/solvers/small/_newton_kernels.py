@@ -93,10 +93,11 @@ def inner_problem(W, blocks, shift, q, mu, weights, r, target, most):
 
 
 @njit(cache=True, nogil=True)
-def proximal_newton(W, q, mu, metric, weights, scale, tol, r, d, most):
+def proximal_newton(W, q, mu, metric, weights, scale, tol, r, d, most, alone, decade):
     """Proximal steps from r (m,) until the error is at most tol, at most `most` iterations of Newton inside.
 
-    metric (nc,): D; weights (nc,): s of the error; scale: what it is divided by. Return the best iterate, its error, and the iterations.
+    metric (nc,): D; weights (nc,): s of the error; scale: what it is divided by. It is given up after `alone` iterations and `decade` for
+    each power of ten by which its error has fallen. Return the best iterate, its error, and the iterations.
     """
     nc = len(mu)
     blocks = np.empty((nc, d, d))
@@ -104,8 +105,10 @@ def proximal_newton(W, q, mu, metric, weights, scale, tol, r, d, most):
         blocks[a] = W[a * d : (a + 1) * d, a * d : (a + 1) * d]
     none = np.zeros(nc * d)
     error = np.sqrt(squared_natural_residual(r, affine(W, r, none, q), mu, weights, d)) / scale
-    alpha, floor, best, least, iterations = ALPHA, LEAST_ALPHA, r, error, 0
+    alpha, floor, best, least, iterations, first = ALPHA, LEAST_ALPHA, r, error, 0, error
     while not error <= tol and iterations < most and np.isfinite(error):
+        if iterations >= alone + decade * np.log10(first / least):
+            break
         target = max(tol, min(error, 1.0)) * ACCURACY
         shift = alpha * metric
         moved = q - np.repeat(shift, d) * r

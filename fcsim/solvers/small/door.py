@@ -21,13 +21,14 @@ from fcsim.solvers.small import _automatic_kernels, _gauss_seidel_kernels
 
 LEAST_LIMIT = 1.0
 """Limit of time [s] from which it need not be looked at: what the door takes at the most is a fifth of this."""
-CONTACTS, NEWTON_CONTACTS = 128, 64
-"""Contacts up to which the door is open, to sweeps and to Newton: beyond, sparse storage and LAPACK take less than what stands here."""
-AUTO_SWEEPS, AUTO_SWEEPS_ALONE, AUTO_LOOK, AUTO_WATCHED = 250, 100, 25, 25
-"""Sweeps of `auto` before Newton, about what that costs, and where Newton is beyond the door. Every so many the error is looked at, and
-from so many on Newton or the race begins where at the rate so far they will not do."""
-AUTO_NEWTON = 150
-"""Newton's iterations from the sweeps' iterate, and from zero, after which `auto` is left to its race."""
+CONTACTS = 128
+"""Contacts up to which the door is open: beyond, sparse storage and LAPACK take less than what stands here."""
+AUTO_LOOK, AUTO_FIRST = 25, 10
+"""Sweeps of `auto` after which the error is looked at, and Newton's iterations whose cost they spend before their rate is believed."""
+AUTO_ALONE = 30, 40
+"""Newton's iterations from the sweeps' iterate, and from zero, before it must have got on."""
+AUTO_NEWTON, AUTO_BUDGET = 150, 0.1
+"""Newton's iterations from the sweeps' iterate, and from zero, and counted seconds of all, after which `auto` is left to its race."""
 ROWS = 1000
 """Rows of the history that are kept."""
 STATUSES = (Status.SOLVED, Status.MAX_ITERATIONS, Status.STAGNATED, Status.DIVERGED)
@@ -50,23 +51,25 @@ def small(
         return None
     if not automatically and not (chosen.run is nsgs and chosen.options == OPTIONS):
         return None
-    q, with_newton = problem.q, problem.nc <= NEWTON_CONTACTS
-    most = (AUTO_SWEEPS if with_newton else AUTO_SWEEPS_ALONE) if automatically else OPTIONS.max_iterations
+    q = problem.q
     begun = time.perf_counter()
     start = np.zeros(len(q)) if r is None else r
     if start.shape != q.shape or start.dtype != np.float64 or not np.isfinite(start).all():
         return None  # which says what is wrong
-    rows = np.empty((min(ROWS, most + 3), 2))
+    rows = np.empty((ROWS, 2))
     W = problem.W if isinstance(problem.W, np.ndarray) else problem.W.toarray()
     arguments = (
         *(np.ascontiguousarray(x) for x in (W, q, problem.mu, start)),  # others would be compiled for anew
-        *(problem.dimension, error == "published", float(floor), float(tol), most),
-        *(OPTIONS.local_tolerance, OPTIONS.local_iterations),
+        *(problem.dimension, error == "published", float(floor), float(tol)),
     )
+    solving = (OPTIONS.local_tolerance, OPTIONS.local_iterations)
     if automatically:
-        out = _automatic_kernels.solve_automatically(*arguments, AUTO_LOOK, AUTO_WATCHED, rows, AUTO_NEWTON if with_newton else 0)
+        velocities = len(q) if problem.motion is None else problem.motion.M.shape[0]
+        out = _automatic_kernels.solve_automatically(
+            *arguments, *solving, AUTO_LOOK, AUTO_FIRST, AUTO_ALONE, AUTO_NEWTON, AUTO_BUDGET, velocities, rows
+        )
     else:
-        out = _gauss_seidel_kernels.solve_by_sweeps(*arguments, FULL_AT_LEAST_EVERY, 0, rows)
+        out = _gauss_seidel_kernels.solve_by_sweeps(*arguments, OPTIONS.max_iterations, *solving, FULL_AT_LEAST_EVERY, rows)
     ended, sweeps, noted, answer, u, scale, scaled, plain, found = out
     if ended == _gauss_seidel_kernels.NOT_HERE or (automatically and ended != _gauss_seidel_kernels.SOLVED):
         return None

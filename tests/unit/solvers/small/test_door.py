@@ -62,7 +62,7 @@ def test_the_answer_is_that_of_the_general_way(d: int, unit: float, start: str, 
 def test_auto_is_answered_where_its_first_sweeps_arrive() -> None:
     p = problem(3)
     found = by_the_door(p, "auto")
-    assert found is not None and found.status is Status.SOLVED and found.iterations <= door.AUTO_SWEEPS
+    assert found is not None and found.status is Status.SOLVED and found.iterations <= 100
     assert found.method == "auto"
     hard = LocalProblem(np.kron(np.ones((6, 6)) + 1e-7 * np.eye(6), np.eye(3)), np.tile([-1.0, 0.4, 0.0], 6), np.full(6, 0.5))
     assert by_the_door(hard, "auto", tol=1e-13) is None or by_the_door(hard, "auto", tol=1e-13).status is Status.SOLVED
