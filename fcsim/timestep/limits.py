@@ -9,9 +9,12 @@ import numpy as np
 from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError, Unphysical
+from fcsim.mesh.material.by_region import is_linear
+from fcsim.mesh.part import Body
 
-NAMED_ROTATION, NAMED_STRAIN = 2.0, 0.05
-"""Degrees of a body of linear kinematics, and strain of any body of small strain, from which a run says so."""
+NAMED_ROTATION, NAMED_STRAIN, NAMED_LEFT_OUT = 2.0, 0.05, 0.025
+"""From which a run says so: degrees of a body of linear kinematics, or of a part of a body of linear material from its frame; strain of any
+body of small strain; share of energy that bending leaves out, see `fcsim.assembly.kinematics.left_out`."""
 
 
 class KinematicsLeft(Unphysical):
@@ -20,17 +23,18 @@ class KinematicsLeft(Unphysical):
 
 @dataclass(frozen=True)
 class Limits:
-    """What ends a run: rotation [degrees] of bodies of linear kinematics, strain of all bodies but those of finite strain, and inverted
-    cells
-    unless `inversion` allows them. infinity: never. Half of the error that a limit stands for is there long before: from 2 degrees and 5
-    % the run says so."""
+    """What ends a run: rotation [degrees] of bodies of linear kinematics, their parts' too, and of parts of turning bodies of linear
+    material from the body's frame; strain of all bodies but those of finite strain; left_out, the energy of the strains that bending
+    leaves out, as a share of the body's; and inverted cells unless `inversion` allows them. infinity: never. Half of the error that a
+    limit stands for is there long before: from 2 degrees, 5 % and 0.025 on the run says so."""
 
     rotation: float = 10.0
     strain: float = 0.2
     inversion: bool = False
+    left_out: float = 0.5
 
     def __post_init__(self) -> None:
-        for name in ("rotation", "strain"):
+        for name in ("rotation", "strain", "left_out"):
             if not getattr(self, name) > 0:
                 raise InputError(f"Limits, {name}: expected a number > 0 (inf: never stop), got {getattr(self, name)}")
 
@@ -38,7 +42,20 @@ class Limits:
 def remarks(model: Model, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
     """What is to be said of a step's deformation by kind of remark, of those kinds that are not among the `said`."""
     bodies, degrees, texts = model.deformable, np.where(found.turning, 0.0, np.degrees(found.rotation)), {}
-    strain = np.where(found.finite, 0.0, found.strain)
+    strain, bent = np.where(found.finite, 0.0, found.strain), np.degrees(found.bent)
+    if "bending" not in said and not degrees.max(initial=0.0) > NAMED_ROTATION and bent.max(initial=0.0) > NAMED_ROTATION:
+        worst, count = int(bent.argmax()), int(np.count_nonzero(bent > NAMED_ROTATION))
+        texts["bending"] = (
+            f"{when}: body {bodies[worst].name!r}{_others(count)} is bent: a part of it has turned by {bent[worst]:.3g} degrees from "
+            f"{_base(found, worst)}, more than the {NAMED_ROTATION:g} that small rotations cover; {_bends(bodies[worst])} has no such error"
+        )
+    if "left out" not in said and found.left_out.max(initial=0.0) > NAMED_LEFT_OUT:
+        worst, count = int(found.left_out.argmax()), int(np.count_nonzero(found.left_out > NAMED_LEFT_OUT))
+        texts["left out"] = (
+            f"{when}: body {bodies[worst].name!r}{_others(count)} is bent so far that it would be stretched, too: of that its kinematics "
+            f"knows nothing, {100 * found.left_out[worst]:.3g} % of its energy, and forces are too small by about twice as much; "
+            f"{_bends(bodies[worst])} has no such error"
+        )
     if "rotation" not in said and degrees.max(initial=0.0) > NAMED_ROTATION:
         worst, count = int(degrees.argmax()), int(np.count_nonzero(degrees > NAMED_ROTATION))
         texts["rotation"] = (
@@ -60,13 +77,27 @@ def remarks(model: Model, found: Deformation, when: str, said: frozenset[str]) -
 def refuse_beyond(limits: Limits, model: Model, found: Deformation, when: str) -> None:
     """Raise KinematicsLeft where a body is beyond the limits; `when` begins the message."""
     bodies, degrees = model.deformable, np.where(found.turning, 0.0, np.degrees(found.rotation))
-    strain = np.where(found.finite, 0.0, found.strain)
+    strain, bent = np.where(found.finite, 0.0, found.strain), np.degrees(found.bent)
     if degrees.max(initial=0.0) > limits.rotation:
         worst = int(degrees.argmax())
         raise KinematicsLeft(
             f"{when}: body {bodies[worst].name!r} of linear kinematics has turned by {degrees[worst]:.3g} degrees, allowed are "
             f'{limits.rotation:g}: its stresses and forces are not to be used. What helps: kinematics="turning" for the body or the '
             "model; Simulation(limits=Limits(rotation=...)) allows more (inf: all)"
+        )
+    if bent.max(initial=0.0) > limits.rotation:
+        worst = int(bent.argmax())
+        raise KinematicsLeft(
+            f"{when}: body {bodies[worst].name!r} is bent: a part of it has turned by {bent[worst]:.3g} degrees from "
+            f"{_base(found, worst)}, allowed are {limits.rotation:g}: its stresses and forces are not to be used. What helps: "
+            f"{_bends(bodies[worst])}; Simulation(limits=Limits(rotation=...)) allows more (inf: all)"
+        )
+    if found.left_out.max(initial=0.0) > limits.left_out:
+        worst = int(found.left_out.argmax())
+        raise KinematicsLeft(
+            f"{when}: body {bodies[worst].name!r} is bent so far that it would be stretched by {100 * found.left_out[worst]:.3g} % of its "
+            f"energy, of which its kinematics knows nothing, allowed are {100 * limits.left_out:g} %: its stresses and forces are not to "
+            f"be used. What helps: {_bends(bodies[worst])}; Simulation(limits=Limits(left_out=...)) allows more (inf: all)"
         )
     if found.inverted.any() and not limits.inversion:
         name = bodies[int(found.inverted.argmax())].name
@@ -85,6 +116,17 @@ def refuse_beyond(limits: Limits, model: Model, found: Deformation, when: str) -
 
 def _others(count: int) -> str:
     return f" (and {count - 1} more)" if count > 1 else ""
+
+
+def _base(found: Deformation, body: int) -> str:
+    return "the body's frame" if found.turning[body] else "the reference"
+
+
+def _bends(body: Body) -> str:
+    """The body that bends as far as it may."""
+    if is_linear(body.part.material):
+        return "a material of finite strain such as saint_venant_kirchhoff(E, nu, density)"
+    return 'kinematics="turning" for the body or the model'
 
 
 def _sine(degrees: float) -> float:

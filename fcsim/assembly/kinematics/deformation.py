@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,24 +13,38 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.elements import quadrature
 from fcsim.assembly.forms.rotations import angle_of
 from fcsim.assembly.groups import Group
-from fcsim.assembly.kinematics.frames import FloatingGroup
+from fcsim.assembly.kinematics.frames import FloatingGroup, Frames
+from fcsim.assembly.kinematics.left_out import LeftOut
 from fcsim.brief import brief
-from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.cell_type import CELL_TYPES, CellType
 
 SUSPECT = 0.3
 """Change of a cell's edge, relative to its length, below which no cell of a usable shape is inverted."""
 
+UNBENT = 0.03
+"""Rotation [rad] that cells must exceed to be measured."""
+
 
 @dataclass(frozen=True, eq=False)
 class Deformation:
-    """Of each deformable body (n_deformable,): rotation [rad] of its frame from the reference; strain, the largest principal one in size
-    at the most strained of the centres (`CellType.inside` of cells of second order) of those cells whose law is of small strain, of all
-    where none is: without the body's rotation, of laws of points in bodies that turn without that of the point either; inverted: whether a
-    cell has a negative volume somewhere (of finite strain: at a quadrature point); turning: whether its kinematics covers rotation; finite:
-    whether its materials cover any strain."""
+    """Of each deformable body (n_deformable,).
+
+    rotation [rad] of its frame from the reference
+    strain    the largest principal one in size at the most strained of the centres (`CellType.inside` of cells of second order), of bricks
+              and quadrilaterals of first order also of that within their faces, in the middles, where a single row of cells that bends is
+              strained; of those cells whose law is of small strain, of all where none is; without the body's rotation, of laws of points in
+              bodies that turn without that of the point either
+    bent [rad] the largest rotation of a cell's middle from what the kinematics turns with, the reference or the body's frame; 0 where
+              rotation of points is no strain
+    left_out  energy of the strains that such rotations leave out over that of the strains that there are, see `left_out`
+    inverted  whether a cell has a negative volume somewhere (of finite strain: at a quadrature point)
+    turning   whether its kinematics covers rotation; finite: whether its materials cover any strain
+    """
 
     rotation: FloatArray
     strain: FloatArray
+    bent: FloatArray
+    left_out: FloatArray
     inverted: BoolArray
     turning: BoolArray
     finite: BoolArray
@@ -47,16 +62,17 @@ class DeformationMeasure:
 
     def __call__(self, x: FloatArray) -> Deformation:
         """The deformation at the configuration x (n_dofs,)."""
-        rotation, strain = np.zeros((2, self._count))
+        rotation, strain, bent, left_out = np.zeros((4, self._count))
         inverted, turning, finite = np.zeros((3, self._count), dtype=bool)
         for measure in self._groups:
             group = measure.floating.group
             frames = measure.floating.frames(measure.floating.displacement(x))
             rotation[group.members] = angle_of(frames.rotation)
             strain[group.members] = measure.strain(frames.strained, self._unseen)
+            bent[group.members], left_out[group.members] = measure.bent(frames, self._unseen)
             inverted[group.members] = measure.inverted(frames.strained)
             turning[group.members], finite[group.members] = group.rotates, measure.finite
-        return Deformation(rotation, strain, inverted, turning, finite)
+        return Deformation(rotation, strain, bent, left_out, inverted, turning, finite)
 
 
 class _GroupMeasure:
@@ -68,7 +84,10 @@ class _GroupMeasure:
         self._cells = group.part.cells
         limited = None if group.laws is None else group.laws.of_small_strain
         self.finite, self._stretches = limited is not None and not limited.size, limited is not None and group.rotates
-        self._inside = self._gradient(self._cell.inside, self._cells if limited is None or self.finite else self._cells[limited])
+        limited_cells = self._cells if limited is None or self.finite else self._cells[limited]
+        self._limited = limited_cells
+        self._inside = self._gradient(_strained_most(self._cell), limited_cells)
+        self._left_out = None if self.finite or self._stretches else LeftOut(group, self._gradient(self._cell.inside, limited_cells))
         components = np.sqrt(np.asarray(self._inside.multiply(self._inside).sum(axis=1)).reshape(-1, self._points.shape[1]).sum(axis=1))
         self._strain_per_motion = float(components.max()) * np.sqrt(self._cells.shape[1])
         edges = np.unique(np.sort(self._cells[:, self._cell.edges].reshape(-1, 2), axis=1), axis=0)
@@ -102,9 +121,44 @@ class _GroupMeasure:
         epsilon = 0.5 * (H + H.swapaxes(2, 3))
         if self._stretches:  # Green and Lagrange's strain, which no rotation of a point changes
             epsilon = epsilon + 0.5 * H.swapaxes(2, 3) @ H
+        if len(self._within):
+            first = len(epsilon) - len(self._within)
+            epsilon[first:] = self._within[:, None] @ epsilon[first:] @ self._within[:, None]
         most = np.argmax(np.einsum("qbij,qbij->qb", epsilon, epsilon), axis=0)
         principal: FloatArray = np.linalg.eigvalsh(epsilon[most, np.arange(len(y))])
         return np.abs(np.sqrt(1 + 2 * principal) - 1 if self._stretches else principal).max(axis=1)
+
+    @cached_property
+    def _within(self) -> FloatArray:
+        """1 - n n^T (nq nc, d, d) of the faces' middles: strains within the faces, since shear across the end faces of long cells that bend
+        is none of bodies but of the cells' few degrees of freedom, and modes within take it away."""
+        d = self._points.shape[1]
+        middles = _strained_most(self._cell)[len(self._cell.inside) :]
+        if not len(middles):
+            return np.empty((0, d, d))
+        jacobian = np.einsum("cai,qaj->qcij", self._points[self._limited], self._cell.gradient(middles))
+        normal = np.einsum("qj,qcji->qci", middles, np.linalg.inv(jacobian)).reshape(
+            -1, d
+        )  # the middle of a face of [-1, 1]^d is its normal
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        within: FloatArray = np.eye(d) - normal[:, :, None] * normal[:, None, :]
+        return within
+
+    def bent(self, frames: Frames, unseen: float) -> tuple[FloatArray, FloatArray]:
+        """Largest rotations (nb,) of cells' middles [rad] and what strains of small rotation leave out (nb,), see `Deformation`; 0 where
+        the bound of strain tells that both are small."""
+        angle, share = np.zeros((2, len(frames.rotation)))
+        if self._left_out is None:
+            return angle, share
+        turns = self.floating.group.rotates
+        y = frames.strained
+        bound = self._strain_per_motion * np.sqrt(np.einsum("bni,bni->bn", y, y).max(axis=1))
+        if not turns:
+            bound += angle_of(frames.rotation)
+        for b in np.flatnonzero(bound >= min(unseen, UNBENT)):
+            moved = y[b] if turns else frames.arm[b] - self.floating.arm
+            angle[b], share[b] = self._left_out(moved)
+        return angle, share
 
     def inverted(self, y: FloatArray) -> BoolArray:
         found = np.zeros(len(y), dtype=bool)
@@ -118,3 +172,10 @@ class _GroupMeasure:
             H = self._displacement_gradient(self._gradient(self._where, self._cells), y[suspect])
             found[suspect] = np.any(np.linalg.det(np.eye(y.shape[2]) + H) <= 0, axis=0)
         return found
+
+
+def _strained_most(cell: CellType) -> FloatArray:
+    """Where strain is measured (nq, d): `CellType.inside`; of first order but simplices the middles of the faces, too."""
+    if cell.simplex or cell.order > 1:
+        return cell.inside
+    return np.concatenate([cell.inside, cell.nodes[cell.facets].mean(axis=1)])

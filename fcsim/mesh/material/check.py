@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.mesh.material.law import Circumstances, PointLaw, initial_variables
+from fcsim.mesh.material.law import Circumstances, PointLaw, Response, initial_variables
 
 TRIED = 1e-6
 """Of the strains that are tried: below what yields, cracks or locks."""
@@ -77,7 +77,8 @@ def _direction(k: int, l: int, finite: bool) -> FloatArray:
 
 def refuse_wrong(law: PointLaw, what: str) -> None:
     """InputError for stress or tangent that is not finite at no strain, stress that is not symmetric (it would make angular momentum) or,
-    of finite strain, not the same in a turned body, and a tangent that is not the derivative of the stress."""
+    of finite strain, not the same in a turned body, a tangent that is not the derivative of the stress, or of an unstable material,
+    dissipation below zero and a stored energy that is not the work of the stress."""
     rest = np.eye(3)[None] if law.strain == "finite" else np.zeros((1, 3, 3))
     stress, tangent = _asked(law, rest, what)
     if not (np.all(np.isfinite(stress)) and np.all(np.isfinite(tangent))):
@@ -91,8 +92,13 @@ def refuse_wrong(law: PointLaw, what: str) -> None:
     if skew > _UNSEEN * size:
         name = "P F^T" if law.strain == "finite" else "sigma"
         raise InputError(f"{what}: expected a symmetric stress {name}, got one whose halves differ by {skew / size:.2g} of it")
+    _refuse_unstable(tangent, noise, what)
+    _refuse_energies(law, rest, noise, what)
     differences = np.stack([_slope(law, rest + noise, k, l, what) for k in range(3) for l in range(3)], axis=-1).reshape(tangent.shape)
-    off = np.median(np.abs(differences - tangent).max(axis=(1, 2, 3, 4)) / np.abs(differences).max())
+    slope = float(np.abs(differences).max())
+    if not slope > 0:
+        raise InputError(f"{what}: expected a stress that resists strain, got none at strains of {TRIED:g}")
+    off = np.median(np.abs(differences - tangent).max(axis=(1, 2, 3, 4)) / slope)
     if not off <= WRONG:
         raise InputError(
             f"{what}: expected the tangent to be the derivative of the stress, [i, j, k, l] = d stress_ij / d strain_kl, got one that "
@@ -108,17 +114,48 @@ def refuse_wrong(law: PointLaw, what: str) -> None:
             )
 
 
+def _refuse_unstable(tangent: FloatArray, noise: FloatArray, what: str) -> None:
+    """Most of the tried strains meet less than no resistance; kinks and materials without tension may have none."""
+    work = np.einsum("nij,nijkl,nkl->n", noise, tangent, noise)
+    if np.median(work) < -_UNSEEN * np.abs(tangent).max() * TRIED**2:
+        raise InputError(f"{what}: expected a stress that resists strain from the beginning, got one that pushes on: is its sign wrong?")
+
+
+def _refuse_energies(law: PointLaw, rest: FloatArray, noise: FloatArray, what: str) -> None:
+    """The energy stored and dissipated at the tried strains, where a law says any, against the work of the stress on the way there."""
+    answers = [_response(law, rest + share * noise, what) for share in (0.0, 0.5, 1.0)]
+    stored, lost = answers[2].energy - answers[0].energy, answers[2].dissipated
+    size = float(np.abs(answers[2].stress).max()) * TRIED
+    if lost.min() < -_UNSEEN * size:
+        raise InputError(f"{what}: expected dissipated energy >= 0, got {lost.min():.3g} J/m^3 at strains of {TRIED:g}")
+    if not np.any(answers[2].energy):
+        return
+    mean = (answers[0].stress + 4 * answers[1].stress + answers[2].stress) / 6
+    work = np.einsum("nij,nij->n", mean, noise)
+    off = float(np.median(np.abs(stored + lost - work)) / max(float(np.abs(work).max()), 1e-300))
+    # below the digits of a large constant in the energy nothing can be told
+    if off > WRONG and np.abs(work).max() > 1e-12 * np.abs(answers[2].energy).max():
+        raise InputError(
+            f"{what}: expected an energy whose change is the work of the stress, what is dissipated apart, got one that differs by "
+            f"{off:.2g} of it at strains of {TRIED:g}"
+        )
+
+
 def _asked(law: PointLaw, strain: FloatArray, what: str) -> tuple[FloatArray, FloatArray]:
+    answer = _response(law, strain, what)
+    assert answer.tangent is not None
+    return answer.stress, answer.tangent
+
+
+def _response(law: PointLaw, strain: FloatArray, what: str) -> Response:
     before = np.tile(initial_variables(law), (len(strain), 1))
     try:
         with np.errstate(all="ignore"):
-            answer = law.respond(strain, before, Circumstances(np.zeros((len(strain), 3)), 0.0, 0.0), True)
+            return law.respond(strain, before, Circumstances(np.zeros((len(strain), 3)), 0.0, 0.0), True)
     except InputError:
         raise
     except Exception as error:
         raise InputError(f"{what}: expected an answer to {len(strain)} points, it raised {type(error).__name__}: {error}") from error
-    assert answer.tangent is not None
-    return answer.stress, answer.tangent
 
 
 def _slope(law: PointLaw, strain: FloatArray, k: int, l: int, what: str) -> FloatArray:

@@ -30,7 +30,7 @@ class CompiledEnergy:
         mesh = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(1,)))
         z = ufl.variable(ufl.Coefficient(ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=shape))))
         numbers = ufl.Constant(mesh, shape=(max(len(names), 1),))
-        W = ufl.as_ufl(energy(z, {name: numbers[k] for k, name in enumerate(names)}))
+        W = _asked(energy, z, {name: numbers[k] for k, name in enumerate(names)})
         if W.ufl_shape != ():
             raise InputError(f"energy: expected a scalar in UFL, got one of shape {W.ufl_shape}")
         first = ufl.diff(W, z)
@@ -60,6 +60,19 @@ class CompiledEnergy:
         second[:, rows, columns] = out[:, 1 + k :]
         second[:, columns, rows] = out[:, 1 + k :]
         return out[:, 0], out[:, 1 : 1 + k], second
+
+
+def _asked(energy: Callable[..., Expr], z: Expr, numbers: Mapping[str, Expr]) -> Expr:
+    import ufl
+
+    try:
+        return ufl.as_ufl(energy(z, numbers))
+    except Exception as error:
+        known = ", ".join(map(repr, numbers)) or "none"
+        raise InputError(
+            f"energy: expected a scalar in UFL (ufl.ln, ufl.det, ...) of a measure of strain with indices 0 to {z.ufl_shape[0] - 1} and of "
+            f"p (parameters: {known}), it raised {type(error).__name__}: {error}"
+        ) from error
 
 
 _COMPILED: dict[tuple[Hashable, ...], CompiledEnergy] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -48,8 +49,8 @@ class Hyperelastic(_OfEnergy):
     """A material whose energy per reference volume [J/m^3] is `energy(F, p)`, a UFL expression of the deformation gradient F (3, 3), always
     in three dimensions, and of the numbers p["name"] in `parameters`. Stress and tangent are UFL's derivatives, compiled by ffcx.
 
-    Zero at F = 1 and there without stress, or the body is under stress as it is given: refused where it is not. Points with det F <= 0 are
-    not admissible. Shared functions are compiled once, whatever the parameters.
+    Counted from F = 1, and there without stress, or the body is under stress as it is given: refused where it is. Points with det F <= 0
+    are not admissible. Shared functions are compiled once, whatever the parameters.
     """
 
     def __post_init__(self) -> None:
@@ -65,7 +66,11 @@ class Hyperelastic(_OfEnergy):
         n = len(strain)
         W, P, A = self._compiled(strain.reshape(n, 9), np.array(list(self.parameters.values()), dtype=float))
         P = np.where(np.linalg.det(strain)[:, None] > 0, P, np.nan).reshape(n, 3, 3)
-        return Response(P, A.reshape(n, 3, 3, 3, 3) if tangent else None, W, np.zeros(n), before)
+        return Response(P, A.reshape(n, 3, 3, 3, 3) if tangent else None, W - self._at_rest, np.zeros(n), before)
+
+    @cached_property
+    def _at_rest(self) -> float:
+        return float(self._compiled(np.eye(3).reshape(1, 9), np.array(list(self.parameters.values()), dtype=float))[0][0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +95,15 @@ class OfStretches(_OfEnergy):
     def respond(self, strain: FloatArray, before: FloatArray, at: Circumstances, tangent: bool) -> Response:
         W, P, A = energy_of_stretches(strain, self._of, tangent)
         P = np.where(np.linalg.det(strain)[:, None, None] > 0, P, np.nan)
-        return Response(P, A, W, np.zeros(len(strain)), before)
+        return Response(P, A, W - self._at_rest, np.zeros(len(strain)), before)
+
+    @cached_property
+    def _at_rest(self) -> float:
+        return float(self._energies(np.ones((1, 3)))[0])
+
+
+_NONE = 1e-12
+"""Share of the stiffness that is round-off."""
 
 
 def _refuse_prestress(what: str, law: Hyperelastic | OfStretches) -> None:
@@ -106,7 +119,7 @@ def _refuse_prestress(what: str, law: Hyperelastic | OfStretches) -> None:
             "-mu ln J is missing, or a parameter has another unit"
         )
     sheared = np.array([np.diag([1, -1, 0]), np.diag([0, 1, -1]), np.eye(3), *_SHEARS]) / np.sqrt(3)
-    if np.einsum("nij,ijkl,nkl->n", sheared, answer.tangent[0], sheared).min() <= 0:
+    if np.einsum("nij,ijkl,nkl->n", sheared, answer.tangent[0], sheared).min() <= _NONE * stiffness:
         raise InputError(
             f"{what}, energy: expected one that every small strain raises from F = 1, got one that some strain lowers or leaves"
         )

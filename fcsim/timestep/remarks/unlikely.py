@@ -48,9 +48,10 @@ def soft_or_stiff(model: Model, gravity: FloatArray, on_earth: bool) -> Iterator
     in any solid (said of SI units alone, which gravity tells)."""
     g = float(np.linalg.norm(gravity))
     for body in model.deformable:
-        E, density = getattr(body.part.material, "E", None), getattr(body.part.material, "density", None)
-        if not E or not density or g == 0:
+        moduli, density = _moduli(body.part.material), getattr(body.part.material, "density", None)
+        if not moduli or not density or g == 0:
             continue
+        E = min(moduli)
         strain = density * g * _height(body, gravity / g) / E
         if strain > SQUEEZED:
             yield (
@@ -58,6 +59,7 @@ def soft_or_stiff(model: Model, gravity: FloatArray, on_earth: bool) -> Iterator
                 "is E in Pa (1 GPa is 1e9 Pa)?"
             )
             return
+        E = max(moduli)
         sound = float(np.sqrt(E / density))
         if on_earth and sound > FASTEST:
             yield (
@@ -65,6 +67,13 @@ def soft_or_stiff(model: Model, gravity: FloatArray, on_earth: bool) -> Iterator
                 "is the density in kg/m^3 (1 g/cm^3 is 1000 kg/m^3), E in Pa?"
             )
             return
+
+
+def _moduli(material: object) -> tuple[float, ...]:
+    """Young's moduli > 0 that a material says it has: one, or one along each of its axes."""
+    E = getattr(material, "E", None)
+    named = E if isinstance(E, tuple) else (E,)
+    return tuple(float(value) for value in named if isinstance(value, int | float | np.number) and value > 0)
 
 
 def _height(body: Body, down: FloatArray) -> float:

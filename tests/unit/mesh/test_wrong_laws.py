@@ -7,7 +7,7 @@ import pytest
 
 from fcsim.errors import InputError
 from fcsim.mesh.material import Hyperelastic, Material, OfStretches, PointFunction, Variable, check_law
-from fcsim.mesh.material.law import as_tensor
+from fcsim.mesh.material.law import Circumstances, as_tensor
 
 C = as_tensor(Material(3e9, 0.25, 1.0).elasticity)
 
@@ -30,6 +30,10 @@ def green(F: np.ndarray, before: np.ndarray, at: Any) -> tuple[Any, ...]:
         (lambda e, b, at: (hooke(e)[0] / np.linalg.norm(e, axis=(1, 2))[:, None, None], hooke(e)[1], b), "small", "finite stress"),
         (lambda e, b, at: (*hooke(e), b[:, 3]), "small", "raised IndexError"),
         (green, "finite", "turns with the body"),
+        (lambda e, b, at: (*(-x for x in hooke(e)), b), "small", "is its sign wrong"),
+        (lambda e, b, at: (*(0 * x for x in hooke(e)), b), "small", "got none at strains"),
+        (lambda e, b, at: (*hooke(e), b, 0 * e[:, 0, 0], 0 * e[:, 0, 0] - 1e3), "small", "dissipated energy >= 0"),
+        (lambda e, b, at: (*hooke(e), b, np.einsum("nij,nij->n", e, hooke(e)[0]), 0 * e[:, 0, 0]), "small", "work of the stress"),
     ],
 )
 def test_functions(function: Any, strain: Any, text: str) -> None:
@@ -42,6 +46,57 @@ def test_energies_that_see_rotations() -> None:
 
     with pytest.raises(InputError, match=r"turns with the body|symmetric stress"):
         Hyperelastic(lambda F, p: p["E"] * ufl.inner(F - ufl.Identity(3), F - ufl.Identity(3)), 1.0, {"E": 1e6})
+
+
+ENERGIES: dict[str, tuple[Any, str]] = {
+    "sign": (lambda F, p: -p["a"] * (0.5 * _square(F) - _ln(F) + _ln(F) ** 2), "every small strain raises"),
+    "without volume": (lambda F, p: p["a"] * (_det(F) ** (-2 / 3) * _square(F) - 3), "every small strain raises"),
+    "without shape": (lambda F, p: p["a"] * (_det(F) - 1) ** 2, "every small strain raises"),
+    "under stress": (lambda F, p: p["a"] * (_square(F) - 3 + _ln(F) ** 2), "no stress at F = 1"),
+    "of F F": (lambda F, p: p["a"] * _square(F * F - _unit()), "turns with the body"),
+    "parameter": (lambda F, p: p["b"] * _square(F), r"p \(parameters: 'a'\), it raised KeyError"),
+    "by NumPy": (lambda F, p: np.linalg.det(F), "in UFL.* it raised LinAlgError"),
+    "index": (lambda F, p: F[3, 3], "indices 0 to 2"),
+    "nothing": (lambda F, p: None, "in UFL"),
+}
+
+
+@pytest.mark.parametrize("name", ENERGIES)
+def test_energies(name: str) -> None:
+    energy, text = ENERGIES[name]
+    with pytest.raises(InputError, match=text):
+        Hyperelastic(energy, 1.0, {"a": 1e6})
+
+
+def test_a_constant_in_an_energy_is_none() -> None:
+    """Energies are counted from F = 1."""
+    law = Hyperelastic(lambda F, p: p["a"] * (0.5 * _square(F) - _ln(F) + _ln(F) ** 2), 1.0, {"a": 1e6})
+    at = Circumstances(np.zeros((1, 3)), 0.0, 0.0)
+    assert law.respond(np.eye(3)[None], np.empty((1, 0)), at, False).energy[0] == 0.0
+
+
+def _det(F: Any) -> Any:
+    import ufl
+
+    return ufl.det(F)
+
+
+def _ln(F: Any) -> Any:
+    import ufl
+
+    return ufl.ln(ufl.det(F))
+
+
+def _square(F: Any) -> Any:
+    import ufl
+
+    return ufl.inner(F, F)
+
+
+def _unit() -> Any:
+    import ufl
+
+    return ufl.Identity(3)
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])

@@ -1,0 +1,104 @@
+"""What strains of small rotation leave out of a body that bends: their squares, which stretch what cannot draw in.
+
+With H the displacement gradient, eps = (H + H^T) / 2 and Q = H^T H / 2, Green and Lagrange's strain is eps + Q. A body that is free to draw
+in takes up Q by a displacement d: a strip that bends by any small slope does so at no cost. Where supports or its own shape (a plate bent
+two ways) keep it from that, what remains is energy that the linear body lacks,
+
+    W = min over d of  integral of (eps(d) + Q) : C : (eps(d) + Q) / 2 = integral of Q : C : Q / 2 - r . K^-1 r / 2,  r = -df/dd at d = 0
+
+For a strip between two clamps that is bent by w it is 3/8 (w / h)^2 of the energy of bending, h the thickness, and its force is twice that
+share too small.
+
+Source: S. P. Timoshenko, S. Woinowsky-Krieger, Theory of plates and shells, 1959, chapter 13 (large deflections).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.elasticity import elasticity_matrix
+from fcsim.assembly.groups import Group
+from fcsim.linear.factors import Factor, factorise
+from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material.by_region import ByRegion
+from fcsim.mesh.material.law import as_tensor
+from fcsim.mesh.region_parts import region_parts
+
+UNTRIED = 0.05
+"""Q over eps below which Q is not looked into: its energy is less than the square of that of the whole."""
+SOFT = 1e-10
+"""Share of the stiffness that holds what no support holds; r has no resultant and no moment."""
+
+
+class LeftOut:
+    """Rotation of cells' middles and the energy that is left out, of bodies of one group; gradient (nq nc d, nn): derivatives of nodal
+    values at the points `CellType.inside` of all cells."""
+
+    def __init__(self, group: Group, gradient: sp.csr_array) -> None:
+        self._group, self._gradient = group, gradient
+
+    def __call__(self, x: FloatArray) -> tuple[float, float]:
+        """The largest rotation of a cell's middle [rad] and W over the body's energy x . K x / 2, for displacements x (nn, d) [m]."""
+        d = x.shape[1]
+        H = (self._gradient @ x).reshape(-1, d, d).transpose(0, 2, 1)
+        eps, Q = 0.5 * (H + H.transpose(0, 2, 1)), 0.5 * H.transpose(0, 2, 1) @ H
+        axial = H - H.transpose(0, 2, 1)
+        sine = np.sqrt(np.einsum("nij,nij->n", axial, axial) / 8)
+        cosine = 1 + 0.5 * np.trace(H, axis1=1, axis2=2)
+        angle = float(np.arctan2(sine, cosine).max())
+        if _largest(Q) <= UNTRIED * _largest(eps):
+            return angle, 0.0
+        return angle, self._share(x, Q)
+
+    def _share(self, x: FloatArray, Q: FloatArray) -> float:
+        group = self._group
+        energy = 0.5 * float(x.ravel() @ (group.K @ x.ravel()))
+        turned = np.einsum("ki,nkl,lj->nij", group.rotation, Q, group.rotation)
+        stress = np.einsum("nijkl,nkl->nij", self._elasticity, turned) * self._volume[:, None, None]
+        whole = 0.5 * float(np.einsum("nij,nij->", stress, turned))
+        stress = np.einsum("ik,nkl,jl->nij", group.rotation, stress, group.rotation)
+        r = (self._gradient.T @ stress.transpose(0, 2, 1).reshape(-1, x.shape[1])).ravel()
+        if group.axes_matrix is not None:
+            r = group.axes_matrix @ r
+        r = r[~group.driven]
+        remains = whole - 0.5 * float(r @ self._factor.solve(r)) if r.size else whole
+        return max(remains, 0.0) / energy if energy > 0 else 0.0
+
+    @cached_property
+    def _factor(self) -> Factor:
+        T, K, free = self._group.axes_matrix, self._group.K, ~self._group.driven
+        K = sp.csr_array((K if T is None else T @ K @ T.T).tocsr()[free][:, free])
+        return factorise(sp.csr_array(K + sp.diags_array(SOFT * K.diagonal())))
+
+    @cached_property
+    def _volume(self) -> FloatArray:
+        """Of the points (nq nc,) [m^3]: equal shares of the reference cell."""
+        part = self._group.part
+        cell = CELL_TYPES[part.cell_type]
+        reference = 1 / (2 if part.dimension == 2 else 6) if cell.simplex else 2.0**part.dimension
+        jacobian = np.einsum("cai,qaj->qcij", part.points[part.cells], cell.gradient(cell.inside))
+        volume: FloatArray = np.linalg.det(jacobian).ravel() * (reference * part.thickness / len(cell.inside))
+        return volume
+
+    @cached_property
+    def _elasticity(self) -> FloatArray:
+        """(nq nc, d, d, d, d) [Pa] in the part's axes."""
+        group, d = self._group, self._group.part.dimension
+        cells = np.empty((len(group.part.cells), d, d, d, d))
+        if group.laws is not None:
+            for law in group.laws.regions:
+                cells[law.numbers] = law.reference[:d, :d, :d, :d]
+        elif isinstance(group.part.material, ByRegion):
+            for region in region_parts(group.part):
+                cells[region.cells] = as_tensor(elasticity_matrix(region.part))[:d, :d, :d, :d]
+        else:
+            cells[:] = as_tensor(elasticity_matrix(group.part))[:d, :d, :d, :d]
+        return np.concatenate([cells] * len(CELL_TYPES[group.part.cell_type].inside))
+
+
+def _largest(strain: FloatArray) -> float:
+    return float(np.sqrt(np.einsum("nij,nij->n", strain, strain).max()))
