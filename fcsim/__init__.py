@@ -18,7 +18,7 @@ _moved.watch_imports()
 if TYPE_CHECKING:
     from fcsim.arrays import FloatArray
     from fcsim.assembly.forms import forms_of, part_from_dolfinx
-    from fcsim.assembly.loads import FormLoad, NodalForces, nodal_area
+    from fcsim.assembly.loads import BodyForce, FollowerForce, FollowerPressure, Force, FormLoad, NodalForces, Traction, nodal_area
     from fcsim.assembly.model import Model, build_model
     from fcsim.assembly.supports import DrivenRotation, Support
     from fcsim.assembly.time_functions import AccelerationRecord, GravityRamp, read_acceleration_record
@@ -64,6 +64,10 @@ if TYPE_CHECKING:
     from fcsim.witness import Witness
 
 _HOME = {
+    "BodyForce": "assembly.loads",
+    "FollowerForce": "assembly.loads",
+    "FollowerPressure": "assembly.loads",
+    "Force": "assembly.loads",
     "SOLVERS": "solvers",
     "AccelerationRecord": "assembly.time_functions",
     "Ball": "linkage",
@@ -119,6 +123,7 @@ _HOME = {
     "SurfacePair": "contact_detection",
     "Theta": "timestep.theta",
     "Tied": "linkage",
+    "Traction": "assembly.loads",
     "Velocity": "contact_law",
     "WithCables": "linkage",
     "Witness": "witness",
@@ -152,6 +157,7 @@ __all__ = [
     "AccelerationRecord",
     "Ball",
     "Body",
+    "BodyForce",
     "Bonded",
     "Cable",
     "Case",
@@ -167,6 +173,9 @@ __all__ = [
     "ExactContacts",
     "FcsimError",
     "FloatArray",
+    "FollowerForce",
+    "FollowerPressure",
+    "Force",
     "FormLoad",
     "Gap",
     "GeneralisedAlpha",
@@ -203,6 +212,7 @@ __all__ = [
     "SurfacePair",
     "Theta",
     "Tied",
+    "Traction",
     "Velocity",
     "WithCables",
     "Witness",
