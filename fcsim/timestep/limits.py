@@ -16,6 +16,9 @@ NAMED_ROTATION, NAMED_STRAIN, NAMED_LEFT_OUT = 2.0, 0.05, 0.025
 """From which a run says so: degrees of a body of linear kinematics, or of a part of a body of linear material from its frame; strain of any
 body of small strain; share of energy that bending leaves out, see `fcsim.assembly.kinematics.left_out`."""
 
+BENDS = 1.2
+"""Largest rotation of a part over the body's, from which it bends rather than turns: 4/3 at the end of a cantilever."""
+
 
 class KinematicsLeft(Unphysical):
     """A body has turned or is strained by more than `Limits` allow, or has an inverted cell."""
@@ -53,7 +56,7 @@ def remarks(model: Model, found: Deformation, when: str, said: frozenset[str]) -
         worst, count = int(found.left_out.argmax()), int(np.count_nonzero(found.left_out > NAMED_LEFT_OUT))
         texts["left out"] = (
             f"{when}: body {bodies[worst].name!r}{_others(count)} is bent so far that it would be stretched, too: of that its kinematics "
-            f"knows nothing, {100 * found.left_out[worst]:.3g} % of its energy, and forces are too small by about twice as much; "
+            f"knows nothing, {100 * found.left_out[worst]:.3g} % of its energy, and forces are wrong by about twice as much; "
             f"{_bends(bodies[worst])} has no such error"
         )
     if "rotation" not in said and degrees.max(initial=0.0) > NAMED_ROTATION:
@@ -61,7 +64,7 @@ def remarks(model: Model, found: Deformation, when: str, said: frozenset[str]) -
         texts["rotation"] = (
             f"{when}: body {bodies[worst].name!r}{_others(count)} of linear kinematics has turned by {degrees[worst]:.3g} degrees, "
             f"more than the {NAMED_ROTATION:g} that small rotations cover: forces are wrong by about {_sine(degrees[worst]):.2g} of "
-            'themselves, and the rotation strains it; kinematics="turning" has no such error'
+            f"themselves, and the rotation strains it; {_covers(found, worst, bodies[worst])} has no such error"
         )
     if "strain" not in said and strain.max(initial=0.0) > NAMED_STRAIN:
         worst, count = int(strain.argmax()), int(np.count_nonzero(strain > NAMED_STRAIN))
@@ -82,8 +85,8 @@ def refuse_beyond(limits: Limits, model: Model, found: Deformation, when: str) -
         worst = int(degrees.argmax())
         raise KinematicsLeft(
             f"{when}: body {bodies[worst].name!r} of linear kinematics has turned by {degrees[worst]:.3g} degrees, allowed are "
-            f'{limits.rotation:g}: its stresses and forces are not to be used. What helps: kinematics="turning" for the body or the '
-            "model; Simulation(limits=Limits(rotation=...)) allows more (inf: all)"
+            f"{limits.rotation:g}: its stresses and forces are not to be used. What helps: {_covers(found, worst, bodies[worst])}; "
+            "Simulation(limits=Limits(rotation=...)) allows more (inf: all)"
         )
     if bent.max(initial=0.0) > limits.rotation:
         worst = int(bent.argmax())
@@ -120,6 +123,13 @@ def _others(count: int) -> str:
 
 def _base(found: Deformation, body: int) -> str:
     return "the body's frame" if found.turning[body] else "the reference"
+
+
+def _covers(found: Deformation, number: int, body: Body) -> str:
+    """What covers the rotation of a linear body: of one that bends with it a floating frame does not."""
+    if found.bent[number] > BENDS * found.rotation[number]:
+        return _bends(body)
+    return 'kinematics="turning" for the body or the model'
 
 
 def _bends(body: Body) -> str:

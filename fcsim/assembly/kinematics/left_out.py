@@ -30,6 +30,8 @@ from fcsim.mesh.region_parts import region_parts
 
 UNTRIED = 0.05
 """Q over eps below which Q is not looked into: its energy is less than the square of that of the whole."""
+TAKEN_UP = 0.02
+"""Share of the energy of Q that may remain of what a body takes up: cells whose middles turn by unlike angles do not draw in exactly."""
 SOFT = 1e-10
 """Share of the stiffness that holds what no support holds; r has no resultant and no moment."""
 
@@ -66,7 +68,7 @@ class LeftOut:
             r = group.axes_matrix @ r
         r = r[~group.driven]
         remains = whole - 0.5 * float(r @ self._factor.solve(r)) if r.size else whole
-        return max(remains, 0.0) / energy if energy > 0 else 0.0
+        return remains / energy if energy > 0 and remains > TAKEN_UP * whole else 0.0
 
     @cached_property
     def _factor(self) -> Factor:
