@@ -14,6 +14,7 @@ from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection import Detection, contact_matrix
 from fcsim.contact_detection.contacts import Contacts, join
+from fcsim.contact_detection.skin.boundary import joined_by_facets
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
@@ -148,10 +149,16 @@ class Encounter:
 @dataclass(frozen=True, eq=False)
 class Anew:
     """How contacts are found at the iterates of a step of statics: met, at v (n_dofs,) and with others that are met on the way, under their
-    law; detection: the bare ones."""
+    law; detection: the bare ones, of the model's bodies."""
 
     met: Callable[[FloatArray, Contacts | None], Encounter]
     detection: Detection
+    model: Model
+
+    @cached_property
+    def joined(self) -> sp.csr_array:
+        """Which of the nodes that contacts can touch share a facet, see `joined_by_facets`."""
+        return joined_by_facets(self.model, self.detection.nodes)
 
 
 def encounter(

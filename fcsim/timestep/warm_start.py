@@ -17,6 +17,10 @@ MEMORY = 4
 """How many past steps are remembered; `warm_start` looks at all but the oldest."""
 
 
+_SAME_WAY = 0.5
+"""Cosine between a contact's normals before and after some motion; where it is less the contact is another one, of the far side."""
+
+
 @dataclass(frozen=True, eq=False)
 class Reactions:
     """The reactions of a step, to be matched contact by contact: identity (nc,), frame (nc, d, d), r (nc, d) in that frame, with rolling
@@ -47,6 +51,26 @@ class Reactions:
             if min(r.shape[1], self.r.shape[1]) > 5:
                 r[known, 5] = self.r[old, 5]
         return r.ravel()
+
+
+def carried(met: Contacts, r: FloatArray, contacts: Contacts) -> tuple[FloatArray, FloatArray]:
+    """Return r (m,) of the contacts `met` at `contacts`, the same ones after some motion, zero at new ones: r_N along the normal as it is
+    now, r_T turned with the normal, of the same length; and of r what has no contact there that looks the same way.
+
+    What the tangent of contact takes for constant (`contact_tangent`), unlike vectors in space, which turn r_N into friction."""
+    d, turned = contacts.dimension, np.zeros((len(contacts), contacts.dimension))
+    if not len(met) or not len(contacts):
+        return turned.ravel(), r
+    old = r.reshape(-1, d)
+    place = np.searchsorted(contacts.identity, met.identity).clip(max=len(contacts) - 1)
+    same = contacts.identity[place] == met.identity
+    same &= np.einsum("ad,ad->a", met.frame[:, 0], contacts.frame[place, 0]) > _SAME_WAY
+    before, place = met.frame[same], place[same]
+    tangential = np.einsum("aij,akj,ak->ai", contacts.frame[place, 1:], before[:, 1:], old[same, 1:])
+    length, size = np.linalg.norm(tangential, axis=1), np.linalg.norm(old[same, 1:], axis=1)
+    turned[place, 0] = old[same, 0]
+    turned[place, 1:] = tangential * np.divide(size, length, out=np.ones_like(size), where=length > 0)[:, None]
+    return turned.ravel(), np.where(same[:, None], 0.0, old).ravel()
 
 
 def warm_start(problem: LocalProblem, contacts: Contacts, memory: Sequence[Reactions], enough: float = 0.0) -> FloatArray:

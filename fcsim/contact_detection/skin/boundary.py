@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import IntArray
 from fcsim.assembly.model import Model
@@ -28,9 +30,23 @@ def boundary_of(model: Model) -> Boundary:
     Points of a rigid body that coincide exactly (a surface read triangle by triangle) count as one. InputError: a rigid body without
     surfaces.
     """
+    return _boundary(model, model.bodies)
+
+
+def joined_by_facets(model: Model, nodes: IntArray) -> sp.csr_array:
+    """Return (n_nodes, n_nodes) which of the nodes lie on the boundary of a deformable body and share a facet; each does with itself."""
+    facets = _boundary(model, model.deformable).facets
+    there = (facets >= 0) & np.isin(facets, nodes)
+    row = np.broadcast_to(np.arange(len(facets))[:, None], facets.shape)[there]
+    of_facet = sp.csr_array((np.ones(len(row)), (row, facets[there])), shape=(len(facets), model.n_nodes))
+    return sp.csr_array(of_facet.T @ of_facet)
+
+
+def _boundary(model: Model, bodies: Sequence[Body | RigidBody]) -> Boundary:
+    """The facets of the model's first bodies."""
     known: dict[Part, IntArray] = {}
-    found = []
-    for number, body in enumerate(model.bodies):
+    found = [np.empty((0, 4), dtype=np.int64)]
+    for number, body in enumerate(bodies):
         if isinstance(body, Body):
             if body.part not in known:
                 known[body.part] = _of_cells(body.part)
@@ -40,7 +56,7 @@ def boundary_of(model: Model) -> Boundary:
         wide = np.pad(facets, ((0, 0), (0, 4 - facets.shape[1])), constant_values=-1)
         found.append(np.where(wide < 0, -1, wide + model.node_offset[number]))
     facets = np.concatenate(found)
-    body_of_facet = np.repeat(np.arange(len(found)), [len(f) for f in found])
+    body_of_facet = np.repeat(np.arange(len(bodies)), [len(f) for f in found[1:]])
     return Boundary(facets, body_of_facet, (facets >= 0).sum(axis=1))
 
 

@@ -22,7 +22,7 @@ Bodies keep their tangent and factor while that differs by less than `KEPT`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -34,21 +34,24 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
-from fcsim.solvers.memory import Kept
 from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt, Linearised
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term, stiffened
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
+from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor
 from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
 from fcsim.timestep.step_equation.sequence import longest_flight
 from fcsim.timestep.step_equation.tangent import tangent_by_differences, tangent_by_formulas
-from fcsim.timestep.warm_start import Reactions, warm_start
+from fcsim.timestep.warm_start import carried, warm_start
 
 TOLERANCE = 1e-9
 """Of a body's residual, relative to the forces on it."""
+
+STANDS = 50.0
+"""Times `TOLERANCE`: what the contacts of the last problem, found where it began, may leave at its answer."""
 
 KEPT = 1e-5
 """A body's system matrix serves on while no entry differs by more than this share of the largest."""
@@ -76,26 +79,6 @@ that press are between two states then. Without them it is a body that loses its
 
 _SHORTEST = 1 / 64
 _SHARES = (0.01 / 1024, 0.01 / 256, 0.01 / 64, 0.01 / 16, 0.0025, 0.01, 0.04, 0.16, 0.64, 2.5)
-
-
-@dataclass(frozen=True, eq=False)
-class KeptFactor(Kept):
-    """The last system matrix with the factors of its bodies, for the steps that follow."""
-
-    factor: SystemFactor = field(kw_only=True)
-
-
-@dataclass(frozen=True, eq=False)
-class _Iterate:
-    """v (n_dofs,), r of the contacts `met`, the term there, the residuals of the bodies relative to what is allowed, l of the links, and
-    the push (n_dofs,) of pressures that follow, 0 without any."""
-
-    v: FloatArray
-    r: FloatArray
-    term: Term
-    residual: float
-    l: FloatArray
-    push: FloatArray | float
 
 
 def solve_nonlinear(
@@ -136,7 +119,7 @@ class _Newton:
         equation = self.equation
         lead = past.lead
         first = self.inner.first()
-        now = _Iterate(first, np.empty(0), self.inner.at(first, tangent=True), np.inf, np.empty(0), equation.elastic.push(first))
+        now = Iterate(first, np.empty(0), self.inner.at(first, tangent=True), np.inf, np.empty(0), equation.elastic.push(first))
         if now.term.inadmissible:
             return self._failed(f"body {now.term.inadmissible!r} has no admissible state where its velocity takes it", past)
         left = float(MAX_ITERATIONS)
@@ -183,18 +166,18 @@ class _Newton:
             v = equation.velocity(result.v)  # type: ignore[arg-type]
             if (more := self._more(equation, now, v)) is not None:
                 past = past.of_the_same_step(equation.met.contacts, more.contacts, result.r)
-                equation, now = replace(equation, met=more), self._moved(replace(equation, met=more), equation.met, now)
+                further = replace(equation, met=more)
+                began = replace(now, r=np.zeros(more.rows * len(more.contacts)))
+                equation, now = further, self._moved(further, equation.met, now)[0] if self.done else began
                 continue
             found = self._way(equation, now, v, result)
             if found is None:
                 return self._failed("a body has no admissible state on the way to the answer", past)
-            new, length = found
-            met = equation.met if self.anew is None else self.anew.met(new.v, None)
-            at_rest = self.anew is None or settled(equation.met, met, new.v, new.r)
-            new = new if self.anew is None else self._moved(replace(equation, met=met), equation.met, new)
+            new, length, met = found
+            at_rest = self.anew is None or settled(equation.met, met, new.v, result.r)
             self.clock.lap("detection" if self.anew is not None else "assembly")
             self._note(problem, result, warm, new, length, factor, share)
-            if length == 1 and new.residual <= 1 and at_rest and result.error <= tol:
+            if length == 1 and new.residual <= 1 and at_rest and result.error <= tol and self._stands(equation, new, result):
                 if not tried:
                     self.attempts.append(looped_attempt(result, len(self.done), equation.share, tol))
                 return self._answer(equation, reduction, new, load + pushed, result), past
@@ -203,7 +186,7 @@ class _Newton:
             now = new if new.term.blocks else replace(new, term=self.inner.at(new.v, tangent=True))
         return self._failed("did not settle", past)
 
-    def _factor(self, now: _Iterate, past: Past) -> tuple[SystemFactor, float, Past]:
+    def _factor(self, now: Iterate, past: Past) -> tuple[SystemFactor, float, Past]:
         """The factor of A_i, the share of the first stiffness in it, and the past that keeps it; raises Indefinite."""
         kept = None if past.serving is None else past.serving.earlier(KeptFactor)
         base, blocks = self.equation.factor, self.equation.elastic.less_pressures(now.v, now.term.blocks)
@@ -227,10 +210,10 @@ class _Newton:
         elastic = self.equation.elastic
         return elastic.term(np.zeros_like(v) if elastic.rotation is None else v)
 
-    def _load(self, equation: Equation, now: _Iterate) -> FloatArray:
+    def _load(self, equation: Equation, now: Iterate) -> FloatArray:
         return equation.rest - self._linear(now.v) - now.term.force + now.push + equation.factor.apply_tangents(now.v)
 
-    def _ways(self, equation: Equation, now: _Iterate) -> Iterator[tuple[Equation, FloatArray | float, SolverSettings]]:
+    def _ways(self, equation: Equation, now: Iterate) -> Iterator[tuple[Equation, FloatArray | float, SolverSettings]]:
         """The equation with B and E by differences, for one method that is quick to say whether it arrives; then with B by formulas for the
         whole chain. Of a body that hardly anything holds W has rank one but for round-off, and E leaves nothing that has a solution.
 
@@ -248,7 +231,7 @@ class _Newton:
         yield *self._bent(equation, now, beside, differences=False), self.settings
 
     def _bent(
-        self, equation: Equation, now: _Iterate, beside: sp.csr_array | None, *, differences: bool
+        self, equation: Equation, now: Iterate, beside: sp.csr_array | None, *, differences: bool
     ) -> tuple[Equation, FloatArray | float]:
         """The equation with the geometric stiffness B of its contacts under the iterate's reactions, with what pressures have beside the
         factors, and what both add to the right side; in statics only, since contacts stay those of the step in dynamics.
@@ -265,6 +248,8 @@ class _Newton:
             return equation, pushed
         largest, bent = float(np.abs(bent.data).max()), bent if beside is None else bent + beside
         equation = replace(equation, slanted=slanted)
+        if slanted is not None:  # a method of Newton's asks for no monotony
+            return replace(equation, bent=bent), bent @ now.v
         r = now.r.reshape(-1, met.rows)
         sticks = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKS) * met.contacts.mu * r[:, 0]
         kept = np.repeat(sticks[:, None], met.rows, axis=1)
@@ -291,9 +276,14 @@ class _Newton:
         allowed = TOLERANCE / LINEAR_TOLERANCE * elastic.allowed(equation.rest, term.force, push)
         return float((elastic.norms(self.residual(equation, v, r, term, l, push)) / allowed).max(initial=0.0))
 
-    def _way(self, equation: Equation, now: _Iterate, v: FloatArray, result: Result) -> tuple[_Iterate, float] | None:
-        """How far to go from the iterate towards the answer v (n_dofs,), r: all the way where the residual does not grow."""
-        length, best = 1.0, None
+    def _stands(self, equation: Equation, new: Iterate, result: Result) -> bool:
+        """Whether the contacts of the last problem, which are those of the step, balance its answer too: they are where it began."""
+        return self.anew is None or self._relative(equation, new.v, result.r, new.term, new.l, new.push) <= STANDS
+
+    def _way(self, equation: Equation, now: Iterate, v: FloatArray, result: Result) -> tuple[Iterate, float, Encounter] | None:
+        """How far to go from the iterate towards the answer v (n_dofs,), r: all the way where the residual, with contacts as they are
+        found there, does not grow; and these."""
+        length, least, best = 1.0, np.inf, None
         lengths = [one.length for one in self.done]
         jammed = bool(np.any(result.r)) and any(len(lengths) >= n and max(lengths[-n:]) < limit for n, limit in JAMMED)
         r0 = now.r if now.r.shape == result.r.shape else result.r
@@ -303,37 +293,37 @@ class _Newton:
             w, r, l = (v, result.r, l1) if length == 1 else (a + length * (b - a) for a, b in ((now.v, v), (r0, result.r), (l0, l1)))
             term = self.inner.at(w, tangent=not self.done)  # after the first problem there is a second one
             if not term.inadmissible:
-                push = equation.elastic.push(w)
-                size = self._relative(equation, w, r, term, l, push)
-                found = _Iterate(w, r, term, size, l, push), length
+                met = equation.met if self.anew is None else self.anew.met(w, None)
+                there = Iterate(w, r, term, np.inf, l, equation.elastic.push(w))
+                new, left = self._moved(replace(equation, met=met), equation.met, there)
+                found, size = (new, length, met), new.residual
+                if left.any():  # goes on pressing here: contacts that are passed are seen on the way only
+                    size = self._relative(replace(equation, met=met), w, new.r, term, l, there.push + equation.met.impulse(left))
                 if jammed or size <= max(1.0, now.residual):
                     return found
-                best = found if best is None or size < best[0].residual else best
+                best, least = (found, size) if size < least else (best, least)
             length *= 0.5
         return best
 
-    def _more(self, equation: Equation, now: _Iterate, v: FloatArray) -> Encounter | None:
+    def _more(self, equation: Equation, now: Iterate, v: FloatArray) -> Encounter | None:
         """The contacts of the iterate with those that the way to the answer v (n_dofs,) passes; None where it passes no others."""
         if self.anew is None:
             return None
         self.passed = passed(equation, self.anew, now.v, v, self.extent, self.passed)
         return None if self.passed is None else self.anew.met(now.v, self.passed)
 
-    def _moved(self, equation: Equation, earlier: Encounter, new: _Iterate) -> _Iterate:
-        """The iterate with its reactions at the contacts as they are found there, and the residual with these."""
-        if not new.r.size:
-            return replace(new, r=np.zeros(equation.met.rows * len(equation.met.contacts)))
-        old = Reactions(earlier.contacts.identity, earlier.contacts.frame, new.r.reshape(-1, earlier.contacts.dimension))
-        r = old.transfer(equation.met.contacts)
-        return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l, new.push))
+    def _moved(self, equation: Equation, earlier: Encounter, new: Iterate) -> tuple[Iterate, FloatArray]:
+        """The iterate with its reactions at the contacts as they are found there, and the residual with these; what of them has none."""
+        r, left = (new.r, np.zeros(0)) if equation.met is earlier else carried(earlier.contacts, new.r, equation.met.contacts)
+        return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l, new.push)), left
 
     def _note(
-        self, problem: GlobalProblem, result: Result, start: FloatArray, new: _Iterate, length: float, factor: SystemFactor, share: float
+        self, problem: GlobalProblem, result: Result, start: FloatArray, new: Iterate, length: float, factor: SystemFactor, share: float
     ) -> None:
         fresh = sum(group.fresh for group in factor.nonlinear_groups)
         self.done.append(Linearised(problem, result, start, TOLERANCE * new.residual, length, fresh, share))
 
-    def _answer(self, equation: Equation, reduction: Reduction, new: _Iterate, load: FloatArray, result: Result) -> Answer:
+    def _answer(self, equation: Equation, reduction: Reduction, new: Iterate, load: FloatArray, result: Result) -> Answer:
         """The answer; its right side is that of the nonlinear equation, so that what supports take is what they take of it."""
         exact = equation.rest - self._linear(new.v) - new.term.force + new.push + equation.factor.apply_tangents(new.v)
         assert self.start is not None

@@ -32,9 +32,7 @@ def tangent_by_differences(equation: Equation, anew: Anew, v: FloatArray, r: Flo
     pressed = met.contacts.take(those)
     force = np.einsum("aij,ai->aj", pressed.frame, reaction.reshape(-1, d)[those])
     motion = model.node_velocity(v, x)
-    soft = detection.nodes[detection.nodes < model.n_elastic // d]
-    nodes = soft, np.searchsorted(model.node_offset, soft, side="right") - 1
-    slopes = contact_slopes(detection, pressed, force, motion, nodes, model.positions(x))
+    slopes = contact_slopes(detection, pressed, force, motion, anew.joined, model.positions(x))
     if slopes is None:
         return None, None
     B, E = slopes

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, Everything, SurfacePair
+from fcsim.contact_detection.skin.boundary import joined_by_facets
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import brick, rectangle
 from fcsim.mesh.material import neo_hooke
@@ -49,9 +50,9 @@ def drawn(
 
 
 def orders(step: Step) -> list[float]:
-    """Of convergence at each iteration whose residuals are below 1 % and above round-off."""
+    """Of convergence at each iteration whose residuals are below 10 % and above round-off."""
     r = [problem.residual for problem in step.linearised]
-    return [np.log(r[k + 1] / r[k]) / np.log(r[k] / r[k - 1]) for k in range(1, len(r) - 1) if r[k - 1] < 1e-2 and r[k + 1] > 1e-12]
+    return [np.log(r[k + 1] / r[k]) / np.log(r[k] / r[k - 1]) for k in range(1, len(r) - 1) if r[k - 1] < 1e-1 and r[k + 1] > 1e-12]
 
 
 @pytest.mark.parametrize(
@@ -98,9 +99,22 @@ def test_the_problem_is_the_one_that_its_own_matrix_says(rule: dict[str, Any]) -
         assert_allclose(own, W, atol=1e-9 * abs(W).max())
 
 
-@pytest.mark.parametrize(("dimension", "rule"), [(2, SMOOTH), (2, MORTAR), (3, SMOOTH), (3, MORTAR)])
-def test_slopes_are_those_of_forces_and_gaps(dimension: int, rule: dict[str, Any]) -> None:
-    """Moved all together in a direction, nodes change forces and gaps as coloured differences say."""
+@pytest.mark.parametrize(
+    ("dimension", "rule", "graded"),
+    [
+        (2, SMOOTH, 0.0),
+        (2, MORTAR, 0.0),
+        (3, SMOOTH, 0.0),
+        (3, MORTAR, 0.0),
+        (2, SMOOTH, 1.5),
+        (2, SMOOTH, -0.45),
+        (2, MORTAR, 1.5),
+        (3, SMOOTH, 1.5),
+    ],
+)
+def test_slopes_are_those_of_forces_and_gaps(dimension: int, rule: dict[str, Any], graded: float) -> None:
+    """Moved all together in a direction, nodes change forces and gaps as coloured differences say, where facets grow along the surface by
+    the strain `graded` x, too: the far end of a long facet beside a short one turns the normal at their common node."""
     rng, soft = np.random.default_rng(5), neo_hooke(1e6, 0.3, 1.0)
     if dimension == 2:
         lower, upper = rectangle("a", (1.0, 0.3), (5, 1), soft), rectangle("b", (0.6, 0.3), (4, 1), soft)
@@ -112,11 +126,11 @@ def test_slopes_are_those_of_forces_and_gaps(dimension: int, rule: dict[str, Any
     surfaces = (contact_surface(model, [of]) for of in (("b", down), ("a", up)))
     detector = Detector([SurfacePair(*surfaces, 0.3, 0.05, **rule)], model.n_nodes)
     x = model.reference + 1e-3 * rng.normal(size=model.reference.shape)
+    x[:, : dimension - 1] += graded * x[:, : dimension - 1] ** 2
     met = detector(x)
     force, way = rng.normal(size=(len(met), dimension)), rng.normal(size=x.shape)
     motion = rng.normal(size=x.shape)
-    nodes = detector.nodes, np.searchsorted(model.node_offset, detector.nodes, side="right") - 1
-    slopes = contact_slopes(detector, met, force, motion, nodes, x)
+    slopes = contact_slopes(detector, met, force, motion, joined_by_facets(model, detector.nodes), x)
     assert slopes is not None
     B, E = slopes
 

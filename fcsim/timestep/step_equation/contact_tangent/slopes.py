@@ -15,7 +15,6 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
@@ -27,27 +26,25 @@ STEP = 1e-7
 MOST = 120
 """Detections that a derivative may cost."""
 
-_MORE = 1.01
-
 
 def contact_slopes(
     detect: Callable[[FloatArray], Contacts],
     contacts: Contacts,
     force: FloatArray,
     motion: FloatArray,
-    nodes: tuple[IntArray, IntArray],
+    joined: sp.csr_array,
     positions: FloatArray,
 ) -> tuple[sp.csr_array, sp.csr_array] | None:
     """Return B = -d(H r)/dx (d n_nodes, d n_nodes) and E (d n_nodes, d nc), the derivative of gaps beyond N . weights and that of the slips
     T . weights . motion by the change of frames and weights alone.
 
     detect: the detection at positions (n_nodes, d) [m]; contacts: chosen ones of what it finds there; force (nc, d) [N]: what acts on the
-    slave, in world axes; motion (n_nodes, d) [m]: of the nodes, whose slip the law means; nodes: those of deformable bodies that contacts
-    can touch, and their bodies. Nodes of rigid bodies, which do not move one by one, are left out. None where it would take more than
-    `MOST` detections.
+    slave, in world axes; motion (n_nodes, d) [m]: of the nodes, whose slip the law means; joined (n_nodes, n_nodes): which nodes
+    share a facet, see `joined_by_facets`. Nodes of rigid bodies, which do not move one by one, are left out. None where it would take more
+    than `MOST` detections.
     """
     d, n = contacts.dimension, len(positions)
-    depends = _dependence(contacts, *nodes, positions)
+    depends = _dependence(contacts, joined)
     colour = _colours(depends)
     if d * (int(colour.max(initial=-1)) + 1) > MOST:
         return None
@@ -71,8 +68,7 @@ def contact_slopes(
             for row in range(d):
                 E.plain(d * mover + axis, d * each + row, slopes[:, row], seen)
     N = contacts.frame[:, 0]
-    movable = np.zeros(n, dtype=bool)
-    movable[nodes[0]] = True
+    movable = joined.diagonal() > 0
     for k in range(contacts.nodes.shape[1]):
         real = (contacts.nodes[:, k] >= 0) & movable[contacts.nodes[:, k]]
         for axis in range(d):
@@ -132,25 +128,18 @@ class _Entries:
         return sp.csr_array((values, (rows.astype(np.int64), columns.astype(np.int64))), shape=shape)
 
 
-def _dependence(contacts: Contacts, nodes: IntArray, body: IntArray, positions: FloatArray) -> sp.csr_array:
-    """(nc, n_nodes) which of the nodes a contact may depend on: its own, and those of the master as near as the far ends of facets beside
-    its own."""
+def _dependence(contacts: Contacts, joined: sp.csr_array) -> sp.csr_array:
+    """(nc, n_nodes) which of the nodes a contact may depend on: of its own those that move one by one, and what shares a facet with those
+    of its master."""
     real = contacts.nodes >= 0
-    master = real & (contacts.weights <= 0)
-    own = np.where(master[:, :, None], positions[contacts.nodes], contacts.point[:, None])
-    reach = np.linalg.norm(own - contacts.point[:, None], axis=2).max(axis=1)
-    reach = _MORE * (reach + np.linalg.norm(np.ptp(own, axis=1), axis=1))
-    near = cKDTree(positions[nodes]).query_ball_point(contacts.point, reach)
-    row = np.repeat(np.arange(len(contacts)), [len(those) for those in near])
-    place = np.concatenate([np.asarray(those, dtype=np.int64) for those in near])
-    kept = body[place] == contacts.bodies[row, 1]
-    row, column = row[kept], nodes[place[kept]]
-    movable = np.zeros(len(positions), dtype=bool)
-    movable[nodes] = True
-    real &= movable[contacts.nodes]
-    rows = np.concatenate([row, np.broadcast_to(np.arange(len(contacts))[:, None], real.shape)[real]])
-    columns = np.concatenate([column, contacts.nodes[real]])
-    return sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=(len(contacts), len(positions)))
+    row = np.broadcast_to(np.arange(len(contacts))[:, None], real.shape)
+    shape = (len(contacts), joined.shape[0])
+
+    def named(chosen: BoolArray) -> sp.csr_array:
+        return sp.csr_array((np.ones(int(chosen.sum())), (row[chosen], contacts.nodes[chosen])), shape=shape)
+
+    movable = sp.diags_array((joined.diagonal() > 0).astype(float))
+    return sp.csr_array(named(real & (contacts.weights <= 0)) @ joined + named(real) @ movable)
 
 
 def _colours(depends: sp.csr_array) -> IntArray:
