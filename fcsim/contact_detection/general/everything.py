@@ -17,8 +17,9 @@ from fcsim.contact_detection.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.edges import EdgeContacts, edge_contacts
 from fcsim.contact_detection.general.folding import deformation, folding_bodies, with_folding
 from fcsim.contact_detection.general.near import Lengths, NearBodies, near_bodies
+from fcsim.contact_detection.general.overlap.convex import shallow_edges, shallow_vertices
+from fcsim.contact_detection.general.overlap.overlaps import overlap_contacts
 from fcsim.contact_detection.general.smoothing import smoothed
-from fcsim.contact_detection.general.unseen.overlaps import overlap_contacts
 from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
 from fcsim.contact_detection.skin.boundary import boundary_of
 from fcsim.contact_detection.skin.closed_skin import closed_skin
@@ -139,9 +140,12 @@ class Everything:
             near = self._may_touch(near_bodies(shape.body_low, shape.body_high, self.lengths))
             among = with_folding(near, self.folding, self.lengths)
         vertices, beyond = vertex_contacts(self.skin, shape, among, self._reference)
+        vertices = shallow_vertices(self.skin, shape, among, vertices)
         edges = edge_contacts(self.skin, shape, among, vertices, self._reference)
+        edges = shallow_edges(self.skin, shape, among, edges)
         unseen = overlap_contacts(self.skin, shape, among, vertices, edges)
         if unseen is not None:
+            unseen = shallow_vertices(self.skin, shape, among, unseen)
             vertices = VertexContacts._make(np.concatenate(both) for both in zip(vertices, unseen, strict=True))
         return self._contacts(x, smoothed(self.skin, shape, vertices, self._curved, self._patch), edges), beyond
 

@@ -22,6 +22,9 @@ from fcsim.contact_detection.skin.skin import Shape, Skin
 _ALONG = 0.5  # sine of the angle up to which edges run along each other
 _ALIKE = 0.9  # cosine between normals that are the same way out
 _FLAT = 1.0 - 1e-9  # cosine of a direction of contact that is the face's own
+_FLUSH = 1e-3  # of two faces, the angle below which they lie on each other and do not cross
+_WELL = 0.01  # of the depth behind both faces: a point nearer to any face may lie in a joint that overlaps by noise
+_FAR = 10.0  # times the depth: a foot that lies farther beside its vertex is that of another place
 _ROUND = 1e-9
 _THIN = 1e-6  # determinant of two unit vectors that are parallel
 
@@ -112,12 +115,13 @@ def _edges(skin: Skin, shape: Shape, near: NearBodies) -> _Corners:
 
 def _overlap(skin: Skin, shape: Shape, corners: _Corners, depth: FloatArray, near: NearBodies) -> BoolArray:
     """Whether the bodies overlap beside their corners, by depth (n,) [m]: where a face of one crosses a face of the other, a point behind
-    both is inside both bodies."""
+    both is well inside both bodies."""
     n = len(corners.pair)
     ours, theirs = np.repeat(corners.across[:, 0], 2, axis=1), np.tile(corners.across[:, 1], (1, 2, 1))
     normals = shape.normal[corners.facet]
     behind = np.repeat(normals[:, 0], 2, axis=1) + np.tile(normals[:, 1], (1, 2, 1))
-    behind /= np.maximum(np.linalg.norm(behind, axis=2), _THIN)[..., None]
+    between = np.linalg.norm(behind, axis=2)
+    behind /= np.maximum(between, _THIN)[..., None]
     way = corners.origin[:, 1] - corners.origin[:, 0]
     # origin_0 + s ours = origin_1 + t theirs across the edges, by least squares of the three components
     aa, ab, bb = (np.einsum("rkd,rkd->rk", p, q) for p, q in ((ours, ours), (ours, theirs), (theirs, theirs)))
@@ -125,14 +129,15 @@ def _overlap(skin: Skin, shape: Shape, corners: _Corners, depth: FloatArray, nea
     det = aa * bb - ab * ab
     safe = np.where(det > _THIN, det, 1.0)
     s, t = (bb * a - ab * b) / safe, (ab * a - aa * b) / safe
-    row, k = np.nonzero((det > _THIN) & (s > 0) & (t > 0))
+    row, k = np.nonzero((det > _THIN) & (between > _FLUSH) & (s > 0) & (t > 0))
     at = corners.origin[row, 0] + s[row, k, None] * ours[row, k] - 0.25 * depth[row, None] * behind[row, k]
     bodies = near.bodies[corners.pair[row]]
     if skin.dimension == 2:
         within = [inside_polygon(at, bodies[:, k], skin.first_facet, shape.point, skin.facets) for k in range(2)]
     else:
         once, surface = np.ones(len(row), dtype=np.int64), (skin.first_facet, shape.point, skin.facets, skin.sides)
-        within = [inside(at, bodies[:, k], once, _ROUND * depth[row], *surface) for k in range(2)]
+        off = _WELL * between[row, k] * depth[row]
+        within = [inside(at, bodies[:, k], once, off, *surface) for k in range(2)]
     return np.bincount(row[within[0] & within[1]], minlength=n) > 0
 
 
@@ -161,8 +166,19 @@ def _at_ends(skin: Skin, shape: Shape, corners: _Corners, face: IntArray, near: 
     weights = is_first * (1 - share)[:, None] + is_second * share[:, None]
     near_of = np.concatenate([limit[np.nonzero(beside)[0]], limit[np.nonzero(mine)[0]]])[keep]
     on, weights = _on_face(skin, shape, vertex, on, weights, N, near_of)
-    foot = np.einsum("rk,rkd->rd", weights, shape.point[skin.facets[on]])
-    return VertexContacts(vertex, on, weights, N, np.einsum("rd,rd->r", shape.point[vertex] - foot, N))
+    arm = shape.point[vertex] - np.einsum("rk,rkd->rd", weights, shape.point[skin.facets[on]])
+    gap = np.einsum("rd,rd->r", arm, N)
+    keep = _beside(skin, vertex, on, np.linalg.norm(arm - gap[:, None] * N, axis=1), _FAR * np.abs(gap) + near_of)
+    return VertexContacts(vertex, on, weights, N, gap).take(keep)
+
+
+def _beside(skin: Skin, vertex: IntArray, on: IntArray, off: FloatArray, most: FloatArray) -> IntArray:
+    """Contacts (n,) whose foot lies beside its vertex by `off` (n,) [m] no farther than `most` (n,) [m], and of bodies without such the
+    nearest: the couple of its two forces is the least."""
+    pair = skin.vertex_body[vertex] * skin.n_bodies + skin.facet_body[on]
+    order = np.lexsort((off / most, pair))
+    nearest = np.append(True, np.diff(pair[order]) != 0)
+    return np.sort(order[nearest | (off <= most)[order]])
 
 
 def _on_face(

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import BoolArray
+from fcsim.arrays import FloatArray
 from fcsim.contact_detection.general._foot_kernels import feet
 from fcsim.contact_detection.general._pierce_kernels import piercing
 from fcsim.contact_detection.general.edges import EdgeContacts
 from fcsim.contact_detection.general.near import NearBodies, near_edges_and_facets, near_facets_of_both
-from fcsim.contact_detection.general.unseen.wedges import wedge_contacts
+from fcsim.contact_detection.general.overlap.wedges import wedge_contacts
 from fcsim.contact_detection.general.vertices import VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _BY = 10.0  # times `near`: what overlaps by less touches
 _RESTS = 1e-5  # of half a facet: what solvers leave of a contact at rest
+_MORE = 1.1  # of the deepest contact of two bodies: corners overlap by more, or that contact tells of them, too
 
 
 def overlap_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts) -> VertexContacts | None:
@@ -28,12 +29,14 @@ def overlap_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: Verte
     a, b = near.bodies.T
     d = skin.dimension
     shared = (np.minimum(shape.body_high[a], shape.body_high[b]) - np.maximum(shape.body_low[a], shape.body_low[b]))[:, :d]
-    suspect = near.take(np.all(shared > _BY * near.near[:, None], axis=1) & ~_known(skin, near, vertices, edges, _RESTS))
-    if not len(suspect.bodies):
+    seen = _deepest(skin, near, vertices, edges)
+    rows = np.flatnonzero(np.all(shared > _BY * near.near[:, None], axis=1) & (seen <= _RESTS * near.depth))
+    if not len(rows):
         return None
-    corners, known = wedge_contacts(skin, shape, suspect, _BY * suspect.near)
-    rest = suspect.take(np.delete(np.arange(len(suspect.bodies)), known))
-    rest = rest.take(~_known(skin, rest, vertices, edges, 0.0))  # an edge that is a hair inside goes through facets, too
+    suspect, seen = near.take(rows), seen[rows]
+    corners, known = wedge_contacts(skin, shape, suspect, np.maximum(_BY * suspect.near, _MORE * seen))
+    rest = np.delete(np.arange(len(rows)), known)
+    rest = suspect.take(rest[seen[rest] <= 0.0])  # an edge that is a hair inside goes through facets, too
     deeper = _pierced(skin, shape, rest) if len(rest.bodies) else None
     if deeper is None:
         return corners if len(known) else None
@@ -60,8 +63,8 @@ def _pierced(skin: Skin, shape: Shape, suspect: NearBodies) -> VertexContacts | 
     return VertexContacts(vertex, facet, weights, shape.normal[facet], height)
 
 
-def _known(skin: Skin, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts, least: float) -> BoolArray:
-    """Which pairs of bodies have a contact deeper than `least` times half a facet."""
+def _deepest(skin: Skin, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts) -> FloatArray:
+    """How deep the deepest contact of each pair of bodies is (np,) [m]; 0 without one."""
     deep_v, deep_e = vertices.take(vertices.gap < 0), edges.take(edges.gap < 0)
     pairs = np.concatenate(
         [
@@ -71,10 +74,10 @@ def _known(skin: Skin, near: NearBodies, vertices: VertexContacts, edges: EdgeCo
     )
     keys, wanted = (rows.min(axis=1) * skin.n_bodies + rows.max(axis=1) for rows in (pairs, near.bodies))
     if not len(keys):
-        return np.zeros(len(wanted), dtype=bool)
+        return np.zeros(len(wanted))
     order = np.argsort(keys)
     sorted_keys, depth = keys[order], -np.concatenate([deep_v.gap, deep_e.gap])[order]
     deepest = np.maximum.reduceat(depth, np.flatnonzero(np.append(True, np.diff(sorted_keys) != 0)))
     found = np.unique(sorted_keys)
     place = np.minimum(np.searchsorted(found, wanted), len(found) - 1)
-    return np.asarray((found[place] == wanted) & (deepest[place] > least * near.depth))
+    return np.where(found[place] == wanted, deepest[place], 0.0)

@@ -1,1 +1,0 @@
-"""Bodies that overlap although neither vertices nor crossing edges say so."""
