@@ -35,8 +35,8 @@ def overlap_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: Verte
         return None
     suspect, seen = near.take(rows), seen[rows]
     corners, known = wedge_contacts(skin, shape, suspect, np.maximum(_BY * suspect.near, _MORE * seen))
-    rest = np.delete(np.arange(len(rows)), known)
-    rest = suspect.take(rest[seen[rest] <= 0.0])  # an edge that is a hair inside goes through facets, too
+    others = np.delete(np.arange(len(rows)), known)
+    rest = suspect.take(others[seen[others] <= 0.0])  # an edge that is a hair inside goes through facets, too
     deeper = _pierced(skin, shape, rest) if len(rest.bodies) else None
     if deeper is None:
         return corners if len(known) else None
