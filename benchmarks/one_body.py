@@ -84,32 +84,33 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cells", type=int, nargs=3)
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--json", action="store_true", help="print rows as JSON")
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     cells = tuple(options.cells)
     if options.folder:
         rank(cells, options.folder)
         return
-    table = Table("ranks", "dofs", "contacts", "GiB", "first step [s]", "a later step [s]", "reaction / weight - 1", "r apart", "x apart")
+    rows: list[dict[str, float]] = []
     first: dict[str, np.ndarray] = {}
     for count in options.ranks:
         with tempfile.TemporaryDirectory() as folder:
             launcher = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(count)] if count > 1 else []
-            command = [*launcher, sys.executable, __file__, *map(str, cells), "--folder", folder]
-            subprocess.run(command, check=True)
+            subprocess.run([*launcher, sys.executable, __file__, *map(str, cells), "--folder", folder], check=True)
             found = [json.loads((Path(folder) / f"{k}.json").read_text(encoding="utf-8")) for k in range(count)]
             answer = dict(np.load(Path(folder) / "answer.npz"))
         first = first or answer
-        apart = [float(np.abs(answer[name] - first[name]).max() / np.abs(first[name]).max()) for name in ("r", "x")]
-        seconds = [max(each[name] for each in found) for name in ("first", "later")]
+        apart = {f"{name} apart": float(np.abs(answer[name] - first[name]).max() / np.abs(first[name]).max()) for name in ("r", "x")}
+        most = {name: max(each[name] for each in found) for name in ("memory", "first", "later")}
+        rows.append({"ranks": count, **found[0], **most, **apart})
+    if options.json:
+        sys.stdout.write(json.dumps(rows) + "\n")
+        return
+    table = Table("ranks", "dofs", "contacts", "GiB", "first step [s]", "a later step [s]", "reaction / weight - 1", "r apart", "x apart")
+    for row in rows:
+        measured = (f"{row['memory']:.2f}", f"{row['first']:.1f}", f"{row['later']:.1f}", f"{row['weight'] - 1:.1e}")
         table.add_row(
-            str(count),
-            str(found[0]["dofs"]),
-            str(found[0]["contacts"]),
-            f"{max(each['memory'] for each in found):.2f}",
-            *(f"{value:.1f}" for value in seconds),
-            f"{found[0]['weight'] - 1:.1e}",
-            *(f"{value:.1e}" for value in apart),
+            *(str(row[name]) for name in ("ranks", "dofs", "contacts")), *measured, f"{row['r apart']:.1e}", f"{row['x apart']:.1e}"
         )
     Console(width=160).print(table)
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -17,7 +20,7 @@ from fcsim.mesh.blocks import brick
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from tests.unit.ranks import one_body
-from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.conftest import LAUNCHER, Program
 
 PROGRAM = Path(one_body.__file__)
 Found = Callable[[int], list[dict[str, Any]]]
@@ -90,6 +93,22 @@ def test_a_singular_matrix_is_refused_on_all_ranks(found: Found) -> None:
         assert (
             "part 'block': its system matrix is singular" in answer["singular"] and "in statics a body needs supports" in answer["singular"]
         )
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_a_block_of_200_000_degrees_of_freedom() -> None:
+    """On a plane, by one process and by two ranks: its weight, the same reactions and displacements, 0.6 of the memory at most."""
+    if not LAUNCHER.exists():
+        pytest.skip("no mpiexec beside this Python")
+    root = PROGRAM.parents[3]
+    command = [sys.executable, str(root / "benchmarks/one_body.py"), "16", "16", "230", "--ranks", "1", "2", "--json"]
+    found = subprocess.run(command, env={**os.environ, "PYTHONPATH": str(root)}, capture_output=True, text=True, check=True, timeout=1700)
+    one, two = json.loads(found.stdout)
+    assert one["dofs"] == two["dofs"] == 17 * 17 * 231 * 3 and one["contacts"] == two["contacts"] == 17 * 17
+    assert two["weight"] == pytest.approx(1, abs=1e-9)
+    assert two["r apart"] <= 1e-6 and two["x apart"] <= 1e-6
+    assert two["memory"] <= 0.6 * one["memory"]
 
 
 def test_without_ranks_nothing_is_spread() -> None:
