@@ -23,6 +23,8 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.elasticity import elasticity_matrix
 from fcsim.assembly.groups import Group
 from fcsim.linear.factors import Factor, factorise
+from fcsim.linear.over_ranks.mumps import MumpsOverRanks
+from fcsim.linear.over_ranks.rows import RowsOverRanks
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import as_tensor
@@ -73,6 +75,9 @@ class LeftOut:
     @cached_property
     def _factor(self) -> Factor:
         T, K, free = self._group.axes_matrix, self._group.K, ~self._group.driven
+        if isinstance(K, RowsOverRanks):
+            spread = (K if T is None else K.turned(T)).on(np.flatnonzero(free))
+            return MumpsOverRanks(spread.plus(1.0, sp.diags_array(SOFT * spread.diagonal()), 1.0))
         K = sp.csr_array((K if T is None else T @ K @ T.T).tocsr()[free][:, free])
         return factorise(sp.csr_array(K + sp.diags_array(SOFT * K.diagonal())))
 

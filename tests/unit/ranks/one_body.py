@@ -13,6 +13,7 @@ from unittest import mock
 import numpy as np
 
 from fcsim.assembly.compliance import SystemFactor
+from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.over_ranks import pieces
 from fcsim.assembly.supports import Support
@@ -89,10 +90,12 @@ def weight(model: Model) -> float:
 
 
 def operators(simulation: Simulation) -> dict[str, list[float]]:
-    """Products with K, M and A, a solution and the compliance along a vector, and the problem's matrix."""
+    """Products with K, M and A, a solution, what K bounds, and the energy of bending that small strains leave out."""
     model = simulation.model
     x = np.random.default_rng(2).standard_normal(model.n_dofs)
     factor: SystemFactor = simulation.factor
+    place, bent = model.reference[: model.n_elastic // 3], np.zeros(model.n_dofs)
+    bent[: model.n_elastic].reshape(-1, 3)[:, 2] = 0.2 * np.sin(4 * place[:, 0]) * np.sin(4 * place[:, 1])
     unknowns = x[model.free_dofs] if model.driven == "eliminated" else x
     return {
         "K x": model.apply_stiffness(x).tolist(),
@@ -100,6 +103,7 @@ def operators(simulation: Simulation) -> dict[str, list[float]]:
         "A x": factor.product(unknowns).tolist(),
         "A^-1 x": factor.solve(unknowns).tolist(),
         "largest force": model.elastic.largest_force.tolist(),
+        "left out": DeformationMeasure(model.groups, len(model.deformable))(bent).left_out.tolist(),
         "load": model.load(0.0).tolist(),
     }
 

@@ -65,6 +65,7 @@ def test_matrices_and_solutions_agree_to_round_off(found: Found, name: str, rank
         for operator in ("K x", "M x", "A x", "largest force", "load"):
             assert close(answer[name][operator], wanted[operator], 1e-13), operator
         assert close(answer[name]["A^-1 x"], wanted["A^-1 x"], 1e-9)
+        assert close(answer[name]["left out"], wanted["left out"], 1e-7) and max(wanted["left out"]) > 1e-3
 
 
 @pytest.mark.parametrize("ranks", RANKS)
