@@ -24,7 +24,7 @@ from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
 from fcsim.solvers.automatic.stages import STAGES
 
-NAMED = ("NSGS-AC", "NNCG", "NSN-AC", "PROX-NEWTON", "ADMM")
+NAMED = ("NSGS-AC", "NNCG", "NSGS-AA", "NSN-AC", "PROX-NEWTON", "PPA-NSN-AC", "ADMM")
 RACE = "the race alone"
 """`auto` without the compiled front door of small problems, which no option passes: what stages are measured against."""
 VARIANTS = {RACE: (), **{f"without {stage.name}": (stage.name,) for stage in STAGES}}

@@ -68,8 +68,8 @@ def squeezed(problem: LocalProblem) -> Certificate | None:
     d, nc = problem.dimension, problem.nc
     q_N = problem.q[::d]
     speed = float(np.abs(q_N).max(initial=0.0))
-    W = sp.csr_array(problem.W)
-    largest = float(np.abs(W.data).max(initial=0.0))
+    W = problem.W if isinstance(problem.W, np.ndarray) else sp.csr_array(problem.W)
+    largest = float(np.abs(W if isinstance(W, np.ndarray) else W.data).max(initial=0.0))
     if not speed or not largest or not np.any(q_N < 0):
         return None
     E = _self_stress(problem.delassus.motion, d) if problem.delassus.motion is not None else sp.csr_array(W[::d].T) / largest

@@ -42,6 +42,8 @@ FRESH_COST, FRESH_SHARE = 20, 3.0
 FRESH_ALONE, FRESH_DECADE = 10, 5
 """Iterations that a fresh start which arrives needs at first, and for each tenfold (it took 36 to 42 for 8 decades on four of five problems
 that it solved); one that is behind is given up, since those that were hardly ever arrived."""
+PROOF_SHARE = 4.0
+"""Times what a proof costs that others may spend before it goes first: where there is a solution that costs a quarter more at the most."""
 STUCK = 100
 """Iterations of proximal Newton after which it may be stuck."""
 SETTLED = 10
@@ -256,10 +258,12 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "proof",
-        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent as much.",
+        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent as much; "
+        "goes first once they have spent four times as much.",
         enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > race.prices.proof,
         turns=methods.proof,
         price=lambda race: race.prices.proof,
+        alone=lambda race, runner: race.best > FAR and race.spent() > PROOF_SHARE * race.prices.proof,
     ),
     Stage(
         "least squares",
