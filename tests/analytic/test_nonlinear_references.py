@@ -80,8 +80,7 @@ def bore_opened(
     a: float, b: float, nr: int, material: Any, opening: float, steps: int, ratio: float = 1.0
 ) -> tuple[list[float], list[Step]]:
     """A thick cylinder as a wedge of half a degree between planes that it slides on, its bore driven: the pressure at each step, by the
-    length
-    of the bore as it stands; and the steps."""
+    length of the bore as it stands; and the steps."""
     R = np.array([[np.cos(ANGLE), -np.sin(ANGLE)], [np.sin(ANGLE), np.cos(ANGLE)]])
     r = radii(a, b, nr, ratio)
     points = np.concatenate([np.column_stack([r, 0 * r]), np.column_stack([r, 0 * r]) @ R.T])
@@ -107,6 +106,16 @@ def bore_opened(
         radial = force[0, 0] + force[1] @ (R @ [1.0, 0.0])
         pressures.append(float(radial / np.linalg.norm(x[1] - x[0])))
     return pressures, found
+
+
+def radial_stresses(step: Step, a: float, b: float, nr: int, ratio: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of `bore_opened`: the cells' mean radii as they were, their means of radial and hoop stress."""
+    assert step.model.nonlinear
+    [(_, inner, _)] = step.model.nonlinear.at_cells(step.state.x, step.state.internal, step.state.t)
+    r, xx, yy, xy = radii(a, b, nr, ratio), *inner.stress[0][:, [0, 1, 3]].T
+    c, s = np.cos(ANGLE / 2), np.sin(ANGLE / 2)
+    along, across = c * c * xx + s * s * yy + 2 * c * s * xy, s * s * xx + c * c * yy - 2 * c * s * xy
+    return 0.5 * (r[1:] + r[:-1]), along, across
 
 
 def cook(n: int, material: Any, elements: str) -> Part:
@@ -177,8 +186,7 @@ def test_B2_long_wall() -> None:
 
 def test_B3_thick_cylinder() -> None:
     """VM56: Mooney 80/20, radii 7 and 18.625, incompressible, plane strain: the pressure that opens the bore by 2.7254, 3.2115 and 7.1819
-    is 90,
-    100 and 150; checked here by the closed form p = int (s_t - s_r) / r dr, s_t - s_r = 2 (C10 + C01) (l^2 - l^-2)."""
+    is 90, 100 and 150; checked here by the closed form p = int (s_t - s_r) / r dr, s_t - s_r = 2 (C10 + C01) (l^2 - l^-2)."""
     a, b = 7.0, 18.625
 
     def exact(u: float) -> float:
@@ -189,12 +197,18 @@ def test_B3_thick_cylinder() -> None:
     pressures, steps = bore_opened(a, b, 40, mooney_rivlin(80.0, 20.0, 2e6, 1.0), 7.1819, 8, ratio=1.03)
     assert_allclose(pressures, [exact(7.1819 * step.state.t) for step in steps], rtol=2e-3)
     assert_allclose(displacement(steps[-1].model, steps[-1])[40, 0], 3.7137, rtol=1e-3)
+    # Cauchy's stresses at 150: -121.6 at R = 8.1625 and, towards the bore, 622.2 for the hoop (by s_t - s_r, which nu = 1/2 gives)
+    R, s_r, s_t = radial_stresses(steps[-1], a, b, 40, 1.03)
+    assert_allclose(np.interp(8.1625, R, s_r), -121.6, rtol=0.01)
+    stretched = ((a + 7.1819) ** 2 - a**2 + R**2) / R**2
+    assert_allclose(s_t - s_r, 200 * (stretched - 1 / stretched), rtol=0.01)
+    assert_allclose(200 * ((14.1819 / a) ** 2 - (a / 14.1819) ** 2) - 150, 622.2, rtol=1e-3)
 
 
-COOK_Q1 = {2: 8.638, 4: 12.07, 8: 13.86, 16: 14.49}
+COOK_Q1 = {2: 8.638, 4: 12.07, 8: 13.86, 16: 14.49, 32: 14.67, 64: 14.72}
 
 
-@pytest.mark.parametrize("n", [2, 4, 8, 16])
+@pytest.mark.parametrize("n", COOK_Q1)
 def test_B4_cook_in_finite_strain(n: int) -> None:
     """deal.II's code gallery: W = mu/2 (I1bar - 3) + K/4 (J^2 - 1 - 2 ln J), mu 0.4225, nu 0.3, 1 N up in all: Q1, to their digits."""
     mu, nu = 0.4225, 0.3
@@ -203,10 +217,12 @@ def test_B4_cook_in_finite_strain(n: int) -> None:
     assert_allclose(at(model, step, (48, 52)), COOK_Q1[n], rtol=1e-3)
 
 
-@pytest.mark.parametrize(("n", "u"), [(2, 14.30), (4, 14.65), (8, 14.71)])
+COOK_Q2 = {2: 14.30, 4: 14.65, 8: 14.71, 16: 14.73, 32: 14.74, 64: 14.74}
+
+
+@pytest.mark.parametrize(("n", "u"), [pytest.param(*one, marks=[pytest.mark.slow] * (one[0] > 32)) for one in COOK_Q2.items()])
 def test_B4_cook_with_second_order(n: int, u: float) -> None:
-    mu, nu = 0.4225, 0.3
-    model, step = membrane(n, neo_hooke_isochoric(mu, 2 * mu * (1 + nu) / (3 * (1 - 2 * nu)), 1.0), "Q2", 1 / 16, 2)
+    model, step = membrane(n, neo_hooke_isochoric(0.4225, 0.4225 * 2.6 / 1.2, 1.0), "Q2", 1 / 16, 2)
     assert_allclose(at(model, step, (48, 52)), u, rtol=1e-3)
 
 
@@ -219,22 +235,38 @@ def test_A18_cook_linear(elements: str, n: int, tolerance: float) -> None:
 
 def test_C1_thick_cylinder_yields() -> None:
     """VM38: 4 to 8 in, plane strain, E 30e6, sy 30000, no hardening. The collapse pressure 2 sy / sqrt(3) ln(b / a) = 24011, and before
-    yielding
-    Lamé's pressure."""
+    yielding Lamé's pressure and stresses."""
     pressure, steps = bore_opened(4.0, 8.0, 32, Plastic(30e6, 0.3, 1.0, 30e3), 0.04, 40)
     u, E, nu = 0.04 / 40, 30e6, 0.3
     a, b = 4.0, 8.0
     lame = u * E * (b**2 - a**2) / ((1 + nu) * a * (b**2 + (1 - 2 * nu) * a**2))
     assert_allclose(pressure[0], lame, rtol=2e-3)
     assert_allclose(pressure[-1] * 4.04 / 4.0, 24011, rtol=2e-3)  # small strain: by the bore as it was
+    r, s_r, s_t = radial_stresses(steps[0], a, b, 32)
+    published = np.array([[-9984, -467.8], [18645, 9128]]) / 12990  # at r = 4.4 and 7.6
+    assert_allclose([np.interp([4.4, 7.6], r, s) / lame for s in (s_r, s_t)], published, rtol=5e-3)
     largest = max(step.energy.material_dissipation for step in steps)
     assert all(step.energy.material_dissipation >= -1e-9 * largest for step in steps)
     assert all(abs(step.energy.residual) < 1e-6 * abs(step.energy.support_work) for step in steps)
 
 
+def test_C1_thick_cylinder_of_nafems() -> None:
+    """PL-5: 100 to 200 mm, E 21e3, sy 24: the collapse pressure 19.209, and with part of the wall yielding s_t - s_r = 2 sy / sqrt(3) and
+    s_r = -p + (2 sy / sqrt(3)) ln(r / a) there (the published stresses are of Gauss points of two cells)."""
+    yields, u = 2 * 24 / np.sqrt(3), 1.0
+    pressure, steps = bore_opened(100.0, 200.0, 32, Plastic(21e3, 0.3, 1.0, 24.0), u, 40)
+    by_area = np.array(pressure) * (1 + u / 100 * np.arange(1, 41) / 40)
+    assert_allclose(by_area[-1], 19.209, rtol=2e-3)
+    k = int(np.searchsorted(by_area, 14.0))
+    r, s_r, s_t = radial_stresses(steps[k], 100.0, 200.0, 32)
+    flows = s_t - s_r > 0.999 * yields
+    assert 3 < np.count_nonzero(flows) < 32
+    assert_allclose((s_t - s_r)[flows], yields, rtol=2e-3)
+    assert_allclose(s_r[flows], -by_area[k] + yields * np.log(r[flows] / 100), rtol=5e-3)
+
+
 def test_C2_cylinder_expands_by_eight_times() -> None:
-    """solids4foam cylinderExpansion: 10 to 20 mm, mu 3.8 GPa, K 40 GPa, sy 0.5 MPa, bore to 85 mm: s_r = sy / sqrt(3) ln(a^2 / (a^2 +
-    300))."""
+    """solids4foam cylinderExpansion: 10 to 20 mm, mu 3.8 GPa, K 40 GPa, sy 0.5 MPa, to 85 mm: s_r = sy / sqrt(3) ln(a^2 / (a^2 + 300))."""
     mu, K = 3.8e9, 40e9
     E, nu = 9 * K * mu / (3 * K + mu), (3 * K - 2 * mu) / (2 * (3 * K + mu))
     pressure, steps = bore_opened(10e-3, 20e-3, 16, FinitePlastic(E, nu, 1.0, 0.5e6), 75e-3, 75)
@@ -250,10 +282,8 @@ def test_C2_cylinder_expands_by_eight_times() -> None:
 )
 def test_C3_torsion_of_large_strain(cells: tuple[int, int], degrees: int, tolerance: float) -> None:
     """VM198 (Nagtegaal, de Jong): annulus 10 to 20, outer circle fixed, inner one turned by up to 60 degrees, E 7200, nu 0.33, sy 10, H
-    40.22;
-    shear stress at the bore by int (tau/G + 3 <tau - sy/sqrt 3>/H)/r dr = theta, 16.43 at 10 and 47.88 at 60 degrees. A wrong objective
-    rate
-    would let it oscillate or fall."""
+    40.22; shear stress at the bore by int (tau/G + 3 <tau - sy/sqrt 3>/H)/r dr = theta, 16.43 at 10, 23.04, 29.25, 35.46, 41.67, 47.88
+    at 60 degrees. A wrong objective rate would let it oscillate or fall."""
     E, nu, sy, H = 7200.0, 0.33, 10.0, 40.22
     G = E / (2 * (1 + nu))
 
@@ -261,22 +291,26 @@ def test_C3_torsion_of_large_strain(cells: tuple[int, int], degrees: int, tolera
         k = tau * 100.0
         return float(quad(lambda r: (k / r**2 / G + 3 * max(k / r**2 - sy / np.sqrt(3), 0) / H) / r, 10, 20)[0])
 
-    exact = brentq(lambda tau: angle(tau) - np.radians(degrees), 5.0, 80.0)
-    assert_allclose(exact, {10: 16.43, 60: 47.88}[degrees], rtol=1e-3)
+    published = np.array([16.43, 23.04, 29.25, 35.46, 41.67, 47.88])[: degrees // 10]
+    exact = [brentq(lambda tau, at=at: angle(tau) - np.radians(at), 5.0, 80.0) for at in range(10, degrees + 1, 10)]
+    assert_allclose(exact, published, rtol=1e-3)
     part = annulus(10.0, 20.0, *cells, FinitePlastic(E, nu, 1.0, LinearHardening(sy, H)), 1.08, "Q1-bbar")
     turned = DrivenRotation("body", lambda t: np.radians(degrees) * t, (0.0, 0.0), surface="bore")
     model, steps = quasi_static(part, [Support("body", ("x", "y"), "rim"), turned], [], min(degrees, 30), "rim")
     bore = np.unique(model.facets("body", "bore"))
-    x = model.reference[bore] + displacement(model, steps[-1])[bore]
-    force = steps[-1].support_impulse[: model.n_elastic].reshape(-1, 2)[bore]
-    moment = float((x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]).sum())
-    assert_allclose(moment / (2 * np.pi * 100.0), exact, rtol=tolerance)
+    each = len(steps) * 10 // degrees
+    moments = []
+    for step in steps[each - 1 :: each]:
+        x = model.reference[bore] + displacement(model, step)[bore]
+        force = step.support_impulse[: model.n_elastic].reshape(-1, 2)[bore]
+        moments.append(float((x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]).sum()))
+    assert_allclose(np.array(moments) / (2 * np.pi * 100.0), exact, rtol=tolerance)
 
 
 @pytest.mark.slow
 def test_C5_cook_elastoplastic() -> None:
-    """E 206.9, nu 0.29, sy = 0.45 + 0.265 (1 - exp(-16.93 e)) + 0.12924 e, traction 0.3125 up in 30 steps: limit 7.0 +- 0.05 at (48,
-    60); on 32 cells a side enhanced elements of first order have 6.970, reduced ones 6.899."""
+    """E 206.9, nu 0.29, sy = 0.45 + 0.265 (1 - exp(-16.93 e)) + 0.12924 e, traction 0.3125 up in 30 steps: limit 7.0 +- 0.05 at
+    (48, 60); on 32 cells a side enhanced elements of first order have 6.970, reduced ones 6.899."""
     hardening = HardeningFunction(
         lambda e: 0.45 + 0.265 * (1 - np.exp(-16.93 * e)) + 0.12924 * e, lambda e: 0.265 * 16.93 * np.exp(-16.93 * e) + 0.12924
     )
@@ -312,5 +346,5 @@ def test_D4_spinning_bar(kL: float) -> None:
         x = model.reference[: len(X)] + step.state.x[: model.n_elastic].reshape(-1, 2)
         ends = x[X.max() == X].mean(axis=0), x[X.min() == X].mean(axis=0)
         lengths.append(np.linalg.norm(ends[0] - ends[1]) / (2 * L) - 1)
-    assert_allclose(np.mean(lengths), np.tan(kL) / kL - 1, rtol=5e-3)
+    assert_allclose(np.mean(lengths), np.tan(kL) / kL - 1, rtol=2e-3)
     assert step.energy.elastic > 0 and step.energy.kinetic > 0

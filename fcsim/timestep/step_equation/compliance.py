@@ -132,6 +132,8 @@ class StepCompliance:
     def _nearly_one(self) -> tuple[FloatArray, NDArray[np.int32], float]:
         """The factors of I + B_PP C by LAPACK, its pivots, and one over its condition number."""
         matrix = np.eye(len(self._B)) + self._B @ self._compliance_there
+        if not matrix.size:  # LAPACK complains on the terminal
+            return matrix, np.empty(0, dtype=np.int32), 1.0
         size = np.linalg.norm(matrix, 1)
         factors, pivots, _ = sla.lapack.dgetrf(matrix, overwrite_a=True)
         return factors, pivots, float(sla.lapack.dgecon(factors, size)[0])
@@ -140,6 +142,8 @@ class StepCompliance:
     def _correction(self) -> FloatArray:
         """X (k, k)."""
         factors, pivots, _ = self._nearly_one
+        if not factors.size:
+            return factors
         X: FloatArray = sla.lapack.dgetrs(factors, pivots, self._B)[0]
         return X
 

@@ -50,11 +50,8 @@ def test_B5_rubber_cylinder_between_plates(n: int, steps: int) -> None:
     assert_allclose([force[steps // 2 - 1], force[-1]], [250.0, 1400.0], rtol=0.05)
 
 
-@pytest.mark.slow
-def test_B11_ring_under_a_plate() -> None:
-    """A. F. Saleeb, code_aster ssnp501: a quarter of a ring of radii 4.15 and 6.35 cm, E 407 N/cm2, nu 0.48, under a plate that is lowered
-    by 2.225 cm: 8.008, 16.017, 24.025, 32.033 N at the quarters (their tolerances 10, 5, 2, 3 %; neo-Hooke is 3.1 % below the third). Plane
-    strain: in plane stress, as the list has it, all four are 1 - nu^2 = 0.77 of that."""
+def ring_under_a_plate(mu: float) -> np.ndarray:
+    """Forces [N] of half a ring at the quarters of the plate's way."""
     grid = [spaced(0, 1, 6), spaced(0, 1, 40)]
     part = block("ring", grid, neo_hooke(407.0, 0.48, 1e-3), "Q1-bbar", sector(4.15, 6.35, 0.0, 0.5 * np.pi))
     model = build_model(
@@ -66,17 +63,28 @@ def test_B11_ring_under_a_plate() -> None:
             Support("plate", ("y",), velocity=-2.225),
         ],
     )
-    steps = loaded(model, [pair(model, ("ring", "x+"), ("plate", "y-"), alert=1.0, rule="nodes")], 16)
-    force = np.array([support_force(model, step, "ring")[:, 1].sum() for step in steps])[3::4]
+    steps = loaded(model, [pair(model, ("ring", "x+"), ("plate", "y-"), mu, alert=1.0, rule="nodes")], 16)
+    return np.array([support_force(model, step, "ring")[:, 1].sum() for step in steps])[3::4]
+
+
+@pytest.mark.slow
+def test_B11_ring_under_a_plate() -> None:
+    """A. F. Saleeb, code_aster ssnp501: a quarter of a ring of radii 4.15 and 6.35 cm, E 407 N/cm2, nu 0.48, under a plate that is lowered
+    by 2.225 cm: 8.008, 16.017, 24.025, 32.033 N at the quarters (their tolerances 10, 5, 2, 3 %; neo-Hooke is 3.1 % below the third). Plane
+    strain: in plane stress, as the list has it, all four are 1 - nu^2 = 0.77 of that. With mu = 0.4 code_aster itself has 8.860, 17.012 and
+    24.884 at the first three, beside 8.783, 16.801 and 24.496 without friction: what friction adds is compared."""
+    force = ring_under_a_plate(0.0)
     assert np.all(np.abs(force / [8.008, 16.017, 24.025, 32.033] - 1) < [0.10, 0.05, 0.04, 0.03])
+    rough = ring_under_a_plate(0.4)
+    assert_allclose((rough / force)[:3], [8.860 / 8.783, 17.012 / 16.801, 24.884 / 24.496], rtol=0.01)
 
 
 @pytest.mark.slow
 def test_D7_two_rubber_rings_strike_each_other() -> None:
     """Two rings of rubber, 1 m and 0.7 m in radius, thrown at each other with 10 m/s each and 0.6 m beside their middles; no published
     numbers: momentum is kept to round-off, the balance of energy closes, energy rises in no step by more than the error of forces at
-    mean strains (found: 4e-4, and 1.1e-3 with twice the step), and the moment of momentum is kept as far as contacts that are found
-    ahead of time act across their gaps."""
+    mean strains (found: 3.2e-4) and what contacts give, since the law on gaps pushes out what overlaps (found: 1.3e-3 in one step), and the
+    moment of momentum is kept as far as contacts that are found ahead of time act across their gaps."""
     ring = annulus(0.7, 1.0, 2, 32, neo_hooke(1e6, 0.4, 1000.0), 1.0, "Q1-bbar")
     model = build_model([Body("left", ring), Body("right", ring, translation=(2.1, 0.6))])
     v = np.zeros((model.n_nodes, 2))
@@ -90,16 +98,18 @@ def test_D7_two_rubber_rings_strike_each_other() -> None:
     _, turning, kinetic = moments(start)
     mass = float(model.apply_mass(v.ravel())[: 2 * len(ring.points) : 2].sum()) / 10.0
     assert_allclose([turning, kinetic], [mass * 10.0 * 0.6, mass * 100.0], rtol=1e-9)
-    before, touched = kinetic, 0
+    touched, energy = 0, kinetic
     run = Simulation(
         model, Everything(model, 0.0), Theta(2e-3, 0.5), 120, SolverSettings(tol=1e-10), initial=start, limits=ANY, witness=None
     )
     for step in run:
         momentum, moment, _ = moments(step.state)
-        energy = step.energy.kinetic + step.energy.elastic
         assert np.abs(momentum).max() < 1e-9 * mass * 10.0
         assert abs(moment / turning - 1) < 2e-3
-        assert energy < before + 1e-3 * kinetic
+        assert step.energy.numerical_dissipation > -1e-3 * kinetic
+        assert step.energy.contact_gain < 2e-3 * kinetic
         assert abs(step.energy.residual) < 1e-8 * kinetic
-        before, touched = energy, touched + (np.abs(step.reaction).max(initial=0.0) > 0)
-    assert touched > 10 and 0.5 * kinetic < before < kinetic  # they have struck, and elastically for the most part
+        touched += np.abs(step.reaction).max(initial=0.0) > 0
+        energy = step.energy.kinetic + step.energy.elastic
+        assert energy < (1 + 1e-9) * kinetic
+    assert touched > 10 and 0.5 * kinetic < energy  # they have struck, and elastically for the most part

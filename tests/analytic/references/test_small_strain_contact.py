@@ -60,15 +60,17 @@ def test_A11_slip_threshold_on_an_inclined_plane(share: float, sticks: bool) -> 
         assert np.all(np.diff(moved) > 1e3)
 
 
-def test_A12_rings() -> None:
+@pytest.mark.parametrize("share", [0.1, 1.0, 10.0])
+def test_A12_rings(share: float) -> None:
     """code_aster ssnp152: plane stress, rings 1 to 0.6 and 0.6 to 0.2 m, E 1e9, nu 0.2, pressed by 1e6 from outside: 9.2593e5 between
-    them, u = -8.8333e-4 at the outside, -4.1667e-4 at the inside. Quarters of second order on meshes that do not match."""
+    them, u = -8.8333e-4 at the outside, -4.1667e-4 at the inside; by a tenth and by ten times that too. Quarters of second order on meshes
+    that do not match."""
     outer, inner = rings((0.2, 0.6, 0.6, 1.0), Material(1e9, 0.2, 1.0), (25, 20))
-    model = quarter_rings(outer, inner, [NodalForces("outer", pressure(outer, "x+", 1e6).reshape(-1, 2))])
+    model = quarter_rings(outer, inner, [NodalForces("outer", pressure(outer, "x+", share * 1e6).reshape(-1, 2))])
     step = loaded(model, [pair(model, ("inner", "x+"), ("outer", "x-"))], 1)[-1]
-    assert_allclose(contact_force(model, step, "inner").sum(axis=0), [-9.2593e5 * 0.6] * 2, rtol=1e-3)
-    assert_allclose(radial(model, step, "outer", "x+"), -8.8333e-4, rtol=1e-3)
-    assert_allclose(radial(model, step, "inner", "x-"), -4.1667e-4, rtol=1e-3)
+    assert_allclose(contact_force(model, step, "inner").sum(axis=0), [-share * 9.2593e5 * 0.6] * 2, rtol=1e-3)
+    assert_allclose(radial(model, step, "outer", "x+"), -share * 8.8333e-4, rtol=1e-3)
+    assert_allclose(radial(model, step, "inner", "x-"), -share * 4.1667e-4, rtol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -94,9 +96,9 @@ def test_A13_interference_fit(radii: tuple[float, ...], interference: float, E: 
         assert_allclose(u, [-4.740e-5, -4.621e-5, 5.379e-5], rtol=2e-3)
 
 
-@pytest.mark.parametrize("angle", [0.5 * np.pi, np.pi])
+@pytest.mark.parametrize("angle", [0.5 * np.pi, np.pi, pytest.param(2 * np.pi, marks=pytest.mark.slow)])
 def test_A15_capstan(angle: float) -> None:
-    """A band around a drum, mu 0.3, pulled at one end until all of it slips: T2 / T1 = exp(mu theta), 1.602 and 2.566; the band is thin
+    """A band around a drum, mu 0.3, pulled at one end until all of it slips: T2 / T1 = exp(mu theta), 1.602, 2.566, 6.586; the band is thin
     (h / R = 0.004)."""
     mu, R, h = 0.3, 1.0, 0.004
     n = int(40 * angle)
@@ -115,7 +117,7 @@ def test_A15_capstan(angle: float) -> None:
     force = support_force(model, step, "band")
     low, high = (np.unique(band.surfaces[side]) for side in ("y-", "y+"))
     pull = float(force[high].sum(axis=0) @ [-s, c])
-    assert_allclose(pull / -force[low].sum(axis=0)[1], np.exp(mu * angle), rtol=0.02)
+    assert_allclose(pull / -force[low].sum(axis=0)[1], np.exp(mu * angle), rtol=0.025 if angle > 4 else 0.02)
 
 
 @pytest.mark.slow
@@ -135,6 +137,24 @@ def test_A16_thermal_ratchet() -> None:
     steps = loaded(model, [pair(model, ("bar", "y-"), ("floor", "y+"), mu, rule="nodes")], 60, last=6.0, eta=1e-4)
     at = [displacement(model, steps[k], "bar")[:, 0].mean() for k in (19, 39, 59)]
     assert_allclose(np.diff(at), -alpha * dT * L * tan / mu, rtol=0.05)
+
+
+@pytest.mark.parametrize("dT", [50.0, 100.0])
+def test_A16_heated_on_level_ground(dT: float) -> None:
+    """The same on level ground: friction holds the middle, and s = E A alpha dT / (mu w) from each end slips, w its weight a length; the
+    ends move by alpha dT s / 2."""
+    L, thick, E, rho, mu, alpha, n = 1.0, 0.01, 2e6, 1000.0, 0.5, 1e-5, 80
+    s = E * alpha * dT / (mu * rho * 9.81)
+    assert s < 0.5 * L
+    bar = rectangle("bar", (L, thick), (n, 1), Thermal(Material(E, 0.0, rho), alpha, lambda X, t: np.full(len(X), dT * t)), plane="stress")
+    floor = rigid_rectangle("floor", (3.0, 0.1), (0.5, -0.05), 1.0)
+    model = build_model([Body("bar", bar), floor], supports=[held("floor", 2)], gravity=lambda t: (0.0, -9.81))
+    step = loaded(model, [pair(model, ("bar", "y-"), ("floor", "y+"), mu, rule="nodes")], 2, eta=5.0)[-1]
+    u = displacement(model, step, "bar")[:, 0]
+    ends = [u[np.isclose(bar.points[:, 0], x)].mean() for x in (0.0, L)]
+    assert_allclose(ends, [-0.5 * alpha * dT * s, 0.5 * alpha * dT * s], rtol=0.03)
+    middle = np.abs(bar.points[:, 0] - 0.5 * L) < 0.5 * L - s - 0.05
+    assert np.abs(u[middle]).max() < 0.02 * alpha * dT * s
 
 
 STRIP = {0.5: 1.750, 1: 2.670, 2: 6.477, 4: 22.08}
@@ -178,6 +198,24 @@ def test_A17_bonded_disc(S: float, stiffness: float) -> None:
     model, steps = alone(part, supports)
     force = -support_force(model, steps[-1], "body")[np.unique(part.surfaces["y+"]), 2].sum()
     assert_allclose(force / 1e-3 / (0.5 * angle), stiffness, rtol=0.01)
+
+
+@pytest.mark.parametrize(("mu", "stiffness"), [(0.0, 4 / 3), (100.0, STRIP[1])])
+def test_A17_strip_between_plates_with_friction(mu: float, stiffness: float) -> None:
+    """The strip of S = 1 between plates that it only touches: 4/3 without friction, as if bonded where nothing slips."""
+    n = 24
+    part = block("strip", [towards(1.0, n), towards(0.5, n)], Material(1.0, 0.49999, 1.0), "Q1-bbar")
+    model = build_model(
+        [Body("body", part), rigid_rectangle("plate", (4.0, 1.0), (0.0, 1.0), 1.0)],
+        supports=[
+            Support("body", ("y",), "y-"),
+            Support("body", ("x",), "x-"),
+            Support("plate", ("x", "rz")),
+            Support("plate", ("y",), velocity=-5e-4),
+        ],
+    )
+    step = loaded(model, [pair(model, ("body", "y+"), ("plate", "y-"), mu, alert=0.1, rule="nodes")], 1)[-1]
+    assert_allclose(-contact_force(model, step, "body")[:, 1].sum() / 1e-3, stiffness, rtol=0.005)
 
 
 def towards(end: float, n: int) -> np.ndarray:

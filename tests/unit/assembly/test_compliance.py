@@ -108,6 +108,19 @@ def test_contacts_on_held_nodes_only(grid_part: GridPart) -> None:
         assert_allclose(W, np.zeros((6, 6)))
 
 
+def test_a_geometric_stiffness_of_no_entry(grid_part: GridPart, capfd: pytest.CaptureFixture[str]) -> None:
+    """It changes nothing, and LAPACK does not complain of matrices of no row."""
+    model = model_of(grid_part, 3, "eliminated")
+    nodes = np.arange(0, model.n_nodes, 2)
+    factor, n = SystemFactor(model, MASS, STIFFNESS, nodes), len(model.free_dofs)
+    H = sp.csr_array(random_contacts(model, nodes, 3)[model.free_dofs])
+    plain, bent = StepCompliance(factor), StepCompliance(factor, bent=sp.csr_array((n, n)))
+    rhs = np.random.default_rng(6).standard_normal(n)
+    assert_allclose(bent.solve(rhs), plain.solve(rhs))
+    assert_allclose(bent.delassus(H, 3), plain.delassus(H, 3))
+    assert capfd.readouterr() == ("", "")
+
+
 def test_no_contacts(grid_part: GridPart) -> None:
     model = model_of(grid_part, 3, "eliminated")
     W = StepCompliance(SystemFactor(model, 1.0, 1.0, np.arange(3))).delassus(sp.csr_array((len(model.free_dofs), 0)), 3)
