@@ -24,24 +24,27 @@ class Springs:
         tangential  F r_T = - k e_theta - c e',   e' = L/h (theta u_T + (1-theta) u_T^- - slip),   e_theta = e + h theta e'
 
     with g where the contact is detected, e the stretch at the beginning of the step; so the energy of a spring is kept at theta = 1/2.
+    each: stiffness [N/m] and damping [N s/m] are those of every contact, whatever its area: for contacts of edges and corners
+    (`Everything`), which have none. A joint of four contacts is then four times as stiff as its contact.
     """
 
     normal: float
     tangential: float
     normal_damping: float = 0.0
     tangential_damping: float = 0.0
+    each: bool = False
 
     def __post_init__(self) -> None:
         for name in ("normal", "tangential"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise InputError(f"{name}: expected a stiffness > 0 in Pa/m, got {getattr(self, name)}")
+                raise InputError(f"{name}: expected a stiffness > 0 in {'N/m' if self.each else 'Pa/m'}, got {getattr(self, name)}")
         for name in ("normal_damping", "tangential_damping"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise InputError(f"{name}: expected a damping >= 0 in Pa s/m, got {getattr(self, name)}")
+                raise InputError(f"{name}: expected a damping >= 0 in {'N s/m' if self.each else 'Pa s/m'}, got {getattr(self, name)}")
 
     def add_to(self, terms: Terms, meeting: Meeting) -> Terms:
         """The terms with C and w of the springs: the formulas above solved for u; the slip in them is theta times the problem's u_T."""
-        timing, area = meeting.timing, meeting.area
+        timing, area = meeting.timing, self.areas(meeting)
         theta, L, F = timing.theta, timing.length_per_u, timing.force_per_reaction
         before, stretch = meeting.before, self.stretch(meeting)
         w, C = np.zeros_like(before), np.empty_like(before)
@@ -56,6 +59,10 @@ class Springs:
         if terms.adhesion is not None:
             w -= C * terms.adhesion
         return replace(terms, w=w, compliance=C)
+
+    def areas(self, meeting: Meeting) -> FloatArray:
+        """What stiffness and damping are multiplied by (nc,): each contact's area [m^2], or 1."""
+        return np.ones(len(meeting)) if self.each else meeting.area
 
     def stretch(self, meeting: Meeting) -> FloatArray:
         """The tangential stretch e (nc, d - 1) [m] at the beginning of the step in the contacts' frames; none where a contact is new."""
@@ -76,7 +83,7 @@ class Springs:
         # the normal spring at the end of the step, as the state stands: x = x_m + theta L u where contacts are detected at x_m
         deep = np.where(touching | (r[:, 0] != 0), meeting.contacts.gap + theta * L * outcome.after[:, 0], 0.0)
         deep = np.minimum(deep, 0.0) if crack is None else np.where(deep > 0, np.maximum(deep - crack, 0.0), deep)
-        energy = 0.5 * meeting.area * (self.normal * deep**2 + self.tangential * np.einsum("ai,ai->a", stretch, stretch))
+        energy = 0.5 * self.areas(meeting) * (self.normal * deep**2 + self.tangential * np.einsum("ai,ai->a", stretch, stretch))
         return meeting.in_space(stretch), float(energy.sum())
 
 

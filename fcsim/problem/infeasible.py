@@ -68,11 +68,14 @@ def squeezed(problem: LocalProblem) -> Certificate | None:
     d, nc = problem.dimension, problem.nc
     q_N = problem.q[::d]
     speed = float(np.abs(q_N).max(initial=0.0))
+    motion = problem.delassus.motion
+    if motion is not None and motion.regular:  # y . W y > 0: no self-stress without velocities
+        return None
     W = problem.W if isinstance(problem.W, np.ndarray) else sp.csr_array(problem.W)
     largest = float(np.abs(W if isinstance(W, np.ndarray) else W.data).max(initial=0.0))
     if not speed or not largest or not np.any(q_N < 0):
         return None
-    E = _self_stress(problem.delassus.motion, d) if problem.delassus.motion is not None else sp.csr_array(W[::d].T) / largest
+    E = _self_stress(motion, d) if motion is not None and motion.own is None else sp.csr_array(W[::d].T) / largest
     A = sp.vstack([E, sp.csr_array(np.ones((1, nc)))], format="csr")
     options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     found = scipy.optimize.linprog(q_N / speed, A_eq=A, b_eq=np.r_[np.zeros(E.shape[0]), 1.0], bounds=(0, None), options=options)

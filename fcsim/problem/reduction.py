@@ -270,10 +270,26 @@ class Reduction:
 
 def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
     """H and M behind W, where degrees of freedom are few and no equality constraints couple them; those of bodies that no contact touches
-    cost nothing and do not count."""
-    if problem.G is not None or not 0 < np.count_nonzero(_touched(problem.H)) <= FEW * problem.m:
+    cost nothing and do not count, nor do those of a spring, which M couples to nothing and one contact unknown alone moves: they are
+    compliances of that."""
+    if problem.G is not None:
         return None
-    return Motion(sp.csr_array(sp.csr_array(problem.H).T), sp.csr_array(problem.entries), W)
+    H, few = sp.csr_array(problem.H), FEW * problem.m
+    count = np.diff(H.indptr)
+    if not 0 < np.count_nonzero(count > 1) <= few and not 0 < np.count_nonzero(count) <= few:
+        return None
+    M = sp.csr_array(problem.entries)
+    if 0 < np.count_nonzero(count) <= few:
+        return Motion(sp.csr_array(H.T), M, W)
+    diagonal = M.diagonal()
+    alone = (np.diff(M.indptr) == 1) & (np.bincount(M.indices, minlength=problem.n) == 1) & (diagonal > 0)
+    springs = np.flatnonzero(alone & (count == 1))
+    bodies = np.setdiff1d(np.arange(problem.n), springs)
+    if not 0 < np.count_nonzero(count[bodies]) <= few:
+        return None
+    place = H.indptr[springs]
+    own = np.bincount(H.indices[place], H.data[place] ** 2 / diagonal[springs], minlength=problem.m)
+    return Motion(sp.csr_array(H[bodies].T), sp.csr_array(M[bodies][:, bodies]), W, own)
 
 
 def _touched(H: Matrix) -> BoolArray:

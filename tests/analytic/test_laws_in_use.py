@@ -267,3 +267,16 @@ def test_laws_per_area_refuse_bodies_without_facets(d: int) -> None:
     for law in (Compliant(Springs(normal=1e6, tangential=1e6)), Cohesive(tension=1e3, mode_1=1.0, mode_2=1.0)):
         with pytest.raises(InputError, match="expected a slave surface of named facets at every contact, to know its area"):
             list(Simulation(model, ExactContacts(model, 0.3), Theta(1e-3, law=law), 1))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_springs_of_each_contact_need_no_area(d: int) -> None:
+    """A ball on one contact sinks by m g / k, its weight over the stiffness [N/m]."""
+    up, k = np.eye(d)[-1], 1e6
+    ball, plane = rigid_sphere("ball", 0.1, 0.1 * up, 4.0), rigid_plane("plane", np.zeros(d), up.tolist(), size=1.0)
+    held = HELD if d == 3 else ("x", "y", "rz")
+    model = build_model([ball, plane], supports=[Support("plane", held)], gravity=lambda t: -10 * up)
+    law = Compliant(Springs(normal=k, tangential=k, normal_damping=2e3, tangential_damping=2e3, each=True))
+    settings = SolverSettings(tol=1e-10, floor=1e-9)
+    *_, last = Simulation(model, ExactContacts(model, 0.3), Theta(1e-3, law=law), 60, settings, witness=None)
+    assert last.state.x[d - 1] == pytest.approx(-4.0 * 10.0 / k, rel=1e-4)

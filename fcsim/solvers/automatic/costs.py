@@ -96,6 +96,8 @@ class Prices:
 
     def newton(self, closed: int) -> float:
         """An iteration of Newton or of proximal Newton."""
+        if self.in_velocities and self.problem.delassus.motion is not None and self.problem.delassus.motion.regular:
+            return self.proximal(closed)
         share = self._share(closed) ** (1 if sp.issparse(self.problem.W) else 3)
         return self.least(closed) + self.machine.seconds(Work(share * self.flops))
 

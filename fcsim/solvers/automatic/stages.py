@@ -91,7 +91,7 @@ def _singular_here(race: Race) -> bool:
     A sticking contact holds all of its velocity, a sliding one its normal one at least.
     """
     motion = race.problem.delassus.motion
-    if motion is None:
+    if motion is None or motion.own is not None:
         return False
     r = race.best_r().reshape(race.problem.nc, -1)
     sticking = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKING) * race.problem.mu * r[:, 0]
@@ -192,8 +192,9 @@ def _enter_fresh_start(race: Race) -> bool:
 
 
 def _enter_least_squares(race: Race) -> bool:
-    """After proximal Newton, or where that has long made the error no tenth smaller and would go on."""
-    if race.best > FAR:
+    """After proximal Newton, or where that has long made the error no tenth smaller and would go on, and as much was spent as an iteration
+    costs."""
+    if race.best > FAR or (race.running() and race.spent() < race.prices.least_squares(_closed(race))):
         return False
     runner = race.runners.get("proximal Newton")
     stuck = runner is not None and runner.monitor.iterations > STUCK and runner.gain(0.5) < 1 / 0.9

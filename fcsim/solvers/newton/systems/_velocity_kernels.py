@@ -9,16 +9,17 @@ from numba import njit
 
 @njit(cache=True)
 def contacts_eliminated(A, B, shift, rhs):
-    """K = C^-1 A (nc, d, d) and c = C^-1 rhs (nc, d) with C = shift A + B of each contact, by elimination of [C, A, rhs] with row pivoting.
+    """K = C^-1 A (nc, d, d) and c = C^-1 rhs (nc, d) with C = A diag(shift) + B of each contact, by elimination of [C, A, rhs] with row
+    pivoting.
 
-    Returns (K, c, the first contact whose C is singular or -1); A, B (nc, d, d), shift (nc,), rhs (nc, d).
+    Returns (K, c, the first contact whose C is singular or -1); A, B (nc, d, d), shift and rhs (nc, d).
     """
     nc, d = rhs.shape
     K, c, rows = np.empty((nc, d, d)), np.empty((nc, d)), np.empty((d, 2 * d + 1))
     for a in range(nc):
         for i in range(d):
             for j in range(d):
-                rows[i, j] = shift[a] * A[a, i, j] + B[a, i, j]
+                rows[i, j] = A[a, i, j] * shift[a, j] + B[a, i, j]
                 rows[i, d + j] = A[a, i, j]
             rows[i, 2 * d] = rhs[a, i]
         for k in range(d):

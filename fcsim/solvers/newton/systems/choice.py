@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
 from fcsim.problem import Delassus
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
@@ -33,14 +32,14 @@ def newton_system(
     memory      of what earlier solves left and where something may be left, None: nothing is to be kept
     once        whether the operator will change by other shifts or is far from a solution, so that factors do not last
 
-    "auto": a regularised W of bodies with few degrees of freedom is eliminated in their velocities. Else W is stored as its elimination
-    asks for (`Delassus.stored`): where contacts come in joints and that saves most of the work, multifrontal LU, unless a memory keeps what
-    condensed elimination leaves for the next steps (which uses the joints too); where it is dense, condensed elimination where it may,
-    dense LU else; otherwise sparse LU.
+    "auto": a W of bodies with few degrees of freedom, regularised or of joints with springs, is eliminated in their velocities. Else W is
+    stored as its elimination asks for (`Delassus.stored`): where contacts come in joints and that saves most of the work, multifrontal
+    LU, unless a memory keeps what condensed elimination leaves for the next steps (which uses the joints too); where it is dense,
+    condensed elimination where it may, dense LU else; otherwise sparse LU.
     """
     kept = memory.of_same_contacts(KeptCondensation) if condensing and memory is not None else None
     if linear == "auto":
-        if eliminated_in_velocities(operator) and _regular(operator.shift):
+        if eliminated_in_velocities(operator) and _regular(operator):
             return VelocitySystem(operator)
         if kept is not None and kept.pattern is not None and operator.is_sparse:
             return CondensedSystem(operator, kept)  # which looks for the joints of this W itself
@@ -61,9 +60,11 @@ def eliminated_in_velocities(operator: Delassus) -> bool:
     return operator.motion is not None and operator.size >= IN_VELOCITIES_FROM
 
 
-def _regular(shift: FloatArray | None) -> bool:
-    """Whether the contacts' own equations are regular with this shift, whatever their status."""
-    return shift is not None and bool(np.all(shift > 0))
+def _regular(operator: Delassus) -> bool:
+    """Whether the contacts' own equations are regular, whatever their status: by the shift, or by compliances of their own."""
+    if operator.shift is not None and bool(np.all(operator.shift > 0)):
+        return True
+    return operator.motion is not None and operator.motion.regular
 
 
 def _fitting(operator: Delassus, condensing: bool, *, keeps: bool, once: bool) -> str:

@@ -1,6 +1,6 @@
-"""Newton's linear system of a regularised problem in the bodies' velocities, for W = H^T M^-1 H of low rank: n unknowns instead of m.
+"""Newton's linear system of a regularised problem in the bodies' velocities, for W = H^T M^-1 H + diag(own): n unknowns instead of m.
 
-With D = diag(shift) > 0 the matrices C = A D + B of single contacts are regular, sticking contacts (B = 0) included. From
+With D = diag(shift + own) > 0 the matrices C = A D + B of single contacts are regular, sticking contacts (B = 0) included. From
 A (H^T dv + D dr) + B dr = rhs and M dv = H dr,
 
     dr = C^-1 (rhs - A H^T dv),        (M + H C^-1 A H^T) dv = H C^-1 rhs,
@@ -40,7 +40,7 @@ class Bodies:
     def __init__(self, motion: Motion, dimension: int) -> None:
         HT, d = motion.HT, dimension
         m, n = HT.shape
-        self.HT, self.H = HT, sp.csr_array(HT.T)
+        self.HT, self.H, self.own = HT, sp.csr_array(HT.T), np.zeros(m) if motion.own is None else motion.own
         row = np.repeat(np.arange(m), np.diff(HT.indptr))
         pairs, place = np.unique((row // d) * n + HT.indices, return_inverse=True)
         contact = pairs // n
@@ -97,7 +97,8 @@ def _bodies(operator: Delassus) -> Bodies:
 
 
 class VelocitySystem:
-    """LU of M + H C^-1 A H^T, dense for few bodies, else by fronts; the operator needs a positive shift and a `Motion`."""
+    """LU of M + H C^-1 A H^T, dense for few bodies, else by fronts; the operator needs a `Motion`, and every contact unknown a positive
+    shift or a compliance of its own."""
 
     def __init__(self, operator: Delassus) -> None:
         self.operator, self._bodies = operator, bodies_of(operator)
@@ -106,12 +107,13 @@ class VelocitySystem:
         return VelocitySystem(self.operator.shifted(shift))
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        bodies, shift = self._bodies, self.operator.shift
-        if shift is None:
+        bodies = self._bodies
+        own = bodies.own + self.operator.by_unknown
+        if not own.any():
             raise SingularMatrix("without a shift the contacts' own equations are singular where they stick")
-        K, c, singular = contacts_eliminated(A, B, shift, rhs)
+        K, c, singular = contacts_eliminated(A, B, own.reshape(rhs.shape), rhs)
         if singular >= 0:
             raise SingularMatrix(f"contact {singular}: its own equations are singular")
         Wdr = bodies.HT @ bodies.solve(K, bodies.H @ c.ravel())
         dr = (c - np.einsum("aij,aj->ai", K, Wdr.reshape(rhs.shape))).ravel()
-        return dr, Wdr + self.operator.by_unknown * dr
+        return dr, Wdr + own * dr

@@ -75,6 +75,39 @@ def test_without_a_shift_it_is_singular() -> None:
         VelocitySystem(replace(operator, shift=None)).solve(A, B, np.ones((10, 3)))
 
 
+@pytest.mark.parametrize("shift", [None, 1e-2])
+def test_compliances_of_the_contacts_own_make_it_regular(shift: float | None) -> None:
+    nc, d, rng = 30, 3, np.random.default_rng(6)
+    rigid, own = bodies(d, nc, 12, 2), 1e-2 * (1 + rng.random(d * nc))
+    assert rigid.motion is not None
+    W = rigid.W + np.diag(own)
+    operator = Delassus(W, d, None if shift is None else np.full(nc, shift), replace(rigid.motion, W=W, own=own))
+    A, B = linearisation(nc, d, rng)
+    rhs = rng.standard_normal((nc, d))
+    dr, du = VelocitySystem(operator).solve(A, B, rhs)
+    whole = W + (shift or 0.0) * np.eye(d * nc)
+    assert np.linalg.norm((sla.block_diag(*A) @ whole + sla.block_diag(*B)) @ dr - rhs.ravel()) <= 1e-9 * np.linalg.norm(rhs)
+    assert_allclose(du, whole @ dr, rtol=0, atol=1e-9 * np.abs(du).max())
+
+
+def test_a_problem_with_springs_is_eliminated_in_the_velocities_of_its_bodies() -> None:
+    """Springs are degrees of freedom that M couples to nothing and one contact unknown moves: W = H^T M^-1 H + diag(C) without them."""
+    rng, m, n = np.random.default_rng(7), 300, 12
+    H_bodies, C = rng.standard_normal((n, m)), 1e-2 * (1 + rng.random(m))
+    M = sp.block_diag([sp.eye_array(n) * 2.0, sp.diags_array(1 / C)], format="csr")
+    H = sp.vstack([sp.csr_array(H_bodies), sp.eye_array(m)], format="csr")
+    problem = GlobalProblem(M, H, rng.standard_normal(n + m), np.zeros(m), np.full(m // 3, 0.5))
+    local = reduce(problem).local
+    motion = local.delassus.motion
+    assert motion is not None and motion.own is not None and motion.regular
+    assert motion.HT.shape == (m, n)
+    assert_allclose(motion.own, C, rtol=1e-14)
+    W = local.W if isinstance(local.W, np.ndarray) else local.W.toarray()
+    assert_allclose(W, H_bodies.T @ H_bodies / 2 + np.diag(C), rtol=0, atol=1e-12 * np.abs(W).max())
+    assert isinstance(newton_system(local.delassus, condensing=True, once=True), VelocitySystem), "regular without a shift"
+    assert solve(problem, "PROX-NEWTON").solved
+
+
 def test_it_serves_where_degrees_of_freedom_are_few_and_the_operator_is_regular() -> None:
     operator = bodies(3, 120, 12, 4)
     assert isinstance(newton_system(operator, condensing=True, once=True), VelocitySystem)
