@@ -50,7 +50,7 @@ def small_cholesky(blocks, least, asymmetric):
             pivot = entry
             for k in range(j):
                 pivot -= A[j, k] ** 2
-            if not (regular[c] and entry > 0 and pivot >= least * entry):
+            if not (regular[c] and pivot > 0 and pivot >= least * entry):  # numbers near the least float lose the share
                 regular[c] = False
                 break
             A[j, j] = np.sqrt(pivot)
