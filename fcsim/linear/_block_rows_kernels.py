@@ -145,6 +145,7 @@ def rows_of_product(indptr, indices, blocks, q, r, begin, end, u):
     nonzero = np.empty(len(r), dtype=np.bool_)
     for b in range(len(r)):
         nonzero[b] = r[b, 0] != 0.0 or r[b, 1] != 0.0 or r[b, 2] != 0.0
+    one, three, flat = np.uint64(1), np.uint64(3), blocks.ravel()
     for a in range(begin, end):
         u0, u1, u2 = q[a, 0], q[a, 1], q[a, 2]
         for k in range(indptr[a], indptr[a + 1]):
@@ -152,7 +153,10 @@ def rows_of_product(indptr, indices, blocks, q, r, begin, end, u):
             if not nonzero[b]:
                 continue
             s0, s1, s2 = r[b, 0], r[b, 1], r[b, 2]
-            u0 += blocks[k, 0, 0] * s0 + blocks[k, 0, 1] * s1 + blocks[k, 0, 2] * s2
-            u1 += blocks[k, 1, 0] * s0 + blocks[k, 1, 1] * s1 + blocks[k, 1, 2] * s2
-            u2 += blocks[k, 2, 0] * s0 + blocks[k, 2, 1] * s1 + blocks[k, 2, 2] * s2
+            e = np.uint64(9 * k)  # without a sign: no index counts from the end, which is a quarter of the time
+            u0 += flat[e] * s0 + flat[e + one] * s1 + flat[e + one + one] * s2
+            e += three
+            u1 += flat[e] * s0 + flat[e + one] * s1 + flat[e + one + one] * s2
+            e += three
+            u2 += flat[e] * s0 + flat[e + one] * s1 + flat[e + one + one] * s2
         u[a, 0], u[a, 1], u[a, 2] = u0, u1, u2

@@ -11,7 +11,7 @@ from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.linear._block_rows_kernels import block_rows_of_columns, block_rows_of_dense, block_rows_of_rows, product, rows_of_product
 from fcsim.threads import pieces_by_work, side_by_side
 
-BLOCKS_A_PIECE = 15_000
+BLOCKS_A_PIECE = 20_000
 """Of rows of W that one thread multiplies: a megabyte, a tenth of a millisecond."""
 
 

@@ -21,6 +21,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear._front_kernels import extend_add, extend_add_upper, fill, fill_symmetric
+from fcsim.linear._front_vector_kernels import backward, forward
 from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.elimination_tree import EliminationTree
 from fcsim.linear.factors import SingularMatrix
@@ -64,6 +65,11 @@ class _Assembly:
             self._parent, self._beyond = parent, beyond
             yield begin, own, border, beyond, children
             begin += n
+
+    def most_entries(self, d: int) -> int:
+        """At most so many entries are in the rows of all fronts' own unknowns."""
+        fronts = [(int(np.count_nonzero(self._part[own])), int(np.count_nonzero(self._part[border]))) for own, border, _ in self._tree]
+        return sum(d * d * n * (n + b) for n, b in fronts)
 
     def pass_on(self, complement: NDArray[np.floating]) -> None:
         """Leave the present front's complement for its parent."""
@@ -153,15 +159,19 @@ class MultifrontalCholesky:
         tree of `rows`; None: all are."""
         d = rows.blocks.shape[1]
         potrf = sla.lapack.get_lapack_funcs("potrf", dtype=dtype)
-        self._trsm, self._trsv, syrk = sla.blas.get_blas_funcs(("trsm", "trsv", "syrk"), dtype=dtype)
+        self._trsm, syrk = sla.blas.get_blas_funcs(("trsm", "syrk"), dtype=dtype)
         local = np.full(len(held), -1)
         assembly = _Assembly(rows.tree, held, left)
         self.contacts, self.left = assembly.contacts, assembly.left
         self._fronts = []
+        values, end = np.zeros(assembly.most_entries(d), dtype=dtype), 0  # of all fronts in one array, for kernels that go through them
         pivots = [np.empty(0)]
         for begin, own, border, beyond, children in assembly:
             n, b = len(own), len(border)
-            F11, F12, F22 = (np.zeros((d * k, d * m), dtype=dtype) for k, m in ((n, n), (n, b), (b, b)))
+            middle, begin_of_next = end + d * d * n * n, end + d * d * n * (n + b)
+            F11, F12 = values[end:middle].reshape(d * n, d * n), values[middle:begin_of_next].reshape(d * n, d * b)
+            end = begin_of_next
+            F22 = np.zeros((d * b, d * b), dtype=dtype)
             fill_symmetric(own, border, local, rows.indptr, rows.indices, rows.blocks, F11, F12)
             for place, S in children:
                 extend_add_upper(S, place, n, d, F11, F12, F22)
@@ -177,6 +187,9 @@ class MultifrontalCholesky:
                 pivots.append(L.diagonal().astype(float) ** 2)
                 self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), L, F21))
             assembly.pass_on(F22)
+        sizes = np.array([(own.stop - own.start, len(border)) for own, border, _, _ in self._fronts], dtype=np.int64).reshape(-1, 2)
+        borders = np.concatenate([np.empty(0, dtype=np.int64), *(border for _, border, _, _ in self._fronts)])
+        self._by_fronts = values, sizes, borders
         every = np.concatenate(pivots)
         self.conditioning = float(every.min() / every.max()) if len(every) else 1.0
         self.complement = _complement(rows, assembly, local, dtype)
@@ -184,7 +197,7 @@ class MultifrontalCholesky:
     def forward(self, X: FloatArray) -> FloatArray:
         """Overwrite X (n, k), in C order, with L^-1 X and return it; columns that are zero so far cost nothing."""
         if X.shape[1] == 1:
-            self._forward_one(X[:, 0])
+            forward(*self._by_fronts, X[:, 0])
             return X
         for own, border, L, F21 in self._fronts:
             part = X[own]
@@ -204,16 +217,8 @@ class MultifrontalCholesky:
                     X[np.ix_(border, columns)] -= F21 @ part
         return X
 
-    def _forward_one(self, x: FloatArray) -> None:
-        """Overwrite x (n,) with L^-1 x."""
-        for own, border, L, F21 in self._fronts:
-            part = x[own] = self._trsv(L, x[own], lower=True)
-            if len(border):
-                x[border] -= F21 @ part
-
     def backward(self, z: FloatArray) -> FloatArray:
         """Return L^-T z for z (n,)."""
         x = z.copy()
-        for own, border, L, F21 in reversed(self._fronts):
-            x[own] = self._trsv(L, x[own] - F21.T @ x[border], lower=True, trans=True)
+        backward(*self._by_fronts, x)
         return x

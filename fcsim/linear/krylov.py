@@ -5,6 +5,7 @@ SciPy's gmres cannot say after some iterations that the rest would cost more tha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -32,24 +33,32 @@ def gmres(
         return np.zeros_like(rhs), np.empty(0)
     basis = [rhs / beta]
     steps: list[FloatArray] = []
-    H = np.zeros((limit + 1, limit))
+    R = np.zeros((limit, limit))  # of H = Q R, Q by Givens' rotations; c, s: theirs; g = Q^T beta e_1
+    c, s, g = np.zeros(limit), np.zeros(limit), np.zeros(limit + 1)
+    g[0] = beta
     for j in range(limit):
         steps.append(precondition(basis[j]))
         w = product(steps[j])
+        column = R[:, j]
         for i, v in enumerate(basis):
-            H[i, j] = v @ w
-            w = w - H[i, j] * v
-        H[j + 1, j] = np.linalg.norm(w)
-        if not np.isfinite(H[j + 1, j]):
+            column[i] = v @ w
+            w = w - column[i] * v
+        size = float(np.linalg.norm(w))
+        if not math.isfinite(size):
             return None
-        least = np.zeros(j + 2)
-        least[0] = beta
-        y = np.linalg.lstsq(H[: j + 2, : j + 1], least, rcond=None)[0]
-        left = float(np.linalg.norm(least - H[: j + 2, : j + 1] @ y))
+        for i in range(j):
+            column[i], column[i + 1] = c[i] * column[i] + s[i] * column[i + 1], c[i] * column[i + 1] - s[i] * column[i]
+        diagonal = math.hypot(column[j], size)
+        if diagonal == 0:
+            return None
+        c[j], s[j], column[j] = column[j] / diagonal, size / diagonal, diagonal
+        g[j], g[j + 1] = c[j] * g[j], -s[j] * g[j]
+        left = abs(float(g[j + 1]))
         if left <= target:
+            y = np.linalg.solve(R[: j + 1, : j + 1], g[: j + 1])
             return np.tensordot(y, steps, 1), y
         hopeless = j + 1 >= PATIENCE and np.log(left / beta) * HOPE * limit > np.log(target / beta) * (j + 1)
-        if hopeless or H[j + 1, j] == 0:
+        if hopeless or size == 0:
             return None
-        basis.append(w / H[j + 1, j])
+        basis.append(w / size)
     return None

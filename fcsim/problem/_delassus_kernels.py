@@ -137,9 +137,9 @@ def entries_by_body(indptr, indices, data, body, column, count, d):
 def combine(unknowns, weights, begin, end, X, since, rows):
     """rows[i, since:] = sum of weights[e, i] X[unknowns[e], since:] for begin <= e < end and i < 3."""
     row0, row1, row2 = rows[0], rows[1], rows[2]
-    row0[since:] = 0
-    row1[since:] = 0
-    row2[since:] = 0
+    row0[:] = 0
+    row1[:] = 0
+    row2[:] = 0
     for e in range(begin, end, 3):  # three at a time, a node's: fewer passes over the rows
         f, g = min(e + 1, end - 1), min(e + 2, end - 1)
         x, y, z = X[unknowns[e]], X[unknowns[f]], X[unknowns[g]]
@@ -150,6 +150,28 @@ def combine(unknowns, weights, begin, end, X, since, rows):
         for j in range(since, len(row0)):
             row0[j] += x0 * x[j] + y0 * y[j] + z0 * z[j]
             row1[j] += x1 * x[j] + y1 * y[j] + z1 * z[j]
+            row2[j] += x2 * x[j] + y2 * y[j] + z2 * z[j]
+
+
+@njit(cache=True)
+def combine_since(unknowns, weights, begin, end, X, since, rows):
+    """`combine` of the columns from `since` on: a loop a row, since the compiler makes vectors of one row of parts, not of three."""
+    row0, row1, row2 = rows[0, since:], rows[1, since:], rows[2, since:]
+    row0[:] = 0
+    row1[:] = 0
+    row2[:] = 0
+    for e in range(begin, end, 3):
+        f, g = min(e + 1, end - 1), min(e + 2, end - 1)
+        x, y, z = X[unknowns[e], since:], X[unknowns[f], since:], X[unknowns[g], since:]
+        f_counts, g_counts = 1.0 if e + 1 < end else 0.0, 1.0 if e + 2 < end else 0.0
+        x0, x1, x2 = weights[e, 0], weights[e, 1], weights[e, 2]
+        y0, y1, y2 = f_counts * weights[f, 0], f_counts * weights[f, 1], f_counts * weights[f, 2]
+        z0, z1, z2 = g_counts * weights[g, 0], g_counts * weights[g, 1], g_counts * weights[g, 2]
+        for j in range(len(row0)):
+            row0[j] += x0 * x[j] + y0 * y[j] + z0 * z[j]
+        for j in range(len(row1)):
+            row1[j] += x1 * x[j] + y1 * y[j] + z1 * z[j]
+        for j in range(len(row2)):
             row2[j] += x2 * x[j] + y2 * y[j] + z2 * z[j]
 
 
@@ -181,28 +203,28 @@ def add_body(starts, columns, values, contacts, begins, unknowns, weights, first
         at[p] = 0 if dense else starts[contacts[p]]
     for p in range(k):
         a, own, since = contacts[p], at[p], p if symmetric else 0
-        combine(unknowns, weights, begins[first + p], begins[first + p + 1], product, d * since, rows)
+        combine_since(unknowns, weights, begins[first + p], begins[first + p + 1], product, d * since, rows)
         for q in range(since, k):
             b = contacts[q]
-            if dense:
-                place = (a * nc * d + b) * d
-            else:
+            if not dense:
                 while columns[own] != b:
                     own += 1
-                place = own * d * d
+            place = np.uint64((a * nc * d + b) * d if dense else own * d * d)  # without a sign: no index counts from the end
             for i in range(d):
                 for j in range(d):
-                    values[place + i * stride + j] += rows[i, d * q + j]
-            if symmetric and q > p:
-                if dense:
-                    place = (b * nc * d + a) * d
-                else:
-                    while columns[at[q]] != a:
-                        at[q] += 1
-                    place = at[q] * d * d
-                for i in range(d):
-                    for j in range(d):
-                        values[place + j * stride + i] += rows[i, d * q + j]
+                    values[place + np.uint64(i * stride + j)] += rows[i, d * q + j]
+        if not symmetric:
+            continue
+        for q in range(p + 1, k):
+            b, across = contacts[q], at[q]
+            if not dense:
+                while columns[across] != a:
+                    across += 1
+                at[q] = across
+            place = np.uint64((b * nc * d + a) * d if dense else across * d * d)
+            for i in range(d):
+                for j in range(d):
+                    values[place + np.uint64(j * stride + i)] += rows[i, d * q + j]
 
 
 @njit(cache=True)

@@ -133,3 +133,26 @@ def side_by_side[T](tasks: Sequence[Callable[[], T]]) -> list[T]:
     work.go()
     work.wait()
     return work.results()
+
+
+def begun[T](task: Callable[[], T]) -> Callable[[], T]:
+    """Begin a task on another thread and return what waits for it and gives what it returned, or raises its error, as often as it is asked.
+
+    Where no thread has begun it when it is first asked for, and always on one thread, whoever asks does it then: a task that nobody
+    asks for may never be done.
+    """
+    if threads() == 1:
+        return cache(task)
+    work = _Work([task])
+    _the_pool().offer(work.help, 1)
+
+    @cache
+    def waited() -> None:
+        work.go()
+        work.wait()
+
+    def finished() -> T:
+        waited()
+        return work.results()[0]
+
+    return finished

@@ -49,7 +49,8 @@ class Theta(Dynamic):
 
     def detection_configuration(self, model: Model, state: State) -> FloatArray:
         """The mid configuration x_m = x + h (1 - theta) v."""
-        return model.advance(state.x, self.h * (1 - self.theta) * state.v)
+        dt = self.h * (1 - self.theta)
+        return state.kept(("advanced", dt), model, lambda: model.advance(state.x, dt * state.v))
 
     @property
     def elastic_weight(self) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from fcsim.runtime import threads
-from fcsim.threads import PIECES, pieces, pieces_by_work, side_by_side
+from fcsim.threads import PIECES, begun, pieces, pieces_by_work, side_by_side
 from fcsim.threads import tasks as threads_module
 
 
@@ -126,3 +126,31 @@ def test_who_says_how_many(environment: dict[str, str], expected: str) -> None:
         timeout=120,
     ).stdout.strip()
     assert said == (str(len(os.sched_getaffinity(0))) if expected == "cores" else expected)
+
+
+def test_what_is_begun_is_done_once_by_another_thread_or_by_whoever_asks_first() -> None:
+    meet, done = threading.Barrier(3), list[threading.Thread]()
+    first, second = (begun(partial(meet.wait, 20)) for _ in range(2))
+    asked = begun(lambda: done.append(threading.current_thread()))
+    asked()  # by whoever asks, as both helpers wait for the meeting
+    asked()
+    assert done == [threading.current_thread()]
+    assert {meet.wait(20), first(), second(), second()} == {0, 1, 2}
+
+
+def test_the_error_of_what_is_begun_is_raised_where_it_is_asked_for() -> None:
+    asked = begun(partial(int, "no number"))
+    for _ in range(2):
+        with pytest.raises(ValueError, match="no number"):
+            asked()
+
+
+def test_on_one_thread_what_is_begun_waits_until_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FCSIM_THREADS", "1")
+    threads.cache_clear()
+    done: list[int] = []
+    asked = begun(lambda: done.append(1))
+    assert not done
+    asked()
+    asked()
+    assert done == [1]

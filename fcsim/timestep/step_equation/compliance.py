@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import cast
 
 import numpy as np
@@ -19,6 +20,7 @@ from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix
 from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.distributed import DistributedDelassus, contact_layout
+from fcsim.threads import begun
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning
 
@@ -44,6 +46,7 @@ class StepCompliance:
     Where mass alone holds a body C is so large that this loses digits: then A + B is factored as a whole.
     leaning: gaps that do not close along their normals, see `Leaning`: M is (A + B) T. None = none.
     over_ranks: whether W, where ranks share the model, may be left distributed among them.
+    ahead: an H whose W is being summed on another thread, and what waits for that, see `beginning`.
     """
 
     factor: SystemFactor
@@ -52,6 +55,7 @@ class StepCompliance:
     bent: sp.csr_array | None = None
     leaning: Leaning | None = None
     over_ranks: bool = False
+    ahead: tuple[sp.sparray, Callable[[], Matrix]] | None = None
 
     __repr__ = brief
 
@@ -170,6 +174,8 @@ class StepCompliance:
         """Return W = H^T M^-1 H (m, m) for H (n, m) on the problem's unknowns."""
         if self.summed is not None:
             return self.summed
+        if self.ahead is not None and H is self.ahead[0]:
+            return self.ahead[1]()
         if self.leaning is not None:
             return self._leant(H, dimension)
         H = sp.csc_array(H if self.joint is None else sp.csr_array(H)[: H.shape[0] - len(self._soft)])
@@ -184,6 +190,13 @@ class StepCompliance:
             wide = wide if isinstance(wide, np.ndarray) else sp.csr_array(wide)
             matrix = _corrected(wide[:m, :m], wide[:m, m : m + k], self._correction, wide[m : m + k, :m], dimension)
         return matrix if self.joint is None else _with_diagonal(matrix, self.joint, dimension)
+
+    def beginning(self, H: sp.sparray, dimension: int) -> StepCompliance:
+        """The same, which begins W of H (n, m) on another thread, so that it is summed while the rest of the problem is made. Not
+        where ranks share the model: their exchanges have one order."""
+        if self.summed is not None or self.factor.model.shares is not None:
+            return self
+        return replace(self, ahead=(H, begun(partial(self.delassus, H, dimension))))
 
     def _leant(self, H: sp.sparray, dimension: int) -> FloatArray:
         """H^T T^-1 (A + B)^-1 H, T^-1 = I + H_c Y E^T."""

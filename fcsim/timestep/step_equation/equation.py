@@ -91,12 +91,15 @@ class Equation:
             H = sp.csr_array(model.axes_matrix @ H)
         if model.driven == "eliminated":
             return sp.csr_array(H[model.free_dofs])
-        mask = np.zeros(model.n_dofs)
-        mask[model.free_dofs] = 1
-        return sp.csr_array(sp.diags_array(mask) @ H)
+        H = sp.csr_array(H)
+        free = np.zeros(model.n_dofs, dtype=bool)
+        free[model.free_dofs] = True
+        entries = np.repeat(free, counts := np.diff(H.indptr))
+        indptr = np.concatenate([[0], np.cumsum(np.where(free, counts, 0), dtype=H.indptr.dtype)]).astype(H.indptr.dtype)
+        return sp.csr_array((H.data[entries], H.indices[entries], indptr), shape=H.shape)
 
     @cached_property
-    def _H(self) -> sp.sparray:
+    def H(self) -> sp.sparray:
         """H on the problems' unknowns."""
         return self.compliance.with_joints(self._on_unknowns(self.met.scaled_H))
 
@@ -143,8 +146,8 @@ class Equation:
         terms = self.met.terms
         if self.met.moments is not None:
             rolling = np.zeros_like(mu) if terms.rolling is None else terms.rolling
-            return GlobalRollingProblem(matrix, self._H, f, self._w, mu, rolling, G, b, mu_s=terms.spinning)
-        return GlobalProblem(matrix, self._H, f, self._w, mu, G, b, dimension=model.dimension)
+            return GlobalRollingProblem(matrix, self.H, f, self._w, mu, rolling, G, b, mu_s=terms.spinning)
+        return GlobalProblem(matrix, self.H, f, self._w, mu, G, b, dimension=model.dimension)
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:
         """The unknowns v (n_dofs,) of all dofs, in world axes, from the problem's."""

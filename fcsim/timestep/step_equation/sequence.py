@@ -22,6 +22,7 @@ from fcsim.timestep.step import Attempt
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE
+from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
 from fcsim.timestep.step_equation.loops.mixing import Mixing
 from fcsim.timestep.step_equation.loops.one_loop import FollowedLoad, follows, solve_followed
 from fcsim.timestep.warm_start import Reactions, nearest_start, warm_start
@@ -52,25 +53,21 @@ def _solved(
     equation: Equation, settings: SolverSettings, extent: float, past: Past, attempts: list[Attempt], clock: Clock
 ) -> tuple[Answer | None, Past]:
     """`solve_equation` without what it keeps of the motion."""
-    compliance, elastic = equation.compliance, equation.elastic
-    lead = past.lead
-    if isinstance(compliance, StepCompliance):
-        compliance = replace(compliance, over_ranks=method(settings.name).over_ranks and not lead.steps and equation.met.moments is None)
+    elastic, lead = equation.elastic, past.lead
+    compliance = _beginning(equation, method(settings.name).over_ranks and not lead.steps)
     term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term
         problem = equation.problem(load)
         reduction = Reduction(problem, compliance)
         rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
-        if problem.nc:
-            compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
-        clock.lap("assembly")
         tol = _tolerance(settings.tol, reduction, extent, equation)
         first = len(attempts)
         if start is None:
             enough = tol * max(float(np.linalg.norm(reduction.q)), settings.floor)
             begins = method(lead.solver if lead.steps else settings.name)
             start = r = _start(reduction, rolling, equation.met, past.reactions, enough, isinstance(begins.options, NewtonOptions))
+            clock.lap("assembly")  # W, which may have been summed beside what a start needs
             if isinstance(problem, GlobalProblem) and not lead.steps and follows(settings, elastic):
                 followed = FollowedLoad(equation, problem, reduction, load)
                 asked = partial(_tolerance, settings.tol, extent=extent, equation=equation)
@@ -81,6 +78,9 @@ def _solved(
                     past, v = replace(past, lead=lead.after(settings.name, settings.name)), equation.velocity(result.v)  # type: ignore[arg-type]
                     last, load = followed.reduction, followed.load
                     return Answer(followed.problem, last, result, v, load, start, equation.factor, equation.met), past
+        if problem.nc:
+            compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
+        clock.lap("assembly")
         if rolling is None:
             result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
         else:
@@ -110,6 +110,14 @@ def _solved(
     return None, past
 
 
+def _beginning(equation: Equation, over_ranks: bool) -> StepCompliance | LinkedCompliance:
+    """The equation's compliance, which begins to sum W; over_ranks: whether the solver takes one that is left distributed."""
+    compliance = equation.compliance
+    if not isinstance(compliance, StepCompliance) or equation.met.moments is not None or not len(equation.met.contacts):
+        return compliance
+    return replace(compliance, over_ranks=over_ranks).beginning(equation.H, equation.model.dimension)
+
+
 def _start(
     reduction: Reduction, rolling: RollingReduction | None, met: Encounter, reactions: Sequence[Reactions], enough: float, newton: bool
 ) -> FloatArray:
@@ -118,7 +126,7 @@ def _start(
     if not len(met.contacts):
         return np.empty(0)
     if rolling is None:
-        return (nearest_start if newton else warm_start)(reduction.local, met.contacts, reactions, enough)
+        return (nearest_start if newton else warm_start)(reduction, met.contacts, reactions, enough)
     return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 

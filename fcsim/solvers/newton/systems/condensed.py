@@ -21,6 +21,7 @@ from fcsim.linear.krylov import gmres
 from fcsim.linear.products import times, transposed_times
 from fcsim.problem import Delassus
 from fcsim.solvers.memory import Kept
+from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks, held_side, roles, signed
 from fcsim.solvers.newton.systems.border import Border, empty_border, extended
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
 from fcsim.solvers.newton.systems.held import Held, hold
@@ -124,8 +125,7 @@ class CondensedSystem:
         return is_symmetric(self._W)
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        closed = A.any(axis=(1, 2))
-        sticking = closed & ~B.any(axis=(1, 2))
+        closed, sticking = roles(A, B)
         if not closed.any():
             return self._whole.solve(A, B, rhs)
         settled = self._settled(closed, sticking)
@@ -197,7 +197,8 @@ class CondensedSystem:
         def product(x: FloatArray) -> FloatArray:
             images.append(self._product(x))
             Wx = images[-1].reshape(shape)
-            return (np.einsum("aij,aj->ai", A, Wx) + np.einsum("aij,aj->ai", B, x.reshape(shape))).ravel()
+            image: FloatArray = apply_blocks(A, Wx, B, x.reshape(shape))
+            return image.ravel()
 
         def precondition(x: FloatArray) -> FloatArray:
             return step.solve(x.reshape(shape), INNER if earlier else 0.0)
@@ -224,13 +225,11 @@ class _Step:
         """inexact: whether the system that is left on the border will be solved with a defect."""
         held, self._d = given.held, system._d
         A, B = (x.astype(held.dtype, copy=False) for x in (A, B))
-        closed = A.any(axis=(1, 2))
-        sticking = closed & ~B.any(axis=(1, 2))
+        closed, sticking = roles(A, B)
         border = extended(given.border, held, system._W, np.flatnonzero(np.where(held.is_held, ~sticking, closed)))
         self._given, self._border, self._product = given, border, system._product
         self._open = ~(closed | held.is_held)  # an open contact that was held stays in the system as a released one
-        self._stays = held.contacts[~_among(border.contacts[border.released], held)]
-        self._kept = held.place[self._stays]
+        self._stays = ~_among(border.contacts[border.released], held)
         self._A, self._B = A, B
         released, every = border.released, border.contacts
         self._own = own = every[released]
@@ -253,18 +252,17 @@ class _Step:
         coupling = np.zeros_like(rhs)
         if np.any(dr):
             coupling += self._product(dr.ravel().astype(float, copy=False)).reshape(-1, d)
-        t = np.zeros_like(rhs, shape=(len(held.contacts), d))
-        t[self._kept] = np.linalg.solve(self._A[self._stays], rhs[self._stays][:, :, None])[:, :, 0]
-        t -= coupling[held.contacts]
+        t = np.empty_like(rhs, shape=(len(held.contacts), d))
+        if not held_side(self._A, rhs, coupling, held.contacts, self._stays, t):
+            raise SingularMatrix("the block of a sticking contact is singular")
         z = held.factor.forward(t.reshape(-1, 1))[:, 0]
         if len(border.contacts):
             released, free = border.released, border.contacts[~border.released]
             known = times(border.PT, z).reshape(-1, d)
-            known[released] *= -1
-            known[~released] += coupling[free]
+            signed(known, released, coupling, border.contacts)
             x = np.zeros_like(known)
             x[released] = split_known(self._A[self._own], self._B[self._own], rhs[self._own])[0]
-            self._remainder.complete(x, known, rhs[border.contacts], tolerance * float(np.linalg.norm(rhs)))
+            self._remainder.complete(x, known, rhs, border.contacts, tolerance * float(np.linalg.norm(rhs)))
             z -= transposed_times(border.PT, x.ravel())
             dr[free] += x[~released]
         dr[held.contacts] = held.factor.backward(z).reshape(-1, d)

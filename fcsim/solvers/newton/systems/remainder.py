@@ -7,11 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear._front_kernels import border_matrix
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.linear.krylov import gmres
 from fcsim.linear.products import times
+from fcsim.solvers.newton.systems._condensed_kernels import known_components, left_over, own_blocks
 from fcsim.threads import pieces, side_by_side
 
 APPROXIMATE_FROM = 500
@@ -119,17 +120,18 @@ class Remainder:
             A, B, d = outer.ravel(), inner.ravel(), unknown.shape[1]
             rows = pieces(len(dofs), ROWS_A_PIECE)
             side_by_side([partial(border_matrix, G, A, B, dofs, d, begin, end, J) for begin, end in rows])
-            self._own = _own_blocks(G, outer, inner, unknown)
+            self._own = own_blocks(G, outer, inner, unknown)
             if inexact and earlier is not None and len(dofs) > APPROXIMATE_FROM:
                 self._approximate = _updated(earlier, J, unknown, self._own)
 
-    def complete(self, x: FloatArray, known: FloatArray, rhs: FloatArray, target: float) -> None:
-        """Fill in the unknown components (k, d) of x, which are zero; target: norm of the defect that is accepted, 0: round-off."""
+    def complete(self, x: FloatArray, known: FloatArray, rhs: FloatArray, contacts: IntArray, target: float) -> None:
+        """Fill in the unknown components (k, d) of x, which are zero; rhs (nc, d), of which the rows `contacts` (k,) count; target: norm
+        of the defect that is accepted, 0: round-off."""
         if not self._unknown.any():
             return
         response = known + times(self._G, x.ravel()).reshape(x.shape) if x.any() else known
-        left = rhs - np.einsum("aij,aj->ai", self._outer, response) - np.einsum("aij,aj->ai", self._inner, x)
-        x[self._unknown] = self._solve(left[self._unknown], target)
+        left = left_over(self._outer, self._inner, response, x, rhs, contacts, self._unknown)
+        x[self._unknown] = self._solve(left, target)
 
     def _solve(self, rhs: FloatArray, target: float) -> FloatArray:
         J = self._J
@@ -152,14 +154,6 @@ def _updated(factored: Factored, J: FloatArray, unknown: BoolArray, own: FloatAr
         return None
 
 
-def _own_blocks(G: FloatArray, outer: FloatArray, inner: FloatArray, unknown: BoolArray) -> FloatArray:
-    """The contacts' own blocks (k, d, d) of outer G + inner on the unknown components, with those of the identity on the others."""
-    k, d = unknown.shape
-    dofs = np.arange(k * d).reshape(k, d)
-    own = outer @ G[dofs[:, :, None], dofs[:, None, :]] + inner
-    return np.where(unknown[:, :, None] & unknown[:, None, :], own, np.eye(d, dtype=own.dtype))
-
-
 def _inverse(blocks: FloatArray) -> FloatArray:
     """The inverses of blocks (k, d, d); SingularMatrix where one is singular."""
     try:
@@ -169,17 +163,8 @@ def _inverse(blocks: FloatArray) -> FloatArray:
 
 
 def split_known(A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """The components of x = W dr (k, d) that A x + B dr = rhs gives for every dr, zero elsewhere, and which ones are unknown.
-
-    All of a sticking contact (B = 0), the normal one of a closed contact where row N of A is (A_NN, 0, 0) and of B zero, as Alart and
-    Curnier's and Jean and Moreau's are.
-    """
-    unknown = np.ones(rhs.shape, dtype=bool)
-    x = np.zeros_like(rhs)
-    sticking = ~B.any(axis=(1, 2))
-    x[sticking] = np.linalg.solve(A[sticking], rhs[sticking][:, :, None])[:, :, 0]
-    unknown[sticking] = False
-    normal = ~sticking & (A[:, 0, 0] != 0) & ~A[:, 0, 1:].any(axis=1) & ~B[:, 0].any(axis=1)
-    x[normal, 0] = rhs[normal, 0] / A[normal, 0, 0]
-    unknown[normal, 0] = False
+    """`known_components`; SingularMatrix where the block of a sticking contact is singular."""
+    x, unknown, regular = known_components(A, B, rhs)
+    if not regular:
+        raise SingularMatrix("the block of a sticking contact is singular")
     return x, unknown

@@ -40,7 +40,7 @@ class System:
 
     def completed(self, own: Remainder, target: float) -> np.ndarray:
         x = self.x.copy()
-        own.complete(x, self.known.astype(np.float32), self.rhs.astype(np.float32), target)
+        own.complete(x, self.known.astype(np.float32), self.rhs.astype(np.float32), np.arange(len(x)), target)
         assert_allclose(x[~self.unknown], self.x[~self.unknown])
         return x
 

@@ -1,0 +1,39 @@
+"""GMRES against a dense solve, and where it gives up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.linear.krylov import gmres
+
+
+@pytest.mark.parametrize("target", [1e-2, 1e-8])
+def test_the_defect_is_the_one_asked_for_and_the_coefficients_are_those_of_the_steps(target: float) -> None:
+    rng = np.random.default_rng(0)
+    A = np.eye(30) + 0.1 * rng.standard_normal((30, 30))
+    P, b, steps = np.linalg.inv(A + 0.01 * rng.standard_normal((30, 30))), rng.standard_normal(30), []
+
+    def product(x: np.ndarray) -> np.ndarray:
+        steps.append(x)
+        return A @ x
+
+    found = gmres(product, lambda x: P @ x, b, target * float(np.linalg.norm(b)), 20)
+    assert found is not None
+    x, y = found
+    assert np.linalg.norm(b - A @ x) <= 1.001 * target * np.linalg.norm(b)
+    assert_allclose(np.tensordot(y, steps, 1), x)
+    shorter = np.column_stack([A @ step for step in steps[:-1]]) if len(steps) > 1 else np.zeros((30, 1))
+    left = b - shorter @ np.linalg.lstsq(shorter, b, rcond=None)[0]
+    assert np.linalg.norm(left) > target * np.linalg.norm(b)  # the least iterations that do: one fewer has no such x
+
+
+def test_nothing_is_done_for_a_small_right_side_and_nothing_returned_where_it_does_not_pay() -> None:
+    rng = np.random.default_rng(1)
+    A, b = rng.standard_normal((40, 40)), rng.standard_normal(40)
+    x, y = gmres(lambda x: A @ x, lambda x: x, b, 1e9, 8) or (b, b)
+    assert not x.any() and not len(y)
+    assert gmres(lambda x: A @ x, lambda x: x, b, 1e-10, 8) is None
+    assert gmres(lambda x: np.full_like(x, np.nan), lambda x: x, b, 1e-10, 8) is None
+    assert gmres(lambda x: 0 * x, lambda x: x, b, 1e-10, 8) is None
