@@ -13,10 +13,10 @@ from fcsim.contact_detection.false_sides import came_another_way, known_facets, 
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.surfaces import candidates as candidate_points
 from fcsim.contact_detection.surfaces import facets as contact_facets
-from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 from fcsim.contact_detection.surfaces.facets import FacetGeometry
 from fcsim.contact_detection.surfaces.projection import closest_on_boundary, project_on_facets
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
+from fcsim.contact_detection.surfaces.verlet_list import VerletList
 
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
@@ -65,6 +65,7 @@ class NodeToSegment:
         self.topology = contact_facets.topology(self.masters)
         self.pair_of_candidate = np.repeat(np.arange(len(pairs)), counts)
         self._first = np.concatenate([[0], np.cumsum(counts)])
+        self._near = [VerletList() for _ in pairs]
         self.known = known_facets(self.slaves, self.masters)
         self._node = np.where((self.candidates.nodes >= 0).sum(axis=1) == 1, self.candidates.nodes[:, 0], -1)
         self._n_bodies = 1 + int(self.masters.bodies.max(initial=0))
@@ -99,7 +100,7 @@ class NodeToSegment:
             size = now.master.size[theirs]
             depth = np.minimum(size, now.size[ours].max(initial=0.0))
             reach = now.master.radius[theirs] + np.maximum(pair.alert, self.penetration * depth) + self.edge_tolerance * depth
-            candidate, facet = near_pairs(now.point[ours], now.master.centre[theirs], reach)
+            candidate, facet = self._near[number](now.point[ours], now.master.centre[theirs], reach)
             found.append((candidate + ours.start, facet + theirs.start))
         candidate, facet = (np.concatenate(part) for part in zip(*found, strict=True))
         other = self.candidates.bodies[candidate] != self.masters.bodies[facet]
