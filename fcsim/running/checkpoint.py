@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, fields
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from fcsim.apart import Array, Group, opened_apart
 from fcsim.arrays import FloatArray
@@ -26,39 +28,61 @@ MEMORIES = 100
 """More reactions of earlier steps than any run keeps."""
 
 
+@dataclass(frozen=True)
+class _Content:
+    """A group of the file before it is written: attributes, arrays and groups by name."""
+
+    attrs: dict[str, object]
+    entries: dict[str, _Content | NDArray[np.generic]]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.entries)
+
+    def __getitem__(self, name: str) -> _Content | NDArray[np.generic]:
+        return self.entries[name]
+
+    def write(self, group: h5py.Group) -> None:
+        for name, value in self.attrs.items():
+            group.attrs[name] = value
+        for name, entry in self.entries.items():
+            if isinstance(entry, _Content):
+                entry.write(group.create_group(name))
+            else:
+                group[name] = entry
+
+
 def write_checkpoint(path: Path, step: Step, origin: str = "") -> None:
     """Write the end of a step and its anchor, see `Simulation.run`; origin: which run it is of, see `Description`."""
+    content = _moment(step.moment)
+    content.attrs["origin"] = origin
+    content.entries["anchor"] = _moment(step.anchor)
+    content.attrs["sha256"] = content_digest(content)  # of what is in memory: reading the file back takes as long as writing it
     with replacing_hdf5_for_good(path) as file:
-        file.attrs["origin"] = origin
-        _write_moment(file, step.moment)
-        _write_moment(file.create_group("anchor"), step.anchor)
-        file.attrs["sha256"] = content_digest(file)
+        content.write(file)
 
 
-def _write_moment(group: h5py.Group, moment: Moment) -> None:
-    group.attrs["step"] = moment.number
-    group.attrs["t"] = moment.state.t
-    group.attrs["cuts"] = moment.cuts
-    group.attrs["seen"] = moment.seen
-    for name in _ARRAYS:
-        if (values := getattr(moment.state, name)) is not None:
-            group[name] = values
-    memory = group.create_group("memory")
-    for age, reactions in enumerate(moment.memory):
-        for name in ("identity", "frame", "r"):
-            memory[f"{age}/{name}"] = getattr(reactions, name)
-    group.attrs["ledger"] = np.array(list(asdict(moment.ledger).values()), dtype=np.float64)
-    lead = moment.lead
-    group.attrs["lead"], group.attrs["lead_counts"] = lead.solver, np.array([lead.streak, lead.steps])
+def _moment(moment: Moment) -> _Content:
+    state, lead = moment.state, moment.lead
+    attributes: dict[str, object] = {
+        "step": moment.number,
+        "t": state.t,
+        "cuts": moment.cuts,
+        "seen": moment.seen,
+        "ledger": np.array(list(asdict(moment.ledger).values()), dtype=np.float64),
+        "lead": lead.solver,
+        "lead_counts": np.array([lead.streak, lead.steps]),
+    }
+    memory = {str(age): _Content({}, {"identity": r.identity, "frame": r.frame, "r": r.r}) for age, r in enumerate(moment.memory)}
+    arrays = {name: values for name in _ARRAYS if (values := getattr(state, name)) is not None}
+    content = _Content(attributes, {**arrays, "memory": _Content({}, dict(memory))})
     if (variables := moment.variables) is not None:
-        law = group.create_group("law")
-        law.attrs["stored"] = variables.stored
-        law["identity"] = variables.identity
-        for name, values in variables.values.items():
-            law[f"values/{name}"] = values
+        law = content.entries["law"] = _Content({"stored": variables.stored}, {"identity": variables.identity})
+        if variables.values:
+            law.entries["values"] = _Content({}, dict(variables.values))
+    return content
 
 
-def content_digest(file: h5py.File | Group) -> str:
+def content_digest(file: _Content | h5py.File | Group) -> str:
     """SHA-256 of the names, types, shapes and bytes of all datasets and attributes but the digest itself.
 
     Of bytes, not of what is printed: that has eight digits of an array, and others once a case has called `np.set_printoptions`.
@@ -74,14 +98,17 @@ def content_digest(file: h5py.File | Group) -> str:
             raise ValueError(f"{'/'.join(place)}: expected numbers or a text")
         digest.update(json.dumps([*place, values.dtype.str, values.shape]).encode() + values.tobytes())
 
-    def take(name: str, entry: h5py.Group | h5py.Dataset | Group | Array) -> None:
+    def take(name: str, entry: _Content | NDArray[np.generic] | h5py.Group | h5py.Dataset | Group | Array) -> None:
+        if isinstance(entry, np.ndarray):
+            add([name], entry)
+            return
         for key in sorted(set(entry.attrs) - {"sha256"}):
             add([name, key], entry.attrs[key])
         if isinstance(entry, h5py.Dataset | Array):
             add([name], entry[()])
         else:
             for key in sorted(entry):
-                if isinstance(entry, Group) or isinstance(entry.get(key, getlink=True), h5py.HardLink):
+                if isinstance(entry, _Content | Group) or isinstance(entry.get(key, getlink=True), h5py.HardLink):
                     take(f"{name}/{key}" if name else key, entry[key])
 
     take("", file)
