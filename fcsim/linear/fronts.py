@@ -20,8 +20,7 @@ import scipy.linalg as sla
 from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.linear._front_kernels import extend_add, extend_add_upper, fill, fill_symmetric
-from fcsim.linear._front_vector_kernels import backward, forward
+from fcsim.linear._front_kernels import backward, extend_add, extend_add_upper, fill, fill_symmetric, forward
 from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.elimination_tree import EliminationTree
 from fcsim.linear.factors import SingularMatrix
