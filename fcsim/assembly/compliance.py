@@ -150,7 +150,8 @@ class SystemFactor:
         """A as one csr_array on the problems' unknowns: (n_free, n_free), or (n_dofs, n_dofs) with identity rows. Made once."""
         if self._matrix is None:
             plain = self.rotation is None and not self.nonlinear_groups
-            self._matrix = _joined(self._elastic.block if plain else self._elastic.at(self.rotation, self._blocks()), self._rigid_block())
+            rigid = self._rigid_block()
+            self._matrix = _joined(self._elastic.block, rigid) if plain else self._elastic.at(self.rotation, self._blocks(), rigid)
         return self._matrix
 
     def product(self, v: FloatArray) -> FloatArray:
@@ -222,13 +223,13 @@ class SystemFactor:
                     dofs = group.dofs[own][:, group.free]
                     x[dofs] = group.solve(rhs[dofs], own)
                 elif shares is None or (group not in spread and shares.solver(group.members) == shares.world.number):
-                    x[group.dofs[:, group.free]] = group.solved(rhs, self.rotation)
+                    group.solve(rhs, self.rotation, x)
         if shares is not None:
             dofs, counts = self._exchanged(shares)
             begin = int(counts[: shares.world.number].sum())
             x[dofs] = shares.world.gathered(x[dofs[begin : begin + counts[shares.world.number]]], counts)
         for group in spread:
-            x[group.dofs[:, group.free]] = group.solved(rhs, self.rotation)
+            group.solve(rhs, self.rotation, x)
         rigid, free = self.model.rigid_part(x), self.model.rigid_free
         rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
@@ -277,10 +278,13 @@ class _ElasticMatrix:
     def __init__(self, model: Model, mass: float, stiffness: float) -> None:
         self._model, self._mass, self._stiffness = model, mass, stiffness
 
-    def at(self, rotation: FloatArray | None, blocks: Mapping[int, FloatArray]) -> sp.csr_array:
-        """The block with the bodies turned by rotation (n_deformable, d, d), None: not, and the blocks of nonlinear groups."""
-        A = self._own.at(rotation, blocks)
-        return A if self._axes is None else self._restricted(self._axes @ A @ self._axes.T)
+    def at(self, rotation: FloatArray | None, blocks: Mapping[int, FloatArray], rigid: sp.csr_array) -> sp.csr_array:
+        """The block with the bodies turned by rotation (n_deformable, d, d), None: not, and the blocks of nonlinear groups; after it that
+        of the rigid bodies."""
+        if self._axes is None:
+            return self._own.at(rotation, blocks, rigid)
+        A = self._own.at(rotation, blocks, sp.csr_array((0, 0)))
+        return _joined(self._restricted(self._axes @ A @ self._axes.T), rigid)
 
     @cached_property
     def _own(self) -> TurnedMatrix:

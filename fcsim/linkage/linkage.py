@@ -163,7 +163,7 @@ def _rotation(model: Model, body: int, x: FloatArray) -> FloatArray:
     for group in model.nonlinear.groups:
         if body in group.members and group.rotates:
             floating = FloatingGroup(group)
-            return np.asarray(floating.frames(floating.displacement(x)).rotation[group.members == body][0])
+            return np.asarray(floating.frames(x).rotation[group.members == body][0])
     elastic = model.elastic
     return np.asarray(elastic.rotation(elastic.at(x))[body]) if elastic.turning else np.eye(model.dimension)
 

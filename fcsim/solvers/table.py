@@ -9,6 +9,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 
 from fcsim.errors import InputError
+from fcsim.solvers.automatic.followed import automatic_followed
 from fcsim.solvers.automatic.stages import AutomaticOptions, automatic
 from fcsim.solvers.base import Method, Options
 from fcsim.solvers.gauss_seidel.anderson import AndersonOptions, anderson
@@ -72,7 +73,7 @@ _PLI = Stage(nsgs, GaussSeidelOptions(one_contact="FP-DS", local_iterations=100,
 _NEWTON_GP = Stage(newton, NewtonOptions(line_search="Goldstein-Price", max_iterations=50))
 
 SOLVERS: dict[str, Method] = {
-    "auto": Method(automatic, AutomaticOptions(), "automatic", "this package (see automatic)"),
+    "auto": Method(automatic, AutomaticOptions(), "automatic", "this package (see automatic)", run_followed=automatic_followed),
     # adaptive: on walls from r = 0 an eighth fewer iterations than with the fixed rho of NSN-AC-NLS, and single contacts on which that
     # one cycles are solved
     "NSN-AC": _newton("AC", "Alart, Curnier 1991", "NSN_AC", rho="adaptive"),

@@ -26,7 +26,8 @@ class SolverSettings:
     zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. A link that had to answer three times in a
     row begins the next 25 chains, see `Lead`; `Step.attempts` says what was tried. loop: how a step with turning or nonlinear bodies goes
     to its answer: "sequence", friction problems that are solved one after the other; "one", one linearisation of the bodies an iteration of
-    the contacts, with the nonsmooth Newton methods (see `one_loop`, `newton_loop`); "auto": the quicker one, turning bodies in one loop,
+    the contacts, with the nonsmooth Newton methods (see `one_loop`, `newton_loop`), and with `auto` where it begins with one; "auto": the
+    quicker one, turning bodies in one loop,
     nonlinear ones by the sequence. floor [m/s; quasi-statics: m]: see
     `fcsim.problem.error`.
     """

@@ -12,9 +12,11 @@ def polar_rotation(A: FloatArray) -> FloatArray:
     if not len(A):
         return A.copy()
     U, _, Vt = np.linalg.svd(A)
-    mirrored = np.linalg.det(U) * np.linalg.det(Vt) < 0
-    U[mirrored, :, -1] *= -1
     rotations: FloatArray = U @ Vt
+    mirrored = np.linalg.det(rotations) < 0
+    if mirrored.any():
+        U[mirrored, :, -1] *= -1
+        rotations[mirrored] = U[mirrored] @ Vt[mirrored]
     return rotations
 
 

@@ -66,7 +66,7 @@ class DeformationMeasure:
         inverted, turning, finite = np.zeros((3, self._count), dtype=bool)
         for measure in self._groups:
             group = measure.floating.group
-            frames = measure.floating.frames(measure.floating.displacement(x))
+            frames = measure.floating.frames(x)
             rotation[group.members] = angle_of(frames.rotation)
             strain[group.members] = measure.strain(frames.strained, self._unseen)
             bent[group.members], left_out[group.members] = measure.bent(frames, self._unseen)

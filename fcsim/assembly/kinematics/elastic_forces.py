@@ -12,7 +12,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.groups import Group
-from fcsim.assembly.kinematics.frames import FloatingGroup, Frames
+from fcsim.assembly.kinematics.frames import FloatingGroup, Frames, Turned
 
 KEPT = 3
 """Configurations that are kept."""
@@ -34,7 +34,7 @@ class ElasticForces:
         self.groups, self.beta = tuple(group for group in groups if group.laws is None), beta
         self._all, self._elastic = tuple(groups), sum(group.dofs.size for group in groups)
         self._shape = count, dimension
-        self._last: dict[bytes, Configuration] = {}
+        self._last: tuple[tuple[bytes, Configuration], ...] = ()
         self._floating = tuple(FloatingGroup(group) if group.turning else None for group in self.groups)
 
     @property
@@ -56,12 +56,13 @@ class ElasticForces:
         """The configuration x (n_dofs,) with the frames of its bodies; of the last ones asked for, which end a step and begin the next,
         what is there."""
         key = x.tobytes()
-        known = self._last.get(key)
-        if known is None:
-            frames = tuple(None if floating is None else floating.frames(floating.displacement(x)) for floating in self._floating)
-            known = Configuration(x.copy(), frames)
-            self._last = dict([*self._last.items(), (key, known)][-KEPT:])
-        return known
+        for known, configuration in self._last:
+            if known == key:  # the first byte that differs ends it; a hash would read all
+                return configuration
+        frames = tuple(None if floating is None else floating.frames(x) for floating in self._floating)
+        configuration = Configuration(x.copy(), frames)
+        self._last = (*self._last, (key, configuration))[-KEPT:]
+        return configuration
 
     def rotation(self, configuration: Configuration) -> FloatArray:
         """Rotations R (n_deformable, d, d) of the frames, the identity for linear bodies."""
@@ -99,29 +100,33 @@ class ElasticForces:
             loss += float(np.sum(dy * forces[len(y) :]))
         return (start, start + change + 0.5 * loss), loss
 
-    def force(self, first: Configuration, last: Configuration, share: float, v: FloatArray | None = None) -> FloatArray:
-        """Forces (n_dofs,) [N] D^T K (share y_1 + (1 - share) y_0 + beta D v) between two configurations, see `frames`; K (share x_1 + ...)
-        of linear bodies. v (n_dofs,) [m/s], None: without damping."""
+    def force(
+        self, first: Configuration, last: Configuration, share: float, v: FloatArray | None = None, less: Turned | None = None
+    ) -> FloatArray:
+        """Forces F (n_dofs,) [N] = D^T K (share y_1 + (1 - share) y_0 + beta D v) between two configurations, see `frames`;
+        K (share x_1 + ...) of linear bodies. v (n_dofs,) [m/s], None: without damping. less: w F - s T K T^T x instead."""
         total = np.zeros_like(first.x)
         for group, floating, a, b in zip(self.groups, self._floating, first.frames, last.frames, strict=True):
+            if floating is not None and a is not None and b is not None:
+                floating.force((a, b), share, self.beta, v, less, total)
+                continue
             dofs = group.dofs
-            if floating is None or a is None or b is None:
-                x = share * last.x[dofs] + (1 - share) * first.x[dofs]
-                if self.beta and v is not None:
-                    x += self.beta * v[dofs]
-                total[dofs] = (group.K @ x.T).T
-            else:
-                velocity = None if v is None else floating.displacement(v)
-                total[dofs] = floating.force((a, b), share, self.beta, velocity).reshape(dofs.shape)
+            x = share * last.x[dofs] + (1 - share) * first.x[dofs]
+            if self.beta and v is not None:
+                x += self.beta * v[dofs]
+            if less is not None:
+                x = less.weight * x - less.factor * less.x[dofs]
+            total[dofs] = (group.K @ x.T).T
         return total
 
     def turned_stiffness(self, Q: FloatArray, x: FloatArray) -> FloatArray:
         """T K T^T x (n_dofs,) with the rotation Q (n_deformable, d, d) of each body's nodes in T."""
         total = np.zeros_like(x)
-        for group in self.groups:
-            own = turned_by(Q[group.members].transpose(0, 2, 1), x[group.dofs]) if group.turning else x[group.dofs]
-            force = (group.K @ own.T).T
-            total[group.dofs] = turned_by(Q[group.members], force) if group.turning else force
+        for group, floating in zip(self.groups, self._floating, strict=True):
+            if floating is None:
+                total[group.dofs] = (group.K @ x[group.dofs].T).T
+            else:
+                floating.turned_stiffness(Q, x, total)
         return total
 
     def system_rotation(self, R: FloatArray) -> FloatArray:
@@ -139,9 +144,3 @@ class ElasticForces:
                 plane = polar_rotation(across @ R[group.members] @ across.T)
                 Q[group.members] = np.outer(axis, axis) + across.T @ plane @ across
         return Q
-
-
-def turned_by(R: FloatArray, x: FloatArray) -> FloatArray:
-    """R_b x of all nodes of body b: x (nb, nn d) as it comes and goes, R (nb, d, d)."""
-    d = R.shape[-1]
-    return (x.reshape(len(x), -1, d) @ R.transpose(0, 2, 1)).reshape(x.shape)

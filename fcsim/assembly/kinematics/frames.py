@@ -23,10 +23,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.groups import Group
+from fcsim.assembly.kinematics._frame_kernels import (
+    block_product,
+    forces_between,
+    spread_arms,
+    strained,
+    turned_back,
+    turned_forth,
+)
 from fcsim.brief import brief
 
 
@@ -42,8 +51,19 @@ class Frames:
     __repr__ = brief
 
 
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """What is taken from the forces of a difference w F - s T K T^T x: weight w, factor s, rotation Q (n_deformable, d, d) of each body's
+    nodes in T, x (n_dofs,)."""
+
+    weight: float
+    factor: float
+    Q: FloatArray
+    x: FloatArray
+
+
 class FloatingGroup:
-    """The frames of a group's bodies; displacements x and velocities v of nodes are (nb, nn, d) in world axes."""
+    """The frames of a group's bodies and the forces in them; vectors on all dofs (n_dofs,) are in world axes."""
 
     def __init__(self, group: Group) -> None:
         self.group = group
@@ -61,68 +81,40 @@ class FloatingGroup:
         return x[self.group.dofs].reshape(-1, *self.arm.shape)
 
     def frames(self, x: FloatArray) -> Frames:
-        """The frames at the displacements x (nb, nn, d) of the nodes."""
-        arm = self.arm + self._centred(x)
-        spread = arm.transpose(0, 2, 1) @ (self.weight[:, None] * self.arm)
+        """The frames at the displacements x (n_dofs,) [m]."""
+        group, shape = self.group, (len(self.group.first), *self.arm.shape)
+        arm, y, spread = np.empty(shape), np.empty(shape), np.empty((shape[0], shape[2], shape[2]))
+        spread_arms(x, group.first, self.weight, self.arm, arm, spread)
         R = polar_rotation(spread)
-        return Frames(R, spread, arm, arm @ R - self.arm)
+        strained(arm, R, self.arm, y)
+        return Frames(R, spread, arm, y)
 
-    def _centred(self, x: FloatArray) -> FloatArray:
-        return x - (self.weight @ x)[:, None]
+    def force(
+        self, ends: tuple[Frames, Frames], share: float, damping: float, v: FloatArray | None, less: Turned | None, into: FloatArray
+    ) -> None:
+        """w D^T K (share y_1 + (1 - share) y_0 + damping D v) [N] between the frames 0 and 1, less s T K T^T x of `less`, into a vector
+        (n_dofs,); damping [s], v (n_dofs,) [m/s]. K is read once for both."""
+        group, nothing = self.group, into[:0]
+        given = [array for end in ends for array in (end.rotation, end.spread, end.arm, end.strained)]
+        rate = (0.0, nothing) if v is None else (damping, v)
+        second = (False, 1.0, 0.0, ends[0].rotation, nothing)
+        if less is not None:
+            second = (True, less.weight, less.factor, less.Q[group.members], less.x)
+        forces_between(group.first, self.weight, self.arm, tuple(given), share, rate, self._K, second, into)
 
-    def force(self, ends: tuple[Frames, Frames], share: float, damping: float, v: FloatArray | None) -> FloatArray:
-        """D^T K (share y_1 + (1 - share) y_0 + damping D v) (nb, nn, d) [N] between the frames 0 and 1; damping [s]."""
-        first, last = ends
-        mean = _Mean(self, first, last)
-        y = share * last.strained + (1 - share) * first.strained
-        if damping and v is not None:
-            y = y + damping * mean.strain_rate(self._centred(v))
-        return mean.force(self.stress(y))
-
-    def stress(self, y: FloatArray) -> FloatArray:
-        """K y (nb, nn, d) [N] in the bodies' axes."""
-        forces: FloatArray = (self.group.K @ y.reshape(len(y), -1).T).T.reshape(y.shape)
-        return forces
-
-
-class _Mean:
-    """D and D^T between two frames, see the top of this file."""
-
-    def __init__(self, group: FloatingGroup, first: Frames, last: Frames) -> None:
-        self.group = group
-        self.R = 0.5 * (first.rotation + last.rotation)
-        inverse = np.linalg.inv(self.R)
-        self.q = np.einsum("bij,bnj->bni", inverse, 0.5 * (first.arm + last.arm))
-        N = inverse @ (0.5 * (first.spread + last.spread))
-        trace = np.trace(N, axis1=1, axis2=2)[:, None, None]
-        self.J = trace * np.eye(3) - N if group.dimension == 3 else trace
-
-    def strain_rate(self, v: FloatArray) -> FloatArray:
-        b = v @ self.R
+    def turned_stiffness(self, Q: FloatArray, x: FloatArray, into: FloatArray) -> None:
+        """T K T^T x with the rotation Q (n_deformable, d, d) of each body's nodes in T, x (n_dofs,), into a vector (n_dofs,)."""
         group = self.group
-        phi = np.linalg.solve(self.J, _moment(group.weight[:, None] * group.arm, b)[:, :, None])[:, :, 0]
-        return b - _turn(phi, self.q)
+        columns, own = np.empty((group.size, len(group.first))), Q[group.members]
+        turned_back(x, group.first, own, self._all, columns, 0)
+        turned_forth(block_product(*self._K, columns), group.first, own, self._all, into)
 
-    def force(self, f: FloatArray) -> FloatArray:
-        group = self.group
-        tau = np.linalg.solve(self.J.transpose(0, 2, 1), _moment(self.q, f)[:, :, None])[:, :, 0]
-        inner = f - group.weight[:, None] * _turn(tau, group.arm)
-        return inner @ self.R.transpose(0, 2, 1)
+    @cached_property
+    def _K(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """indptr, indices and node blocks (nblocks, d, d) of K."""
+        K = sp.bsr_array(self.group.K, blocksize=(self.dimension, self.dimension))
+        return K.indptr, K.indices, K.data
 
-
-def _moment(a: FloatArray, f: FloatArray) -> FloatArray:
-    """sum_i a_i x f_i: (nb, 3), in 2D (nb, 1); a (nn, d) or (nb, nn, d), f (nb, nn, d)."""
-    T = np.swapaxes(a, -1, -2) @ f
-    if f.shape[-1] == 2:
-        return (T[:, 0, 1] - T[:, 1, 0])[:, None]
-    return np.stack([T[:, 1, 2] - T[:, 2, 1], T[:, 2, 0] - T[:, 0, 2], T[:, 0, 1] - T[:, 1, 0]], axis=1)
-
-
-def _turn(phi: FloatArray, a: FloatArray) -> FloatArray:
-    """phi x a_i (nb, nn, d) for phi (nb, 3 or 1) and a (nn, d) or (nb, nn, d)."""
-    if a.shape[-1] == 2:
-        return phi[:, :, None] * np.stack([-a[..., 1], a[..., 0]], axis=-1)
-    spin = np.zeros((len(phi), 3, 3))  # a spin = phi x a
-    spin[:, 0, 1], spin[:, 1, 2], spin[:, 2, 0] = phi[:, 2], phi[:, 0], phi[:, 1]
-    turned: FloatArray = a @ (spin - spin.transpose(0, 2, 1))
-    return turned
+    @cached_property
+    def _all(self) -> BoolArray:
+        return np.ones(self.group.size, dtype=bool)

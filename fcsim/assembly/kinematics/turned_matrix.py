@@ -32,24 +32,39 @@ class TurnedMatrix:
             rows.append((group.first[:, None, None] + d * i + a[:, None]).astype(np.int32).ravel())
             columns.append((group.first[:, None, None] + d * A.indices + c[:, None]).astype(np.int32).ravel())
             self._blocks.append(A.data.reshape(-1, d * d).T.copy())
+        self._counts = np.array([len(group.members) * block.size for group, block in zip(groups, self._blocks, strict=True)], dtype=int)
+        self._last: tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]] | None = None
         self._indptr, self._indices, self._source, self._size = _pattern(np.concatenate(rows), np.concatenate(columns), free, eliminated)
 
-    def at(self, Q: FloatArray | None, matrices: Mapping[int, FloatArray]) -> sp.csr_array:
-        """The matrix as a csr_array with the rotations Q (n_deformable, d, d) of the bodies (None: none turns), and of the bodies of
-        nonlinear
-        groups, by the group's number, their blocks (nb, nblocks, d, d)."""
-        values = []
+    def at(self, Q: FloatArray | None, matrices: Mapping[int, FloatArray], beside: sp.csr_array) -> sp.csr_array:
+        """The matrix, and after it the block `beside`, as a csr_array with the rotations Q (n_deformable, d, d) of the bodies (None: none
+        turns), and of the bodies of nonlinear groups, by the group's number, their blocks (nb, nblocks, d, d)."""
+        values, end = np.empty(self._counts.sum() + 1), np.cumsum(self._counts)
+        values[-1] = 1.0
         for k, (group, block) in enumerate(zip(self._groups, self._blocks, strict=True)):
+            own = values[end[k] - self._counts[k] : end[k]].reshape(len(group.members), *block.shape)
             if group.laws is not None:
-                values.append(matrices[k].reshape(len(group.members), -1, len(block)).swapaxes(1, 2).ravel())
-                continue
-            if Q is None or not group.turning:
-                values.append(np.tile(block.ravel(), len(group.members)))
-                continue
-            own = Q[group.members]
-            values.append((np.einsum("bai,bcj->bacij", own, own).reshape(len(own), len(block), len(block)) @ block).ravel())
-        data = np.take(np.concatenate([*values, np.ones(1)]), self._source)
-        return sp.csr_array((data, self._indices, self._indptr), shape=(self._size, self._size))
+                own[:] = matrices[k].reshape(len(own), -1, len(block)).swapaxes(1, 2)
+            elif Q is None or not group.turning:
+                own[:] = block
+            else:
+                R = Q[group.members]
+                np.matmul(np.einsum("bai,bcj->bacij", R, R).reshape(len(own), len(block), len(block)), block, out=own)
+        count = len(self._source)
+        data = np.empty(count + len(beside.data))
+        np.take(values, self._source, out=data[:count], mode="clip")  # every number is in range; "raise" would copy
+        data[count:] = beside.data
+        indptr, indices = self._joined(beside)
+        n = len(indptr) - 1
+        return sp.csr_array((data, indices, indptr), shape=(n, n))
+
+    def _joined(self, beside: sp.csr_array) -> tuple[IntArray, IntArray]:
+        """indptr and indices with the block `beside`: the last ones where its pattern is that of the last time."""
+        pattern = beside.indptr, beside.indices
+        if self._last is None or not all(np.array_equal(a, b) for a, b in zip(self._last[0], pattern, strict=True)):
+            indptr = np.concatenate([self._indptr, self._indptr[-1] + beside.indptr[1:]])
+            self._last = pattern, (indptr, np.concatenate([self._indices, self._size + beside.indices]))
+        return self._last[1]
 
 
 def _pattern(rows: IntArray, columns: IntArray, free: BoolArray, eliminated: bool) -> tuple[IntArray, IntArray, IntArray, int]:

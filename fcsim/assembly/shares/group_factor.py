@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group
-from fcsim.assembly.kinematics.elastic_forces import turned_by
+from fcsim.assembly.kinematics._frame_kernels import turned_back, turned_forth
 from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.shares.shares import Shares
 from fcsim.errors import InputError
@@ -36,7 +36,7 @@ class GroupFactor:
 
     def __init__(self, model: BodyLayout, group: Group, mass: float, stiffness: float, touched: NDArray[np.bool_]) -> None:
         self.first, self.size, self.dofs, self.members = group.first, group.size, group.dofs, group.members
-        self.free, self._axes = np.flatnonzero(~group.driven), group.axes
+        self.free, self._axes, self._is_free = np.flatnonzero(~group.driven), group.axes, ~group.driven
         self._group, self._factors = group, (mass, stiffness)
         self.surface = own_surface(model, group, touched)
 
@@ -102,28 +102,39 @@ class GroupFactor:
         if shares.mine(self.members).any():
             self.compliance = given
 
-    def solved(self, rhs: FloatArray, rotation: FloatArray | None) -> FloatArray:
-        """A^-1 rhs (nb, nfree) of all bodies of the group, turned by rotation (n_deformable, d, d), None: not; rhs (n_dofs,)."""
-        dofs = self.dofs[:, self.free]
+    @cached_property
+    def _free_dofs(self) -> IntArray:
+        """Of each body (nb, nfree)."""
+        return self.dofs[:, self.free]
+
+    def solve(self, rhs: FloatArray, rotation: FloatArray | None, x: FloatArray) -> None:
+        """A^-1 rhs of all bodies of the group, turned by rotation (n_deformable, d, d), None: not, into x; rhs, x (n_dofs,)."""
+        dofs = self._free_dofs
         if rotation is None:
-            solved: FloatArray = self.factor.solve(np.ascontiguousarray(rhs[dofs].T)).T
-            return solved
-        own, Q = np.zeros(self.dofs.shape), rotation[self.members]
+            x[dofs] = self.factor.solve(np.ascontiguousarray(rhs[dofs].T)).T
+            return
+        Q = rotation[self.members]
+        if self._axes is None:
+            columns = np.empty(dofs.shape[::-1])
+            turned_back(rhs, self.first, Q, self._is_free, columns, 0)
+            turned_forth(self.factor.solve(columns), self.first, Q, self._is_free, x)
+            return
+        own = np.zeros(self.dofs.shape)
         own[:, self.free] = rhs[dofs]
-        inner = self.along(turned_by(Q.transpose(0, 2, 1), self.world(own)))[:, self.free]
+        inner = self.along(_turned(Q.transpose(0, 2, 1), self.world(own)))[:, self.free]
         own[:, self.free] = self.factor.solve(np.ascontiguousarray(inner.T)).T
-        return self.along(turned_by(Q, self.world(own)))[:, self.free]
+        x[dofs] = self.along(_turned(Q, self.world(own)))[:, self.free]
 
     def along(self, x: FloatArray) -> FloatArray:
         """Components along the supports' axes of x (nb, n_part) in world axes."""
-        return x if self._axes is None else self._turned(self._axes, x)
+        return x if self._axes is None else self._along_each(self._axes, x)
 
     def world(self, x: FloatArray) -> FloatArray:
         """x (nb, n_part) in world axes from its components along the supports' axes."""
-        return x if self._axes is None else self._turned(self._axes.transpose(0, 2, 1), x)
+        return x if self._axes is None else self._along_each(self._axes.transpose(0, 2, 1), x)
 
     @staticmethod
-    def _turned(axes: FloatArray, x: FloatArray) -> FloatArray:
+    def _along_each(axes: FloatArray, x: FloatArray) -> FloatArray:
         return np.einsum("aij,baj->bai", axes, x.reshape(len(x), *axes.shape[:2])).reshape(x.shape)
 
 
@@ -138,3 +149,9 @@ def _symmetric(C: FloatArray) -> FloatArray:
             mean = 0.5 * (C[i, j] + C[j, i].T)
             C[i, j], C[j, i] = mean, mean.T
     return C
+
+
+def _turned(R: FloatArray, x: FloatArray) -> FloatArray:
+    """R_b x of all nodes of body b: x (nb, nn d) as it comes and goes, R (nb, d, d)."""
+    turned: FloatArray = (x.reshape(len(x), -1, R.shape[-1]) @ R.transpose(0, 2, 1)).reshape(x.shape)
+    return turned

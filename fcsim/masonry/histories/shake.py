@@ -99,6 +99,6 @@ def _turns_and_drops(model: Model, x: FloatArray) -> tuple[FloatArray, FloatArra
     for group in model.groups:
         floating = FloatingGroup(group)
         moved = floating.displacement(x)
-        turn[group.members] = angle_of(floating.frames(moved).rotation)
+        turn[group.members] = angle_of(floating.frames(x).rotation)
         drop[group.members] = -(floating.weight @ moved)[:, d - 1]
     return turn, drop

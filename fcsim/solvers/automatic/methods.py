@@ -61,9 +61,13 @@ def sweeps(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 def newton(race: Race, monitor: ShareOfMonitor) -> Turns:
     """NSN-AC as long as every `patience` iterations bring a better iterate."""
+    return local_turns(race.problem, race.best_r(), monitor, newton_options(race), once=True)
+
+
+def newton_options(race: Race) -> NewtonOptions:
+    """Those of `newton`."""
     factor = 1.0 if race.warm else COLD_RHO
-    options = replace(NEWTON, rho_factor=factor, max_iterations=race.options.max_iterations, patience=race.options.patience)
-    return local_turns(race.problem, race.best_r(), monitor, options, once=True)
+    return replace(NEWTON, rho_factor=factor, max_iterations=race.options.max_iterations, patience=race.options.patience)
 
 
 def splitting(race: Race, monitor: ShareOfMonitor) -> Turns:

@@ -120,7 +120,8 @@ def _share(race: Race) -> int:
     return race.options.splitting if race.joints is None else JOINTS_SHARE
 
 
-def _newton_first(race: Race) -> bool:
+def newton_first(race: Race) -> bool:
+    """Whether Newton is the first stage."""
     if not race.options.patience or _singular_here(race):
         return False
     return race.joints is not None or (race.warm and not _sweeps_are_cheap(race))
@@ -161,7 +162,7 @@ def _on_track(race: Race, runner: Runner) -> bool:
 
 
 def _enter_sweeps(race: Race) -> bool:
-    return race.over("Newton") or race.over("splitting") if _newton_first(race) or _splitting_first(race) else True
+    return race.over("Newton") or race.over("splitting") if newton_first(race) or _splitting_first(race) else True
 
 
 def _enter_newton(race: Race) -> bool:
@@ -169,7 +170,7 @@ def _enter_newton(race: Race) -> bool:
         return False
     if _splitting_first(race):
         return race.over("splitting")
-    return _newton_first(race) or _dearer_than_newton(race, _swept(race))
+    return newton_first(race) or _dearer_than_newton(race, _swept(race))
 
 
 def _enter_proximal(race: Race) -> bool:

@@ -80,20 +80,23 @@ class LocalSpace:
         self.exact = False
 
 
-CLOSER = 0.01
-"""Of the error at the last linearisation (at first of q itself): from there on q is linearised anew, unless it is right already."""
+BEGINS = 1e-3
+"""Error from which on q is linearised anew: before that the next iteration moves r by more than q is wrong by. On a wall 1e-2 saves no
+iteration, 1e-4 costs one in thirty."""
+
+SETTLES = 0.05
+"""What a linearisation leaves of the change that it brought, as long as no second one has told."""
 
 
 class FollowingSpace(LocalSpace):
-    """u = W r + q(r) of a problem whose q follows its solution: linearised anew on the way to it, and where Newton's method has arrived.
-
-    What q is wrong by is taken as the error where it was linearised times the change that the first linearisation brought.
+    """u = W r + q(r) of a problem whose q follows its solution: linearised anew after each iteration until what that leaves is below the
+    tolerance, and where Newton's method has arrived. An iteration with a wrong q ends where another one has to follow.
     """
 
     def __init__(self, problem: Followed, monitor: Monitor, system: NewtonSystem, q: FloatArray, r: FloatArray) -> None:
         super().__init__(system, q, r)
         self._problem, self._monitor = problem, monitor
-        self._wrong, self._rate = 1.0, 1.0
+        self._changed, self._left, self._rate = 1.0, 1.0, SETTLES
         self.exact = False
 
     def recompute(self) -> None:
@@ -104,11 +107,12 @@ class FollowingSpace(LocalSpace):
 
     def move(self, t: float) -> None:
         super().move(t)
-        if self._rate * self._wrong <= 0.5 * self._monitor.tol:
+        tol = self._monitor.tol
+        if self._left <= 0.5 * tol or not tol < self._monitor.error(self._r, self.u) <= BEGINS:
             return
-        error = self._monitor.error(self._r, self.u)
-        if error <= CLOSER * self._wrong:
-            before, self._q = self._q, self._problem.free(self._r)
-            change = float(np.linalg.norm(self._q - before)) / self._monitor.scale
-            self._rate, self._wrong = change / self._wrong, error
-            self.u = self._Wr + self._q
+        before, self._q = self._q, self._problem.free(self._r)
+        change = float(np.linalg.norm(self._q - before)) / self._monitor.scale
+        if self._left < 1.0:
+            self._rate = min(1.0, change / self._changed)
+        self._changed, self._left = change, self._rate * change
+        self.u = self._Wr + self._q

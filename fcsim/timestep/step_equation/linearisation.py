@@ -20,8 +20,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.kinematics.elastic_forces import Configuration
 from fcsim.assembly.kinematics.following import When
+from fcsim.assembly.kinematics.frames import Turned
 from fcsim.assembly.model import Model
 from fcsim.solvers import Memory
 from fcsim.timestep.expected_motion import expected_motion
@@ -57,7 +59,10 @@ class Linearisation:
             return None
         first, last = self.scheme.elastic_path(self.model, self.state, self.first)
         elastic = self.model.elastic
-        return elastic.system_rotation(elastic.rotation(elastic.at(0.5 * (first + last))))
+        R = elastic.rotation(elastic.at(last))
+        if first is self.state.x:  # half way between the ends, whose frames the first term takes too
+            R = polar_rotation(elastic.rotation(self._begin) + R)
+        return elastic.system_rotation(R)
 
     @cached_property
     def first(self) -> FloatArray:
@@ -81,9 +86,11 @@ class Linearisation:
         first, last = scheme.elastic_path(self.model, self.state, v)
         end = elastic.at(last)
         begin = self._begin if first is self.state.x else end
-        force = elastic.force(begin, end, scheme.elastic_share, scheme.damping_velocity(self.model, self.state, v))
-        e = scheme.elastic_weight * force
-        return e if self.rotation is None else e - scheme.factors(self.model)[1] * elastic.turned_stiffness(self.rotation, v)
+        share, velocity = scheme.elastic_share, scheme.damping_velocity(self.model, self.state, v)
+        if self.rotation is None:
+            return scheme.elastic_weight * elastic.force(begin, end, share, velocity)
+        less = Turned(scheme.elastic_weight, scheme.factors(self.model)[1], self.rotation, v)
+        return elastic.force(begin, end, share, velocity, less)
 
     def pressed(self, v: FloatArray) -> tuple[FloatArray, When]:
         """The configuration (n_dofs,) in which loads that follow act at the iterate v (n_dofs,), and when of the step."""

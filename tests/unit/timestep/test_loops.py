@@ -36,7 +36,7 @@ TOL = 1e-10
 
 
 @cache
-def thrown(loop: str) -> list[Step]:
+def thrown(loop: str, solver: str = "NSN-AC") -> list[Step]:
     """A soft block that slides along the ground and turns over its front corner."""
     ground = rigid_rectangle("ground", (4.0, 0.2), (1.0, -0.1), 1.0)
     part = rectangle("block", (0.1, 0.2), (3, 5), Material(E=1e6, nu=0.2, density=2000.0))
@@ -47,7 +47,7 @@ def thrown(loop: str) -> list[Step]:
     v = np.zeros(model.n_dofs)
     v[: model.n_elastic] = np.column_stack([1.0 + 4.0 * arm[:, 1], -4.0 * arm[:, 0]]).ravel()
     detector = Detector([SurfacePair(below, top, 0.5, 0.01)], model.n_nodes)
-    settings = SolverSettings(name="NSN-AC", tol=TOL, loop=loop)
+    settings = SolverSettings(name=solver, tol=TOL, loop=loop)
     start = State(0.0, np.zeros(model.n_dofs), v)
     return list(Simulation(model, detector, Theta(2e-3), 25, settings, initial=start, witness=None))
 
@@ -68,6 +68,16 @@ def test_turning_bodies_in_one_loop_have_the_answer_of_the_sequence() -> None:
     model, before = one[0].model, one[0].previous
     work = 0.5 * float(before.v @ model.apply_mass(before.v))
     assert all(abs(step.energy.residual) < 1e-7 * work for step in one)
+
+
+def test_auto_goes_by_one_loop_where_it_begins_with_newton() -> None:
+    """From a warm start; from a cold one it sweeps, by the sequence, and what it does not begin with is no attempt."""
+    one, sequence = thrown("auto", "auto"), thrown("sequence", "auto")
+    assert_allclose(one[-1].state.x, sequence[-1].state.x, atol=1e-7 * np.abs(one[-1].state.x).max())
+    warm = [(a, b) for a, b in zip(one, sequence, strict=True) if np.any(a.start) and a.result.r.any()]
+    assert warm and all(len(a.attempts) == 1 for a, _ in warm)
+    assert sum(len(b.attempts) for _, b in warm) > 1.5 * len(warm)
+    assert all(attempt.status == "solved" for step in one for attempt in step.attempts)
 
 
 class Bending:
@@ -93,15 +103,17 @@ def touching() -> Reduction:
     return reduced(step.problem)  # type: ignore[arg-type, return-value]
 
 
-def test_newton_follows_a_problem_whose_q_follows_its_solution() -> None:
+@pytest.mark.parametrize(("solver", "on_the_way"), [("NSN-AC", False), ("NSN-FB", True)])
+def test_newton_follows_a_problem_whose_q_follows_its_solution(solver: str, on_the_way: bool) -> None:
+    """Where its iterates come near the answer by degrees q is linearised anew on the way; where one of them is there, at its end."""
     reduction = touching()
     W = reduction.local.delassus.W
     W = W if isinstance(W, np.ndarray) else W.toarray()
     K = 1e-3 * W
     moving = Bending(reduction, K)
-    found = solve(moving, "NSN-AC", tol=1e-11)
+    found = solve(moving, solver, tol=1e-11)
     exact = solve(replace(reduction.local, W=W - K), "NSN-AC", tol=1e-12)
-    assert found.solved and exact.solved and moving.asked
+    assert found.solved and exact.solved and bool(moving.asked) is on_the_way
     assert_allclose(found.r, exact.r, atol=1e-8 * np.abs(exact.r).max())
     still = solve(reduction.local, "NSN-AC", tol=1e-12)
     assert np.abs(still.r - exact.r).max() > 1e-5 * np.abs(exact.r).max()

@@ -134,5 +134,6 @@ def solve_followed(
         result = replace(result, error=error, scaled_error=error)
     within = result.solved and problem.settled and result.error <= tol
     status = result.status.value if within or not result.solved else "did not settle"
-    attempts.append(Attempt(settings.name, "previous steps", status, result.error, result.iterations, share, tol))
+    if result.solved or result.iterations:  # `auto` that would not begin with Newton has done nothing
+        attempts.append(Attempt(settings.name, "previous steps", status, result.error, result.iterations, share, tol))
     return (replace(result, memory=None) if within else None), result.memory

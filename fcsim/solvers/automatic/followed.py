@@ -1,0 +1,29 @@
+"""`auto` on a problem whose q follows its solution: its Newton, where it would begin with that."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.problem import Followed
+from fcsim.solvers.automatic.costs import Prices
+from fcsim.solvers.automatic.methods import newton_options
+from fcsim.solvers.automatic.race import Race
+from fcsim.solvers.automatic.stages import AutomaticOptions, newton_first
+from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.newton.iterations import local_turns
+from fcsim.solvers.newton.spaces import FollowingSpace
+from fcsim.solvers.turns import to_the_end
+
+
+def automatic_followed(problem: Followed, r: FloatArray, monitor: Monitor, options: AutomaticOptions) -> Iterate:
+    """Newton from r (m,), see `FollowingSpace`. Where it is not the stage that begins, r without an iteration: W is that of all q, and what
+    goes on is `automatic` on a problem that stays as it is."""
+    local = problem.local
+    operator, fitting = local.delassus, local.stored()
+    race = Race(fitting, fitting, monitor, options, Prices(fitting, operator.entries, operator.joints), bool(np.any(r)), operator.joints, r)
+    if "Newton" in options.without or not newton_first(race):
+        return Iterate(r, Status.STAGNATED)
+    return to_the_end(local_turns(local, r, monitor, newton_options(race), space_of=partial(FollowingSpace, problem, monitor)))
