@@ -44,7 +44,7 @@ from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor
 from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
 from fcsim.timestep.step_equation.sequence import longest_flight
-from fcsim.timestep.step_equation.tangent import tangent_by_differences, tangent_by_formulas
+from fcsim.timestep.step_equation.tangent import sticking, tangent_by_differences, tangent_by_formulas
 from fcsim.timestep.warm_start import carried, warm_start
 
 TOLERANCE = 1e-9
@@ -58,9 +58,6 @@ KEPT = 1e-5
 
 HELD = 30.0
 """Stiffness that is given to pressed contacts, of the largest entry of their geometric stiffness."""
-
-STICKS = 1e-3
-"""By how much less than its limit the friction of a contact that sticks is."""
 
 MAX_ITERATIONS = 40
 
@@ -251,8 +248,7 @@ class _Newton:
         if slanted is not None:  # a method of Newton's asks for no monotony
             return replace(equation, bent=bent), bent @ now.v
         r = now.r.reshape(-1, met.rows)
-        sticks = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKS) * met.contacts.mu * r[:, 0]
-        kept = np.repeat(sticks[:, None], met.rows, axis=1)
+        kept = np.repeat(sticking(met.contacts.mu, r)[:, None], met.rows, axis=1)
         kept[:, 0] = r[:, 0] > 0
         pressed = np.flatnonzero(kept)
         normal = met.scaled_H[:, pressed]

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -121,7 +122,7 @@ def test_newton_follows_a_problem_whose_q_follows_its_solution(solver: str, on_t
         solve(moving, "NSGS-AC")
 
 
-def pressed(loop: str, mu: float) -> list[Step]:
+def pressed(loop: str, mu: float, **rule: Any) -> list[Step]:
     """A rubber punch that is pressed into a softer bed and drawn along it, in statics."""
     bed, punch = (
         rectangle("bed", (4.0, 1.0), (4, 2), neo_hooke(1e6, 0.3, 1.0)),
@@ -134,21 +135,23 @@ def pressed(loop: str, mu: float) -> list[Step]:
     ]
     model = build_model([Body("bed", bed), Body("punch", punch, translation=(0.6, 1.0))], supports=supports)
     below, above = contact_surface(model, [("punch", "y-")]), contact_surface(model, [("bed", "y+")])
-    detector = Detector([SurfacePair(below, above, mu, 0.05, normals="smooth")], model.n_nodes)
+    detector = Detector([SurfacePair(below, above, mu, 0.05, **rule)], model.n_nodes)
     anywhere = Limits(rotation=np.inf, strain=np.inf)
     settings = SolverSettings(tol=1e-12, loop=loop)
     return list(Simulation(model, detector, QuasiStatic(0.5), 4, settings, limits=anywhere, witness=None))
 
 
-def test_bodies_and_contacts_in_one_loop_converge_quadratically_to_the_answer_of_the_sequence() -> None:
-    one, sequence = pressed("one", 0.3), pressed("sequence", 0.3)
+@pytest.mark.parametrize(("rule", "order"), [({}, 2.0), ({"normals": "smooth"}, 2.0)])
+def test_bodies_and_contacts_in_one_loop_converge_quadratically_to_the_answer_of_the_sequence(rule: dict[str, str], order: float) -> None:
+    """Nodes on facets among which some stick, whose slips the tangent has to know: without that 4.7e-5 leaves 4e-9."""
+    one, sequence = pressed("one", 0.3, **rule), pressed("sequence", 0.3, **rule)
     for a, b in zip(one, sequence, strict=True):
         assert_allclose(a.state.x, b.state.x, atol=1e-8)
         assert all(problem.result.iterations <= 1 for problem in a.linearised[1:])
         e = [max(problem.residual, problem.result.error) for problem in a.linearised]
         assert e[-1] < 1e-9
         last, then = next((a, b) for a, b in zip(e[::-1], e[-2::-1], strict=False) if a > 1e-13 and b > 1e-7)
-        assert last < then**1.5, e  # of relative size: a first order of 0.01 would leave 1e-6 of 1e-4, and 1e-5 of 1e-3
+        assert last < then**order, e  # of relative size: a first order of 0.01 would leave 1e-6 of 1e-4, and 1e-5 of 1e-3
 
 
 def test_expected_motion_is_on_the_line_through_the_last_two() -> None:
