@@ -1,5 +1,6 @@
 """The command line: fcsim cases, new, doctor, completion | run | sweep | solve | info | render, compare | solvers | collection |
-bench | profile, report | limit, tilt, push, shake, settle | atlas, a file beside for each of these, or in `start`, `sets` and `masonry`."""
+bench | profile, report | leaderboard | limit, tilt, push, shake, settle | atlas, a file beside for each of these, or in `start`, `sets`
+and `masonry`."""
 
 # PYTHON_ARGCOMPLETE_OK
 
@@ -13,7 +14,7 @@ from contextlib import nullcontext, redirect_stderr
 from fcsim.command_line import info, render, run, solve, solvers, sweep
 from fcsim.command_line.answers import answering
 from fcsim.command_line.masonry import atlas, trials
-from fcsim.command_line.sets import bench, collection, profile
+from fcsim.command_line.sets import bench, collection, leaderboard, profile
 from fcsim.command_line.start import begin, cases, completion, doctor
 from fcsim.command_line.terminal import any_encoding, one_line, open_streams, say, silence, write
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError, InputError
@@ -35,7 +36,8 @@ Exit codes: 0 all converged, 1 no convergence or penetration seen, 2 bad input, 
     parser.add_argument("--version", action="version", version=f"fcsim {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    for command in (cases, begin, doctor, run, sweep, solve, info, render, solvers, collection, bench, profile, trials, atlas, completion):
+    measuring = (collection, bench, profile, leaderboard)
+    for command in (cases, begin, doctor, run, sweep, solve, info, render, solvers, *measuring, trials, atlas, completion):
         command.add_parser(commands)
     _add_output_options(parser)
     return parser

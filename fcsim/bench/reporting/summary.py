@@ -238,9 +238,14 @@ def markdown(summaries: Sequence[Summary]) -> str:
     """All tables as Markdown, with notes."""
     lines = []
     for title, header, rows in tables(summaries):
-        rule = [":---"] + ["---:"] * (len(header) - 1)
-        lines += [f"## {title}", "", *("| " + " | ".join(cells) + " |" for cells in (header, rule, *rows)), ""]
+        lines += [f"## {title}", "", *markdown_table(header, rows), ""]
     return "\n".join([*lines, *(f"* {note}" for note in notes(summaries))]) + "\n"
+
+
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table: text in the first column, numbers in the others."""
+    rule = [":---"] + ["---:"] * (len(header) - 1)
+    return ["| " + " | ".join(cells) + " |" for cells in (header, rule, *rows)]
 
 
 def csv_text(summaries: Sequence[Summary]) -> str:

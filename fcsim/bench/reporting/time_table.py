@@ -107,12 +107,13 @@ def time_table(measurements: Sequence[Measurement], tol: float, solvers: Sequenc
     several = len({form for _, form in measured}) > 1
     called = {key: f"{key[0]} ({key[1]})" if several else key[0] for key in measured}
     rows = tuple(tuple(of[name] for name in names) for of in whole.values())
-    times = np.array([[_time(m, column) for m in row] for row in rows])
+    times = np.array([[time_of(m, column) for m in row] for row in rows])
     left_out = tuple(called[key] for key in measured if key not in whole)
     return TimeTable(tol, clock, tuple(called[key] for key in whole), tuple(names), times, rows, left_out)
 
 
-def _time(measurement: Measurement, column: str) -> float:
+def time_of(measurement: Measurement, column: str) -> float:
+    """[s] By the clock of that column, infinity where unsolved. InputError where a solved row has no time."""
     if not measurement.solved:
         return math.inf
     value: float | None = getattr(measurement, column)

@@ -16,6 +16,7 @@ import ctypes
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -32,6 +33,8 @@ TIME_LIMIT = "time limit"
 MEMORY_LIMIT = "memory limit"
 WATCH = 0.02
 """[s] between two looks at the memory of a child that has a limit."""
+PATIENCE = 120.0
+"""[s] What a child that says to be busy with other work than its items may take for it."""
 PR_SET_PDEATHSIG = 1
 
 
@@ -40,12 +43,15 @@ class Task(Generic[K, I]):
     """Items made one after the other in a child; each, the first included, may take `limit` seconds. Items are pickled.
 
     memory: MiB of resident memory beyond what the child inherits, None for no limit.
+    watch: called in the child with a function tell(busy); from tell(True) on it may take PATIENCE instead, and from tell(False) on
+    `limit` begins anew: for work that is none of the items'.
     """
 
     key: K
     items: Callable[[], Iterator[I]]
     limit: float
     memory: float | None = None
+    watch: Callable[[Callable[[bool], None]], None] | None = None
 
 
 @dataclass
@@ -97,22 +103,30 @@ def _settle(parent: int) -> None:
         return
 
 
-def _work(items: Callable[[], Iterator[object]], pipe: Connection, quiet: bool, parent: int) -> None:
+def _work(task: Task[K, I], pipe: Connection, quiet: bool, parent: int) -> None:
     _settle(parent)
+    speaking = threading.Lock()  # compilers tell from whatever thread they are in
+
+    def tell(kind: str, value: object) -> None:
+        with speaking:
+            pipe.send((kind, value))
+
     if quiet:
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, 1)
         os.dup2(null, 2)
     try:
-        for item in items():
-            pipe.send(("item", item))
-        pipe.send(("end", FINISHED))
+        if task.watch is not None:
+            task.watch(lambda busy: tell("busy", busy))
+        for item in task.items():
+            tell("item", item)
+        tell("end", FINISHED)
     except MemoryError:
-        pipe.send(("end", MEMORY_LIMIT))
+        tell("end", MEMORY_LIMIT)
     except Exception as error:  # its text is the result
-        pipe.send(("end", f"{type(error).__name__}: {error}".splitlines()[0]))
+        tell("end", f"{type(error).__name__}: {error}".splitlines()[0])
     except SystemExit as leaving:
-        pipe.send(("end", f"exit code {leaving.code}"))
+        tell("end", f"exit code {leaving.code}")
 
 
 def run_killable(tasks: Iterable[Task[K, I]], jobs: int = 1, quiet: bool = False) -> Iterator[Ended[K, I]]:
@@ -128,7 +142,7 @@ def run_killable(tasks: Iterable[Task[K, I]], jobs: int = 1, quiet: bool = False
                     exhausted = True
                     break
                 receiver, sender = fork.Pipe(duplex=False)
-                process = fork.Process(target=_work, args=(task.items, sender, quiet, os.getpid()), daemon=True)
+                process = fork.Process(target=_work, args=(task, sender, quiet, os.getpid()), daemon=True)
                 process.start()
                 sender.close()
                 assert process.pid is not None
@@ -151,6 +165,8 @@ def run_killable(tasks: Iterable[Task[K, I]], jobs: int = 1, quiet: bool = False
                 if kind == "item":
                     child.ended.items.append(value)
                     child.deadline = time.monotonic() + child.task.limit
+                elif kind == "busy":
+                    child.deadline = time.monotonic() + (PATIENCE if value else child.task.limit)
                 else:
                     child.ended.how = value
                     yield _reap(running, pipe)

@@ -14,6 +14,7 @@ import scipy.sparse.linalg as spla
 from fcsim.arrays import Matrix
 from fcsim.bench.fclib_problem import FclibProblem
 from fcsim.bench.results import SLACK
+from fcsim.bench.workers.compiling import compiled_so_far, watch
 from fcsim.bench.workers.killable import FINISHED, Row, Task, run_killable
 from fcsim.linear.joints import FRONTS_FROM, JOINT
 from fcsim.problem import GlobalProblem, LocalProblem
@@ -21,6 +22,8 @@ from fcsim.solvers import method, solve
 
 WARM_UP = 2.0
 """[s] What a warm-up may take, beyond what is compiled in it: its runs stop at the first look at the clock after so long."""
+ROUNDS = 20
+"""Warm-ups at most: each but the last compiles something."""
 REPEAT_AT_MOST = 7
 GRACE = 3.0
 """[s] A method tests its time limit between iterations; so much later it is killed."""
@@ -30,19 +33,26 @@ def runs(
     problem: GlobalProblem | LocalProblem, method: str, tolerances: Sequence[float], time_limit: float, repeat_within: float
 ) -> Iterator[Row]:
     """Solve to each tolerance in turn, from r = 0 and with nothing kept from run to run; medians where a run is short."""
-    warm_up(problem, method, min(tolerances), time_limit)
+    for _ in warm_up(problem, method, min(tolerances), time_limit):
+        pass
     for tol in tolerances:
         yield run(problem, method, tol, time_limit, repeat_within)
 
 
-def warm_up(problem: GlobalProblem | LocalProblem, method: str, tol: float, time_limit: float) -> None:
-    """An unmeasured run in the process that measures, WARM_UP s of it at most, whose answer is thrown away.
+def warm_up(problem: GlobalProblem | LocalProblem, method: str, tol: float, time_limit: float) -> Iterator[None]:
+    """An unmeasured run in the process that measures, WARM_UP s of it at most, whose answer is thrown away; another one after each in which
+    something was compiled (numba's cache is cold, or the machine another one), since the clock stopped that before what comes after it.
 
     What numba has compiled is loaded in it, modules that are imported late, and the memory that a forked child shares with its parent until
     one of them writes becomes the child's own: up to 0.4 s on a solve of 0.2 s, of which no other run of a process has anything. Measured
     runs start from r = 0 and a problem of which nothing is known all the same.
     """
-    solve(replace(problem), method, tol=tol, error="published", time_limit=min(WARM_UP, time_limit))
+    for _ in range(ROUNDS):
+        before = compiled_so_far()
+        solve(replace(problem), method, tol=tol, error="published", time_limit=min(WARM_UP, time_limit))
+        yield
+        if compiled_so_far() == before:
+            return
 
 
 def run(problem: GlobalProblem | LocalProblem, method: str, tol: float, time_limit: float, repeat_within: float) -> Row:
@@ -74,7 +84,7 @@ def measure(
                 if row["status"] == "TIME_LIMIT":
                     return
 
-        return Task(method, items, WARM_UP + time_limit + max(GRACE, 0.5 * time_limit))
+        return Task(method, items, 2 * WARM_UP + time_limit + max(GRACE, 0.5 * time_limit), watch=watch)
 
     for ended in run_killable(map(task, methods), jobs):
         rows = []

@@ -7,7 +7,8 @@ settings come as the first line on stdin, then a request a line; a reply a line 
 It is a process of its own, without MPI, threads or a terminal, so that the children it forks are alike whoever asks: a local bench or
 an MPI rank. What a solver needs compiled is compiled here, on small problems in the form and storage of the problem, before the first
 fork that needs it; children inherit it. In a child an unmeasured run precedes the measured ones (`solves.warm_up`), so that these
-measure the method and not how code is loaded or what a fork costs. Siconos is compiled before it is installed: it is measured within
+measure the method and not how code is loaded or what a fork costs. What is compiled in a child all the same, since only problems like
+this one need it, does not count into its limit on time. Siconos is compiled before it is installed: it is measured within
 its own process after that has started and read the problem, without such a run, since it keeps factors in the problem from run to run.
 """
 
@@ -27,6 +28,7 @@ from tempfile import TemporaryDirectory
 
 from fcsim.bench.fclib_problem import FclibProblem, read_problem
 from fcsim.bench.results import SLACK, Measurement
+from fcsim.bench.workers.compiling import watch
 from fcsim.bench.workers.flops import counting
 from fcsim.bench.workers.killable import FINISHED, MEMORY_LIMIT, TIME_LIMIT, Row, Task, die_with_parent, run_killable
 from fcsim.bench.workers.siconos_client import solve_by_siconos
@@ -171,15 +173,15 @@ class Worker:
         seconds = request.time_limit + grace(request.time_limit)
 
         def items() -> Iterator[Row]:
-            warm_up(problem.problem, request.solver, request.tol, request.time_limit)
-            yield {}  # the limit on time begins anew
+            for _ in warm_up(problem.problem, request.solver, request.tol, request.time_limit):
+                yield {}  # the limit on time begins anew
             with counting() as counters:
                 row = run(problem.problem, request.solver, request.tol, request.time_limit, REPEAT_WITHIN)
                 total = counters.total()
             yield row | {"flops": None if total is None else total / row["repeats"]}
 
         release_freed_memory()
-        ended = next(run_killable([Task(None, items, seconds, request.memory_limit)], quiet=True))
+        ended = next(run_killable([Task(None, items, seconds, request.memory_limit, watch)], quiet=True))
         if ended.how != FINISHED:
             return replace(result, status=killed(ended.how, seconds))
         row = ended.items[-1]

@@ -1,1 +1,1 @@
-"""fcsim collection | bench | profile | report: sets of FCLIB problems, made and measured."""
+"""fcsim collection | bench | profile | report | leaderboard: sets of FCLIB problems, made and measured."""

@@ -3,35 +3,32 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 import sys
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
-from dataclasses import asdict
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.assignments import LAUNCHERS, add_launcher, add_plugin_option, cluster_of, positive
-from fcsim.command_line.terminal import Bar, print_table, say
-from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, InputError
-from fcsim.files import replacing
-from fcsim.interrupts import ended_by, ended_politely
-from fcsim.version import __version__
+from fcsim.command_line.assignments import LAUNCHERS
+from fcsim.command_line.sets.measuring import (
+    SICONOS_BEST,
+    add_measuring,
+    check_measuring,
+    measured,
+    settings_of,
+    solvers_of,
+    tell_interrupted,
+    tolerances_of,
+)
+from fcsim.command_line.terminal import print_table, say
+from fcsim.errors import EXIT_BAD_INPUT, EXIT_OK
 
 if TYPE_CHECKING:
     from fcsim.bench.results import Measurement
-    from fcsim.bench.run import Progress
-    from fcsim.bench.workers.launch import Launcher
-    from fcsim.bench.workers.worker import Settings
 
 SOLVERS = "NSN-AC-NLS,NSN-JM-NLS,NSN-NM-NLS,NSN-AC-NLS-HYBRID,NSGS-AC,NSGS-FP-VI-UPK"
 """Those of the comparison of Acary, Brémond, Huber 2018 that the masonry wall is measured by."""
 TOLERANCES = "1e-2,1e-3,1e-4,1e-6"
-SICONOS_BEST = ("NSGS", "NSN_AC", "ADMM", "PROX NSN_AC", "PROX regularisation", "2D NSGS")
-"""Different methods, among those of Siconos that solve most problems of the FCLIB collection."""
-
 DESCRIPTION = """\
 Measure each solver on each problem to each tolerance, every measurement in a process of its own with limits on time and memory: a
 hang, a crash, a leak or a false claim is a result. Rows go to results.csv in --out as they are made, and a bench that was ended
@@ -68,16 +65,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     bench.add_argument("paths", type=Path, nargs="+", metavar="DIR", help="folders of FCLIB files, or such files")
     bench.add_argument("--solvers", default=SOLVERS, metavar="NAME,...", help=f"see fcsim solvers; Siconos:NAME; default {SOLVERS}")
     bench.add_argument("--tols", default=TOLERANCES, metavar="TOL,...", help=f"default {TOLERANCES}")
-    bench.add_argument("--time-limit", type=float, default=100.0, metavar="SECONDS", help="of one solve (default 100)")
-    bench.add_argument("--memory-limit", type=float, metavar="MIB", help="of one solve, beyond the problem (default: none)")
-    bench.add_argument("--jobs", type=int, default=1, metavar="N", help="measurements at a time (default 1; --launcher local)")
-    bench.add_argument("--threads", type=int, default=1, metavar="N", help="of each measurement (default 1)")
-    add_launcher(
-        bench,
-        "processes of this machine, of MPI ranks, or in jobs: of Slurm, or of submitit on this machine",
-        (*LAUNCHERS, "mpi"),
-    )
-    bench.add_argument("--job-time", type=float, default=7200.0, metavar="SECONDS", help="that a job serves (default 7200; slurm, jobs)")
+    add_measuring(bench, time_limit=100.0, launchers=(*LAUNCHERS, "mpi"))
     bench.add_argument("--form", choices=("global", "local", "all"), default="all", help="problems in this form only (default all)")
     bench.add_argument("--dimension", type=int, choices=(2, 3), help="problems of this dimension only (default both)")
     bench.add_argument(
@@ -86,8 +74,6 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar="none|best|NAME,...",
         help=f"configurations of Siconos as further solvers, as NSGS or NSGS/dense; best: {', '.join(SICONOS_BEST)}",
     )
-    bench.add_argument("--siconos-python", type=Path, default=Path("/usr/bin/python3"), metavar="PYTHON", help="that has siconos.numerics")
-    add_plugin_option(bench)
     bench.add_argument(
         "--skip-hopeless",
         action=argparse.BooleanOptionalAction,
@@ -98,120 +84,27 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     bench.set_defaults(act=_bench)
 
 
-def _tolerances(text: str) -> list[float]:
-    try:
-        tols = [float(part) for part in text.split(",") if part.strip()]
-    except ValueError:
-        raise InputError(f"--tols: expected numbers with commas between, got {text!r}") from None
-    for tol in tols:
-        positive("--tols", tol)
-        if tol >= 1:
-            raise InputError(f"--tols: expected numbers < 1, got {tol:g}, which r = 0 meets")
-    if not tols:
-        raise InputError("--tols: expected at least one tolerance, got none")
-    return tols
+def _bench(options: argparse.Namespace) -> int:
+    from fcsim.bench.problems import entries
+    from fcsim.bench.results import FILE, read_results
+    from fcsim.bench.run import Limits
 
-
-def _solvers(options: argparse.Namespace) -> list[str]:
-    from fcsim.bench.workers.siconos_worker import CONFIGURATIONS, GLOBAL_3D
-    from fcsim.bench.workers.worker import SICONOS
-    from fcsim.solvers import method
-
-    names = [name.strip() for name in options.solvers.split(",") if name.strip()]
-    if options.siconos != "none":
-        theirs = SICONOS_BEST if options.siconos == "best" else [name.strip() for name in options.siconos.split(",") if name.strip()]
-        names += [SICONOS + name.removeprefix(SICONOS) for name in theirs]
-    for name in names:
-        if not name.startswith(SICONOS):
-            method(name)
-            continue
-        configuration, _, storage = name.removeprefix(SICONOS).partition("/")
-        if configuration not in CONFIGURATIONS:
-            raise InputError(f"solver {name!r}: expected {SICONOS} and one of {', '.join(CONFIGURATIONS)}")
-        storages = ("global",) if configuration in GLOBAL_3D else CONFIGURATIONS[configuration]["storages"]
-        if storage and storage not in storages:
-            raise InputError(f"solver {name!r}: expected the storage {' or '.join(storages)}, got {storage!r}")
-    if not names:
-        raise InputError("--solvers: expected at least one solver, got none")
-    return list(dict.fromkeys(names))
-
-
-def _settings(options: argparse.Namespace, solvers: list[str]) -> Settings:
-    from fcsim.bench.workers.siconos_client import siconos_version
-    from fcsim.bench.workers.worker import SICONOS, Settings
-
-    version = ""
-    if any(name.startswith(SICONOS) for name in solvers):
-        version = siconos_version(options.siconos_python) or ""
-        if not version:
-            raise InputError(f"--siconos-python {options.siconos_python}: expected a Python that can import siconos.numerics, it cannot")
-    plugins = [str(path.resolve()) for path in options.plugin]
-    return Settings(options.threads, plugins, str(options.siconos_python), version)
-
-
-def _circumstances(options: argparse.Namespace, solvers: list[str], tols: list[float], settings: Settings, problems: int) -> str:
-    """How the bench was called, for those who repeat it."""
+    check_measuring(options)
+    tols, solvers = tolerances_of(options.tols), solvers_of(options.solvers, options.siconos)
+    settings = settings_of(options, solvers)
+    problems, notes = entries(options.paths, options.form, options.dimension)
+    directory = options.out or Path("results") / "bench" / options.paths[0].resolve().stem
+    limits = Limits(options.time_limit, options.memory_limit, options.skip_hopeless)
     about = {
         "command": shlex.join(["fcsim", *sys.argv[1:]]),
         "paths": list(map(str, options.paths)),
         "form": options.form,
         "dimension": options.dimension,
-        "problems": problems,
-        "solvers": solvers,
-        "tols": tols,
-        "time_limit": options.time_limit,
-        "memory_limit": options.memory_limit,
-        "skip_hopeless": options.skip_hopeless,
-        "jobs": options.jobs,
-        "launcher": options.launcher,
-        **asdict(settings),
-        "version": __version__,
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    return json.dumps(about, indent=1)
-
-
-def _bench(options: argparse.Namespace) -> int:
-    from fcsim.bench.problems import entries
-    from fcsim.bench.results import FILE, read_results
-    from fcsim.bench.run import Limits, bench
-    from fcsim.bench.workers.jobs import by_jobs
-    from fcsim.bench.workers.launch import local, over_mpi
-    from fcsim.solvers.plugins import load_plugins
-
-    for option in ("time_limit", "memory_limit", "jobs", "threads", "job_time"):
-        if getattr(options, option) is not None:
-            positive("--" + option.replace("_", "-"), getattr(options, option))
-    load_plugins(options.plugin)
-    tols, solvers = _tolerances(options.tols), _solvers(options)
-    settings = _settings(options, solvers)
-    problems, notes = entries(options.paths, options.form, options.dimension)
-    directory = options.out or Path("results") / "bench" / options.paths[0].resolve().stem
-    limits = Limits(options.time_limit, options.memory_limit, options.skip_hopeless)
-
-    # a job's own memory holds the problem and what has read it, too: the limit on each solve is the worker's
-    cluster = cluster_of(options, seconds=options.job_time, at_once=options.jobs, threads=options.threads, memory=None)
-
-    def launch() -> AbstractContextManager[Launcher | None]:
-        if cluster is not None:
-            return by_jobs(settings, cluster, directory / "jobs", options.time_limit)
-        return over_mpi(settings) if options.launcher == "mpi" else local(settings, options.jobs)
-
     try:
-        with ended_politely(), Bar("measured", lines=20, own_estimate=True) as bar:
-            text = _circumstances(options, solvers, tols, settings, len(problems))
-
-            def started() -> None:
-                with replacing(directory / "bench.json") as temporary:
-                    temporary.write_text(text + "\n", encoding="utf-8")
-
-            progress = bench(problems, solvers, tols, limits, settings, directory, launch, Shown(bar).update, started)
+        progress = measured(options, problems, solvers, tols, limits, settings, directory, about)
     except KeyboardInterrupt as interrupt:
-        made = len(read_results(directory)) if (directory / FILE).exists() else 0
-        by = ended_by(interrupt)
-        text = f"fcsim: interrupted by {by}; {directory / FILE} has {made} measurements, the same command goes on with the rest"
-        say(text, to_stderr=True)
-        return EXIT_INTERRUPTED
+        return tell_interrupted(directory, interrupt)
     if progress is None:  # an MPI rank that served
         return EXIT_OK
     names = {problem.name for problem in problems}
@@ -221,27 +114,6 @@ def _bench(options: argparse.Namespace) -> int:
     say(f"{progress.measured} measurements made, {progress.done} of {progress.total} in {directory / FILE}")
     say(f"profiles: fcsim profile {directory}")
     return EXIT_BAD_INPUT if progress.notes else EXIT_OK
-
-
-class Shown:
-    """What the bar says: the time left and the last measurement."""
-
-    def __init__(self, bar: Bar) -> None:
-        self._bar, self._last = bar, ""
-
-    def update(self, progress: Progress, measurement: Measurement | None) -> None:
-        """Show a measurement that has just ended, or that none has for a while."""
-        if measurement is not None:
-            m = measurement
-            seconds = "" if m.seconds is None else f" {m.seconds:.3g} s"
-            self._last = f"{m.problem} {m.solver} {m.tol:g}: {m.outcome}{seconds}"
-        left = "" if progress.left is None else f"about {_duration(progress.left)} left (at most {_duration(progress.at_most)})"
-        self._bar.update(progress.done, progress.total, f"{left}; {self._last}" if self._last else "")
-
-
-def _duration(seconds: float) -> str:
-    """Hours, minutes and seconds."""
-    return str(timedelta(seconds=round(seconds)))
 
 
 def _print_summary(measurements: Sequence[Measurement]) -> None:
