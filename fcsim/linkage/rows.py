@@ -29,8 +29,10 @@ def asked(link: Jointed, points: FloatArray, rest: float) -> Asked:
     if isinstance(link, Ball):
         return _together(points[:2], np.eye(points.shape[1]), 2, 0)
     if isinstance(link, Hinge):
-        at, second = _together(points, np.eye(3), 4, 0), _together(points, _across(points[2] - points[0]), 4, 2)
-        return Asked(*(np.concatenate(pair) for pair in zip(at, second, strict=True)))
+        at = _together(points, np.eye(3), 4, 0)
+        coefficients = np.zeros((5, 4))
+        coefficients[:3], coefficients[3:] = at.coefficients, -_beside(points, 3, 2)
+        return Asked(coefficients, np.concatenate([at.direction, _across(points[2] - points[0])]), np.zeros(5))
     if isinstance(link, Slider):
         return _on_line(link, points)
     if isinstance(link, Control):
@@ -51,17 +53,21 @@ def _together(points: FloatArray, directions: FloatArray, count: int, begin: int
     return Asked(coefficients, directions, np.zeros(len(directions)))
 
 
+def _beside(points: FloatArray, point: int, count: int) -> FloatArray:
+    """Coefficients (count, points) of the way from the line through points 0 and 2 to a point, across it: where these stand farther apart,
+    as places on deformable bodies do, a force between the point and number 2 alone would have a moment."""
+    along = points[2] - points[0]
+    s = float((points[point] - points[0]) @ along / (along @ along))
+    row = np.zeros((count, len(points)))
+    row[:, point], row[:, 0], row[:, 2] = 1, -(1 - s), -s
+    return row
+
+
 def _on_line(link: Slider, points: FloatArray) -> Asked:
     """Points 1 and 3 (of the second body) on the line through 0 and 2 (of the first); beside: 4 (first), 5 (second)."""
     along = points[2] - points[0]
     across = _across(along)
-    coefficients, directions = [], []
-    for point in (1, 3):
-        s = float((points[point] - points[0]) @ along / (along @ along))
-        row = np.zeros((len(across), len(points)))
-        row[:, point], row[:, 0], row[:, 2] = 1, -(1 - s), -s
-        coefficients.append(row)
-        directions.append(across)
+    coefficients, directions = [_beside(points, point, len(across)) for point in (1, 3)], [across, across]
     if link.beside is not None:
         arm = points[4] - points[0]
         normal = np.cross(along, arm)

@@ -21,7 +21,9 @@ import numpy as np
 
 from fcsim import Body, Case, Detector, QuasiStatic, Simulation, Support, SurfacePair, Theta, build_model, contact_surface
 from fcsim.mesh import rectangle, rigid_rectangle
-from fcsim.mesh.material import ByRegion, LinearHardening, Plastic, neo_hooke
+from fcsim.mesh.material import (
+    ByRegion, FinitePlastic, LinearHardening, Plastic, PointFunction, Thermal, Variable, Viscoelastic, neo_hooke
+)
 from dataclasses import replace
 
 
@@ -29,11 +31,34 @@ from dataclasses import replace
 class Parameters:
     steps: int = 8
     dynamic: bool = False
+    material: str = "metal"
+
+
+def damage(strain, before, at):
+    """sigma = E (1 - D) eps, 1 - D = limit / k, k the largest |eps| so far."""
+    E, limit = 2e7, 1e-2
+    size = np.sqrt(np.einsum("nij,nij->n", strain, strain))
+    k = np.maximum(np.maximum(size, before[:, 0]), limit)
+    unit = 0.5 * (np.einsum("ik,jl->ijkl", np.eye(3), np.eye(3)) + np.einsum("il,jk->ijkl", np.eye(3), np.eye(3)))
+    growing = np.where((size >= k) & (size > limit), limit / k**3, 0.0)
+    tangent = E * ((limit / k)[:, None, None, None, None] * unit - np.einsum("n,nij,nkl->nijkl", growing, strain, strain))
+    energy = 0.5 * E * size**2
+    lost = (limit / np.maximum(before[:, 0], limit) - limit / k) * energy
+    return E * (limit / k)[:, None, None] * strain, tangent, k[:, None], limit / k * energy, lost
+
+
+LOWER = {
+    "metal": Plastic(2e7, 0.3, 1000.0, LinearHardening(2e5, 1e6)),
+    "finite metal": FinitePlastic(2e7, 0.3, 1000.0, LinearHardening(2e5, 1e6)),
+    "viscous": Viscoelastic(2e7, 0.3, 1000.0, ((0.3, 1e-3), (0.2, 0.5))),
+    "warm metal": Thermal(Plastic(2e7, 0.3, 1000.0, LinearHardening(2e5, 1e6)), 1e-4, lambda X, t: 50 * np.tanh(1e3 * t) * np.ones(len(X))),
+    "damaged": PointFunction(damage, 1000.0, "small", (Variable("largest"),)),
+}
 
 
 def build(p):
     """A block, rubber above and metal below that yields, pressed on a rigid plane (or thrown on it)."""
-    metal = Plastic(2e7, 0.3, 1000.0, LinearHardening(2e5, 1e6))
+    metal = LOWER[p.material]
     part = rectangle("block", (0.2, 0.1), (4, 2), metal)
     below = part.points[part.cells].mean(axis=1)[:, 1] < 0.05
     regions = {"metal": np.flatnonzero(below), "rubber": np.flatnonzero(~below)}
@@ -68,15 +93,16 @@ def state(directory: Path) -> dict[str, np.ndarray]:
         return {name: file[name][()] for name in ("x", "v", "internal", "memory/0/r")}
 
 
+@pytest.mark.parametrize("material", ["metal", "finite metal", "viscous", "warm metal", "damaged"])
 @pytest.mark.parametrize("dynamic", ["true", "false"])
-def test_going_on_gives_the_same_bits(script: Path, tmp_path: Path, dynamic: str) -> None:
+def test_going_on_gives_the_same_bits(script: Path, tmp_path: Path, dynamic: str, material: str) -> None:
     options = RunOptions(export_every=0, vtk_every=0, checkpoint_every=1)
-    given = {"dynamic": dynamic}
+    given = {"dynamic": dynamic, "material": material}
     assert run_case(load_case(script), {**given, "steps": "8"}, tmp_path / "whole", options).converged
     run_case(load_case(script), {**given, "steps": "3"}, tmp_path / "part", options)
     run_case(load_case(script), {"steps": "8"}, tmp_path / "part", options, resume=True)
     whole, part = state(tmp_path / "whole"), state(tmp_path / "part")
-    assert abs(whole["internal"]).max() > 1e-4  # it has yielded
+    assert abs(whole["internal"]).max() > 1e-4  # it has yielded, flowed or is damaged
     for name in whole:
         assert np.array_equal(whole[name], part[name]), name
 
