@@ -7,10 +7,9 @@ In dynamics v, u are velocities [m/s] and r impulses [N s]; in quasi-statics v, 
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, cast, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,7 +17,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief
 from fcsim.errors import InputError
-from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, with_entries
+from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix, with_entries
 from fcsim.problem.delassus import Delassus
 from fcsim.problem.distributed import DistributedDelassus, whole_delassus
 from fcsim.problem.motion import Motion
@@ -38,7 +37,9 @@ def as_vector(values: object, what: str) -> FloatArray:
 
 def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
     matrix: Matrix
-    if isinstance(values, DistributedDelassus | ImplicitMatrix) and values.shape == shape:
+    if isinstance(values, DistributedDelassus | ImplicitMatrix):
+        if values.shape != shape:
+            raise InputError(f"{what}: expected shape {shape}, got {values.shape}")
         return cast(Matrix, values)  # of which methods ask no more than it has
     if not sp.issparse(values):
         try:
@@ -121,7 +122,10 @@ class Followed(Reduced, Protocol):
 
 
 class GlobalForm:
-    """What global problems share whatever the cone of a contact: M v = H r + G l + f, G^T v + b = 0, u = H^T v + w."""
+    """What global problems share whatever the cone of a contact: M v = H r + G l + f, G^T v + b = 0, u = H^T v + w.
+
+    M given as a `LateMatrix` has its entries from when M is first read on; `momentum` does without.
+    """
 
     M: Matrix
     H: Matrix
@@ -145,6 +149,28 @@ class GlobalForm:
         object.__setattr__(self, "H", as_matrix(self.H, "H", (self.n, self.m)))
         if self.b is not None:
             object.__setattr__(self, "G", as_matrix(self.G, "G", (self.n, len(self.b))))
+        if isinstance(self.M, LateMatrix):
+            self.__dict__["_late"] = self.__dict__.pop("M")
+
+    if not TYPE_CHECKING:  # where there is `__getattr__`, no name is unknown
+
+        def __getattr__(self, name: str) -> Matrix:
+            """M, the first time that it is read, where it is made late."""
+            if name != "M" or "_late" not in self.__dict__:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            M = self.__dict__["M"] = self._late.whole
+            return M
+
+    def __getstate__(self) -> dict[str, object]:
+        """Other processes get M itself."""
+        state = dict(self.__dict__)
+        return state if state.pop("_late", None) is None else {**state, "M": self.M}
+
+    def momentum(self, v: FloatArray) -> FloatArray:
+        """M v (n,) for v (n,)."""
+        M: Matrix = self.__dict__.get("_late", None) or self.M
+        product: FloatArray = M @ v
+        return product
 
     @property
     def entries(self) -> Matrix:
@@ -186,8 +212,8 @@ class GlobalProblem(GlobalForm):
 
     def with_load(self, f: FloatArray) -> GlobalProblem:
         """The same problem with another right side f (n,): the matrices that are known to fit are not looked at again."""
-        other = copy(self)
-        object.__setattr__(other, "f", as_vector(f, "f"))
+        other = object.__new__(type(self))  # `copy` would make a late M
+        other.__dict__.update(self.__dict__, f=as_vector(f, "f"))
         return other
 
 

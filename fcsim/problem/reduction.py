@@ -261,7 +261,7 @@ class Reduction:
     def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None) -> float:
         """Return ||M v - H r - G l - f|| / ||f||."""
         p = self.problem
-        residual = p.M @ v - p.H @ r - p.f
+        residual = p.momentum(v) - p.H @ r - p.f
         if p.G is not None and multiplier is not None:
             residual = residual - p.G @ multiplier
         scale = float(np.linalg.norm(p.f))

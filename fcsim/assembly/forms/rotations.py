@@ -5,12 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.forms._rotation_kernels import newton_rotations
 
 
 def polar_rotation(A: FloatArray) -> FloatArray:
-    """The rotations R (n, d, d) nearest to matrices A (n, d, d), R^T A symmetric: U diag(1, .., det) V^T of A = U s V^T."""
-    if not len(A):
-        return A.copy()
+    """The rotations R (n, d, d) nearest to matrices A (n, d, d), R^T A symmetric: by Newton's method, and where A mirrors or is nearly
+    singular U diag(1, .., det) V^T of A = U s V^T."""
+    rotations, found = np.empty(A.shape), np.zeros(len(A), dtype=bool)
+    newton_rotations(A, rotations, found)
+    if not found.all():
+        rotations[~found] = _by_singular_values(A[~found])
+    return rotations
+
+
+def _by_singular_values(A: FloatArray) -> FloatArray:
+    """`polar_rotation` of any matrices."""
     U, _, Vt = np.linalg.svd(A)
     rotations: FloatArray = U @ Vt
     mirrored = np.linalg.det(rotations) < 0

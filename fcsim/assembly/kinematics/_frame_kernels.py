@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fcsim.assembly.forms._rotation_kernels import inverse
+
 
 @njit(cache=True)
 def turned_back(x, first, Q, free, columns, begin):
@@ -186,25 +188,6 @@ def less_turned(columns, begin, first, Q, factor, x):
                 for j in range(d):
                     value += Q[b, i, j] * columns[k + j, begin + b]
                 x[first[b] + k + i] -= factor * value
-
-
-@njit(cache=True, error_model="numpy")
-def inverse(A, d, out):
-    """A^-1 of the leading d rows and columns (2 or 3) into `out`, by the adjugate; not finite where A is singular."""
-    if d == 2:
-        determinant = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
-        out[0, 0], out[1, 1] = A[1, 1] / determinant, A[0, 0] / determinant
-        out[0, 1], out[1, 0] = -A[0, 1] / determinant, -A[1, 0] / determinant
-        return
-    for i in range(3):
-        k, m = (i + 1) % 3, (i + 2) % 3
-        for j in range(3):
-            a, b = (j + 1) % 3, (j + 2) % 3
-            out[j, i] = A[k, a] * A[m, b] - A[k, b] * A[m, a]
-    determinant = A[0, 0] * out[0, 0] + A[0, 1] * out[1, 0] + A[0, 2] * out[2, 0]
-    for i in range(3):
-        for j in range(3):
-            out[i, j] /= determinant
 
 
 @njit(cache=True, error_model="numpy")

@@ -34,6 +34,10 @@ class ImplicitMatrix(LinearOperator):
         return self._make_whole()
 
 
+class LateMatrix(ImplicitMatrix):
+    """One whose entries are not many: a problem takes it for an ordinary matrix, which is made where somebody reads it."""
+
+
 def with_entries(A: Matrix) -> Matrix:
     """A as a matrix with entries, itself where it is one."""
     return A.whole if isinstance(A, ImplicitMatrix) else A

@@ -16,7 +16,7 @@ from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.brief import brief
 from fcsim.linear.factors import Factor, factorise
-from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix
+from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
 from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.distributed import DistributedDelassus, contact_layout
@@ -82,10 +82,15 @@ class StepCompliance:
         return sp.csr_array(sp.block_diag([matrix, sp.diags_array(1 / self.joint[self._soft])], format="csr"))
 
     def problem_matrix(self) -> Matrix:
-        """M of the problem, known by its products alone where ranks have a body together."""
-        if not self.factor.over_ranks or self.bent is not None or self.leaning is not None or self.joint is not None:
+        """M of the problem, known by its products alone where ranks have a body together, made when it is read where bodies turn."""
+        factor = self.factor
+        if self.bent is not None or self.leaning is not None or self.joint is not None:
             return self.matrix()
-        return cast(Matrix, ImplicitMatrix(self.unknowns, self.factor.product, self.factor.matrix))
+        if factor.over_ranks:
+            return cast(Matrix, ImplicitMatrix(self.unknowns, factor.product, factor.matrix))
+        if factor.rotation is not None and not factor.nonlinear_groups:
+            return cast(Matrix, LateMatrix(self.unknowns, factor.product, factor.matrix))
+        return self.matrix()
 
     def with_joints(self, H: sp.sparray) -> sp.sparray:
         """The problem's H (n, m) from that of the bodies' unknowns."""

@@ -86,7 +86,7 @@ class Linearisation:
         first, last = scheme.elastic_path(self.model, self.state, v)
         end = elastic.at(last)
         begin = self._begin if first is self.state.x else end
-        share, velocity = scheme.elastic_share, scheme.damping_velocity(self.model, self.state, v)
+        share, velocity = scheme.elastic_share, scheme.damping_velocity(self.model, self.state, v) if elastic.beta else None
         if self.rotation is None:
             return scheme.elastic_weight * elastic.force(begin, end, share, velocity)
         less = Turned(scheme.elastic_weight, scheme.factors(self.model)[1], self.rotation, v)

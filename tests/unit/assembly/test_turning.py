@@ -138,6 +138,25 @@ def test_rotations_of_any_matrix(d: int) -> None:
     assert_allclose(angle_of(np.array([rotation(d, a) for a in angles])), angles, atol=1e-14)
 
 
+@pytest.mark.parametrize("spread", [2.0, 1e2, 1e4, 1e9])
+@pytest.mark.parametrize("d", [2, 3])
+def test_rotations_of_stretched_and_mirrored_matrices(d: int, spread: float) -> None:
+    """A = R S with a known rotation R and S = V diag(s) V^T positive definite, of any condition and size; of -S in the plane R is still
+    the nearest but turned by pi, in space the reflection of the least stretch is given up."""
+    rng = np.random.default_rng(6)
+    V = np.linalg.qr(rng.standard_normal((40, d, d)))[0]
+    R = polar_rotation(rng.standard_normal((40, d, d)))
+    s = np.geomspace(1.0, 1 / spread, d) * rng.uniform(1e-6, 1e6, (40, 1))
+    A = R @ (V * s[:, None]) @ V.transpose(0, 2, 1)
+    assert_allclose(polar_rotation(A), R, atol=2e-15 * spread + 1e-14)
+    assert_allclose(polar_rotation(A[::2])[3], polar_rotation(A[6:7])[0], rtol=0, atol=0)
+    signs = -np.ones(d)
+    signs[-1] = 1 - 2 * (d == 2)
+    turned = R @ (V * signs) @ V.transpose(0, 2, 1)
+    assert_allclose(polar_rotation(-A), turned, atol=2e-15 * spread + 1e-13)
+    assert polar_rotation(np.empty((0, d, d))).shape == (0, d, d)
+
+
 @pytest.mark.parametrize("d", [2, 3])
 def test_deformation_is_measured_without_the_rotation(d: int) -> None:
     """A homogeneous stretch of 3 % of a body turned by 40 degrees; a node pushed through its cell inverts it."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim.errors import InputError
+from fcsim.linear.over_ranks.implicit_matrix import LateMatrix
 from fcsim.problem import OPEN, SLIP, STICK, GlobalProblem, LocalProblem, check, contact_status, error, natural_map_residual
 from fcsim.problem.cone import de_saxce, project_cone
 
@@ -236,3 +239,27 @@ def test_what_is_stored_as_it_is_eliminated_stays() -> None:
     again = sparse.stored()
     assert again is not sparse and again.stored() is again
     assert_allclose(again.answer(R).u, U, atol=1e-14)
+
+
+def test_matrix_that_is_made_when_it_is_read() -> None:
+    """Its products serve until then; the same M for copies, other loads and other processes; made once."""
+    made: list[int] = []
+    entries = sp.csr_array(np.diag(np.arange(1.0, 5.0)))
+
+    def whole() -> sp.csr_array:
+        made.append(1)
+        return entries
+
+    late = LateMatrix(4, lambda v: entries @ v, whole)
+    problem = GlobalProblem(**global_arguments(M=late))
+    other = problem.with_load(np.zeros(4))
+    assert_allclose(problem.momentum(np.ones(4)), [1, 2, 3, 4])
+    assert not made
+    assert pickle.loads(pickle.dumps(problem)).M.toarray().tolist() == entries.toarray().tolist()
+    assert problem.M is entries and other.M is entries and problem.entries is entries and replace(problem, f=np.zeros(4)).M is entries
+    assert made == [1]
+    assert "csr" in repr(problem)
+    with pytest.raises(AttributeError, match="'GlobalProblem' object has no attribute 'K'"):
+        problem.K  # type: ignore[attr-defined]  # noqa: B018
+    with pytest.raises(InputError, match=r"M: expected shape \(4, 4\), got \(3, 3\)"):
+        GlobalProblem(**global_arguments(M=LateMatrix(3, lambda v: v, whole)))
