@@ -220,25 +220,37 @@ def means(R0, R1, A0, A1):
 
 
 @njit(cache=True)
+def columns_between(first, weight, arm, ends, share, rate, less):
+    """What K is multiplied by in `forces_between`, (nn d, nb), of a second term (nn d, 2 nb); and the three matrices of `means`."""
+    R0, A0, p0, y0, R1, A1, p1, y1 = ends
+    damping, v = rate
+    twice, _, _, Q, x = less
+    nb, nn, d = p0.shape
+    mean = means(R0, R1, A0, A1)
+    columns = np.empty((nn * d, 2 * nb if twice else nb))
+    mean_strains(y0, y1, share, columns)
+    if damping != 0.0:
+        add_strain_rates(v, first, weight, arm, p0, p1, mean[0], mean[1], mean[2], damping, columns)
+    if twice:
+        turned_back(x, first, Q, np.ones(nn * d, dtype=np.bool_), columns, nb)
+    return columns, mean
+
+
+@njit(cache=True)
+def forces_of(products, mean, first, weight, arm, ends, less, into):
+    """The forces of `forces_between` from K times its columns."""
+    twice, w, s, Q, _ = less
+    mean_forces(products, first, weight, arm, ends[2], ends[6], mean[0], mean[1], mean[2], w, into)
+    if twice:
+        less_turned(products, len(first), first, Q, s, into)
+
+
+@njit(cache=True)
 def forces_between(first, weight, arm, ends, share, rate, K, less, into):
     """w D^T K (share y_1 + (1 - share) y_0 + damping D v) - s T K T^T x of each body into a vector (n_dofs,); K is read once.
 
     ends: R, A, p, y at both; rate: damping and v (n_dofs,), damping 0: none; K: indptr, indices and blocks of its rows; less: whether
     there is a second term, and w, s, Q (nb, d, d) and x (n_dofs,) of it.
     """
-    R0, A0, p0, y0, R1, A1, p1, y1 = ends
-    damping, v = rate
-    indptr, indices, blocks = K
-    twice, w, s, Q, x = less
-    nb, nn, d = p0.shape
-    R, R_inverse, J_inverse = means(R0, R1, A0, A1)
-    columns = np.empty((nn * d, 2 * nb if twice else nb))
-    mean_strains(y0, y1, share, columns)
-    if damping != 0.0:
-        add_strain_rates(v, first, weight, arm, p0, p1, R, R_inverse, J_inverse, damping, columns)
-    if twice:
-        turned_back(x, first, Q, np.ones(nn * d, dtype=np.bool_), columns, nb)
-    forces = block_product(indptr, indices, blocks, columns)
-    mean_forces(forces, first, weight, arm, p0, p1, R, R_inverse, J_inverse, w, into)
-    if twice:
-        less_turned(forces, nb, first, Q, s, into)
+    columns, mean = columns_between(first, weight, arm, ends, share, rate, less)
+    forces_of(block_product(K[0], K[1], K[2], columns), mean, first, weight, arm, ends, less, into)

@@ -30,13 +30,16 @@ from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics._frame_kernels import (
     block_product,
+    columns_between,
     forces_between,
+    forces_of,
     spread_arms,
     strained,
     turned_back,
     turned_forth,
 )
 from fcsim.brief import brief
+from fcsim.linear.over_ranks.rows import RowsOverRanks
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +103,20 @@ class FloatingGroup:
         second = (False, 1.0, 0.0, ends[0].rotation, nothing)
         if less is not None:
             second = (True, less.weight, less.factor, less.Q[group.members], less.x)
-        forces_between(group.first, self.weight, self.arm, tuple(given), share, rate, self._K, second, into)
+        body, pair = (group.first, self.weight, self.arm), tuple(given)
+        if not isinstance(group.K, RowsOverRanks):
+            forces_between(*body, pair, share, rate, self._K, second, into)
+            return
+        columns, mean = columns_between(*body, pair, share, rate, second)
+        forces_of(group.K @ columns, mean, *body, pair, second, into)
 
     def turned_stiffness(self, Q: FloatArray, x: FloatArray, into: FloatArray) -> None:
         """T K T^T x with the rotation Q (n_deformable, d, d) of each body's nodes in T, x (n_dofs,), into a vector (n_dofs,)."""
         group = self.group
         columns, own = np.empty((group.size, len(group.first))), Q[group.members]
         turned_back(x, group.first, own, self._all, columns, 0)
-        turned_forth(block_product(*self._K, columns), group.first, own, self._all, into)
+        products = group.K @ columns if isinstance(group.K, RowsOverRanks) else block_product(*self._K, columns)
+        turned_forth(products, group.first, own, self._all, into)
 
     @cached_property
     def _K(self) -> tuple[IntArray, IntArray, FloatArray]:
