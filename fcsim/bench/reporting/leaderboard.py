@@ -72,7 +72,7 @@ def group_table(group: Group, clock: str) -> tuple[Sequence[str], list[list[str]
 
 def overview(groups: Sequence[Group], first: str, clock: str) -> tuple[Sequence[str], list[list[str]]]:
     """Header and rows of a table of all groups: who leads, and where the solver `first` stands."""
-    header = ("group", "problems", "solved by some", "leads", first, "sum", "sum / least", "largest ratio")
+    header = ("group", "problems", "solved by some", "leads", first, "its sum", "sum / least", "largest ratio")
     rows = []
     for group in groups:
         about = [
