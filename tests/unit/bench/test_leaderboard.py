@@ -118,6 +118,15 @@ def test_siconos_is_measured_where_it_is(files: Path, tmp_path: Path) -> None:
     assert f"Siconos {rows['Siconos:NSGS'].version}" in (folder / "leaderboard.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
+def test_by_jobs_of_submitit(tmp_path: Path) -> None:
+    pytest.importorskip("submitit", reason="jobs need submitit: pip install 'fcsim[cluster]'")
+    small = ["--families", "rods", "--sizes", 2, "--seeds", 0, "--solvers", "auto", "--siconos", "none", "--time-limit", 30]
+    assert leaderboard(tmp_path, *small, "--launcher", "jobs", "--jobs", 2) == 0
+    assert [(m.problem, m.outcome) for m in read_results(tmp_path)] == [("rods-2-0", "INFEASIBLE")]
+    assert "--jobs 2 --launcher jobs" in (tmp_path / "leaderboard.md").read_text(encoding="utf-8")
+
+
 def test_the_defaults_are_there() -> None:
     assert len([method(name) for name in DEFAULT.split(",")]) == 12
     assert {False, None, True} == {family.solvable for family in FAMILIES.values()}
