@@ -99,9 +99,11 @@ def solve_automatically(
 ):
     """Conjugate sweeps from `start` (m,) and proximal Newton from their best iterate, then from zero, by turns until the error is tol.
 
+    Where the first Newton leaves the error above `FAR`, there may be no solution, which only the race can prove: sweeps are over then.
     look: sweeps between two errors; first: Newton's iterations whose cost the sweeps spend before their rate is believed; alone: those of
-    Newton from the sweeps' iterate and from zero before it must have got on; within: those from each at the most; budget: seconds on the
-    reference machine after which sweeps, and after half of which Newton is left; velocities: those of the bodies behind W, where known.
+    Newton from the sweeps' iterate, from zero, and from zero from afar before it must have got on; within: those from each at the most;
+    budget: seconds on the reference machine after which sweeps, and after half of which Newton is left; velocities: those of the bodies
+    behind W, where known.
     What is returned is as in `solve_by_sweeps`; iterations are sweeps and Newton's together. Newton's answer is brought back to the cone
     where that leaves it one. Long because it is one call from Python, as `solve_by_sweeps`.
     """
@@ -130,11 +132,11 @@ def solve_automatically(
     history[0, 0], history[0, 1], rows = 0, least, 1
     course, looks = np.empty((len(history), 2)), 1
     course[0, 0], course[0, 1] = 0.0, least
-    sweeps, sweeping, inside, of_newton, turn = 0, True, 0, 0.0, 0
+    sweeps, sweeping, inside, of_newton, turn, far = 0, True, 0, 0.0, 0, False
     while True:
         price, elsewhere = newton_price(best, d, velocities)
         allowed = of_newton if turn else first * price
-        while sweeping and not least <= tol:
+        while sweeping and not far and not least <= tol:
             change, _, done = sweep_conjugate(
                 starts, columns, blocks, diagonal, shift, q3, mu, rho, order, r3, frozen, from_here, direction, last, local_tolerance,
                 local_iterations, 1.0, look, tol,
@@ -165,7 +167,7 @@ def solve_automatically(
         turn += 1
         most = min(within, int(0.5 * budget / price))
         found_r, found_error, iterations = proximal_newton(
-            W, q, mu, compliance, weights, scale, tol, begin, d, most, alone[turn - 1], DECADE
+            W, q, mu, compliance, weights, scale, tol, begin, d, most, alone[2 if far else turn - 1], DECADE
         )
         inside += iterations
         of_newton += price * iterations
@@ -179,6 +181,7 @@ def solve_automatically(
                 return SOLVED, sweeps + inside, rows, admissible, u, scale, scaled, plain, found
             u, scaled, plain, found = judged(W, q, mu, compliance, found_r, d)
             return SOLVED, sweeps + inside, rows, found_r, u, scale, scaled, plain, found
+        far = min(found_error, least) > FAR
         if found_error < 0.1 * least and sweeping:  # its iterate is well ahead: sweeps go on from there
             least, best = found_error, found_r
             admissible = projected(found_r, mu, d)

@@ -25,8 +25,8 @@ CONTACTS = 128
 """Contacts up to which the door is open: beyond, sparse storage and LAPACK take less than what stands here."""
 AUTO_LOOK, AUTO_FIRST = 25, 10
 """Sweeps of `auto` after which the error is looked at, and Newton's iterations whose cost they spend before their rate is believed."""
-AUTO_ALONE = 30, 40
-"""Newton's iterations from the sweeps' iterate, and from zero, before it must have got on."""
+AUTO_ALONE = 30, 40, 20
+"""Newton's iterations from the sweeps' iterate, from zero, and from zero after an error left above 1e-3, before it must have got on."""
 AUTO_NEWTON, AUTO_BUDGET = 150, 0.1
 """Newton's iterations from the sweeps' iterate, and from zero, and counted seconds of all, after which `auto` is left to its race."""
 ROWS = 1000

@@ -11,7 +11,9 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
+from fcsim.bench.families import problems
 from fcsim.problem import LocalProblem, check
+from fcsim.problem.reduction import reduced
 from fcsim.solvers import Memory, Result, Status, method, solve
 from fcsim.solvers.small import door
 from fcsim.solvers.small.door import small
@@ -131,3 +133,24 @@ def test_the_history_ends_with_the_time_of_the_solve() -> None:
     assert found is not None
     assert found.history[-1][1] == pytest.approx(found.seconds["solve"])
     assert all(before[1] <= after[1] for before, after in zip(found.history, found.history[1:], strict=False))
+
+
+@pytest.mark.parametrize("family", ["squeezed", "rods"])
+def test_where_newton_leaves_a_large_error_the_door_sweeps_no_more(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    p = reduced(problems(family, 60, 3)).local
+    kernel = door._automatic_kernels.solve_automatically
+    calls: list[Any] = []
+
+    def kept(*arguments: Any) -> Any:
+        out = kernel(*arguments)
+        calls.append((out, arguments[-1][: out[2]]))
+        return out
+
+    monkeypatch.setattr(door._automatic_kernels, "solve_automatically", kept)
+    assert small(p, method("auto"), False, "auto", None, 1e-8, "scaled", 0.0) is None
+    out, rows = calls[0]
+    assert out[0] != 0 and rows[:, 1].min() > 1e-3
+    added = np.diff(rows[:, 0])
+    assert np.all(added[:-2] == door.AUTO_LOOK)  # looks at sweeps, then Newton from their iterate and from zero, and nothing after
+    assert not np.any(added[-2:] == door.AUTO_LOOK)
+    assert solve(p, "auto").status is Status.INFEASIBLE
