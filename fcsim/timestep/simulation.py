@@ -42,7 +42,7 @@ from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import Linearisation, joined_nodes
 from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
-from fcsim.timestep.step_equation.penetration import CUTS, at_end
+from fcsim.timestep.step_equation.penetration import at_end
 from fcsim.timestep.step_equation.sequence import solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled
 from fcsim.timestep.warm_start import MEMORY
@@ -285,18 +285,18 @@ class Simulation:
         if (begun := self._begun(scheme, start, cuts, attempts)) is None:
             return None
         start, impact = begun
-        state, met = start.state, self._met(scheme, start, cuts, clock)
-        if met is None:
+        state, began = start.state, self._met(scheme, start, cuts, clock)
+        if began is None:
             return None
         rest = scheme.right_hand_side(model, state)
         rigid_mass = scheme.rigid_mass(model, state, rest)
         whole_per_part = scheme.force_per_reaction / self.scheme.force_per_reaction
         memory = start.memory if whole_per_part == 1 else tuple(replace(old, r=old.r / whole_per_part) for old in start.memory)
-        identity = met.contacts.identity
+        identity = began.contacts.identity
         past = Past(memory, start.lead, None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity))
         elastic = Linearisation(scheme, model, state, past.serving)
         factor = self._system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
-        looks, links = 0, Closing(linked(self.linkage, model, scheme, state), self._extent)
+        met, looks, links = began, 0, Closing(linked(self.linkage, model, scheme, state), self._extent)
         while True:
             equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts, links.rows)
             answer, past = solve_settled(equation, self.solver, self._extent, past, attempts, clock, partial(self._anew, start))
@@ -317,8 +317,8 @@ class Simulation:
             if ahead is None:
                 break
             met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
-        end = at_end(model, self.detector, scheme, met, after, looks < ROUNDS)
-        if end.sinks and cuts < min(CUTS, self.cuttings):
+        end = at_end(model, self.detector, scheme, began, met, after, state, looks < ROUNDS)
+        if end.too_long(cuts, self.cuttings, attempts, self.solver.tol):
             return None
         support = self._support_impulse(scheme, answer, impulse, rigid_mass, after)
         clock.lap("assembly")

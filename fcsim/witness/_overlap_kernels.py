@@ -69,6 +69,16 @@ def _depth(p, body, most, forest):
 
 
 @njit(cache=True)
+def depth_of_points(points, bodies, most, forest):
+    """Depth (n,) [m] of points (n, 3) in bodies (n,) where it is more than most (n,), else 0."""
+    depth = np.zeros(len(points))
+    for k in range(len(points)):
+        if forest.roots[bodies[k]] >= 0:
+            depth[k] = max(0.0, _depth(points[k], bodies[k], most[k], forest))
+    return depth
+
+
+@njit(cache=True)
 def deepest(one, other, most, place, forest, vertices, first_vertex, edges, first_edge, box_low, box_high, dimension):
     """Depth [m] of the deepest point of the skin of body `one` (its vertices and edges) in body `other`; `most` where none is deeper.
 

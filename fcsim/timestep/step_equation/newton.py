@@ -9,8 +9,9 @@ contact is a global problem like any other step's: the solver begins where it en
 measured and linearised next, until R is below the tolerance and contact is where it was meant: quadratic where S_i is exact. Where R
 grows, or a body has no admissible state, (v, r) is gone only part of the way. In quasi-statics contacts are found anew at every iterate,
 with gaps brought back to the beginning of the step, so that u remains the increment over all of it, and A_i has their geometric stiffness
--d(H r)/dv (`contact_tangent`); where bodies pass others on the way to (v, r) the problem is solved again with these contacts (`passed`). In
-dynamics contacts are those of the step.
+-d(H r)/dv (`contact_tangent`); where bodies pass others on the way to (v, r) the problem is solved again with these contacts (`passed`),
+and part of the way is gone where contacts of the step's beginning would be lost in the other body (`lost`). In dynamics contacts are
+those of the step.
 
 Pressures P that follow the bodies give A_i the symmetric part of their tangent, and in quasi-statics the rest of it too, with that of
 forces that follow (`beside`).
@@ -41,6 +42,7 @@ from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term, stiffened
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
 from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor
+from fcsim.timestep.step_equation.loops.lost_contacts import lost
 from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
 from fcsim.timestep.step_equation.sequence import longest_flight
@@ -107,6 +109,7 @@ class _Newton:
         self.equation, self.settings, self.extent = equation, settings, extent
         self.attempts, self.clock, self.anew = attempts, clock, anew
         self.inner = InnerTerm(equation.scheme, equation.model, equation.state)
+        self.began = equation.met
         self.done: list[Linearised] = []
         self.start: FloatArray | None = None
         self.passed: Contacts | None = None
@@ -295,11 +298,18 @@ class _Newton:
                 found, size = (new, length, met), new.residual
                 if left.any():  # goes on pressing here: contacts that are passed are seen on the way only
                     size = self._relative(replace(equation, met=met), w, new.r, term, l, there.push + equation.met.impulse(left))
-                if jammed or size <= max(1.0, now.residual):
+                gone = self.anew is not None and self._loses(met, w)
+                if jammed or (size <= max(1.0, now.residual) and not gone):
                     return found
+                size = np.finfo(float).max if gone else size  # in equilibrium or not: only where there is nothing else
                 best, least = (found, size) if size < least else (best, least)
             length *= 0.5
         return best
+
+    def _loses(self, met: Encounter, v: FloatArray) -> bool:
+        """Whether contacts of the step's beginning are lost where `met` ones are found, at v (n_dofs,)."""
+        model, x = self.equation.model, self.equation.state.x
+        return lost(model, self.began, met.contacts, model.positions(x), model.positions(model.advance(x, v))) is not None
 
     def _more(self, equation: Equation, now: Iterate, v: FloatArray) -> Encounter | None:
         """The contacts of the iterate with those that the way to the answer v (n_dofs,) passes; None where it passes no others."""

@@ -14,7 +14,9 @@ from fcsim.contact_detection.sweep import bounded
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
+from fcsim.timestep.step import Attempt
 from fcsim.timestep.step_equation.look_ahead import moves
+from fcsim.timestep.step_equation.loops.lost_contacts import Lost, lost
 
 LOOKED_AT = 1e-6
 """Of the smaller body's size: above it contacts are detected anew at the end of the step."""
@@ -29,14 +31,23 @@ CUTS = 3
 @dataclass(frozen=True)
 class AtEnd:
     """penetration: the deepest [m] at the end of a step, at least 0; sinks: whether bodies that the law keeps apart lie deeper in each
-    other after the step than they did before it, by what counts: it was too long."""
+    other after the step than they did before it, by what counts: it was too long; lost: contacts that statics have lost."""
 
     penetration: float
     sinks: bool
+    lost: Lost | None = None
+
+    def too_long(self, cuts: int, cuttings: int, attempts: list[Attempt], tol: float) -> bool:
+        """Whether the step, cut so often of `cuttings` times, has no end that serves; with contacts lost this goes into the attempts."""
+        if self.lost is not None:
+            attempts.append(Attempt("contacts", "the step's beginning", str(self.lost), self.lost.share, 0, 0.5**cuts, tol))
+        return self.lost is not None or (self.sinks and cuts < min(CUTS, cuttings))
 
 
-def at_end(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State, settled: bool) -> AtEnd:
-    """Look at the end of a step; settled: looking ahead came to its end.
+def at_end(
+    model: Model, detection: Detection, scheme: Scheme, began: Encounter, met: Encounter, after: State, before: State, settled: bool
+) -> AtEnd:
+    """Look at the end of a step that began with the contacts `began` in the state `before`; settled: looking ahead came to its end.
 
     Contacts are kept where they are detected, at x_m and x_m', on the motion that `look_ahead` foresees. In between, at the end of the
     step, what turns by omega h lies deeper by up to R (omega h)^2 / 8; where many contacts bend at once, looking ahead may end before
@@ -47,7 +58,9 @@ def at_end(model: Model, detection: Detection, scheme: Scheme, met: Encounter, a
     """
     positions = model.positions(after.x)
     if not scheme.timing.moving:
-        return AtEnd(max(0.0, float(-detection(positions).gap.min(initial=0.0))), False)
+        found = detection(positions)
+        gone = lost(model, began, found, model.positions(before.x), positions)
+        return AtEnd(max(0.0, float(-found.gap.min(initial=0.0))), False, gone)
     moved = positions - met.meeting.positions
     if isinstance(detection, Everything) and moves(met, moved):  # what turns and slides has other contacts there
         deepest, deep = 0.0, True
