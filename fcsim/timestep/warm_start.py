@@ -73,6 +73,11 @@ def carried(met: Contacts, r: FloatArray, contacts: Contacts) -> tuple[FloatArra
     return turned.ravel(), np.where(same[:, None], 0.0, old).ravel()
 
 
+def carried_in_space(met: Contacts, r: FloatArray, contacts: Contacts) -> tuple[FloatArray, FloatArray]:
+    """The same as vectors in space, which stay whatever normal a contact has; nothing of r is said to be left."""
+    return Reactions(met.identity, met.frame, r.reshape(-1, contacts.dimension)).transfer(contacts), np.zeros(0)
+
+
 def warm_start(problem: Reduced, contacts: Contacts, memory: Sequence[Reactions], enough: float = 0.0) -> FloatArray:
     """Return the best starting point r (m,) that the last steps' reactions (newest first) suggest; zero without any.
 

@@ -47,7 +47,7 @@ from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
 from fcsim.timestep.step_equation.sequence import longest_flight
 from fcsim.timestep.step_equation.tangent import sticking, tangent_by_differences, tangent_by_formulas
-from fcsim.timestep.warm_start import carried, warm_start
+from fcsim.timestep.warm_start import carried, carried_in_space, warm_start
 
 TOLERANCE = 1e-9
 """Of a body's residual, relative to the forces on it."""
@@ -81,19 +81,17 @@ _SHARES = (0.01 / 1024, 0.01 / 256, 0.01 / 64, 0.01 / 16, 0.0025, 0.01, 0.04, 0.
 
 
 def solve_nonlinear(
-    equation: Equation,
-    settings: SolverSettings,
-    extent: float,
-    past: Past,
-    attempts: list[Attempt],
-    clock: Clock,
-    anew: Anew | None,
+    equation: Equation, settings: SolverSettings, extent: float, past: Past, attempts: list[Attempt], clock: Clock, anew: Anew | None
 ) -> tuple[Answer | None, Past]:
     """Return the answer, None where it is not found, and the past of the next step; as `solve_equation`, for models with nonlinear bodies.
 
     anew: the contacts at an iterate, None where those of the step stay (dynamics).
     """
-    return _Newton(equation, settings, extent, attempts, clock, anew).solve(past)
+    newton = _Newton(equation, settings, extent, attempts, clock, anew)
+    answer, after = newton.solve(past)
+    if answer is None and anew is not None and len(newton.done) >= MAX_ITERATIONS:
+        return _Newton(equation, settings, extent, attempts, clock, anew, in_space=True).solve(past)
+    return answer, after
 
 
 class _Newton:
@@ -105,8 +103,12 @@ class _Newton:
         attempts: list[Attempt],
         clock: Clock,
         anew: Anew | None,
+        *,
+        in_space: bool = False,
     ) -> None:
-        self.equation, self.settings, self.extent = equation, settings, extent
+        """in_space: whether trials are measured with the contacts of their problem, and reactions go on as vectors in space: at the kink
+        between two facets, whose own normals a node has in turns, its reaction lies between them."""
+        self.equation, self.settings, self.extent, self.in_space = equation, settings, extent, in_space
         self.attempts, self.clock, self.anew = attempts, clock, anew
         self.inner = InnerTerm(equation.scheme, equation.model, equation.state)
         self.began = equation.met
@@ -248,7 +250,7 @@ class _Newton:
             return equation, pushed
         largest, bent = float(np.abs(bent.data).max()), bent if beside is None else bent + beside
         equation = replace(equation, slanted=slanted)
-        if slanted is not None:  # a method of Newton's asks for no monotony
+        if slanted is not None and not self.in_space:  # a method of Newton's asks for no monotony
             return replace(equation, bent=bent), bent @ now.v
         r = now.r.reshape(-1, met.rows)
         kept = np.repeat(sticking(met.contacts.mu, r)[:, None], met.rows, axis=1)
@@ -296,7 +298,9 @@ class _Newton:
                 there = Iterate(w, r, term, np.inf, l, equation.elastic.push(w))
                 new, left = self._moved(replace(equation, met=met), equation.met, there)
                 found, size = (new, length, met), new.residual
-                if left.any():  # goes on pressing here: contacts that are passed are seen on the way only
+                if self.in_space:
+                    size = self._relative(equation, w, r, term, l, there.push)
+                elif left.any():  # goes on pressing here: contacts that are passed are seen on the way only
                     size = self._relative(replace(equation, met=met), w, new.r, term, l, there.push + equation.met.impulse(left))
                 gone = self.anew is not None and self._loses(met, w)
                 if jammed or (size <= max(1.0, now.residual) and not gone):
@@ -320,7 +324,8 @@ class _Newton:
 
     def _moved(self, equation: Equation, earlier: Encounter, new: Iterate) -> tuple[Iterate, FloatArray]:
         """The iterate with its reactions at the contacts as they are found there, and the residual with these; what of them has none."""
-        r, left = (new.r, np.zeros(0)) if equation.met is earlier else carried(earlier.contacts, new.r, equation.met.contacts)
+        carry = carried_in_space if self.in_space else carried
+        r, left = (new.r, np.zeros(0)) if equation.met is earlier else carry(earlier.contacts, new.r, equation.met.contacts)
         return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l, new.push)), left
 
     def _note(
