@@ -99,7 +99,7 @@ def test_a_singular_matrix_is_refused_on_all_ranks(found: Found) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_a_block_of_200_000_degrees_of_freedom() -> None:
-    """On a plane, by one process and by two ranks: its weight, the same reactions and displacements, 0.7 of the memory at most."""
+    """On a plane, by one process and by two ranks: its weight, the same reactions and displacements, 0.8 of the memory at most."""
     if not LAUNCHER.exists():
         pytest.skip("no mpiexec beside this Python")
     root = PROGRAM.parents[3]
@@ -109,7 +109,7 @@ def test_a_block_of_200_000_degrees_of_freedom() -> None:
     assert one["dofs"] == two["dofs"] == 17 * 17 * 231 * 3 and one["contacts"] == two["contacts"] == 17 * 17
     assert two["weight"] == pytest.approx(1, abs=1e-9)
     assert two["r apart"] <= 1e-6 and two["x apart"] <= 1e-6
-    assert two["memory"] <= 0.7 * one["memory"]
+    assert two["memory"] <= 0.8 * one["memory"]
 
 
 def test_without_ranks_nothing_is_spread() -> None:
