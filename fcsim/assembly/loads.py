@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly import elasticity
@@ -17,8 +18,10 @@ from fcsim.assembly.forms.part_forms import PartForms
 from fcsim.assembly.forms.turning_force import TurningForce
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.supports import TimeFunction
+from fcsim.assembly.supports.selection import NodesNamed, Selection, SurfaceNames, shares
 from fcsim.brief import brief
 from fcsim.errors import InputError
+from fcsim.mesh.named.places import Where
 from fcsim.mesh.part import Body, RigidBody
 
 if TYPE_CHECKING:
@@ -38,12 +41,25 @@ class Traction:
 
 @dataclass(frozen=True)
 class Force:
-    """A force [N] at a rigid body's centre of mass, and a moment [N m] (3 entries, 2D: 1), in world axes, times factor(t)."""
+    """A force [N] at a rigid body's centre of mass, and a moment [N m] (3 entries, 2D: 1), in world axes, times factor(t).
+
+    On a deformable body the force at nodes that `surface`, `at` and `nodes` name as those of a `Support` do, in all: at one point; over
+    several equally; evenly over the length of a line (an edge), over the area of a surface. 2D: of the whole thickness. No moment there:
+    `FollowerForce` has one.
+    """
 
     body: str
     force: tuple[float, ...]
     moment: tuple[float, ...] | None = None
     factor: TimeFunction = field(default=lambda t: 1.0)
+    surface: SurfaceNames | None = field(default=None, kw_only=True)
+    at: ArrayLike | Where | None = field(default=None, kw_only=True)
+    nodes: NodesNamed | None = field(default=None, kw_only=True)
+
+    @property
+    def selection(self) -> Selection:
+        """Which nodes of a deformable body are meant."""
+        return Selection(self.surface, self.at, self.nodes)
 
 
 @dataclass(frozen=True)
@@ -157,11 +173,11 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
         nodes, spread = turning_force(layout, load)
         vector[: layout.n_elastic].reshape(-1, d)[nodes] = spread.forces(layout.reference[nodes])
         return vector
+    if isinstance(load, Force) and (isinstance(body, Body) or not load.selection.whole):
+        vector[own] = _spread_force(layout, load).ravel()
+        return vector
     if isinstance(load, Force | Follower):
-        if not isinstance(body, RigidBody):
-            raise InputError(
-                f"{type(load).__name__} on body {load.body!r}: expected a rigid body; use Traction or BodyForce on a deformable one"
-            )
+        assert isinstance(body, RigidBody)
         if isinstance(load, FollowerForce) and load.surface is not None:
             raise InputError(f"FollowerForce on body {load.body!r}, surface: expected none on a rigid body, got {load.surface!r}")
         vector[own] = np.concatenate(_force_and_moment(d, load))
@@ -181,6 +197,25 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
         nodal = elasticity.body_force(body.part, in_part_axes)
     vector[own] = (nodal.reshape(-1, d) @ body.rotation.T).ravel()
     return vector
+
+
+def _spread_force(layout: BodyLayout, load: Force) -> FloatArray:
+    """Nodal forces (nn, d) [N] of a force on a deformable body."""
+    what = f"Force on body {load.body!r}"
+    body = layout.bodies[layout.body_number(load.body)]
+    if isinstance(body, Body) and load.selection.whole:
+        raise InputError(
+            f"{what}: expected the place where it acts on a deformable body: at=(x, y, z) of a node, surface= or nodes=; tractions are "
+            "Traction, forces per volume BodyForce"
+        )
+    nodes = load.selection.of(layout, load.body, what)
+    force = _force_and_moment(layout.dimension, load)[0]
+    if load.moment is not None:
+        raise InputError(f"{what}: expected no moment on a deformable body, got {load.moment}; a FollowerForce on a surface has one")
+    assert isinstance(body, Body)
+    nodal = np.zeros((len(body.part.points), layout.dimension))
+    nodal[nodes] = shares(body, nodes, what)[:, None] * force
+    return nodal
 
 
 def _force_and_moment(d: int, load: Force | FollowerForce) -> tuple[FloatArray, FloatArray]:

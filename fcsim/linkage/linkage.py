@@ -53,8 +53,7 @@ class Linkage:
     """The links of a model, checked: names, places in the bodies, surfaces that meet.
 
     names: of all links; of_row (p,): which of them each row is of; stiffness (p,) [N/m], inf where the row is kept exactly, and damping
-    (p,) [N s/m]; rate (p,) [m/s]: that of the gap, which is zero at t = 0, of what is driven. Cables are no rows: `cables`, see
-    `WithCables`.
+    (p,) [N s/m]. Cables are no rows: `cables`, see `WithCables`.
     """
 
     def __init__(self, model: Model, links: Sequence[Link]) -> None:
@@ -70,8 +69,14 @@ class Linkage:
         springs = {number[p.link.name]: p.link for p in self._pieces if isinstance(p.link, SpringDamper)}
         self.stiffness: FloatArray = np.array([springs[k].stiffness if k in springs else np.inf for k in self.of_row.tolist()])
         self.damping: FloatArray = np.array([springs[k].damping if k in springs else 0.0 for k in self.of_row.tolist()])
-        rates = {self.names.index(p.link.name): p.link.rate for p in self._pieces if isinstance(p.link, Control)}
-        self.rate: FloatArray = np.array([rates.get(k, 0.0) for k in self.of_row.tolist()])
+        self._controls = [(number[p.link.name], p.link) for p in self._pieces if isinstance(p.link, Control)]
+
+    def target(self, t: float) -> FloatArray:
+        """The gap (p,) [m] that rows are to have at t [s]: 0 but for what is driven."""
+        gap = np.zeros(self.n_rows)
+        for k, link in self._controls:
+            gap[self.of_row == k] = link.way(t)
+        return gap
 
     @property
     def n_rows(self) -> int:
@@ -220,8 +225,12 @@ def _controlled(model: Model, link: Control, what: str) -> _Points:
     if not (len(weights) and np.all(np.isfinite(weights)) and weights.min() > 0):
         raise InputError(f"{what}: expected points with weights > 0, got {weights.tolist()}")
     along = _place(model, link.direction, f"{what}, direction")
-    if not (np.linalg.norm(along) > 0 and np.isfinite(link.rate) and link.rate):
-        raise InputError(f"{what}: expected a direction and a rate [m/s], not 0, got {along.tolist()} and {link.rate}")
+    if not (np.linalg.norm(along) > 0 and np.isfinite(link.rate)):
+        raise InputError(f"{what}: expected a direction and a rate [m/s], 0 holds, got {along.tolist()} and {link.rate}")
+    if link.displacement is not None and (link.rate or not callable(link.displacement) or link.way(0.0) != 0):
+        raise InputError(
+            f"{what}: expected a rate or a displacement, a function of the time that is 0 at t = 0, got {link.rate}, {link.displacement!r}"
+        )
     entries = []
     for k, (body, place, _) in enumerate(link.points):
         nodes, shares = weights_at(model, body, _place(model, place, what), what)

@@ -5,7 +5,10 @@ A place on a deformable body must lie in one of its cells; of a rigid body it ma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from fcsim.assembly.supports.support import finite
 
 Place = tuple[float, ...]
 
@@ -111,15 +114,21 @@ class Bonded:
 @dataclass(frozen=True)
 class Control:
     """Points of bodies whose weighted mean goes along `direction` at the pace `rate` [m/s], by forces along it in the ratio of the weights:
-    a load whose amount is what its displacement takes, also where that falls (control by displacement).
+    a load whose amount is what its displacement takes, also where that falls (control by displacement). rate 0 holds the mean where it is.
 
     points: (body, place, weight), weights > 0; only their ratio counts. Times are those of the simulation; a step of statics has h.
+    displacement: in place of the rate the mean's way [m], a function of the time that is 0 at t = 0: there and back, in cycles, held
     """
 
     name: str
     points: tuple[tuple[str, Place, float], ...]
     direction: Place
-    rate: float
+    rate: float = 0.0
+    displacement: Callable[[float], float] | None = field(default=None, kw_only=True)
+
+    def way(self, t: float) -> float:
+        """The mean's displacement [m] at t [s]; InputError where that is no number."""
+        return finite(self.displacement, t, f"link {self.name!r}", "a displacement") if self.displacement else self.rate * t
 
 
 Link = Ball | Hinge | Slider | Rod | Cable | SpringDamper | Tied | Bonded | Control

@@ -8,6 +8,7 @@ from fcsim.mesh.graded import graded_brick, graded_rectangle, half_ball, half_di
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
 from fcsim.mesh.masonry import RunningBond, running_bond
 from fcsim.mesh.material import Material
+from fcsim.mesh.named.places import with_surface
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.mesh.quality import check_quality
 from fcsim.mesh.rigid import BlockKind, blocks_that_are, mass_properties, rigid_body
@@ -42,5 +43,6 @@ __all__ = [
     "rigid_sphere",
     "running_bond",
     "semicircular_arch",
+    "with_surface",
     "write_mesh",
 ]

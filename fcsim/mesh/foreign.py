@@ -51,6 +51,7 @@ def _loaded(out: Path, source: str, plane: Literal["strain", "stress"], thicknes
             about["ungrouped"],
             plane=plane,
             thickness=thickness,
+            nodes={name: arrays[f"nodes {k}"] for k, name in enumerate(about["nodes"])},
         )
 
 
@@ -60,8 +61,10 @@ def main(path: str, out: str, plane: str, thickness: str, array: str = "") -> in
     def read() -> None:
         mesh = _read(Path(path), cast(Literal["strain", "stress"], plane), float(thickness), array)
         about = {"cell_type": mesh.cell_type, "volumes": list(mesh.volumes), "surfaces": list(mesh.surfaces), "ungrouped": mesh.ungrouped}
+        about["nodes"] = list(mesh.nodes)
         arrays = {f"volume {k}": cells for k, cells in enumerate(mesh.volumes.values())}
         arrays |= {f"surface {k}": facets for k, facets in enumerate(mesh.surfaces.values())}
+        arrays |= {f"nodes {k}": nodes for k, nodes in enumerate(mesh.nodes.values())}
         np.savez(out, allow_pickle=False, points=mesh.points, about=np.array(json.dumps(about)), **arrays)
 
     return limited(path, read)

@@ -1,9 +1,9 @@
 """Parts in mesh files: gmsh's .msh, and the formats of meshio.
 
-How surfaces are kept: in .msh as physical groups; in .vtu, .vtk and .xdmf as one cell array a surface, named "surface:NAME" (special
-characters of NAME as in a URL, "%20" for a space), which is 1 on the facets of the surface. Reading also takes the named cell sets of
-a format (.inp and others) and the tags "gmsh:physical", "medit:ref" and "cell_tags" with the names of field_data, or the tag as
-the name. No format keeps the material, nor `plane`, `thickness` and `elements`: they are given when a file is read.
+How surfaces are kept: in .msh as physical groups, as are named points and lines; in .vtu, .vtk and .xdmf as one cell array a surface, named
+"surface:NAME" (special characters of NAME as in a URL, "%20" for a space), which is 1 on the facets of the surface. Reading also takes the
+named cell sets of a format (.inp and others) and the tags "gmsh:physical", "medit:ref" and "cell_tags" with the names of field_data, or the
+tag as the name. No format keeps the material, nor `plane`, `thickness` and `elements`: they are given when a file is read.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ from fcsim.runtime import gmsh_model
 KEEPS_SURFACES = (".msh", ".vtu", ".vtk", ".xdmf")
 KEEPS_SECOND_ORDER = (".msh", ".vtu", ".vtk")  # meshio writes them elsewhere too, but cannot read all of it again
 KEEPS_CELLS = (*KEEPS_SURFACES, ".inp", ".med", ".mesh")  # the other formats of meshio lose cells or digits
+GMSH_LINES = {2: 1, 3: 8}
+"""gmsh's numbers of lines by their nodes."""
 _MSH_NAME = 127  # gmsh cuts longer names of physical groups
 
 
@@ -72,6 +74,7 @@ def read_parts(
 
 def write_mesh(part: Part, path: str | os.PathLike[str], *, surfaces: bool = True) -> None:
     """Write a part's mesh and surfaces, in the format that the extension says; nothing is lost of points, cells and surfaces.
+    Named points and lines (`Part.nodes`) are kept in .msh alone.
 
     A format that cannot keep named surfaces (.inp, .med, .mesh) is refused unless surfaces=False leaves them out. The part's name is
     kept in .msh alone. A facet that is on several surfaces is written once for each; a surface without facets is left out. The file
@@ -102,7 +105,7 @@ def _check_writable(path: Path, part: Part, surfaces: bool) -> None:
     if surfaces and "" in part.surfaces:
         raise InputError(f"{path}: expected surfaces with names, got part {part.name!r} with a surface ''")
     if path.suffix == ".msh":
-        for name in (part.name, *(part.surfaces if surfaces else ())):
+        for name in (part.name, *(part.surfaces if surfaces else ()), *part.nodes):
             if not 0 < len(name.encode()) <= _MSH_NAME or set('"\n\r') & set(name):
                 raise InputError(f"{path}: expected names of 1 to {_MSH_NAME} bytes without quotation marks and line breaks, got {name!r}")
 
@@ -129,6 +132,11 @@ def _write_msh(part: Part, surfaces: Mapping[str, IntArray], path: Path) -> None
             surface = gmsh.model.addDiscreteEntity(d - 1)
             gmsh.model.mesh.addElementsByType(surface, GMSH_NUMBERS[CELL_TYPES[part.cell_type].facet_type], [], facets.ravel() + 1)
             gmsh.model.addPhysicalGroup(d - 1, [surface], name=name)
+        for name, nodes in part.nodes.items():
+            below, kind = (0, 15) if nodes.ndim == 1 else (1, GMSH_LINES[nodes.shape[1]])
+            entity = gmsh.model.addDiscreteEntity(below)
+            gmsh.model.mesh.addElementsByType(entity, kind, [], nodes.ravel() + 1)
+            gmsh.model.addPhysicalGroup(below, [entity], name=name)
         gmsh.option.setNumber("Mesh.Binary", 1)
         gmsh.write(str(path))
 

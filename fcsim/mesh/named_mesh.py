@@ -19,6 +19,9 @@ from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.part import Part
 from fcsim.mesh.quality import check_quality
 
+LOWER = {2: ("vertex",), 3: ("vertex", "line", "line3")}
+"""By dimension of the mesh: elements of which neither volumes nor surfaces are made."""
+
 UNGROUPED = ""  # also the name of the only volume of a mesh whose cells are in no group
 
 
@@ -33,7 +36,8 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class NamedMesh:
-    """points (n, d) [m]; volumes and surfaces: name -> node numbers (ncells, k), (nf, kf); `source` is what messages call the mesh."""
+    """points (n, d) [m]; volumes and surfaces: name -> node numbers (ncells, k), (nf, kf); nodes: name -> (k,) of points or (k, 2), (k, 3)
+    of lines that are no surfaces; `source` is what messages call the mesh."""
 
     source: str
     points: FloatArray
@@ -43,6 +47,7 @@ class NamedMesh:
     ungrouped: int = 0  # cells in no volume although there are volumes
     plane: Literal["strain", "stress"] = field(default="strain", kw_only=True)
     thickness: float = field(default=1.0, kw_only=True)
+    nodes: Mapping[str, IntArray] = field(default_factory=dict, kw_only=True)
 
     __repr__ = brief
 
@@ -140,6 +145,7 @@ class NamedMesh:
             thickness=self.thickness,
             elements=ELEMENTS[self.cell_type][0] if elements is None else elements,
             regions=regions or {},
+            nodes=_nodes_of(self.nodes, number),
         )
         check_quality(part)
         return part
@@ -152,7 +158,7 @@ def _names(names: Iterable[str]) -> str:
 def named_mesh(
     source: str, points: FloatArray, blocks: Sequence[Block], *, plane: Literal["strain", "stress"] = "strain", thickness: float = 1.0
 ) -> NamedMesh:
-    """Sort blocks of elements into volumes (the highest dimension) and surfaces (one below), by their group.
+    """Sort blocks of elements into volumes (the highest dimension), surfaces (one below) and nodes (points, in space lines) by group.
 
     points (n, 3) or (n, 2) [m]; a 2D mesh lies in a plane z = const. InputError for elements of other kinds than `CELL_TYPES` or not of
     one type, and where there are no volume cells.
@@ -181,7 +187,7 @@ def named_mesh(
     volumes = _by_group([block for block in blocks if block.cell_type == cell_type])
     named = [block for block in blocks if block.group != UNGROUPED]
     facets = [b for b in named if b.cell_type == facet_type]
-    for block in named:  # groups of lines and points in space, which a 3D part has no use for, are left out
+    for block in named:
         if block.cell_type in CELL_TYPES and CELL_TYPES[block.cell_type].dimension == dimension - 1 and block.cell_type != facet_type:
             what = f"{source}, surface {block.group!r}"
             raise InputError(f"{what}: expected {facet_type} facets on {cell_type} cells, got {block.cell_type}")
@@ -195,7 +201,31 @@ def named_mesh(
         ungrouped=ungrouped,
         plane=plane,
         thickness=thickness,
+        nodes=_points_and_lines([block for block in named if block.cell_type in LOWER[dimension]]),
     )
+
+
+def _points_and_lines(blocks: Sequence[Block]) -> dict[str, IntArray]:
+    """Nodes by their groups: points (k,), lines (k, 2) or (k, 3); points where a group has both."""
+    nodes = {}
+    for group in dict.fromkeys(block.group for block in blocks):
+        own = [block.elements for block in blocks if block.group == group]
+        one_kind = len({elements.shape[1] for elements in own}) == 1
+        nodes[group] = np.concatenate(own if one_kind else [e.ravel() for e in own]).astype(np.int64)
+        if not one_kind or nodes[group].shape[1] == 1:
+            nodes[group] = np.unique(nodes[group])
+    return nodes
+
+
+def _nodes_of(groups: Mapping[str, IntArray], number: IntArray) -> dict[str, IntArray]:
+    """The groups by the numbers of a part's nodes, -1 for those that it has not: without these, and without groups that it has none of."""
+    own = {}
+    for name, nodes in groups.items():
+        there = number[nodes]
+        there = there[there >= 0] if there.ndim == 1 else there[(there >= 0).all(axis=1)]
+        if len(there):
+            own[name] = there
+    return own
 
 
 def _check_numbers(source: str, points: FloatArray, blocks: Sequence[Block]) -> None:

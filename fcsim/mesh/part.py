@@ -64,6 +64,17 @@ def _frozen_surfaces(surfaces: Mapping[str, ArrayLike], n_points: int, facet_nod
     return MappingProxyType(frozen)
 
 
+def _frozen_nodes(groups: Mapping[str, ArrayLike], n_points: int, order: int, what: str) -> Mapping[str, IntArray]:
+    frozen = {}
+    for name, given in groups.items():
+        about = f"{what}, nodes {name!r}"
+        array = _frozen(given, np.int64, about, (None,) if np.ndim(given) == 1 else (None, 1 + order))
+        if not array.size or array.min() < 0 or array.max() >= n_points:
+            raise InputError(f"{about}: expected node numbers 0 ... {n_points - 1}, at least one")
+        frozen[name] = array
+    return MappingProxyType(frozen)
+
+
 def _frozen_regions(regions: Mapping[str, ArrayLike], n_cells: int, what: str) -> Mapping[str, IntArray]:
     frozen = {}
     for name, cells in regions.items():
@@ -105,6 +116,8 @@ class Part:
               order "Q2" and "P2". Cells of first order given with these are raised: the new nodes, in the middle of straight edges, come
               after the given ones, and points, cells, cell_type and surfaces are then those of second order
     regions   name -> numbers of cells; where the material is a `ByRegion`, those of its names, which share all cells out among them
+    nodes     name -> numbers (k,) of nodes, or (k, 2), of second order (k, 3), the edges of cells along a line, their middles last:
+              points and lines that supports and forces name
     """
 
     name: str
@@ -117,6 +130,7 @@ class Part:
     thickness: float = 1.0
     elements: str = field(default=None, kw_only=True)  # type: ignore[assignment]
     regions: Mapping[str, IntArray] = field(default_factory=dict, kw_only=True)
+    nodes: Mapping[str, IntArray] = field(default_factory=dict, kw_only=True)
 
     __repr__ = brief
 
@@ -135,6 +149,7 @@ class Part:
             *,
             elements: str | None = None,
             regions: Mapping[str, ArrayLike] = ...,
+            nodes: Mapping[str, ArrayLike] = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -159,6 +174,7 @@ class Part:
             raise InputError(f"{what}: expected cells with node numbers 0 ... {len(self.points) - 1}, got {self.cells.shape[0]} cells")
         object.__setattr__(self, "surfaces", _frozen_surfaces(self.surfaces, len(self.points), cell.facet_size, what))
         object.__setattr__(self, "regions", _frozen_regions(self.regions, len(self.cells), what))
+        object.__setattr__(self, "nodes", _frozen_nodes(self.nodes, len(self.points), cell.order, what))
         if isinstance(self.material, ByRegion):
             _refuse_unshared(self.material, self.regions, len(self.cells), what)
         if cell.order == 1 and self.elements in ELEMENTS[RAISED[self.cell_type]]:
@@ -166,11 +182,11 @@ class Part:
         check_quality(self, smallest=ROUND_OFF)
 
     def _raise_order(self) -> None:
-        points, cells, cell_type, surfaces = raised(self.points, self.cells, self.cell_type, self.surfaces, f"Part {self.name!r}")
-        for array in (points, cells, *surfaces.values()):
+        mesh = raised(self.points, self.cells, self.cell_type, self.surfaces, f"Part {self.name!r}", self.nodes)
+        for array in (mesh.points, mesh.cells, *mesh.surfaces.values(), *mesh.nodes.values()):
             array.setflags(write=False)
-        for name, value in (("points", points), ("cells", cells), ("cell_type", cell_type), ("surfaces", MappingProxyType(surfaces))):
-            object.__setattr__(self, name, value)
+        for name, value in mesh._asdict().items():
+            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
 
     @property
     def dimension(self) -> int:

@@ -12,7 +12,9 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import Support
+from fcsim.assembly.supports.selection import NodesNamed, Selection, SurfaceNames
 from fcsim.errors import InputError
+from fcsim.mesh.named.places import Where
 from fcsim.mesh.part import RigidBody
 from fcsim.running.case import Sensor
 from fcsim.timestep.step import Step
@@ -42,43 +44,63 @@ def contact_force(column: str, model: Model, body: str, direction: str, surface:
 
 
 def support_force(
-    column: str, model: Model, body: str, direction: str, surface: str | None = None, label: str = "", axes: ArrayLike | None = None
+    column: str,
+    model: Model,
+    body: str,
+    direction: str,
+    surface: SurfaceNames | None = None,
+    label: str = "",
+    axes: ArrayLike | None = None,
+    *,
+    at: ArrayLike | Where | None = None,
+    nodes: NodesNamed | None = None,
 ) -> Sensor:
-    """Resultant [N] of the supports' forces on a body, or on the nodes of one of its surfaces, along an axis of `axes` (see `Support`).
+    """Resultant [N] of the supports' forces on a body, or on those of its nodes that surface, at and nodes name, along an axis of `axes`
+    (all as those of `Support`). Where two supports share nodes, the forces of both.
 
     Of a rigid body also the moment [N m] about its centre, directions rx, ry, rz.
     """
     number, d = model.body_number(body), model.dimension
-    first = model.dof_offset[number]
+    first, chosen = model.dof_offset[number], Selection(surface, at, nodes)
     R = np.eye(d) if axes is None else np.array(Support(body, (direction,), axes=axes).axes)
     if R.shape != (d, d):
         raise InputError(f"support_force on body {body!r}, axes: expected a rotation matrix ({d}, {d}), got {R.shape}")
     if isinstance(model.bodies[number], RigidBody):
         names = DIRECTIONS[d]
-        if surface is not None or direction not in names:
+        if not chosen.whole or direction not in names:
             raise InputError(f"support_force on rigid body {body!r}: expected no surface and a direction among {', '.join(names)}")
         turning = names.index(direction) >= d
         size = len(names) - d if turning else d
         dofs = (first + (d if turning else 0) + np.arange(size))[None]
         along = R[:, names.index(direction) % d] if size == d else np.ones(1)
     else:
-        dofs, along = model.dof_of_node[_nodes(model, body, surface)], R[:, _axis(model, direction)]
+        dofs, along = model.dof_of_node[_nodes(model, body, chosen, "support_force")], R[:, _axis(model, direction)]
     unit = "N m" if direction.startswith("r") else "N"
     text = label or f"force of the supports on {body}, {direction}"
     return Sensor(column, text, unit, lambda step: step.force_per_reaction * float(step.support_impulse[dofs].sum(axis=0) @ along))
 
 
 def support_moment(
-    column: str, model: Model, body: str, direction: str, point: Sequence[float], surface: str | None = None, label: str = ""
+    column: str,
+    model: Model,
+    body: str,
+    direction: str,
+    point: Sequence[float],
+    surface: SurfaceNames | None = None,
+    label: str = "",
+    *,
+    at: ArrayLike | Where | None = None,
+    nodes: NodesNamed | None = None,
 ) -> Sensor:
     """Moment [N m] about an axis (rx, ry or rz; 2D: rz) through a point (d,) [m] that stays where it is, of the supports' forces on a body,
-    or on the nodes of one of its surfaces: what drives a shaft or a drum. Forces act where the body stands in the middle of the step."""
+    or on those of its nodes that surface, at and nodes name, as those of `Support` do: what drives a shaft or a drum. Forces act where the
+    body stands in the middle of the step."""
     number, d = model.body_number(body), model.dimension
     names = DIRECTIONS[d][d:]
     if direction not in names:
         raise InputError(f"support_moment on body {body!r}: expected a direction among {', '.join(names)}, got {direction!r}")
     place, k = _point(model, point, f"support_moment on body {body!r}"), names.index(direction)
-    given, first = model.bodies[number], model.dof_offset[number]
+    given, first, chosen = model.bodies[number], model.dof_offset[number], Selection(surface, at, nodes)
     text = label or f"moment of the supports on {body}, {direction}"
 
     def about(arm: FloatArray, force: FloatArray) -> float:
@@ -86,7 +108,7 @@ def support_moment(
         return float(moments.sum())
 
     if isinstance(given, RigidBody):
-        if surface is not None:
+        if not chosen.whole:
             raise InputError(f"support_moment on rigid body {body!r}: expected no surface, got {surface!r}")
         own = slice(first, first + d)
         begin = given.centre - place
@@ -97,8 +119,8 @@ def support_moment(
             return step.force_per_reaction * (about(arm[None], impulse[own][None]) + float(impulse[first + d + k]))
 
         return Sensor(column, text, "N m", of_rigid)
-    dofs = model.dof_of_node[nodes := _nodes(model, body, surface)]
-    start = model.reference[nodes] - place
+    meant = _nodes(model, body, chosen, "support_moment")
+    dofs, start = model.dof_of_node[meant], model.reference[meant] - place
 
     def of_nodes(step: Step) -> float:
         arm = start + 0.5 * (step.previous.x[dofs] + step.state.x[dofs])
@@ -154,12 +176,9 @@ def joint_opening(column: str, model: Model, first: tuple[str, str], second: tup
     return Sensor(column, text, "m", measure)
 
 
-def _nodes(model: Model, body: str, surface: str | None) -> IntArray:
-    """Numbers of the nodes of a body or of one of its surfaces."""
-    number = model.body_number(body)
-    if surface is None:
-        return np.arange(model.node_offset[number], model.node_offset[number + 1])
-    return np.unique(model.facets(body, surface))
+def _nodes(model: Model, body: str, selection: Selection, what: str) -> IntArray:
+    """Numbers of the nodes that are meant of a body."""
+    return model.node_offset[model.body_number(body)] + selection.of(model, body, f"{what} on body {body!r}")
 
 
 def _point(model: Model, point: Sequence[float], what: str) -> FloatArray:

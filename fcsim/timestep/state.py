@@ -10,6 +10,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
+from fcsim.assembly.supports import Support
 from fcsim.brief import brief
 from fcsim.errors import InputError
 
@@ -51,10 +52,17 @@ class State:
 def at_rest(model: Model, t: float = 0.0, h: float = 1e-3) -> State:
     """The reference configuration; driven dofs have the velocity prescribed at t, all others none. h [s]: the step, see `DrivenRotation`.
 
-    InputError where a driven rotation has another angle at t than that of the reference configuration, 0.
+    InputError where a driven rotation has another angle at t than that of the reference configuration, 0, or a support another
+    displacement.
     """
+    for support in model.supports:
+        if isinstance(support, Support) and support.displacement is not None and abs(support.way(t)) > START * _size(model):
+            raise InputError(
+                f"support of body {support.body!r}: expected the displacement 0 in the reference configuration, got "
+                f"{support.way(t):.6g} at t = {t:g} s"
+            )
     for turn in model.held.turns:
-        angle = turn.source.at(t)
+        angle = turn.source.turned(t)
         if abs(angle) > START:
             raise InputError(
                 f"driven rotation of body {turn.source.body!r}: expected the angle 0 in the reference configuration, got {angle:.6g} rad "
@@ -70,13 +78,16 @@ def refuse_misplaced(model: Model, state: State) -> None:
             got = f"shape {np.shape(values)}" if np.shape(values) != (model.n_dofs,) else "NaN or infinity"
             raise InputError(f"initial state, {name}: expected finite numbers of shape {(model.n_dofs,)}, got {got}")
     exact = model.held.placed(state.x, state.t)
-    size = float(np.ptp(model.reference, axis=0).max(initial=0.0))
     apart = np.abs(model.positions(exact) - model.positions(state.x)).max(initial=0.0)
-    if exact is not state.x and apart > START * size:
+    if exact is not state.x and apart > START * _size(model):
         raise InputError(
             f"initial state: expected what driven rotations turn where their angles at t = {state.t:g} s say, got it up to "
             f"{apart:.3g} m away"
         )
+
+
+def _size(model: Model) -> float:
+    return float(np.ptp(model.reference, axis=0).max(initial=0.0)) if model.n_nodes else 0.0
 
 
 def updated(model: Model, state: State, after: State) -> State:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.functions.of_bodies import Field, body_function
 from fcsim.assembly.model import Model
+from fcsim.assembly.supports import Support
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import NOTHING, Breaking, Variables
@@ -330,6 +331,16 @@ class Step:
         """Resultant (d,) [N] of the contact forces on a body."""
         slave, master = self.contacts.bodies.T
         return self.force_in_space[slave == body].sum(axis=0) - self.force_in_space[master == body].sum(axis=0)
+
+    def support_force(self, support: Support) -> FloatArray:
+        """Resultant (d,) [N] of the supports' forces, in world axes, on the nodes (or the rigid body) that a support of the model names,
+        those of other supports at the same nodes included."""
+        layout, d = self.model, self.model.dimension
+        first = int(layout.dof_offset[layout.body_number(support.body)])
+        rigid = support.selection.whole and first >= layout.n_elastic
+        nodes = np.zeros(1, dtype=np.int64) if rigid else support.selection.of(layout, support.body, f"support of body {support.body!r}")
+        dofs = first + d * nodes[:, None] + np.arange(d)
+        return self.force_per_reaction * self.support_impulse[dofs].sum(axis=0)
 
     @property
     def friction_dissipation(self) -> float:

@@ -199,7 +199,7 @@ def test_a_resumed_run_turns_on(tmp_path: Any) -> None:
         ({"axis": None}, "driven rotation of body 'b', axis: expected 3 finite numbers, got None"),
         ({"axis": (0, 0, 0)}, "axis: expected a direction"),
         ({"point": (0, 0)}, "point: expected 3 finite numbers"),
-        ({"surface": "z-"}, "support of rigid body 'b': expected no surface"),
+        ({"surface": "z-"}, "driven rotation of body 'b': expected no surface"),
         ({"body": "c"}, "body 'c': expected one of 'b'"),
         ({"angle": lambda t: np.nan}, "expected an angle that is a finite number, got nan"),
         ({"angle": lambda t: 0.1 + t}, "expected the angle 0 in the reference configuration, got 0.1 rad at t = 0 s"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim import Control, Linkage, Material, QuasiStatic, Simulation, Support, build_model
+from fcsim import Control, Force, Linkage, Material, QuasiStatic, Simulation, Support, build_model
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.masonry import Acceleration, Block, MasonryProblem, PointForce, push_by_displacement, pushed, write_masonry
@@ -101,7 +101,36 @@ def test_what_stands_on_a_stone_and_what_is_pushed_askew():
     assert askew.multiplier[0] == pytest.approx(np.sqrt(2) * 0.2 / 0.6, rel=1e-6)
 
 
-@pytest.mark.parametrize("wrong", [{"rate": 0.0}, {"direction": (0.0, 0.0)}, {"points": ()}, {"points": (("stone", (0.1, 0.1), -1.0),)}])
+@pytest.mark.parametrize(
+    ("driven", "way"),
+    [
+        ({"displacement": lambda t: 1e-3 * float(np.interp(t, [0, 1, 2, 4, 5], [0, 1, 1, -1, 0]))}, [1e-3, 1e-3, 0.0, -1e-3, 0.0]),
+        ({"rate": 0.0}, [0.0] * 5),
+    ],
+)
+def test_control_drives_there_and_back_and_holds(driven, way):
+    """The bar's end up, held, down through zero and back, and at rest: F = E A d / l; held at zero it bears the load that pulls it."""
+    part = brick("bar", (2.0, 0.5, 0.5), (4, 1, 1), Material(E=1e6, nu=0.0, density=1000.0))
+    load = Force("bar", (0.1, 0.0, 0.0), surface="x+")
+    model = build_model([Body("bar", part)], supports=[Support("bar", ("x", "y", "z"), "x-")], loads=[load])
+    end = model.reference[np.unique(part.surfaces["x+"])]
+    linkage = Linkage(model, [Control("pull", tuple(("bar", tuple(p.tolist()), 1.0) for p in end), (1.0, 0.0, 0.0), **driven)])
+    steps = Simulation(model, Everything(model, 0.0), QuasiStatic(1.0), 5, linkage=linkage)
+    found = [step.link_force("pull")[0] for step in steps]
+    assert found == pytest.approx([1e6 * 0.25 * d / 2.0 - 0.1 for d in way], rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"rate": np.nan},
+        {"displacement": lambda t: t},
+        {"rate": 0.0, "displacement": lambda t: 1 + t},
+        {"direction": (0.0, 0.0)},
+        {"points": ()},
+        {"points": (("stone", (0.1, 0.1), -1.0),)},
+    ],
+)
 def test_control_refuses_what_moves_nothing(wrong):
     from fcsim.masonry import structure
 

@@ -51,6 +51,21 @@ def facet_forces(points: FloatArray) -> FloatArray:
     return forces
 
 
+def facet_areas(points: FloatArray) -> FloatArray:
+    """int N_a da (nf, k) [m^2] over facets in space with nodes at points (nf, k, 3) [m]."""
+    shape, gradient = _rule(3, points.shape[1])
+    along = np.einsum("fai,qas->sfqi", points, gradient)
+    areas: FloatArray = np.einsum("qa,fq->fa", shape, np.linalg.norm(np.cross(along[0], along[1]), axis=2))
+    return areas
+
+
+def line_lengths(points: FloatArray) -> FloatArray:
+    """int N_a ds (n, k) [m] over lines with nodes at points (n, k, d) [m], the middle last."""
+    shape, gradient = _rule(2, points.shape[1])
+    lengths: FloatArray = np.einsum("qa,fq->fa", shape, np.linalg.norm(np.einsum("fai,qa->fqi", points, gradient[:, :, 0]), axis=2))
+    return lengths
+
+
 def facet_tangents(points: FloatArray) -> FloatArray:
     """Derivatives (nf, k, k, d, d) [m] of `facet_forces` (f, a, ., i, .) by the nodes' places (f, ., b, ., k)."""
     d = points.shape[2]

@@ -151,8 +151,8 @@ def _refuse_contradictions(holds: Sequence[Hold | Turn], supports: Sequence[Supp
     for i, one in enumerate(plain):
         for other in plain[:i]:
             same = np.abs(np.abs(one.rows @ other.rows.T) - 1) < DEPENDENT
-            velocities = one.source.velocity, other.source.velocity
-            if same.any() and velocities[0] is not velocities[1] and velocities[0] != velocities[1]:
+            motions = [(hold.source.velocity, hold.source.displacement) for hold in (one, other)]
+            if same.any() and motions[0] != motions[1]:
                 raise InputError(
                     f"supports: degree of freedom {_dof(one, other, same)} of body {one.source.body!r} is driven twice and "
                     f"differently, by the supports {other.number} and {one.number}"

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
+from fcsim.assembly.supports.selection import Selection
 from fcsim.assembly.supports.support import DrivenRotation, Support
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
@@ -29,10 +30,12 @@ class Hold:
 
     def velocity(self, t: float, h: float) -> FloatArray:
         """(r,) [m/s, rad/s] at time t, the same for all groups."""
-        return np.full(len(self.rows), self.source.speed(t))
+        return np.full(len(self.rows), self.source.speed(t, h))
 
     def increment(self, t: float, h: float) -> FloatArray:
-        """(r,) [m, rad] of the step from t: the velocity at its middle times h, exact for linear ramps."""
+        """(r,) [m, rad] of the step from t: the velocity at its middle times h, exact for linear ramps; a displacement's own."""
+        if self.source.displacement is not None:
+            return np.full(len(self.rows), self.source.way(t + h) - self.source.way(t))
         return h * self.velocity(t + 0.5 * h, h)
 
 
@@ -62,12 +65,12 @@ class Turn:
     def increment(self, t: float, h: float) -> FloatArray:
         """(k, r) [m, rad] from t to t + h, exact."""
         if self.spin is not None:
-            return (self.source.at(t + h) - self.source.at(t)) * self.spin
+            return (self.source.turned(t + h) - self.source.turned(t)) * self.spin
         return self.displacement(t + h) - self.displacement(t)
 
     def displacement(self, t: float) -> FloatArray:
         """(k, s) [m, rad] at time t from the reference configuration; a rotation vector in 3D is at most pi long."""
-        angle = self.source.at(t)
+        angle = self.source.turned(t)
         if self.spin is not None:
             turned = angle * self.spin
             return np.asarray(turned if len(turned) == 1 else Rotation.from_rotvec(turned).as_rotvec())[None]
@@ -106,7 +109,7 @@ def _holds(layout: BodyLayout, number: int, support: Support) -> list[Hold | Tur
         raise InputError(f"support of body {support.body!r}, axes: expected a rotation matrix ({d}, {d}), got {axes.shape}")
     component = np.unique([known.index(direction) for direction in support.directions])
     along, about = component[component < d], component[component >= d] - d
-    first = _groups(layout, support.body, support.surface)
+    first = _groups(layout, support.body, support.selection, f"support of body {support.body!r}")
     holds: list[Hold | Turn] = []
     if len(along):
         holds.append(Hold(number, support, first, axes.T[along]))
@@ -130,7 +133,7 @@ def _turns(layout: BodyLayout, number: int, support: DrivenRotation) -> list[Hol
         if not np.any(axis):
             raise InputError(f"{what}, axis: expected a direction, got {support.axis!r}")
         axis = axis / np.linalg.norm(axis)
-    first = _groups(layout, support.body, support.surface)
+    first = _groups(layout, support.body, Selection(support.surface, support.at, support.nodes), what)
     if isinstance(body, RigidBody):
         spin = axis if d == 3 else np.ones(1)
         centre = Turn(number, support, first, np.eye(d), (body.centre - point)[None], axis)
@@ -139,17 +142,13 @@ def _turns(layout: BodyLayout, number: int, support: DrivenRotation) -> list[Hol
     return [Turn(number, support, first, np.eye(d), body.points[nodes] - point, axis)]
 
 
-def _groups(layout: BodyLayout, name: str, surface: str | None) -> IntArray:
-    """The first dofs (k,) of the nodes of a body's surface, of all its nodes, or of a rigid body."""
+def _groups(layout: BodyLayout, name: str, selection: Selection, what: str) -> IntArray:
+    """The first dofs (k,) of the nodes that are meant of a body, or of a rigid body."""
     number = layout.body_number(name)
-    body, begin, d = layout.bodies[number], layout.dof_offset[number], layout.dimension
-    if isinstance(body, RigidBody):
-        if surface is not None:
-            raise InputError(f"support of rigid body {name!r}: expected no surface, got {surface!r}")
+    begin = layout.dof_offset[number]
+    if isinstance(layout.bodies[number], RigidBody) and selection.whole:
         return np.array([begin])
-    if surface is None:
-        return np.asarray(begin + d * np.arange(len(body.part.points)))
-    return np.asarray(begin + d * (np.unique(layout.facets(name, surface)) - layout.node_offset[number]))
+    return np.asarray(begin + layout.dimension * selection.of(layout, name, what))
 
 
 def _numbers(given: object, count: int, what: str) -> FloatArray:

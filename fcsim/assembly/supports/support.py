@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.supports.selection import NodesNamed, Selection, SurfaceNames
 from fcsim.errors import InputError
+from fcsim.mesh.named.places import Where
 
 TimeFunction = Callable[[float], float]
 
@@ -22,9 +24,14 @@ class Support:
     """Holds or drives degrees of freedom of one body.
 
     directions of x, y, z; of a rigid body also rx, ry, rz (2D: x, y, rz)
-    surface    name of the surface whose nodes are meant; None = all nodes of the body, or the rigid body itself
+    surface    name of the surface whose nodes are meant, or several: the edge or corner that they share, ("x-", "z-")
+    at         a point (x, y, z), several, or a function of the coordinates, lambda x: numpy.isclose(x[0], 0), in the reference
+    nodes      the name of points or a line of the part, or numbers of its nodes; see `Selection`. Of these three, several mean the nodes
+               that all of them name; none means all nodes of the body, or the rigid body itself
     velocity   [m/s] or [rad/s], a number or a function of the time t [s]; 0 holds. It is that of EVERY direction named: ("x", "y") with
                0.1 moves along the diagonal. To move x and hold y: two supports, Support(b, ("x",), velocity=0.1), Support(b, ("y",))
+    displacement  [m] or [rad], in place of a velocity: a function of the time, 0 where the run begins (a `Table` of a test's record, a
+               triangle wave); increments are its exact differences, velocities its central differences over 1/500 of a step
     axes       (d, d) rotation matrix whose columns are the axes that x, y, z (and rx, ry, rz) mean: a roller on a slope, or
                `body.rotation` for the own axes of a body that is placed by a rotation; None = the world's. They stay as they are in space
 
@@ -34,17 +41,39 @@ class Support:
 
     body: str
     directions: tuple[str, ...]
-    surface: str | None = None
+    surface: SurfaceNames | None = None
     velocity: float | TimeFunction = 0.0
     axes: ArrayLike | None = None
+    at: ArrayLike | Where | None = field(default=None, kw_only=True)
+    nodes: NodesNamed | None = field(default=None, kw_only=True)
+    displacement: TimeFunction | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        what = f"support of body {self.body!r}"
+        _keep_comparable(self)
+        if self.displacement is not None and (not callable(self.displacement) or callable(self.velocity) or self.velocity != 0):
+            raise InputError(
+                f"{what}: expected a velocity or a displacement, a function of the time, got {self.velocity!r} and {self.displacement!r}"
+            )
         if self.axes is not None:
             object.__setattr__(self, "axes", _rotation(self.axes, f"support of body {self.body!r}, axes"))
 
-    def speed(self, t: float) -> float:
-        """The velocity [m/s, rad/s] of each direction at t [s]; InputError where it is none."""
+    @property
+    def selection(self) -> Selection:
+        """Which nodes are meant."""
+        return Selection(self.surface, self.at, self.nodes)
+
+    def speed(self, t: float, h: float = 1e-3) -> float:
+        """The velocity [m/s, rad/s] of each direction at t [s] in steps of h [s]; InputError where it is none."""
+        if self.displacement is not None:
+            before, after = t - RATE_SPAN * h, t + RATE_SPAN * h
+            return (self.way(after) - self.way(before)) / (after - before)
         return finite(self.velocity, t, f"support of body {self.body!r}", "a velocity")
+
+    def way(self, t: float) -> float:
+        """The displacement [m, rad] of each direction at t [s], where that is given."""
+        assert self.displacement is not None
+        return finite(self.displacement, t, f"support of body {self.body!r}", "a displacement")
 
 
 @dataclass(frozen=True)
@@ -54,7 +83,7 @@ class DrivenRotation:
     point     (d,) [m] on the axis; axis (3,) its direction, about which turning is positive as the right hand says; 2D: None, out of the
               plane. What is turned is held in all its degrees of freedom: at the end of each step it stands where the angle says, from the
               reference configuration on, and at the start the angle must be 0
-    surface   name of the surface whose nodes are turned; None = the whole body
+    surface, at, nodes   which nodes are turned, as those of `Support`; None = the whole body
     rate      its derivative(t) [rad/s]; None = by central differences over 1/500 of a step
     """
 
@@ -62,10 +91,15 @@ class DrivenRotation:
     angle: TimeFunction
     point: tuple[float, ...]
     axis: tuple[float, ...] | None = None
-    surface: str | None = None
+    surface: SurfaceNames | None = None
     rate: TimeFunction | None = None
+    at: ArrayLike | Where | None = field(default=None, kw_only=True)
+    nodes: NodesNamed | None = field(default=None, kw_only=True)
 
-    def at(self, t: float) -> float:
+    def __post_init__(self) -> None:
+        _keep_comparable(self)
+
+    def turned(self, t: float) -> float:
         """The angle [rad] at t [s]; InputError where it is none."""
         return finite(self.angle, t, f"driven rotation of body {self.body!r}", "an angle")
 
@@ -74,7 +108,16 @@ class DrivenRotation:
         if self.rate is not None:
             return finite(self.rate, t, f"driven rotation of body {self.body!r}", "an angular velocity")
         before, after = t - RATE_SPAN * h, t + RATE_SPAN * h
-        return (self.at(after) - self.at(before)) / (after - before)
+        return (self.turned(after) - self.turned(before)) / (after - before)
+
+
+def _keep_comparable(support: Support | DrivenRotation) -> None:
+    """Lists and arrays as tuples: supports are compared."""
+    for key in ("surface", "at", "nodes"):
+        given = getattr(support, key)
+        if isinstance(given, list | np.ndarray):
+            listed = np.asarray(given).tolist()
+            object.__setattr__(support, key, tuple(tuple(row) if isinstance(row, list) else row for row in listed))
 
 
 def finite(value: float | TimeFunction, t: float, what: str, expected: str) -> float:

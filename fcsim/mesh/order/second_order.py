@@ -17,18 +17,26 @@ from fcsim.mesh.cell_type import CELL_TYPES, RAISED
 
 
 class RaisedMesh(NamedTuple):
-    """points (nn, d) [m], those of the first-order mesh first; cells (ncells, k); cell_type; surfaces as those of `Part`."""
+    """points (nn, d) [m], those of the first-order mesh first; cells (ncells, k); cell_type; surfaces and nodes as those of `Part`."""
 
     points: FloatArray
     cells: IntArray
     cell_type: str
     surfaces: dict[str, IntArray]
+    nodes: dict[str, IntArray]
 
 
-def raised(points: FloatArray, cells: IntArray, cell_type: str, surfaces: Mapping[str, IntArray], what: str) -> RaisedMesh:
-    """Return the mesh of second order on the corners of a first-order one; its nodes keep their numbers.
+def raised(
+    points: FloatArray,
+    cells: IntArray,
+    cell_type: str,
+    surfaces: Mapping[str, IntArray],
+    what: str,
+    nodes: Mapping[str, IntArray] | None = None,
+) -> RaisedMesh:
+    """Return the mesh of second order on the corners of a first-order one; its nodes keep their numbers, lines (k, 2) get their middles.
 
-    InputError (`what` names the part) for a surface with edges that no cell has.
+    InputError (`what` names the part) for a surface or a line with edges that no cell has.
     """
     first, second = CELL_TYPES[cell_type], CELL_TYPES[RAISED[cell_type]]
     between = {len(corners): np.array([c for c in second.middles if len(c) == len(corners)]) for corners in second.middles}
@@ -47,7 +55,13 @@ def raised(points: FloatArray, cells: IntArray, cell_type: str, surfaces: Mappin
         middles = known[2].find(np.sort(ring.reshape(-1, 2), axis=1), f"{what}, surface {name!r}").reshape(len(facets), -1)
         faces = [known[4].find(np.sort(facets, axis=1), f"{what}, surface {name!r}")[:, None]] if facets.shape[1] == 4 else []
         widened[name] = np.concatenate([facets, middles, *faces], axis=1)
-    return RaisedMesh(np.concatenate(new_points), np.concatenate([cells, *columns], axis=1), second.name, widened)
+    groups = {}
+    for name, group in (nodes or {}).items():
+        if group.ndim == 2:
+            middle = known[2].find(np.sort(group, axis=1), f"{what}, nodes {name!r}", "edges")
+            group = np.concatenate([group, middle[:, None]], axis=1)
+        groups[name] = group
+    return RaisedMesh(np.concatenate(new_points), np.concatenate([cells, *columns], axis=1), second.name, widened, groups)
 
 
 class _Middles:
@@ -66,12 +80,12 @@ class _Middles:
         key: IntArray = (sets[:, 0] * self._count + sets[:, 1]) * self._count + sets[:, -1]
         return key
 
-    def find(self, sets: IntArray, what: str) -> IntArray:
+    def find(self, sets: IntArray, what: str, kind: str = "facets") -> IntArray:
         """Their nodes (n,) for sets as in `__init__`; InputError for one that no cell has."""
         wanted = self._key(sets)
         at = np.minimum(np.searchsorted(self._keys, wanted, sorter=self._order), len(self._keys) - 1)
         found = self._order[at] if len(self._keys) else at
         wrong = ~(self.corners[found] == sets).all(axis=1)
         if wrong.any():
-            raise InputError(f"{what}: expected facets of the part's cells, got one with the nodes {sets[np.argmax(wrong)].tolist()}")
+            raise InputError(f"{what}: expected {kind} of the part's cells, got one with the nodes {sets[np.argmax(wrong)].tolist()}")
         return np.asarray(self._first + found, dtype=np.int64)

@@ -111,7 +111,7 @@ def linked(linkage: Linkage | None, model: Model, scheme: Scheme, state: State) 
     rows = linkage.rows(middle)
     G = linkage.matrix(rows, middle)
     at = state.t + timing.h * (2 - timing.theta)  # where the next step looks; in statics theta is 1
-    target = linkage.rate * at
+    target = linkage.target(at)
     b = (rows.gap - target) / timing.length_per_u
     compliance = np.zeros(len(b))
     springs = np.flatnonzero(np.isfinite(linkage.stiffness))

@@ -86,7 +86,7 @@ def fast_turning(model: Model, scheme: Scheme, begin: float, steps: int) -> Iter
     for support in model.supports:
         if not isinstance(support, DrivenRotation) or not steps:
             continue
-        turned = max(abs(support.at(float(t) + scheme.h) - support.at(float(t))) for t in times)
+        turned = max(abs(support.turned(float(t) + scheme.h) - support.turned(float(t))) for t in times)
         if turned > TURNED:
             yield (
                 f"body {support.body!r} is turned by {turned:.3g} rad, {np.degrees(turned):.3g} degrees, in one step: is the angle in "

@@ -237,7 +237,7 @@ def test_contact_surface_is_a_union(mixed: Model, part: Part) -> None:
         ({"supports": [Support("a", ("x",)), Support("a", ("x",), "x0", 1.0)]}, "driven twice and differently"),
         ({"supports": [Support("a", ("x",), velocity=lambda t: "fast")]}, "body 'a' at t = 0.0 s: expected a velocity"),  # type: ignore[arg-type, return-value]
         ({"supports": [Support("a", ("x",), velocity=float("nan"))]}, "finite number"),
-        ({"loads": [Force("a", (1, 2, 3))]}, "expected a rigid body"),
+        ({"loads": [Force("a", (1, 2, 3))]}, "expected the place where it acts"),
         ({"loads": [Force("rigid", (1, 2))]}, "expected 3 force and 3 moment"),
         ({"loads": [Force("rigid", (1, 2, float("inf")))]}, "finite"),
         ({"loads": [Traction("rigid", "face", (1, 2, 3))]}, "expected a deformable body"),

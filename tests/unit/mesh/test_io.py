@@ -225,3 +225,36 @@ def test_a_file_of_two_volumes_makes_one_bonded_part(tmp_path):
     assert (np.cross(top[:, 1] - top[:, 0], top[:, 2] - top[:, 0]) / 2).sum(axis=0) == pytest.approx([0, 0, 2], abs=1e-12)
     with pytest.raises(InputError, match="expected materials for the volumes 'brick', 'mortar', got them for 'brick'"):
         read_mesh(path, ByRegion({"brick": MATERIAL}))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_physical_groups_of_points_and_lines_name_nodes(order, tmp_path):
+    """A box with a named corner and a named edge: as nodes of the part, raised with it, and written again."""
+    with gmsh_model("box") as gmsh:
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        for dimension, name, low, high in (
+            (0, "tip", (1, 1, 1), (1, 1, 1)),
+            (1, "ridge", (0, 0, 1), (1, 0, 1)),
+            (3, "box", (0,) * 3, (1,) * 3),
+        ):
+            reach = [c - 1e-3 for c in low], [c + 1e-3 for c in high]
+            tags = [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*reach[0], *reach[1], dimension)]
+            gmsh.model.addPhysicalGroup(dimension, tags, name=name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(order)
+        gmsh.write(str(tmp_path / "box.msh"))
+    part = read_mesh(tmp_path / "box.msh", MATERIAL, elements="P2")
+    ridge = part.points[np.unique(part.nodes["ridge"])]
+    assert part.nodes["tip"].shape == (1,)
+    assert np.allclose(part.points[part.nodes["tip"]], 1.0)
+    lines = len(part.nodes["ridge"])
+    assert lines >= 2
+    assert part.nodes["ridge"].shape == (lines, 3)
+    assert np.allclose(ridge[:, 1:], [0, 1])
+    assert np.allclose(np.sort(ridge[:, 0]), np.linspace(0, 1, 2 * lines + 1))
+    write_mesh(part, tmp_path / "again.msh")
+    again = read_mesh(tmp_path / "again.msh", MATERIAL)
+    assert all(np.array_equal(again.nodes[name], part.nodes[name]) for name in ("tip", "ridge"))
+    assert np.array_equal(again.points, part.points)

@@ -1,0 +1,1 @@
+"""Nodes and surfaces of a part that users name."""
