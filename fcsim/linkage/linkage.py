@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
 from fcsim.linkage.links import Ball, Bonded, Cable, Control, Hinge, Link, Rod, Slider, SpringDamper, Tied
-from fcsim.linkage.points import weights_at
+from fcsim.linkage.moments import Couple, without_moments
+from fcsim.linkage.points import nodes_around, weights_at
 from fcsim.linkage.rows import Asked, Jointed, asked
 from fcsim.linkage.surfaces import bonded_weights, offsets, tied_weights
 
@@ -53,7 +54,8 @@ class Linkage:
     """The links of a model, checked: names, places in the bodies, surfaces that meet.
 
     names: of all links; of_row (p,): which of them each row is of; stiffness (p,) [N/m], inf where the row is kept exactly, and damping
-    (p,) [N s/m]. Cables are no rows: `cables`, see `WithCables`.
+    (p,) [N s/m]; rest (p,) [m]: lengths of rods and springs; driven (p,): whether a row goes a way of its own, see `target`. Cables are
+    no rows: `cables`, see `WithCables`.
     """
 
     def __init__(self, model: Model, links: Sequence[Link]) -> None:
@@ -69,7 +71,10 @@ class Linkage:
         springs = {number[p.link.name]: p.link for p in self._pieces if isinstance(p.link, SpringDamper)}
         self.stiffness: FloatArray = np.array([springs[k].stiffness if k in springs else np.inf for k in self.of_row.tolist()])
         self.damping: FloatArray = np.array([springs[k].damping if k in springs else 0.0 for k in self.of_row.tolist()])
+        rests = {number[p.link.name]: p.rest for p in self._pieces if isinstance(p, _Points)}
+        self.rest: FloatArray = np.array([rests.get(k, 0.0) for k in self.of_row.tolist()])
         self._controls = [(number[p.link.name], p.link) for p in self._pieces if isinstance(p.link, Control)]
+        self.driven: BoolArray = np.isin(self.of_row, [k for k, _ in self._controls])
 
     def target(self, t: float) -> FloatArray:
         """The gap (p,) [m] that rows are to have at t [s]: 0 but for what is driven."""
@@ -85,7 +90,7 @@ class Linkage:
     @property
     def nodes(self) -> IntArray:
         """Sorted numbers of the nodes that links touch."""
-        every = [piece.weights.indices for piece in (*self._pieces, *self.cables)]
+        every = [piece.weights.indices for piece in (*self._pieces, *self.cables)] + [couple.nodes for couple in self._couples]
         return np.unique(np.concatenate([*every, np.empty(0, dtype=np.int64)])).astype(np.int64)
 
     def rows(self, x: FloatArray, like: Rows | None = None) -> Rows:
@@ -134,14 +139,23 @@ class Linkage:
         direction = np.concatenate(directions)
         return Rows(csr_array(C @ weights), direction, np.einsum("kd,kd->k", direction, C @ points) - np.concatenate(lengths))
 
-    def matrix(self, rows: Rows, x: FloatArray) -> csr_array:
-        """G (n_dofs, p) of the rows in the configuration x (n_dofs,)."""
+    def matrix(self, rows: Rows, x: FloatArray, *, balanced: bool = True) -> csr_array:
+        """G (n_dofs, p) of the rows in the configuration x (n_dofs,); balanced: without moments, see `moments`. What is on its way to a
+        configuration where links are closed, as an iterate of statics, is not: its gaps are none of the answer's."""
         d, W = self.model.dimension, rows.weights.tocoo()
         row, node = W.coords
         values = (W.data[:, None] * rows.direction[row]).ravel()
         places = (d * node[:, None] + np.arange(d)).ravel(), np.repeat(row, d)
         nodal = csr_array((values, places), shape=(d * self.model.n_nodes, len(rows.gap)))
-        return csr_array(self.model.contact_matrix(nodal, x))
+        G = csr_array(self.model.contact_matrix(nodal, x))
+        return without_moments(self.model, G, x, self._couples) if balanced else G
+
+    @cached_property
+    def _couples(self) -> list[Couple]:
+        """Who takes what moment the rows of each link between two bodies have."""
+        first = np.cumsum([0, *(_count(piece, self.model) for piece in self._pieces)]).tolist()
+        found = (_couple(self.model, piece, *rows) for piece, *rows in zip(self._pieces, first[:-1], first[1:], strict=True))
+        return [couple for couple in found if couple is not None]
 
     def force(self, name: str, rows: Rows, force: FloatArray) -> FloatArray:
         """Resultant (d,) [N] of the forces (p,) of one link's rows on its first body."""
@@ -159,6 +173,33 @@ def _count(piece: _Points | _Surfaces, model: Model) -> int:
     if isinstance(piece, _Surfaces):
         return int(piece.offset.size)
     return len(asked(piece.link, piece.weights @ model.reference + piece.ground, piece.rest).length)
+
+
+def _couple(model: Model, piece: _Points | _Surfaces, first: int, end: int) -> Couple | None:
+    """Who takes what moment the rows `first` to `end` - 1 have; None where the ground does, or they have none.
+
+    Rods and springs pull along the line of their points, and pins of deformable bodies, whose points move as their nodes do, stay closed.
+    Surfaces that stand apart turn with the second body, if it turns."""
+    link, rigid = piece.link, len(model.deformable)
+    if isinstance(link, Control) or None in (link.first, link.second):
+        return None
+    named = [link.first[0], link.second[0]] if isinstance(link, Tied) else [link.first, link.second]
+    bodies = [model.number[str(name)] for name in named]
+    own = np.unique(piece.weights.indices)
+    if isinstance(piece, _Surfaces):
+        second = bodies[1]
+        if second >= rigid:
+            return Couple(first, end, (second - rigid,), own[:0])
+        turns = any(second in group.members and group.rotates for group in model.groups)
+        return Couple(first, end, (), own[(own >= model.node_offset[second]) & (own < model.node_offset[second + 1])]) if turns else None
+    turning = [b for b in bodies if b >= rigid]
+    if turning:
+        return Couple(first, end, tuple(b - rigid for b in turning), own[:0])
+    if not isinstance(link, Hinge | Slider):
+        return None
+    places = [*link.ends] if isinstance(link, Hinge) or link.beside is None else [*link.ends, link.beside]
+    around = [nodes_around(model, str(name), np.asarray(place, dtype=np.float64), link.name) for name in named for place in places]
+    return Couple(first, end, (), np.unique(np.concatenate(around)))
 
 
 def _rotation(model: Model, body: int, x: FloatArray) -> FloatArray:

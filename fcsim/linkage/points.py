@@ -39,6 +39,14 @@ def weights_at(model: Model, body: str, place: FloatArray, what: str) -> tuple[I
     return first + nodes[used], weights[used]
 
 
+def nodes_around(model: Model, body: str, place: FloatArray, what: str) -> IntArray:
+    """Nodes (k,) of the model in the cell of a deformable body that holds `place` (d,)."""
+    number = model.body_number(body)
+    owner = model.bodies[number]
+    assert isinstance(owner, Body)
+    return np.asarray(model.node_offset[number] + _in_cell(owner, place, what)[0], dtype=np.int64)
+
+
 def _in_cell(body: Body, place: FloatArray, what: str) -> tuple[IntArray, FloatArray]:
     """Nodes and shape functions of the cell that holds the place."""
     part, cell = body.part, CELL_TYPES[body.part.cell_type]

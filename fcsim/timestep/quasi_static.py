@@ -90,6 +90,9 @@ class QuasiStatic:
     def detection_configuration(self, model: Model, state: State) -> FloatArray:
         return state.x
 
+    def working_configuration(self, model: Model, before: State, after: State) -> FloatArray | None:
+        return after.x
+
     def way(self, model: Model, state: State) -> FloatArray | None:
         return None
 

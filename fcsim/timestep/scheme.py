@@ -62,6 +62,11 @@ class Scheme(Protocol):
         """Return the configuration x (n_dofs,) in which contacts are detected."""
         ...
 
+    def working_configuration(self, model: Model, before: State, after: State) -> FloatArray | None:
+        """Return the configuration x (n_dofs,) about which a step from `before` to `after` adds up moments: forces that have none there
+        leave the moment of momentum as it is. None: that of detection, or there is no such configuration."""
+        ...
+
     def way(self, model: Model, state: State) -> FloatArray | None:
         """Return the increment (n_dofs,) of that configuration over the step if nothing changed the velocities, which detection looks
         along; None where there is no such thing."""
@@ -177,6 +182,9 @@ class Dynamic(ABC):
 
     def refuse(self, model: Model) -> None:
         return
+
+    def working_configuration(self, model: Model, before: State, after: State) -> FloatArray | None:
+        return None
 
     def way(self, model: Model, state: State) -> FloatArray | None:
         return self.h * state.v

@@ -210,7 +210,7 @@ class Simulation:
         """
         clock, attempts = Clock(), list[Attempt]()
         cuts, position, end = after.cuts, 0, 2**self.cuttings
-        moment, before, substeps = replace(after, number=after.number + 1), None, 0
+        moment, before, substeps, impact = replace(after, number=after.number + 1), None, 0, None
         while True:
             part = self._part(moment, cuts, kept, anchor or after, clock, attempts)
             if part is None:
@@ -225,14 +225,13 @@ class Simulation:
             if self.scheme.timing.moving:
                 # what moves slower than the solvers' floor is at rest
                 refuse_creation(part, self.created, 0.5 * self._free_mass * self.solver.floor**2, self._extent)
-            position, substeps = position + (end >> cuts), substeps + 1
+            position, substeps, impact = position + (end >> cuts), substeps + 1, impact or part.struck
             if cuts and position % (end >> (cuts - 1)) == 0:
                 cuts -= 1
             if position == end:
                 state = replace(part.state, t=after.state.t + self.scheme.h)  # h/2 + h/2 may not be h to the last bit of t
-                return replace(
-                    part, state=state, attempts=tuple(attempts), seconds=clock.seconds, substeps=substeps, before=before, cuts=cuts
-                )
+                done = replace(part, state=state, attempts=tuple(attempts), seconds=clock.seconds, struck=impact)
+                return replace(done, substeps=substeps, before=before, cuts=cuts)
             before = last if before is None else before.then(last)
             moment = part.moment
 
@@ -307,7 +306,7 @@ class Simulation:
             result, v, met = answer.result, answer.v, answer.met
             impulse = met.impulse(result.r) + links.impulse(result.multiplier)
             after = updated(model, state, scheme.advance(model, state, v, impulse, rigid_mass))
-            if not links.keep(model, scheme, v, after, attempts, 0.5**cuts):
+            if not links.keep(model, scheme, v, (state, after), attempts, 0.5**cuts):
                 if links.given_up:
                     return None
                 past = past.of_the_same_step(met.contacts, met.contacts, result.r)

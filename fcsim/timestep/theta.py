@@ -52,6 +52,19 @@ class Theta(Dynamic):
         dt = self.h * (1 - self.theta)
         return state.kept(("advanced", dt), model, lambda: model.advance(state.x, dt * state.v))
 
+    def working_configuration(self, model: Model, before: State, after: State) -> FloatArray | None:
+        """x_m of rigid bodies; of deformable ones x + (1-theta) (x+ - x), at theta = 1/2 the mean, about which their own forces have no
+        moment.
+
+        The sums over the nodes of x+ cross M v+ less x cross M v and of x_w cross M (v+ - v) are the same for both. Where inner forces have
+        another mean than those of links, what the two make of each other is left, (1-theta) theta h sum_i (M^-1 h F)_i cross (G l)_i.
+        """
+        if not model.n_elastic:
+            return None
+        x = self.detection_configuration(model, before).copy()
+        x[: model.n_elastic] = ((1 - self.theta) * after.x + self.theta * before.x)[: model.n_elastic]
+        return x
+
     @property
     def elastic_weight(self) -> float:
         return self.h

@@ -9,6 +9,11 @@ touches, would lie in each other there, and the law takes such back slowly only.
 by impulses of the step's own law, Coulomb's friction with them, at contacts that touch or would be met on that way; b is the bend by what
 turns, see `look_ahead`, found at x + h' v. Momentum is kept, and the energy is what an inelastic impact loses: (v + v0) / 2 . H r. Laws
 on velocities meet an impact when it is past, and joints that yield or hold bear what is between: both are left alone.
+
+Velocities of the first state that links forbid are made to agree with them in the same way, with or without contacts: G(x)^T v = 0 by
+impulses G l of the links that are kept exactly, of springs none. Of all velocities that agree these are the nearest in the norm of M; their
+energy is less by that of the difference, and bodies that nothing else holds keep momentum and moment of momentum. The scheme's own first
+step would meet the links opened by h' v, and close them again.
 """
 
 from __future__ import annotations
@@ -24,9 +29,10 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection
 from fcsim.contact_law.proportions import Proportions
 from fcsim.linkage import Linkage
+from fcsim.timestep.beginning.agreement import forbids, held_at_once, without_contacts
 from fcsim.timestep.encounter import Encounter, encounter
 from fcsim.timestep.energy import Acting, Energy, contact_work, momentum
-from fcsim.timestep.links.linked import Linked, linked
+from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.step import NOBODY, Moment
@@ -80,32 +86,39 @@ def struck(
 ) -> Struck | None:
     """Return what the impact at the beginning of a step makes of its state; None where there is none, or no answer to it.
 
-    factor: of a scheme's system matrix in the reference configuration; solve: as `solve_equation`. There is no impact beside springs, nor
-    in a state that the generalised-alpha scheme has left, which moves by more than v.
+    factor: of a scheme's system matrix in the reference configuration; solve: as `solve_equation`. There is no impact in a state that the
+    generalised-alpha scheme has left, which moves by more than v.
     """
     state, timing = start.state, scheme.timing
-    springs = linkage is not None and bool(np.isfinite(linkage.stiffness).any())
     ahead = timing.h * (1 - timing.theta)
-    if springs or state.rate is not None or ahead <= 0 or scheme.way(model, state) is None or not state.v.any():
+    if state.rate is not None or scheme.way(model, state) is None or not state.v.any():
         return None
-    impact = Impact(h=ahead, law=scheme.law)
+    impact = Impact(h=ahead or timing.h, law=scheme.law)
+    rows = held_at_once(linkage, model, state)
+    forbidden = rows is not None and not start.seen and forbids(rows, model, state)
+    if ahead <= 0 and not forbidden:
+        return None
     met = encounter(model, detection, impact, state, proportions, start.variables)
-    if not len(met.contacts) or not met.keeps_apart(scheme.law):
-        return None
-    bent = looked_ahead(model, detection, impact, state, met, state.v, impact.moved(model, state, state.v))
-    if bent is None and not _approaches(met, impact, state.v):
-        return None
+    bent = None
+    if ahead <= 0 or not len(met.contacts) or not met.keeps_apart(scheme.law):
+        if not forbidden:
+            return None
+        met = without_contacts(model, impact, state, met, proportions)
+    else:
+        bent = looked_ahead(model, detection, impact, state, met, state.v, impact.moved(model, state, state.v))
+        if bent is None and not forbidden and not _approaches(met, impact, state.v):
+            return None
     met, past = bent or met, Past((), NOBODY, None)
     rest = impact.right_hand_side(model, state)
     own, elastic = factor(impact).with_rigid_mass(model.rigid_mass(state.x)), Linearisation(impact, model, state)
-    rows = linked(linkage, model, impact, state)
     looks = 0
     while True:
         answer, past = solve(Equation(impact, model, state, met, own, rest, impact.driven(model, state), elastic, 1.0, rows), past)
         if answer is None:
             return None
         there = impact.moved(model, state, answer.v)
-        later = looked_ahead(model, detection, impact, state, met, answer.v, there) if looks < ROUNDS else None
+        looking = looks < ROUNDS and len(met.contacts) > 0
+        later = looked_ahead(model, detection, impact, state, met, answer.v, there) if looking else None
         if later is None:
             return Struck(replace(state, v=answer.v), _energy(model, state, answer, rows))
         past, looks = past.of_the_same_step(met.contacts, later.contacts, answer.result.r), looks + 1
@@ -120,13 +133,20 @@ def remark(energy: Energy | None) -> tuple[str, ...]:
     """What is said of an impact at the beginning of a run, if there was one."""
     if energy is None:
         return ()
-    lost = energy.normal_dissipation + energy.tangential_dissipation
-    if not lost > TOLD * (energy.kinetic + lost):
-        return ()
-    return (
-        "bodies that touch, or would meet within half a step, begin with velocities into each other: they were struck at once, which "
-        f"took {lost:.4g} of their {energy.kinetic + lost:.4g} J, as an inelastic impact does",
-    )
+    lost, linked = energy.normal_dissipation + energy.tangential_dissipation, -energy.link_work
+    begun = energy.kinetic + lost + linked - energy.support_work
+    said = []
+    if lost > TOLD * begun:
+        said.append(
+            "bodies that touch, or would meet within half a step, begin with velocities into each other: they were struck at once, which "
+            f"took {lost:.4g} of their {begun:.4g} J, as an inelastic impact does"
+        )
+    if linked > TOLD * begun:
+        said.append(
+            "bodies begin with velocities that their links forbid: these were made to agree at once by impulses of the links, which keep "
+            f"momentum and moment of momentum and took {linked:.4g} of their {begun:.4g} J"
+        )
+    return tuple(said)
 
 
 def _approaches(met: Encounter, impact: Impact, v: FloatArray) -> bool:

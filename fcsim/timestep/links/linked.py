@@ -14,6 +14,15 @@ g(x_m) + L theta u+: with l = F / phi, phi the force of a unit l,
     u+ + C l + b = 0,  1 / C = (k theta^2 L + c theta L / h) / phi,                                                         (2)
     b = C (k (theta g(x_m) + (1 - theta) g) + c (1 - theta) u) / phi
 
+Where deformable bodies are linked the directions of all rows, and the arms of their forces, are those of the configuration in which the
+scheme adds up moments (`Scheme.working_configuration`), and that depends on the answer: each round takes them anew, and with them
+
+    dir = (p + p+) / (|p| + |p+|),  g+ the lengthening at the end as it is                                                  (4)
+
+of a spring between the points p apart at the beginning and p+ at the end. At theta = 1/2 moment of momentum is then kept by all links,
+and F (|p+| - |p|) is the change of a spring's energy less what its dashpot takes (a discrete gradient: O. Gonzalez, "Time integration and
+discrete Hamiltonian systems", J. Nonlinear Sci. 6, 1996) where both of its bodies are deformable, or one is the ground.
+
 In statics equilibrium is that of the end of the step, so each round takes the rows anew where the last one ended, x',
 
     G = G(x'),  b = g(x') - G^T v,  of springs b = C k (g(x') - G^T v),                                                     (3)
@@ -66,15 +75,54 @@ class Linked:
         taken = self.G.T @ v + np.divide(self.b, self.compliance * stiffness, out=np.zeros_like(gap), where=stiffness * self.compliance > 0)
         return np.where(self.kept, gap - self.target, np.where(stiffness > 0, gap - taken, 0.0))
 
-    def bent(self, model: Model, scheme: Scheme, v: FloatArray, after: State, missing: FloatArray) -> Linked:
-        """The rows with what is missing after v (n_dofs,) in b, (1); in statics those of the end, (3)."""
-        if scheme.timing.moving:
-            return replace(self, b=self.b + missing / scheme.timing.length_per_u)
-        rows = self.linkage.rows(after.x)
-        G = self.linkage.matrix(rows, after.x)
+    def bent(self, model: Model, scheme: Scheme, v: FloatArray, ends: tuple[State, State], missing: FloatArray) -> Linked:
+        """The rows after the answer v (n_dofs,), which led from the one of `ends` to the other: what is missing in b, (1), directions
+        where the scheme adds up moments, and springs between their lengths at both ends, (4); in statics those of the end, (3)."""
+        before, after = ends
+        timing, x = scheme.timing, scheme.working_configuration(model, before, after)
+        if x is None:
+            return replace(self, b=self.b + missing / timing.length_per_u)
+        if timing.moving:
+            return self._working(model, scheme, v, ends, x, missing)
+        rows = self.linkage.rows(x)
+        G = self.linkage.matrix(rows, x, balanced=False)
         short = rows.gap - self.target - G.T @ v
         stiffness = np.where(self.kept, 1.0, self.linkage.stiffness)
         return replace(self, rows=rows, G=G, b=np.where(self.kept, short, self.compliance * stiffness * short))
+
+    def _working(
+        self, model: Model, scheme: Scheme, v: FloatArray, ends: tuple[State, State], x: FloatArray, missing: FloatArray
+    ) -> Linked:
+        """`bent` in dynamics, of deformable bodies; x (n_dofs,): where moments are added up."""
+        linkage, timing = self.linkage, scheme.timing
+        rows = linkage.rows(x, self.rows)
+        springs, direction = np.flatnonzero(~self.kept), rows.direction
+        first, last = (linkage.rows(end.x).gap[springs] for end in ends)
+        if len(springs):
+            length, both = rows.gap[springs] + linkage.rest[springs], 0.5 * (first + last) + linkage.rest[springs]
+            direction = direction.copy()
+            direction[springs] *= np.divide(length, both, out=np.ones_like(both), where=both > 0)[:, None]
+        rows = rows._replace(direction=direction, gap=self.rows.gap)
+        G = linkage.matrix(rows, x)
+        u = G.T @ v
+        b = self.b + missing / timing.length_per_u + self.G.T @ v - u
+        if len(springs):  # (4)
+            theta, k, c = timing.theta, linkage.stiffness[springs], linkage.damping[springs]
+            beside = last - timing.length_per_u * theta * u[springs]
+            pull = k * (theta * beside + (1 - theta) * first) + c * (beside - first) / timing.h
+            b[springs] = self.compliance[springs] * pull / timing.force_per_reaction
+        return replace(self, rows=rows, G=G, b=b)
+
+    def change(self, later: Linked, model: Model, scheme: Scheme, extent: float) -> float:
+        """How much `later` rows, of the same step, differ: of unit forces, of arms and of springs' lengthening relative to extent [m]."""
+        if later.G is self.G or not scheme.timing.moving:
+            return 0.0
+        turned = sp.coo_array(later.G - self.G)
+        arm = np.ones(model.n_dofs)
+        model.rigid_part(arm)[:, model.dimension :] = 1 / extent
+        directions = float(np.abs(turned.data * arm[turned.coords[0]]).max(initial=0.0))
+        longer = np.where(self.kept, 0.0, later.b - self.b) * scheme.timing.length_per_u / extent
+        return max(directions, float(np.abs(longer).max(initial=0.0)))
 
     def refuse_contradictions(self, v: FloatArray, length_per_u: float, extent: float) -> None:
         """InputError where v (n_dofs,) does not keep a row that is to be kept exactly."""
@@ -109,7 +157,7 @@ def linked(linkage: Linkage | None, model: Model, scheme: Scheme, state: State) 
     timing = scheme.timing
     middle = scheme.detection_configuration(model, state)
     rows = linkage.rows(middle)
-    G = linkage.matrix(rows, middle)
+    G = linkage.matrix(rows, middle, balanced=timing.moving)
     at = state.t + timing.h * (2 - timing.theta)  # where the next step looks; in statics theta is 1
     target = linkage.target(at)
     b = (rows.gap - target) / timing.length_per_u

@@ -1,5 +1,6 @@
 """Two bodies that nothing but a joint holds: momentum, moment of momentum and energy of the closed system, for every kind of link."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import fcsim
 from fcsim.linkage import Ball, Bonded, Hinge, Rod, Slider, SpringDamper, Tied
 from fcsim.mesh import Body, Material, brick, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.material import neo_hooke
 from tests.analytic.test_linkage import moved
 
 FLAT = rigid_rectangle("a", (1.0, 0.1), (0.5, 0.0), 2.0), rigid_rectangle("b", (1.0, 0.1), (1.5, 0.0), 1.0)
@@ -22,93 +24,138 @@ HALVES = BARS[0], Body("b", brick("b", (1.0, 0.4, 0.4), (2, 1, 1), SOFT, origin=
 APART = (0.8, 0.1, 0.05), (1.3, 0.05, 0.1)
 ALONG = (1.1, 0.0, 0.0), (1.9, 0.0, 0.0)
 
-KEPT: dict[str, tuple[Any, Any]] = {
-    "pin": (FLAT, Ball("j", "a", "b", (1.0, 0.0))),
-    "ball": (BOXES, Ball("j", "a", "b", (1.0, 0.0, 0.0))),
-    "hinge": (BOXES, Hinge("j", "a", "b", ((1.0, -0.1, 0.0), (1.0, 0.1, 0.05)))),
-    "slider in the plane": (FLAT, Slider("j", "a", "b", ((1.1, 0.0), (1.9, 0.0)))),
-    "slider that turns": (BOXES, Slider("j", "a", "b", ALONG)),
-    "slider": (BOXES, Slider("j", "a", "b", ALONG, beside=(1.5, 0.1, 0.0))),
-    "rod": (BOXES, Rod("j", "a", "b", APART)),
-    "spring": (BOXES, SpringDamper("j", "a", "b", APART, 50.0)),
-    "dashpot": (BOXES, SpringDamper("j", "a", "b", APART, 50.0, 2.0)),
-    "pin of deformable bodies": (SHEETS, Ball("j", "a", "b", (1.0, 0.1))),
-    "tie": (BARS, Tied("j", ("b", "x-"), ("a", "x+"))),
-    "bond": (HALVES, Bonded("j", "a", "b")),
+RUBBER = tuple(replace(body, part=replace(body.part, material=neo_hooke(1e7, 0.3, 1000.0))) for body in BARS)
+STRIP = (
+    Body("a", brick("a", (2.0, 0.4, 0.4), (4, 1, 1), SOFT)),
+    Body("b", brick("b", (1.0, 0.4, 0.4), (2, 1, 1), SOFT, origin=(1.0, 0.4, 0.0))),
+)
+OFF = BARS[0], Body("b", brick("b", (1.0, 0.4, 0.4), (2, 2, 2), SOFT, origin=(1.0005, 0.0, 0.0)))
+ROW = tuple(Body(n, rectangle(n, (1.0, 0.2), (4, 1), SOFT, origin=(float(x), 0.0))) for x, n in enumerate("abcde"))
+BOX, SLAB = rigid_box("b", (1.0, 0.4, 0.4), (1.5, 0.2, 0.2), 160.0), rigid_rectangle("b", (1.0, 0.2), (1.5, 0.1), 200.0)
+AXIS, NODES = ((1.0, 0.1, 0.2), (1.0, 0.3, 0.2)), ((1.0, 0.0, 0.4), (1.0, 0.4, 0.4))
+ENDS, LINE = ((0.8, 0.1), (1.2, 0.15)), ((1.1, 0.4, 0.2), (1.9, 0.4, 0.2))
+
+LINKED: dict[str, tuple[Any, list[Any]]] = {
+    "pin": (FLAT, [Ball("j", "a", "b", (1.0, 0.0))]),
+    "ball": (BOXES, [Ball("j", "a", "b", (1.0, 0.0, 0.0))]),
+    "hinge": (BOXES, [Hinge("j", "a", "b", ((1.0, -0.1, 0.0), (1.0, 0.1, 0.05)))]),
+    "slider in the plane": (FLAT, [Slider("j", "a", "b", ((1.1, 0.0), (1.9, 0.0)))]),
+    "slider that turns": (BOXES, [Slider("j", "a", "b", ALONG)]),
+    "slider": (BOXES, [Slider("j", "a", "b", ALONG, beside=(1.5, 0.1, 0.0))]),
+    "rod": (BOXES, [Rod("j", "a", "b", APART)]),
+    "spring": (BOXES, [SpringDamper("j", "a", "b", APART, 50.0)]),
+    "dashpot": (BOXES, [SpringDamper("j", "a", "b", APART, 50.0, 2.0)]),
+    "pin of deformable bodies": (SHEETS, [Ball("j", "a", "b", (1.0, 0.1))]),
+    "hinge of deformable bodies": (BARS, [Hinge("j", "a", "b", AXIS)]),
+    "hinge of edges": (BARS, [Hinge("j", "a", "b", NODES)]),
+    "hinge of rubber": (RUBBER, [Hinge("j", "a", "b", AXIS)]),
+    "rod of deformable bodies": (SHEETS, [Rod("j", "a", "b", ENDS)]),
+    "spring of deformable bodies": (SHEETS, [SpringDamper("j", "a", "b", ENDS, 1e4)]),
+    "stiff spring": (SHEETS, [SpringDamper("j", "a", "b", ENDS, 1e9)]),
+    "dashpot of deformable bodies": (SHEETS, [SpringDamper("j", "a", "b", ENDS, 1e4, 2e3)]),
+    "slider of deformable bodies": (STRIP, [Slider("j", "a", "b", LINE, beside=(1.5, 0.4, 0.35))]),
+    "pin of a rigid and a deformable body": ((SHEETS[0], SLAB), [Ball("j", "b", "a", (1.0, 0.1))]),
+    "hinge of a rigid and a deformable body": ((BARS[0], BOX), [Hinge("j", "a", "b", AXIS)]),
+    "rod of a rigid and a deformable body": ((SHEETS[0], SLAB), [Rod("j", "a", "b", ENDS)]),
+    "spring of a rigid and a deformable body": ((SHEETS[0], SLAB), [SpringDamper("j", "a", "b", ENDS, 1e4)]),
+    "tie": (BARS, [Tied("j", ("b", "x-"), ("a", "x+"))]),
+    "tie across a gap": (OFF, [Tied("j", ("b", "x-"), ("a", "x+"), distance=1e-3)]),
+    "glue": ((BARS[0], BOX), [Tied("j", ("a", "x+"), ("b", "x-"))]),
+    "bond": (HALVES, [Bonded("j", "a", "b")]),
+    "chain": (ROW, [Ball(f"j{k}", ROW[k].name, ROW[k + 1].name, (k + 1.0, 0.1)) for k in range(4)]),
+    "closed loop": (
+        ROW[:3],
+        [Ball("p", "a", "b", (1.0, 0.1)), Rod("q", "b", "c", ((1.8, 0.1), (2.2, 0.1))), Rod("l", "a", "c", ((0.0, 0.1), (3.0, 0.1)))],
+    ),
 }
-BY_ORDER: dict[str, tuple[Any, Any]] = {
-    "hinge": (BARS, Hinge("j", "a", "b", ((1.0, 0.1, 0.2), (1.0, 0.3, 0.2)))),
-    "rod": (SHEETS, Rod("j", "a", "b", ((0.8, 0.1), (1.2, 0.15)))),
-    "spring": (SHEETS, SpringDamper("j", "a", "b", ((0.8, 0.1), (1.2, 0.15)), 1e4, 20.0)),
-}
+TAKES = {"dashpot", "dashpot of deformable bodies"}
+EXACT = {"spring of deformable bodies", "stiff spring", "pin of deformable bodies", "tie", "bond", "chain"}
 
 
-def thrown(model: fcsim.Model) -> np.ndarray:
-    """Deformable bodies turn as one; each rigid one flies and turns on its own, which the joint ends in the first step."""
+def thrown(model: fcsim.Model, apart: bool = True) -> np.ndarray:
+    """Velocities (n_dofs,); apart: each body flies and turns on its own, which joints end in the first step, else all as one."""
     v, d = np.zeros(model.n_dofs), model.dimension
-    turning = np.array([[0.5, -1.0, 3.0], [-0.3, 2.0, -4.0]])
-    if model.n_elastic:
-        arm = np.pad(model.reference - model.reference.mean(axis=0), ((0, 0), (0, 3 - d)))
-        axis = turning[0] if d == 3 else np.array([0.0, 0.0, 3.0])
-        v[: model.n_elastic] = (np.array([1.0, -0.5, 0.3])[:d] + np.cross(axis, arm)[:, :d]).ravel()
-        return v
-    rigid = model.rigid_part(v)
-    rigid[:, :d] = np.array([[1.0, -0.5, 0.3], [0.2, 0.7, -0.4]])[:, :d]
-    rigid[:, d:] = turning if d == 3 else turning[:, 2:]
+    for k, body in enumerate(model.bodies):
+        spin = np.array([[0.5, -1.0, 3.0], [-0.3, 2.0, -4.0]])[k % 2 if apart else 0] * (
+            np.ones(3) if d == 3 else np.array([0.0, 0.0, 1.0])
+        )
+        centre = body.points.mean(axis=0) if apart else model.reference.mean(axis=0)
+        speed = np.array([[1.0, -0.5, 0.3], [0.2, 0.7, -0.4]])[k % 2 if apart else 0]
+        own = slice(*model.dof_offset[k : k + 2])
+        if isinstance(body, Body):
+            v[own] = (speed + np.cross(spin, wide(body.points - centre)))[:, :d].ravel()
+        else:
+            v[own] = [*(speed + np.cross(spin, wide(body.centre - centre)))[..., :d].ravel(), *(spin if d == 3 else spin[2:])]
     return v
 
 
+def wide(a: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) of vectors (..., d)."""
+    return np.pad(a, (*[(0, 0)] * (a.ndim - 1), (0, 3 - a.shape[-1])))
+
+
 def momenta(model: fcsim.Model, state: fcsim.State) -> np.ndarray:
-    """Momentum [N s] and moment of momentum about the origin [N m s], (6,), added up body by body."""
-    d = model.dimension
+    """Momentum [N s] and moment of momentum about the origin [N m s], (6,), added up node by node and rigid body by rigid body."""
+    d, n = model.dimension, model.n_elastic
     P = model.apply_mass(state.v, model.rigid_mass(state.x))
-    places = model.positions(state.x)[: model.n_elastic // d]
-    p, spin = P[: model.n_elastic].reshape(-1, d), np.zeros((0, 2 * d - 3))
-    if not model.n_elastic:
-        rigid = model.rigid_part(P)
-        places = np.array([body.centre for body in model.bodies]) + model.rigid_part(state.x)[:, :d]
-        p, spin = rigid[:, :d], rigid[:, d:]
-    wide = [np.pad(a, ((0, 0), (0, 3 - d))) for a in (places, p)]
-    own = spin.sum(axis=0) if spin.shape[1] == 3 else np.array([0.0, 0.0, spin.sum()])
-    return np.concatenate([wide[1].sum(axis=0), np.cross(wide[0], wide[1]).sum(axis=0) + own])
+    x, p = (wide(a.reshape(-1, d)) for a in (model.reference.ravel()[:n] + state.x[:n], P[:n]))
+    rigid, moved = model.rigid_part(P), model.rigid_part(state.x)[:, :d]
+    centres = wide(np.array([body.centre for body in model.rigid]).reshape(-1, d) + moved)
+    spin = rigid[:, d:] if d == 3 else np.pad(rigid[:, d:], ((0, 0), (2, 0)))
+    q = wide(rigid[:, :d])
+    return np.concatenate([p.sum(axis=0) + q.sum(axis=0), (np.cross(x, p)).sum(axis=0) + (np.cross(centres, q) + spin).sum(axis=0)])
 
 
-def flight(bodies: Any, link: Any, h: float, time: float) -> tuple[np.ndarray, list[fcsim.Step]]:
-    """Momenta (steps + 1, 6) over those at the beginning, the first row theirs, and the steps."""
-    steps = moved(bodies, [link], fcsim.Theta(h), round(time / h), 0.0, initial=thrown)
-    model = steps[0].model
-    found = np.array([momenta(model, steps[0].previous), *(momenta(model, step.state) for step in steps)])
-    size = np.repeat([np.linalg.norm(found[0, :3]), np.linalg.norm(found[0, 3:])], 3)
-    return found / size, steps
+def flight(bodies: Any, links: Any, h: float, steps: int, apart: bool) -> tuple[np.ndarray, list[fcsim.Step]]:
+    """Momenta (steps + 1, 6) over those of the bodies one by one, the first row theirs at the beginning, and the steps."""
+    done = moved(bodies, links, fcsim.Theta(h), steps, 0.0, initial=lambda model: thrown(model, apart))
+    model = done[0].model
+    begun = fcsim.State(0.0, np.zeros(model.n_dofs), thrown(model, apart))
+    found = np.array([momenta(model, begun), *(momenta(model, step.state) for step in done)])
+    speed = np.abs(model.apply_mass(begun.v, model.rigid_mass(begun.x)))
+    size = np.repeat([max(np.linalg.norm(found[0, :3]), 0.1 * speed[: model.n_elastic].sum()), np.linalg.norm(found[0, 3:])], 3)
+    return found / size, done
 
 
-@pytest.mark.parametrize("name", KEPT)
-def test_momentum_moment_of_momentum_and_energy_are_kept(name: str) -> None:
-    """To 1e-8, the moment from the end of the first step on, which makes the velocities of rigid bodies agree; the balance of energy
-    closes, a dashpot takes energy, no other link gives any but for the swing of the scheme's order."""
-    found, steps = flight(*KEPT[name], h=4e-3, time=0.12)
+@pytest.mark.parametrize("apart", [False, True], ids=["as one", "each on its own"])
+@pytest.mark.parametrize("name", LINKED)
+def test_momentum_moment_of_momentum_and_energy_are_kept(name: str, apart: bool) -> None:
+    """Momentum to 1e-12 and its moment to 1e-9, from the initial state on, whether its velocities agree with the joint or not; the balance
+    of energy closes, a dashpot takes energy, no other link gives any but for the swing of the scheme's order, springs and what is linear
+    in the nodes' places none at all."""
+    found, steps = flight(*LINKED[name], h=4e-3, steps=16, apart=apart)
     assert np.abs(found - found[0])[:, :3].max() < 1e-12
-    assert np.abs(found - found[1])[1:].max() < 1e-8
+    assert np.abs(found - found[0])[:, 3:].max() < 1e-9
     energies = [step.energy for step in steps]
     begun = energies[0].at_beginning
-    assert max(abs(e.residual) for e in energies) < 1e-11 * begun
+    assert max(abs(e.residual) for e in energies) < 1e-9 * begun
     held = np.array([e.kinetic + e.elastic + e.links for e in energies])
-    assert np.all(held < (1 + 1e-5) * begun)
-    if name == "dashpot":
-        assert np.all(np.diff(held) < 0) and held[-1] < 0.995 * begun
+    if name in TAKES:
+        taken = -np.diff(held)
+        assert taken.min() > -1e-12 * begun and taken.sum() > 1e-6 * begun
     else:
-        assert np.ptp(held[1:]) < 1e-3 * begun
+        assert np.ptp(held) < (1e-9 if name in EXACT else 3e-3 if apart else 1e-4) * begun
 
 
-@pytest.mark.parametrize("name", BY_ORDER)
-def test_between_deformable_bodies_the_moment_is_kept_to_second_order(name: str) -> None:
-    """Forces act along directions of where the links are closed, x + h v / 2; the moment is counted at the mean of both ends, h^2 apart."""
-    off = []
-    for h in (4e-3, 2e-3):
-        found, steps = flight(*BY_ORDER[name], h=h, time=0.06)
-        assert np.abs(found - found[0])[:, :3].max() < 1e-12
-        begun = steps[0].energy.at_beginning
-        assert max(abs(step.energy.residual) for step in steps) < 1e-11 * begun
-        assert max(step.energy.kinetic + step.energy.elastic + step.energy.links for step in steps) < (1 + 2e-5) * begun
-        off.append(np.abs(found - found[0]).max())
-    assert off[0] < 1e-5 and off[0] / off[1] > 2.5  # the bodies vibrate: 4 in the limit
+@pytest.mark.parametrize("name", ["ball", "hinge of deformable bodies", "pin of a rigid and a deformable body", "tie"])
+def test_velocities_that_a_joint_forbids_agree_at_once(name: str) -> None:
+    """What the joint's impulse takes is the energy of the difference of velocities, dv . M dv / 2, and is said; velocities that agree lose
+    nothing."""
+    _, steps = flight(*LINKED[name], h=4e-3, steps=1, apart=True)
+    first, model = steps[0], steps[0].model
+    dv = first.previous.v - thrown(model)
+    lost = 0.5 * float(dv @ model.apply_mass(dv, model.rigid_mass(first.previous.x)))
+    assert first.struck is not None and -first.struck.link_work == pytest.approx(lost, rel=1e-9)
+    assert any(f"took {lost:.4g} of their" in remark for remark in first.remarks)
+    assert flight(*LINKED[name], h=4e-3, steps=1, apart=False)[1][0].struck is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hinge of deformable bodies", "rod of deformable bodies", "spring of deformable bodies", "chain"])
+def test_ten_turns_keep_the_moment_of_momentum(name: str) -> None:
+    """To 1e-8 in 20 s at 3.2 rad/s, while the links' work swings about zero."""
+    found, steps = flight(*LINKED[name], h=1e-2, steps=2000, apart=False)
+    assert np.abs(found - found[0]).max() < 1e-8
+    held = np.array([e.kinetic + e.elastic + e.links for e in (step.energy for step in steps)])
+    half = len(held) // 2
+    assert np.ptp(held[half:]) < 2 * np.ptp(held[:half]) + 1e-9 * held[0]
