@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from fcsim.mesh.part import Body, Part, RigidBody
     from fcsim.problem import GlobalProblem, LocalProblem
     from fcsim.running.case import Case, History, Sensor, load_case
-    from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force, support_moment
+    from fcsim.running.sensors import contact_force, displacement, joint_opening, stress, support_force, support_moment
     from fcsim.solvers import SOLVERS
     from fcsim.solvers.solve import solve
     from fcsim.solvers.solve_many import solve_many
@@ -145,6 +145,7 @@ _HOME = {
     "read_fclib": "export_fclib",
     "solve": "solvers.solve",
     "solve_many": "solvers.solve_many",
+    "stress": "running.sensors",
     "support_force": "running.sensors",
     "support_moment": "running.sensors",
     "two_pass": "contact_detection",
@@ -234,6 +235,7 @@ __all__ = [
     "read_fclib",
     "solve",
     "solve_many",
+    "stress",
     "support_force",
     "support_moment",
     "two_pass",

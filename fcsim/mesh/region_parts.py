@@ -33,6 +33,8 @@ def region_parts(part: Part) -> tuple[RegionPart, ...]:
     for name, material in part.material.materials.items():
         cells = part.regions[name]
         nodes, own = np.unique(part.cells[cells], return_inverse=True)
-        piece = replace(part, points=part.points[nodes], cells=own.reshape(len(cells), -1), surfaces={}, material=material, regions={})
+        piece = replace(
+            part, points=part.points[nodes], cells=own.reshape(len(cells), -1), surfaces={}, material=material, regions={}, nodes={}
+        )
         found.append(RegionPart(piece, nodes, cells))
     return _MADE.setdefault(part, tuple(found))

@@ -10,7 +10,9 @@ from scipy.spatial import cKDTree
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.layout import DIRECTIONS
+from fcsim.assembly.locking import nodal_stress
 from fcsim.assembly.model import Model
+from fcsim.assembly.stress import COMPONENTS, von_mises
 from fcsim.assembly.supports import Support
 from fcsim.assembly.supports.selection import NodesNamed, Selection, SurfaceNames
 from fcsim.errors import InputError
@@ -152,6 +154,22 @@ def displacement(column: str, model: Model, body: str, direction: str, point: Se
         )
     dof = model.dof_of_node[model.node_offset[number] + node, axis]
     return Sensor(column, text, "m", lambda step: float(step.state.x[dof]))
+
+
+def stress(column: str, model: Model, body: str, component: str, point: Sequence[float], label: str = "") -> Sensor:
+    """Stress [Pa] of a deformable body at its node at a point (d,) [m] of the reference: a component xx, yy, zz, xy, yz, zx along the
+    world's axes, or "von_mises", recovered from the cells around the node (`nodal_stress`)."""
+    what = f"stress of body {body!r}"
+    number = model.body_number(body)
+    if component not in (*COMPONENTS, "von_mises"):
+        raise InputError(f"{what}: expected a component among {', '.join(COMPONENTS)}, von_mises, got {component!r}")
+    (node,) = Selection(at=_point(model, point, what)).of(model, body, what)
+
+    def measure(step: Step) -> float:
+        at = nodal_stress(model, number, step.state.x, step.state.internal, step.state.t)[node]
+        return float(von_mises(at) if component == "von_mises" else at[COMPONENTS.index(component)])
+
+    return Sensor(column, label or f"stress of {body} at {tuple(float(c) for c in point)}, {component}", "Pa", measure)
 
 
 def joint_opening(column: str, model: Model, first: tuple[str, str], second: tuple[str, str], label: str = "") -> Sensor:

@@ -28,12 +28,12 @@ from fcsim.timestep.chain import Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
-from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond, remarks
+from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
 from fcsim.timestep.links.linked import linked, refuse_linkage
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
+from fcsim.timestep.remarks.of_steps import step_remarks
 from fcsim.timestep.remarks.opening import opening_remarks
 from fcsim.timestep.remarks.same_on_all_ranks import same_on_all_ranks
-from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest, refuse_misplaced, updated
 from fcsim.timestep.step import Attempt, Moment, Step
@@ -189,7 +189,7 @@ class Simulation:
         while moment.number < self.steps:
             step = self._witnessed(same_on_all_ranks(self.step(moment, kept, anchor)))
             moment, when = step.moment, f"step {step.number}, t = {step.state.t:.6g} s"
-            new = remarks(self.model, deformation := self._measure(step.state.x), when, said) | spinning(step, self.detector, when, said)
+            new = step_remarks(step, self.detector, deformation := self._measure(step.state.x), self.steps, when, said)
             if step.number > after.number:
                 opening = (*opening, *remark(step.struck)) if step.number == 1 else opening
                 yield replace(step, remarks=(*opening, *new.values())) if new or opening else step

@@ -163,6 +163,17 @@ class NonlinearPart:
                 begin += variable.components
         return {name: values[..., 0] if values.shape[2] == 1 else values for name, values in found.items()}
 
+    def point_stresses(self, u: FloatArray, variables: FloatArray, t: float, cauchy: bool = False) -> Iterator[tuple[Region, FloatArray]]:
+        """Each region with the stress (nc, nq, 3, 3) [Pa] at its points, the second of Piola and Kirchhoff or Cauchy's (of small rotation:
+        stress), of one body with the nodes' displacements u (nn, d) and internal variables (size,) at t [s]."""
+        instant = Instant(t, 0.0)
+        for region, own in self.region_variables(variables[None]):
+            found = []
+            for begin in range(0, len(region.numbers), CELLS_AT_ONCE):
+                some = slice(begin, begin + CELLS_AT_ONCE)
+                found.append(_Points(self._data, region.numbers[some], region, u, instant, 0).stress(own[0, some], instant, cauchy))
+            yield region, np.concatenate(found)
+
     def inner(self, u: FloatArray, variables: FloatArray, instant: Instant, tangent: bool) -> Inner:
         """Forces and all else of bodies with the nodes' displacements u (nb, nn, d) [m] and internal variables (nb, size)."""
         nb, nn, d = u.shape
@@ -267,6 +278,15 @@ class _Points:
             admissible,
             self._mean_stress(answer.stress.reshape(F.shape), J.reshape(w.shape)),
         )
+
+    def stress(self, before: FloatArray, instant: Instant, cauchy: bool) -> FloatArray:
+        """F^-1 P or P F^T / J (nc, nq, 3, 3) [Pa], of small rotation P."""
+        F = self._strain.F
+        at = Circumstances(self._place.reshape(-1, 3), instant.t, instant.dt)
+        P = self._region.law.respond(F.reshape(-1, 3, 3), before.reshape(F[..., 0, 0].size, -1), at, False).stress.reshape(F.shape)
+        if not self._region.rotates:
+            return P
+        return np.asarray(P @ np.swapaxes(F, -1, -2) / np.linalg.det(F)[..., None, None] if cauchy else np.linalg.solve(F, P))
 
     def _damped(self, P: FloatArray, A: FloatArray | None, instant: Instant) -> tuple[FloatArray, FloatArray | None, float]:
         """P + F beta C : dE/dt, its derivative as far as it is symmetric, and the power [W] of the damping; C of the reference: no stress

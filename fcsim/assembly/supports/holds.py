@@ -133,7 +133,7 @@ def _turns(layout: BodyLayout, number: int, support: DrivenRotation) -> list[Hol
         if not np.any(axis):
             raise InputError(f"{what}, axis: expected a direction, got {support.axis!r}")
         axis = axis / np.linalg.norm(axis)
-    first = _groups(layout, support.body, Selection(support.surface, support.at, support.nodes), what)
+    first = _groups(layout, support.body, support.selection, what)
     if isinstance(body, RigidBody):
         spin = axis if d == 3 else np.ones(1)
         centre = Turn(number, support, first, np.eye(d), (body.centre - point)[None], axis)

@@ -94,7 +94,7 @@ def shares(body: Body, nodes: IntArray, what: str) -> FloatArray:
     part, points = body.part, body.points
     kinds = [(edges_within(part, nodes), line_lengths)]
     if part.dimension == 3:
-        kinds.insert(0, (_facets_within(part, nodes), facet_areas))
+        kinds.insert(0, (facets_within(part, nodes), facet_areas))
     weights = np.zeros(len(points))
     for elements, integral in kinds:
         weights[:] = 0
@@ -110,7 +110,7 @@ def shares(body: Body, nodes: IntArray, what: str) -> FloatArray:
     return np.full(len(nodes), 1 / len(nodes))
 
 
-def _facets_within(part: Part, nodes: IntArray) -> IntArray:
+def facets_within(part: Part, nodes: IntArray) -> IntArray:
     """The boundary's facets (nf, kf) all of whose nodes are among `nodes`."""
     cell = CELL_TYPES[part.cell_type]
     every = part.cells[:, cell.facets].reshape(-1, cell.facet_size)

@@ -99,6 +99,11 @@ class DrivenRotation:
     def __post_init__(self) -> None:
         _keep_comparable(self)
 
+    @property
+    def selection(self) -> Selection:
+        """Which nodes are meant."""
+        return Selection(self.surface, self.at, self.nodes)
+
     def turned(self, t: float) -> float:
         """The angle [rad] at t [s]; InputError where it is none."""
         return finite(self.angle, t, f"driven rotation of body {self.body!r}", "an angle")

@@ -16,7 +16,6 @@ from fcsim.assembly.elasticity import once_per_part
 from fcsim.assembly.model import Model
 from fcsim.assembly.nonlinear.part import laws_of
 from fcsim.assembly.supports import DrivenRotation, Support
-from fcsim.assembly.supports.selection import Selection
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material.law import Circumstances, PointLaw, initial_variables
 from fcsim.mesh.material.linear import Material, Orthotropic
@@ -120,6 +119,6 @@ def locking_parts(model: Model) -> tuple[str, ...]:
 
 def _held_wholly(model: Model, name: str) -> bool:
     """Whether supports of the whole body name all its directions."""
-    own = [support for support in model.supports if support.body == name and Selection(support.surface, support.at, support.nodes).whole]
+    own = [support for support in model.supports if support.body == name and support.selection.whole]
     directions = {direction for support in own if isinstance(support, Support) and support.axes is None for direction in support.directions}
     return any(isinstance(support, DrivenRotation) for support in own) or directions >= set("xyz"[: model.dimension])
