@@ -220,3 +220,20 @@ def backward(values, sizes, borders, x):
         for j in range(n - 1, -1, -1):
             column, beside = values[at + j * n : at + j * n + n], values[L21 + j * b : L21 + j * b + b]
             own[j] = (own[j] - dot(column[j + 1 :], own[j + 1 :]) - dot(beside, above)) / column[j]
+
+
+@njit(cache=True, nogil=True)
+def times_blocks(blocks, cuts, which, x):
+    """Overwrite x on the unknowns cuts[k], ..., cuts[k + 1] - 1 of each k in `which` by its block of `blocks`, one after the other by rows,
+    times x there."""
+    most = 0
+    for k in which:
+        most = max(most, cuts[k + 1] - cuts[k])
+    image, at = np.empty(most, dtype=x.dtype), 0
+    for k in which:
+        n = cuts[k + 1] - cuts[k]
+        own = x[cuts[k] : cuts[k + 1]]
+        for i in range(n):
+            image[i] = dot(blocks[at + i * n : at + (i + 1) * n], own)
+        own[:] = image[:n]
+        at += n * n

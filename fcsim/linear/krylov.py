@@ -22,11 +22,14 @@ def gmres(
     rhs: FloatArray,
     target: float,
     limit: int,
+    patience: int = PATIENCE,
+    enough: float = 0.0,
 ) -> tuple[FloatArray, FloatArray] | None:
     """Right-preconditioned GMRES for A x = rhs (n,) from x = 0 (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986).
 
     Return x with ||rhs - A x|| <= target, in the recurrence's norm, and its coefficients in the steps that `product` was called with, one
-    after the other; or None where `limit` iterations do not get there.
+    after the other; where `limit` iterations do not get there what they have where ||rhs - A x|| <= enough, else
+    None. patience: iterations after which it may be given up before.
     """
     beta = float(np.linalg.norm(rhs))
     if beta <= target:
@@ -54,10 +57,10 @@ def gmres(
         c[j], s[j], column[j] = column[j] / diagonal, size / diagonal, diagonal
         g[j], g[j + 1] = c[j] * g[j], -s[j] * g[j]
         left = abs(float(g[j + 1]))
-        if left <= target:
+        if left <= target or (j + 1 == limit and left <= enough):
             y = np.linalg.solve(R[: j + 1, : j + 1], g[: j + 1])
             return np.tensordot(y, steps, 1), y
-        hopeless = j + 1 >= PATIENCE and np.log(left / beta) * HOPE * limit > np.log(target / beta) * (j + 1)
+        hopeless = j + 1 >= patience and np.log(left / beta) * HOPE * limit > np.log(target / beta) * (j + 1)
         if hopeless or size == 0:
             return None
         basis.append(w / size)

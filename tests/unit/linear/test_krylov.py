@@ -37,3 +37,15 @@ def test_nothing_is_done_for_a_small_right_side_and_nothing_returned_where_it_do
     assert gmres(lambda x: A @ x, lambda x: x, b, 1e-10, 8) is None
     assert gmres(lambda x: np.full_like(x, np.nan), lambda x: x, b, 1e-10, 8) is None
     assert gmres(lambda x: 0 * x, lambda x: x, b, 1e-10, 8) is None
+
+
+def test_at_the_limit_what_is_there_is_returned_if_it_is_enough() -> None:
+    rng = np.random.default_rng(2)
+    A, b = np.eye(40) + 0.3 * rng.standard_normal((40, 40)), rng.standard_normal(40)
+    size = float(np.linalg.norm(b))
+    found = gmres(lambda x: A @ x, lambda x: x, b, 1e-10 * size, 8, 8, size)
+    assert found is not None
+    assert len(found[1]) == 8
+    left = float(np.linalg.norm(b - A @ found[0]))
+    assert 1e-10 * size < left < size
+    assert gmres(lambda x: A @ x, lambda x: x, b, 1e-10 * size, 8, 8, 0.99 * left) is None

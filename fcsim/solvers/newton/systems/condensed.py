@@ -27,6 +27,7 @@ from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
 from fcsim.solvers.newton.systems.held import Held, hold
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
+from fcsim.solvers.newton.systems.preconditioned import PreconditionedSystem, StiffnessBlocks
 from fcsim.solvers.newton.systems.remainder import Factored, Remainder, split_known
 
 FORCING = 1e-2
@@ -43,7 +44,8 @@ UNSETTLED, FEW_SLIDE = 0.05, 0.25
 """Share of the contacts whose status changes from step to step above which a factor to be held would not last: the fronts' LU is cheaper.
 At first, share of the closed contacts that may slide: a cold start has more, a warm one less."""
 BORDER_UP_TO = 2e9
-"""Bytes of the border's columns up to which it is carried: a wall of a thousand bricks would have more."""
+"""Bytes of the border's columns up to which it is carried: a wall of a thousand bricks would have more, and goes on without one (see
+`preconditioned`)."""
 CORRECTIONS = 8
 """Iterations of GMRES with an earlier W's factor before factoring anew."""
 
@@ -62,14 +64,16 @@ class Condensation:
 class KeptCondensation(Kept):
     """What serves the next W: the condensation, as a preconditioner, the analysis, and which choices had to be made.
 
-    status (nc,): 0 open, 1 sliding, 3 sticking in the last step; pattern: None where contacts do not come in joints.
+    status (nc,): 0 open, 1 sliding, 3 sticking in the last step; pattern: None where contacts do not come in joints; blocks: in the place
+    of a condensation whose border would be too large.
     """
 
-    condensation: Condensation
+    condensation: Condensation | None
     status: IntArray
     dtype: DTypeLike
     holds_sliding: bool
     pattern: Pattern | None
+    blocks: StiffnessBlocks | None = None
 
 
 class CondensedSystem:
@@ -79,7 +83,8 @@ class CondensedSystem:
     the LU of the whole takes over; of joints it does also as long as the sets are far from settled. Of a sparse W whose contacts come in
     joints the factor is multifrontal, else dense. Large factors and columns are kept in single precision, and those of an earlier W serve
     the next: they are then the preconditioner of GMRES on the true system. Where that does not pay all is factored anew, in double
-    precision if that was not it.
+    precision if that was not it. Where contacts come in joints and the border would be too large, W's factor and the joints' own stiffness
+    precondition (`PreconditionedSystem`).
     """
 
     def __init__(self, operator: Delassus, kept: KeptCondensation | None = None) -> None:
@@ -93,19 +98,21 @@ class CondensedSystem:
         self._holds_sliding = True
         self._status: IntArray | None = None  # of the contacts at the last step
         self._condensation: Condensation | None = None
+        self._preconditioned = None if self._rows is None else PreconditionedSystem(self._rows, None if kept is None else kept.blocks)
         if kept is not None:
             self._dtype, self._holds_sliding, self._status = kept.dtype, kept.holds_sliding, kept.status
-            self._condensation = replace(kept.condensation, earlier=True)
+            self._condensation = None if kept.condensation is None else replace(kept.condensation, earlier=True)
 
     def shifted(self, shift: FloatArray) -> CondensedSystem:
         return CondensedSystem(self.operator.shifted(shift))
 
     def left(self, identity: IntArray) -> KeptCondensation | None:
         """What serves the next W of these contacts, None where nothing is held."""
-        if self._condensation is None or self._status is None:
+        blocks = None if self._preconditioned is None else self._preconditioned.blocks
+        if (self._condensation is None and blocks is None) or self._status is None:
             return None
         pattern = None if self._rows is None else self._rows.pattern
-        return KeptCondensation(identity, self._condensation, self._status, self._dtype, self._holds_sliding, pattern)
+        return KeptCondensation(identity, self._condensation, self._status, self._dtype, self._holds_sliding, pattern, blocks)
 
     def _product(self, x: FloatArray) -> FloatArray:
         """W x (m,)."""
@@ -137,6 +144,10 @@ class CondensedSystem:
         columns, rows = (self._d * np.count_nonzero(contacts) for contacts in (closed & ~sticking, closed))
         large = columns * rows * np.dtype(self._dtype).itemsize > BORDER_UP_TO
         found = None
+        if self._preconditioned is not None and (large or self._preconditioned.blocks is not None) and self._symmetric:
+            found = self._preconditioned.solve(A, B, rhs)
+            if found is not None:
+                return found
         if not large and (settled or self._rows is None) and self._symmetric:
             found = self._by_a_new_factor(A, B, rhs, closed, sticking)
         return self._whole.solve(A, B, rhs) if found is None else found
