@@ -27,8 +27,9 @@ INEXACT, SUFFICIENT = 0.5, 0.9
 """Reduction of the inner residual and of the error at which an inner problem that was not solved still gives a step."""
 LEAST_GAIN = 0.99
 """Factor that a better error takes off the best one, or it counts as waiting."""
-RUNAWAY = 100.0
-"""Growth of the error over the best one at which the best iterate is taken up again."""
+RUNAWAY = 1e4
+"""Growth of the error over the best one at which the best iterate is taken up again. Bodies that slide on more points than they need have
+iterates that no short way improves: the proximal steps lead on through errors some hundred times as large. Who goes back at 100 stays."""
 MOST_ALPHA = 1e6
 """Regularisation beyond which a step is no step."""
 MOST = 10**9

@@ -208,6 +208,18 @@ def test_internal_method_of_another_dimension_is_refused(monkeypatch: pytest.Mon
         solve(random_problem(1), "PPA-NSN-AC", internal="NSN-XY")
 
 
+def test_the_way_may_lead_through_larger_errors(natural_map_error) -> None:
+    """Boxes that slide with much friction: the error grows by more than 100 before it falls; an algorithm that takes the best iterate up
+    again at 100 ends at 6e-7. The answer is judged by a residual written in the test's own terms."""
+    problem = families.problems("frictions", 200, 1)
+    local = problem if isinstance(problem, LocalProblem) else reduce(problem).local
+    result = solve(problem, "PROX-NEWTON", tol=1e-8)
+    assert result.status is Status.SOLVED
+    assert natural_map_error(local, result.r) < 1e-6
+    errors = np.array([row[2] for row in result.history])
+    assert (errors[1:] / np.minimum.accumulate(errors)[:-1]).max() > 100
+
+
 @pytest.mark.parametrize(
     "options",
     [
