@@ -6,13 +6,14 @@ import copy
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group
 from fcsim.assembly.inner_forces import changed, mass_blocks
 from fcsim.errors import FcsimError
-from fcsim.linear.factors import Factor, SingularMatrix, factorise, inverse_on
-from fcsim.linear.storage import BLOCK_UP_TO
+from fcsim.linear.block_factors.tridiagonal import factorise_body, find_layers
+from fcsim.linear.factors import Factor, SingularMatrix, inverse_on
 
 
 class Indefinite(FcsimError, ArithmeticError):
@@ -40,6 +41,7 @@ class BodyFactors:
         self.free, self.surface = np.flatnonzero(~group.driven), surface
         self._mass_blocks = mass * mass_blocks(group) if mass else np.zeros(blocks.shape[1:])
         self._set(blocks, {}, {})
+        self._layers = find_layers(self._matrix(0), group.places[self.free])
 
     def _set(self, blocks: FloatArray, factors: dict[int, Factor], compliances: dict[int, FloatArray]) -> None:
         self._prepared = False
@@ -83,14 +85,17 @@ class BodyFactors:
     def factor(self, k: int) -> Factor:
         """The factor of the k-th stiffness; raises Indefinite."""
         if k not in self._factors:
-            assert self._group.laws is not None
-            A, T = self._group.laws.graph.matrix(self.blocks[k] + self._mass_blocks), self._group.axes_matrix
-            A = (A if T is None else (T @ A @ T.T).tocsr())[self.free][:, self.free]
             try:
-                self._factors[k] = factorise(A.toarray() if A.shape[0] <= BLOCK_UP_TO else A, positive_definite=True)
+                self._factors[k] = factorise_body(self._matrix(k), self._layers)
             except SingularMatrix as error:
                 raise Indefinite(int(self.members[k]), str(error)) from None
         return self._factors[k]
+
+    def _matrix(self, k: int) -> sp.csr_array:
+        """The k-th a M + blocks on the free dofs along the supports' axes."""
+        assert self._group.laws is not None
+        A, T = self._group.laws.graph.matrix(self.blocks[k] + self._mass_blocks), self._group.axes_matrix
+        return sp.csr_array((A if T is None else (T @ A @ T.T).tocsr())[self.free][:, self.free])
 
     def prepare(self, own: BoolArray) -> None:
         """Make the factors of the bodies `own` (nb,) that are not there yet; raises Indefinite."""

@@ -49,6 +49,7 @@ class SystemFactor:
         self.places = self._bodies_of_dofs()
         self.rotation: FloatArray | None = None
         self._where: tuple[IntArray, IntArray] | None = None
+        self._last_product: tuple[FloatArray, FloatArray] | None = None
         self._set_rigid_mass(model.rigid_mass())
 
     def _by_owners(self) -> None:
@@ -105,7 +106,7 @@ class SystemFactor:
         if rotation is None:
             return self
         other = copy.copy(self)
-        other.rotation, other._matrix = rotation, None
+        other.rotation, other._matrix, other._last_product = rotation, None, None
         return other
 
     def with_tangents(self, blocks: Sequence[FloatArray], kept: SystemFactor | None, share: float) -> SystemFactor:
@@ -189,13 +190,20 @@ class SystemFactor:
     def apply(self, v: FloatArray) -> FloatArray:
         """Return A v (n_dofs,) over all dofs in world axes, driven ones as they are."""
         y = self.mass * self.model.apply_mass(v, self.rigid_mass)
-        if self.stiffness:
+        if self.stiffness and np.any(v[: self.model.n_elastic]):
+            y += self.stiffness * self._stiffness_times(v)
+        return y + self.apply_tangents(v)
+
+    def _stiffness_times(self, v: FloatArray) -> FloatArray:
+        """K v (n_dofs,) of the linear materials; that of the last v is kept: momentum and supports are asked of the same one."""
+        own, last = v[: self.model.n_elastic], self._last_product
+        if last is None or not np.array_equal(own, last[0]):
             turned = self.model.elastic.turned_stiffness
             linear = self.model.apply_stiffness(v) if self.rotation is None else turned(self.rotation, v)
             for bodies in self.nonlinear_groups:
                 linear[bodies.dofs] = 0
-            y += self.stiffness * linear
-        return y + self.apply_tangents(v)
+            self._last_product = last = own.copy(), linear
+        return last[1]
 
     def apply_tangents(self, v: FloatArray) -> FloatArray:
         """The share of A v (n_dofs,) of the nonlinear bodies' stiffness."""

@@ -97,6 +97,11 @@ class Group:
         axes = frames[some][single]
         return axes[:1] if np.all(np.abs(np.abs(axes @ axes[0]) - 1) < PARALLEL) else None
 
+    @property
+    def places(self) -> FloatArray:
+        """Where each degree of freedom stands in the part (n_part, d) [m]."""
+        return np.repeat(self.part.points, len(self.rotation), axis=0)
+
     @cached_property
     def dofs(self) -> IntArray:
         """Degrees of freedom (nb, n_part)."""

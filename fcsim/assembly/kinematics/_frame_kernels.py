@@ -1,7 +1,8 @@
 """Loops over the nodes of turning bodies, compiled by numba: see `frames`.
 
 Bodies of one part have their nodes' components in consecutive dofs from first (nb,) on. Columns (n_part, ...) have one column a body.
-Vectors of two components count as three with a zero; J^-1 (nb, 3, 3) maps those as well.
+Vectors of two components count as three with a zero; J^-1 (nb, 3, 3) maps those as well. axes: range(d) as a tuple, whose length the
+compiler knows, so that loops over components are none.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -14,10 +15,10 @@ from fcsim.assembly.forms._rotation_kernels import inverse
 
 
 @njit(cache=True)
-def turned_back(x, first, Q, free, columns, begin):
+def turned_back(axes, x, first, Q, free, columns, begin):
     """Q_b^T x of the nodes of body b into the column begin + b; x (n_dofs,), Q (nb, d, d). free (n_part,): only these components of x
     count, and have a row in `columns`."""
-    d = Q.shape[1]
+    d = len(axes)
     for b in range(len(first)):
         row = 0
         for k in range(0, len(free), d):
@@ -33,9 +34,9 @@ def turned_back(x, first, Q, free, columns, begin):
 
 
 @njit(cache=True)
-def turned_forth(columns, first, Q, free, x):
+def turned_forth(axes, columns, first, Q, free, x):
     """Q_b y of the columns y (nfree, nb), one a body, into the free components of x (n_dofs,)."""
-    d = Q.shape[1]
+    d = len(axes)
     own = np.zeros(d)
     for b in range(len(first)):
         row = 0
@@ -57,25 +58,36 @@ def turned_forth(columns, first, Q, free, x):
 def block_product(indptr, indices, blocks, columns):
     """K X (n, k) of K by blocks (nblocks, d, d) of compressed rows and X (n, k)."""
     d, k = blocks.shape[1], columns.shape[1]
-    product = np.zeros((d * (len(indptr) - 1), k))
+    product = np.empty((d * (len(indptr) - 1), k))
+    first, second, third = np.empty(k), np.empty(k), np.empty(k)  # rows of their own: sums go through the compiler as vectors
     for i in range(len(indptr) - 1):
+        first[:], second[:], third[:] = 0.0, 0.0, 0.0
         for e in range(indptr[i], indptr[i + 1]):
-            j = d * indices[e]
-            for a in range(d):
-                first, second, third = blocks[e, a, 0], blocks[e, a, 1], blocks[e, a, d - 1]
-                if d == 3:
-                    for c in range(k):
-                        product[3 * i + a, c] += first * columns[j, c] + second * columns[j + 1, c] + third * columns[j + 2, c]
-                else:
-                    for c in range(k):
-                        product[2 * i + a, c] += first * columns[j, c] + second * columns[j + 1, c]
+            j, B = d * indices[e], blocks[e]
+            if d == 3:
+                b00, b01, b02, b10, b11, b12 = B[0, 0], B[0, 1], B[0, 2], B[1, 0], B[1, 1], B[1, 2]
+                b20, b21, b22 = B[2, 0], B[2, 1], B[2, 2]
+                for c in range(k):
+                    x, y, z = columns[j, c], columns[j + 1, c], columns[j + 2, c]
+                    first[c] += b00 * x + b01 * y + b02 * z
+                    second[c] += b10 * x + b11 * y + b12 * z
+                    third[c] += b20 * x + b21 * y + b22 * z
+            else:
+                b00, b01, b10, b11 = B[0, 0], B[0, 1], B[1, 0], B[1, 1]
+                for c in range(k):
+                    x, y = columns[j, c], columns[j + 1, c]
+                    first[c] += b00 * x + b01 * y
+                    second[c] += b10 * x + b11 * y
+        product[d * i], product[d * i + 1] = first, second
+        if d == 3:
+            product[3 * i + 2] = third
     return product
 
 
 @njit(cache=True)
-def spread_arms(x, first, weight, arm, p, spread):
+def spread_arms(axes, x, first, weight, arm, p, spread):
     """p = x - c (nb, nn, d) at the displacements x (n_dofs,) and A = sum_i w_i p_i X_i^T (nb, d, d), zero before."""
-    nb, nn, d = p.shape
+    nb, nn, d = p.shape[0], p.shape[1], len(axes)
     centre, own = np.zeros(d), np.zeros((d, d))
     for b in range(nb):
         centre[:] = 0.0
@@ -92,9 +104,9 @@ def spread_arms(x, first, weight, arm, p, spread):
 
 
 @njit(cache=True)
-def strained(p, R, arm, y):
+def strained(axes, p, R, arm, y):
     """y = R^T p - X (nb, nn, d)."""
-    nb, nn, d = p.shape
+    nb, nn, d = p.shape[0], p.shape[1], len(axes)
     for b in range(nb):
         for n in range(nn):
             for j in range(d):
@@ -105,9 +117,9 @@ def strained(p, R, arm, y):
 
 
 @njit(cache=True)
-def mean_strains(y0, y1, share, columns):
+def mean_strains(axes, y0, y1, share, columns):
     """share y_1 + (1 - share) y_0 of y (nb, nn, d) into the first nb columns."""
-    nb, nn, d = y0.shape
+    nb, nn, d = y0.shape[0], y0.shape[1], len(axes)
     for b in range(nb):
         for n in range(nn):
             for j in range(d):
@@ -115,10 +127,10 @@ def mean_strains(y0, y1, share, columns):
 
 
 @njit(cache=True)
-def add_strain_rates(v, first, weight, arm, p0, p1, R, inverse, J_inverse, factor, columns):
+def add_strain_rates(axes, v, first, weight, arm, p0, p1, R, inverse, J_inverse, factor, columns):
     """factor D v added to the first nb columns; v (n_dofs,), weight (nn,), arm X (nn, d), p x - c at both ends (nb, nn, d), R and its
     inverse (nb, d, d) of the mean."""
-    nb, nn, d = p0.shape
+    nb, nn, d = p0.shape[0], p0.shape[1], len(axes)
     centre, rate, q, m = np.zeros(d), np.zeros(3), np.zeros(3), np.zeros(3)
     for b in range(nb):
         centre[:] = 0.0
@@ -150,9 +162,9 @@ def add_strain_rates(v, first, weight, arm, p0, p1, R, inverse, J_inverse, facto
 
 
 @njit(cache=True)
-def mean_forces(columns, first, weight, arm, p0, p1, R, inverse, J_inverse, factor, x):
+def mean_forces(axes, columns, first, weight, arm, p0, p1, R, inverse, J_inverse, factor, x):
     """factor D^T f of the first nb columns f into x (n_dofs,); the other arguments as in `add_strain_rates`."""
-    nb, nn, d = p0.shape
+    nb, nn, d = p0.shape[0], p0.shape[1], len(axes)
     f, q, m = np.zeros(3), np.zeros(3), np.zeros(3)
     for b in range(nb):
         m[:] = 0.0
@@ -178,9 +190,9 @@ def mean_forces(columns, first, weight, arm, p0, p1, R, inverse, J_inverse, fact
 
 
 @njit(cache=True)
-def less_turned(columns, begin, first, Q, factor, x):
+def less_turned(axes, columns, begin, first, Q, factor, x):
     """factor Q_b y of the columns y from `begin` on taken from x (n_dofs,)."""
-    d = Q.shape[1]
+    d = len(axes)
     for b in range(len(first)):
         for k in range(0, len(columns), d):
             for i in range(d):
@@ -220,37 +232,37 @@ def means(R0, R1, A0, A1):
 
 
 @njit(cache=True)
-def columns_between(first, weight, arm, ends, share, rate, less):
+def columns_between(axes, first, weight, arm, ends, share, rate, less):
     """What K is multiplied by in `forces_between`, (nn d, nb), of a second term (nn d, 2 nb); and the three matrices of `means`."""
     R0, A0, p0, y0, R1, A1, p1, y1 = ends
     damping, v = rate
     twice, _, _, Q, x = less
-    nb, nn, d = p0.shape
+    nb, nn, d = p0.shape[0], p0.shape[1], len(axes)
     mean = means(R0, R1, A0, A1)
     columns = np.empty((nn * d, 2 * nb if twice else nb))
-    mean_strains(y0, y1, share, columns)
+    mean_strains(axes, y0, y1, share, columns)
     if damping != 0.0:
-        add_strain_rates(v, first, weight, arm, p0, p1, mean[0], mean[1], mean[2], damping, columns)
+        add_strain_rates(axes, v, first, weight, arm, p0, p1, mean[0], mean[1], mean[2], damping, columns)
     if twice:
-        turned_back(x, first, Q, np.ones(nn * d, dtype=np.bool_), columns, nb)
+        turned_back(axes, x, first, Q, np.ones(nn * d, dtype=np.bool_), columns, nb)
     return columns, mean
 
 
 @njit(cache=True)
-def forces_of(products, mean, first, weight, arm, ends, less, into):
+def forces_of(axes, products, mean, first, weight, arm, ends, less, into):
     """The forces of `forces_between` from K times its columns."""
     twice, w, s, Q, _ = less
-    mean_forces(products, first, weight, arm, ends[2], ends[6], mean[0], mean[1], mean[2], w, into)
+    mean_forces(axes, products, first, weight, arm, ends[2], ends[6], mean[0], mean[1], mean[2], w, into)
     if twice:
-        less_turned(products, len(first), first, Q, s, into)
+        less_turned(axes, products, len(first), first, Q, s, into)
 
 
 @njit(cache=True)
-def forces_between(first, weight, arm, ends, share, rate, K, less, into):
+def forces_between(axes, first, weight, arm, ends, share, rate, K, less, into):
     """w D^T K (share y_1 + (1 - share) y_0 + damping D v) - s T K T^T x of each body into a vector (n_dofs,); K is read once.
 
     ends: R, A, p, y at both; rate: damping and v (n_dofs,), damping 0: none; K: indptr, indices and blocks of its rows; less: whether
     there is a second term, and w, s, Q (nb, d, d) and x (n_dofs,) of it.
     """
-    columns, mean = columns_between(first, weight, arm, ends, share, rate, less)
-    forces_of(block_product(K[0], K[1], K[2], columns), mean, first, weight, arm, ends, less, into)
+    columns, mean = columns_between(axes, first, weight, arm, ends, share, rate, less)
+    forces_of(axes, block_product(K[0], K[1], K[2], columns), mean, first, weight, arm, ends, less, into)

@@ -79,6 +79,10 @@ class FloatingGroup:
     def dimension(self) -> int:
         return self.arm.shape[1]
 
+    @cached_property
+    def _axes(self) -> tuple[int, ...]:
+        return tuple(range(self.dimension))
+
     def displacement(self, x: FloatArray) -> FloatArray:
         """The group's nodes' share (nb, nn, d) of a vector on all dofs."""
         return x[self.group.dofs].reshape(-1, *self.arm.shape)
@@ -87,9 +91,9 @@ class FloatingGroup:
         """The frames at the displacements x (n_dofs,) [m]."""
         group, shape = self.group, (len(self.group.first), *self.arm.shape)
         arm, y, spread = np.empty(shape), np.empty(shape), np.empty((shape[0], shape[2], shape[2]))
-        spread_arms(x, group.first, self.weight, self.arm, arm, spread)
+        spread_arms(self._axes, x, group.first, self.weight, self.arm, arm, spread)
         R = polar_rotation(spread)
-        strained(arm, R, self.arm, y)
+        strained(self._axes, arm, R, self.arm, y)
         return Frames(R, spread, arm, y)
 
     def force(
@@ -105,18 +109,18 @@ class FloatingGroup:
             second = (True, less.weight, less.factor, less.Q[group.members], less.x)
         body, pair = (group.first, self.weight, self.arm), tuple(given)
         if not isinstance(group.K, RowsOverRanks):
-            forces_between(*body, pair, share, rate, self._K, second, into)
+            forces_between(self._axes, *body, pair, share, rate, self._K, second, into)
             return
-        columns, mean = columns_between(*body, pair, share, rate, second)
-        forces_of(group.K @ columns, mean, *body, pair, second, into)
+        columns, mean = columns_between(self._axes, *body, pair, share, rate, second)
+        forces_of(self._axes, group.K @ columns, mean, *body, pair, second, into)
 
     def turned_stiffness(self, Q: FloatArray, x: FloatArray, into: FloatArray) -> None:
         """T K T^T x with the rotation Q (n_deformable, d, d) of each body's nodes in T, x (n_dofs,), into a vector (n_dofs,)."""
         group = self.group
         columns, own = np.empty((group.size, len(group.first))), Q[group.members]
-        turned_back(x, group.first, own, self._all, columns, 0)
+        turned_back(self._axes, x, group.first, own, self._all, columns, 0)
         products = group.K @ columns if isinstance(group.K, RowsOverRanks) else block_product(*self._K, columns)
-        turned_forth(products, group.first, own, self._all, into)
+        turned_forth(self._axes, products, group.first, own, self._all, into)
 
     @cached_property
     def _K(self) -> tuple[IntArray, IntArray, FloatArray]:

@@ -15,7 +15,8 @@ from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.shares.shares import Shares
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
-from fcsim.linear.factors import Factor, SingularMatrix, factorise
+from fcsim.linear.block_factors.tridiagonal import factorise_body, find_layers
+from fcsim.linear.factors import Factor, SingularMatrix
 from fcsim.linear.over_ranks.mumps import MumpsOverRanks
 from fcsim.linear.over_ranks.rows import RowsOverRanks, whole
 from fcsim.linear.singularity import refuse_singular
@@ -46,7 +47,11 @@ class GroupFactor:
         group, mass = self._group, self._factors[0]
         block = self._block()
         try:
-            factor: Factor = MumpsOverRanks(block) if isinstance(block, RowsOverRanks) else factorise(block, positive_definite=True)
+            factor: Factor
+            if isinstance(block, RowsOverRanks):
+                factor = MumpsOverRanks(block)
+            else:
+                factor = factorise_body(block, find_layers(block, group.places[self.free]))
             if len(self.free):
                 refuse_singular(block, factor)
         except SingularMatrix as error:
@@ -115,9 +120,9 @@ class GroupFactor:
             return
         Q = rotation[self.members]
         if self._axes is None:
-            columns = np.empty(dofs.shape[::-1])
-            turned_back(rhs, self.first, Q, self._is_free, columns, 0)
-            turned_forth(self.factor.solve(columns), self.first, Q, self._is_free, x)
+            columns, axes = np.empty(dofs.shape[::-1]), tuple(range(Q.shape[-1]))
+            turned_back(axes, rhs, self.first, Q, self._is_free, columns, 0)
+            turned_forth(axes, self.factor.solve(columns), self.first, Q, self._is_free, x)
             return
         own = np.zeros(self.dofs.shape)
         own[:, self.free] = rhs[dofs]

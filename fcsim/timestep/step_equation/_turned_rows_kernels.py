@@ -8,42 +8,41 @@ from numba import njit
 
 
 @njit(cache=True)
-def turned_rows(indptr, indices, data, body, rotation):
+def turned_rows(axes, indptr, indices, data, body, rotation):
     """T^T H for H by columns with sorted row numbers, where T turns the d rows of node k by rotation[body[k]] (d, d).
 
     body: of the first nodes, all of one size d; rows of what follows them stay as they are. Columns get all d rows of a node that they
-    touch. Returns indptr, indices, data.
+    touch. axes: range(d) as a tuple, whose length the compiler knows. Returns indptr, indices, data.
     """
-    d, columns = rotation.shape[1], len(indptr) - 1
+    d, columns = len(axes), len(indptr) - 1
     elastic = d * len(body)
     count = 0
     starts = np.zeros(columns + 1, dtype=indptr.dtype)
     for c in range(columns):
-        last = -1
+        last = -d
         for e in range(indptr[c], indptr[c + 1]):
             if indices[e] >= elastic:
                 count += 1
-            elif indices[e] // d != last:
-                last = indices[e] // d
+            elif not last <= indices[e] < last + d:  # another node; a division would take as long as all else
+                last = indices[e] - indices[e] % d
                 count += d
         starts[c + 1] = count
     rows, values = np.empty(count, dtype=indices.dtype), np.zeros(count)
     at = 0
     for c in range(columns):
-        last, first = -1, 0
+        last, first, b = -d, 0, 0
         for e in range(indptr[c], indptr[c + 1]):
-            row = indices[e]
+            row, value = indices[e], data[e]
             if row >= elastic:
-                rows[at], values[at] = row, data[e]
+                rows[at], values[at] = row, value
                 at += 1
                 continue
-            node, component = row // d, row % d
-            if node != last:
-                last, first = node, at
+            if not last <= row < last + d:
+                last, first = row - row % d, at
+                b = body[last // d]
                 for i in range(d):
-                    rows[at] = d * node + i
-                    at += 1
-            R = rotation[body[node]]
+                    rows[at + i] = last + i
+                at += d
             for i in range(d):
-                values[first + i] += R[component, i] * data[e]
+                values[first + i] += rotation[b, row - last, i] * value
     return starts, rows, values

@@ -259,7 +259,7 @@ class StepCompliance:
         if not H.has_sorted_indices:
             H = H.sorted_indices()
         body = np.repeat(np.arange(len(sizes)), sizes)
-        indptr, indices, data = turned_rows(H.indptr, H.indices, H.data, body, self.factor.rotation)
+        indptr, indices, data = turned_rows(tuple(range(model.dimension)), H.indptr, H.indices, H.data, body, self.factor.rotation)
         turned = sp.csc_array((data, indices, indptr), shape=H.shape)
         return turned if axes is None else sp.csc_array(axes @ turned)
 

@@ -14,6 +14,7 @@ from fcsim.assembly.shares import group_factor
 from fcsim.assembly.supports import Support
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear
+from fcsim.linear.block_factors.tridiagonal import Layers
 from fcsim.linear.factors import Factor
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.material import Material
@@ -129,13 +130,13 @@ def test_no_contacts(grid_part: GridPart) -> None:
 
 def test_equal_bodies_share_one_factor(grid_part: GridPart, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes = []
-    original = group_factor.factorise
+    original = group_factor.factorise_body
 
-    def counted(A: sp.csr_array, **options: bool) -> Factor:
+    def counted(A: sp.csr_array, layers: Layers | None) -> Factor:
         sizes.append(A.shape[0])
-        return original(A, **options)
+        return original(A, layers)
 
-    monkeypatch.setattr(group_factor, "factorise", counted)
+    monkeypatch.setattr(group_factor, "factorise_body", counted)
     part = grid_part("hexahedron", (1, 1, 1), (1, 1, 1), SOFT)
     bodies = [Body(f"b{k}", part, translation=np.array([2.0 * k, 0, 0])) for k in range(6)]
     SystemFactor(build_model(bodies, supports=[Support("b3", ("x", "y", "z"), "z0")]), 1.0, 1.0, np.arange(8))
