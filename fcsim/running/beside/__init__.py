@@ -1,0 +1,1 @@
+"""What writes the files of a run beside its steps."""
