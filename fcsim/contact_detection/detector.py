@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.brief import brief
+from fcsim.contact_detection.concave.valleys import InValleys
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.integral.mortar import FaceMortar, Mortar
 from fcsim.contact_detection.integral.segment_points import SegmentPoints
@@ -60,7 +62,7 @@ class Detector:
     n_nodes: int
     edge_tolerance: float = 1e-2
     penetration: float = 0.5
-    methods: tuple[NodeToSegment | SegmentPoints | Mortar, ...] = field(init=False, repr=False)
+    methods: tuple[Method | InValleys, ...] = field(init=False, repr=False)
     numbers: tuple[IntArray, ...] = field(init=False, repr=False)
     first_identity: IntArray = field(init=False, repr=False)
 
@@ -89,6 +91,17 @@ class Detector:
         first = np.concatenate([[0], np.cumsum(identities)[:-1]])
         for name, value in (("pairs", pairs), ("methods", tuple(methods)), ("numbers", tuple(numbers)), ("first_identity", first)):
             object.__setattr__(self, name, value)
+
+    @cached_property
+    def in_valleys(self) -> Detector | None:
+        """The same detector with a contact for each facet of a valley that a point is in, see `valleys`; None where no pair has facets'
+        own normals. Of identities both give the same contact the same one."""
+        if all(type(method) is not NodeToSegment for method in self.methods):
+            return None
+        with_valleys = tuple(InValleys(method) if type(method) is NodeToSegment else method for method in self.methods)
+        other = copy(self)
+        object.__setattr__(other, "methods", with_valleys)
+        return other
 
     @property
     def dimension(self) -> int:
@@ -144,9 +157,10 @@ class Detector:
             contacts, pair = method.at(x)
             pair_of_contact.append(numbers[pair])
             found.append(replace(contacts, identity=contacts.identity + self.first_identity[numbers[pair]]))
-        if len(found) == 1:
+        if len(found) == 1 and not isinstance(self.methods[0], InValleys):
             return found[0]
-        return join(found).take(np.argsort(np.concatenate(pair_of_contact), kind="stable"))
+        together = join(found)
+        return together.take(np.lexsort((together.identity, np.concatenate(pair_of_contact))))
 
     def _checked(self, positions: FloatArray) -> FloatArray:
         x = np.asarray(positions, dtype=np.float64)

@@ -21,6 +21,9 @@ from fcsim.contact_detection.surfaces.verlet_list import VerletList
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
 
+VALLEY = 3
+"""How many contacts a candidate may have with one body where that is asked for, see `valleys`."""
+
 
 class Configuration(NamedTuple):
     """Candidates (point, outward direction, size of their facets) and master facets at the given positions (n_nodes, d) [m]."""
@@ -69,7 +72,7 @@ class NodeToSegment:
         self.known = known_facets(self.slaves, self.masters)
         self._node = np.where((self.candidates.nodes >= 0).sum(axis=1) == 1, self.candidates.nodes[:, 0], -1)
         self._n_bodies = 1 + int(self.masters.bodies.max(initial=0))
-        self.identities = np.array(counts) * self._n_bodies
+        self.identities = np.array(counts) * self._n_bodies * VALLEY
 
     def at(self, x: FloatArray) -> tuple[Contacts, IntArray]:
         """Contacts at positions x (n_nodes, d) [m], and their pairs."""
@@ -78,8 +81,15 @@ class NodeToSegment:
 
     def contacts(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[Contacts, IntArray]:
         """Contacts among the possible pairs, sorted by (pair, candidate, master body), and their pairs."""
-        feet = self._truly(now, self._once_per_body(now, *self._plausible(now, candidate, facet)))
-        feet = self._once_per_place(now, feet)
+        return self.of_feet(self.feet(now, candidate, facet))
+
+    def feet(self, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
+        """The feet of the contacts among the possible pairs, sorted by `number`."""
+        feet = self._truly(now, self._once_per_body(now, *self.plausible(now, candidate, facet)))
+        return self._once_per_place(now, feet)
+
+    def of_feet(self, feet: Feet) -> tuple[Contacts, IntArray]:
+        """The contacts of feet that are sorted by `number`, those of one number in a row, and their pairs."""
         return self._contacts(feet), self.pair_of_candidate[feet.candidate]
 
     def configuration(self, x: FloatArray) -> Configuration:
@@ -109,7 +119,7 @@ class NodeToSegment:
     def _alert(self, candidate: IntArray) -> FloatArray:
         return np.array([pair.alert for pair in self.pairs])[self.pair_of_candidate[candidate]]
 
-    def _plausible(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[IntArray, IntArray]:
+    def plausible(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[IntArray, IntArray]:
         """Pairs that face each other with the point above or just beside the facet: few are left to project."""
         facing = np.einsum("nd,nd->n", now.outward[candidate], now.master.normal[facet]) < OPPOSING
         candidate, facet = candidate[facing], facet[facing]
@@ -124,7 +134,8 @@ class NodeToSegment:
         keep &= aside <= now.master.radius[facet] + alert + np.maximum(-height, 0.0) + 2 * slack
         return candidate[keep], facet[keep]
 
-    def _feet(self, now: Configuration, candidate: IntArray, facet: IntArray, weights: FloatArray, normal: FloatArray) -> Feet:
+    def at_weights(self, now: Configuration, candidate: IntArray, facet: IntArray, weights: FloatArray, normal: FloatArray) -> Feet:
+        """The feet (n,) at shape functions weights (n, k) of the facets, along unit normals (n, d)."""
         foot = np.einsum("nk,nkd->nd", weights, now.master.corners[facet])
         arm = now.point[candidate] - foot
         gap, distance = np.einsum("nd,nd->n", arm, normal), np.sqrt(np.einsum("nd,nd->n", arm, arm))
@@ -135,12 +146,12 @@ class NodeToSegment:
         """The nearest foot of each candidate on each master body, sorted by (candidate, body)."""
         triangle = self.masters.nodes[facet, -1] < 0
         weights, normal, inside = project_on_facets(now.point[candidate], now.master.corners[facet], triangle)
-        feet = self._feet(now, candidate, facet, weights, normal)
+        feet = self.at_weights(now, candidate, facet, weights, normal)
         if not inside.all():
             on_edges = self._on_edges(now, feet.take(~inside))
             feet = Feet._make(np.concatenate(both) for both in zip(feet.take(inside), on_edges, strict=True))
         facing = np.einsum("nd,nd->n", now.outward[feet.candidate], feet.normal) < OPPOSING
-        feet = feet.take(facing & (feet.gap <= self._alert(feet.candidate)) & (feet.gap >= -self.penetration * feet.scale))
+        feet = feet.take(facing & self.within(feet))
         return feet.take(self._nearest_by_body(now, feet))
 
     def _on_edges(self, now: Configuration, feet: Feet) -> Feet:
@@ -154,7 +165,7 @@ class NodeToSegment:
             topology.interior_vertex[feet.facet],
             tolerance,
         )
-        feet = self._feet(now, feet.candidate, feet.facet, found.weights, feet.normal)
+        feet = self.at_weights(now, feet.candidate, feet.facet, found.weights, feet.normal)
         aside = point - feet.point - feet.gap[:, None] * feet.normal
         accepted = found.interior | (np.einsum("nd,nd->n", aside, aside) <= (tolerance + ROUND * feet.scale) ** 2)
         # the nearest edge decides: behind the outer boundary of a body are other edges, inside its surface
@@ -182,13 +193,18 @@ class NodeToSegment:
         drop |= came_another_way(now.point[feet.candidate], body, feet.gap, feet.normal, feet.scale, self.known, now.positions)
         return feet.take(~drop) if drop.any() else feet
 
-    def _identity(self, feet: Feet) -> IntArray:
+    def within(self, feet: Feet) -> BoolArray:
+        """Whether gaps (n,) are those of contacts."""
+        return (feet.gap <= self._alert(feet.candidate)) & (feet.gap >= -self.penetration * feet.scale)
+
+    def number(self, feet: Feet) -> IntArray:
+        """A number for each candidate and master body."""
         return feet.candidate * self._n_bodies + self.masters.bodies[feet.facet]
 
     def _nearest_by_body(self, now: Configuration, feet: Feet, last: BoolArray | None = None) -> IntArray:
         """Row of the nearest foot for each (candidate, body), sorted by these; of equal ones the first facet; those marked `last` only
         where there is no other."""
-        identity = self._identity(feet)
+        identity = self.number(feet)
         rounded = np.round(feet.distance / (ROUND * now.size[feet.candidate]))
         order = np.lexsort((feet.facet, rounded, identity) if last is None else (feet.facet, rounded, last, identity))
         identity = identity[order]
@@ -215,15 +231,17 @@ class NodeToSegment:
         return feet.take(np.sort(order[~drop]))
 
     def _contacts(self, feet: Feet) -> Contacts:
-        candidate, master = feet.candidate, self.masters.nodes[feet.facet]
+        candidate, master, number = feet.candidate, self.masters.nodes[feet.facet], self.number(feet)
+        first, pair = self._first * self._n_bodies, self.pair_of_candidate[candidate]
+        again = np.arange(len(number)) - np.searchsorted(number, number)  # in a valley
         mu = np.array([pair.mu for pair in self.pairs])
         return Contacts(
             point=feet.point,
             frame=frames(feet.normal),
             gap=feet.gap,
-            mu=mu[self.pair_of_candidate[candidate]],
+            mu=mu[pair],
             nodes=np.concatenate([self.candidates.nodes[candidate], master], axis=1),
             weights=np.concatenate([self.candidates.weights[candidate], -feet.weights], axis=1),
             bodies=np.stack([self.candidates.bodies[candidate], self.masters.bodies[feet.facet]], axis=1),
-            identity=self._identity(feet) - self._first[self.pair_of_candidate[candidate]] * self._n_bodies,
+            identity=number - first[pair] + again * np.diff(first)[pair],
         )

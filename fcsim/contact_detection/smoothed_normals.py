@@ -117,7 +117,7 @@ class SmoothedNodeToSegment(NodeToSegment):
             those = sides == k
             found = project_along_normals(points[those], corners[those, :k], normals[those, :k])
             weights[those, :k], normal[those], outside[those] = found
-        feet = self._feet(now, candidate, facet, weights, normal)
+        feet = self.at_weights(now, candidate, facet, weights, normal)
         keep = outside <= (self.edge_tolerance + ROUND) * feet.scale
         keep &= np.einsum("nd,nd->n", now.outward[candidate], normal) < OPPOSING
         keep &= (feet.gap <= self._alert(candidate)) & (feet.gap >= -self.penetration * feet.scale)

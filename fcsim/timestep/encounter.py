@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
-from fcsim.contact_detection import Detection, contact_matrix
+from fcsim.contact_detection import Detection, Detector, contact_matrix
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.skin.boundary import joined_by_facets
 from fcsim.contact_law.coulomb import Gap
@@ -149,11 +149,19 @@ class Encounter:
 @dataclass(frozen=True, eq=False)
 class Anew:
     """How contacts are found at the iterates of a step of statics: met, at v (n_dofs,) and with others that are met on the way, under their
-    law; detection: the bare ones, of the model's bodies."""
+    law; detection: the bare ones, of the model's bodies; of: met with the contacts of a detection."""
 
-    met: Callable[[FloatArray, Contacts | None], Encounter]
+    of: Callable[[Detection, FloatArray, Contacts | None], Encounter]
     detection: Detection
     model: Model
+
+    def met(self, v: FloatArray, more: Contacts | None) -> Encounter:
+        return self.of(self.detection, v, more)
+
+    def in_valleys(self) -> Anew:
+        """The same where points in valleys have a contact for each of the facets, see `Detector.in_valleys`."""
+        other = self.detection.in_valleys if isinstance(self.detection, Detector) else None
+        return self if other is None else replace(self, detection=other)
 
     @cached_property
     def joined(self) -> sp.csr_array:

@@ -273,7 +273,7 @@ class Simulation:
             return None
         model, state, trial = self.model, start.state, equation.met.meeting.trial
         known = partial(met_on_the_way, proportions=self._proportions, variables=start.variables, trial=trial)
-        return Anew(partial(known, model, self.detector, equation.scheme, state), self.detector, model)
+        return Anew(lambda by, v, more: known(model, by, equation.scheme, state, v, more), self.detector, model)
 
     def _part(
         self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]

@@ -47,6 +47,8 @@ class Everything:
 
     curved    names of bodies whose facets stand for a curved surface: normals are interpolated between those that meet at less than 45
               degrees, see `smoothing`; on deformable bodies that are not named, at less than 20 degrees
+    smooth    False: bodies that `curved` does not name keep their facets' own normals, deformable ones too, whose sliding along a facet
+              does no work then
 
     Every body's whole closed surface takes part: the boundary of a deformable body's cells, all surfaces of a rigid one. Contacts are
     vertices on facets (both ways) and crossing edges, which together are the corners of flat patches, with the faces' normals; see
@@ -61,6 +63,7 @@ class Everything:
     alert: float | None = None
     exclude: Iterable[tuple[str, str]] = ()
     curved: Iterable[str] = ()
+    smooth: bool = True
     skin: Skin = field(init=False, repr=False)
     lengths: Lengths = field(init=False, repr=False)
     friction: FrictionTable = field(init=False, repr=False)
@@ -82,6 +85,8 @@ class Everything:
         exclude = excluded_pairs("Everything", model, self.exclude)
         if isinstance(self.curved, str):
             raise InputError(f"Everything, curved: expected several names of bodies, got {self.curved!r}: write [{self.curved!r}]")
+        if not isinstance(self.smooth, bool):
+            raise InputError(f"Everything, smooth: expected True or False, got {self.smooth!r}")
         named = np.isin(np.arange(len(names)), [model.body_number(name) for name in self.curved])
         excluded = np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64)
         reference = shape_of(skin, model.reference)
@@ -95,7 +100,7 @@ class Everything:
             "excluded": excluded,
             "folding": folding[movable[folding] & ~np.isin(folding * (len(names) + 1), excluded)],
             "_reference": reference,
-            "_curved": named | np.array([isinstance(body, Body) for body in model.bodies]),
+            "_curved": named | np.array([self.smooth and isinstance(body, Body) for body in model.bodies]),
             "_patch": np.where(named[skin.facet_body], skin.side, skin.patch),
         }
         for name, value in values.items():

@@ -41,12 +41,13 @@ from fcsim.timestep.step import Attempt, Linearised
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term, stiffened
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
+from fcsim.timestep.step_equation.loops.going_round import goes_round
 from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor
 from fcsim.timestep.step_equation.loops.lost_contacts import lost
 from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
 from fcsim.timestep.step_equation.sequence import longest_flight
-from fcsim.timestep.step_equation.tangent import sticking, tangent_by_differences, tangent_by_formulas
+from fcsim.timestep.step_equation.tangent import made_positive, tangent_by_differences, tangent_by_formulas
 from fcsim.timestep.warm_start import carried, carried_in_space, warm_start
 
 TOLERANCE = 1e-9
@@ -57,9 +58,6 @@ STANDS = 50.0
 
 KEPT = 1e-5
 """A body's system matrix serves on while no entry differs by more than this share of the largest."""
-
-HELD = 30.0
-"""Stiffness that is given to pressed contacts, of the largest entry of their geometric stiffness."""
 
 MAX_ITERATIONS = 40
 
@@ -89,8 +87,8 @@ def solve_nonlinear(
     """
     newton = _Newton(equation, settings, extent, attempts, clock, anew)
     answer, after = newton.solve(past)
-    if answer is None and anew is not None and len(newton.done) >= MAX_ITERATIONS:
-        return _Newton(equation, settings, extent, attempts, clock, anew, in_space=True).solve(past)
+    if answer is None and anew is not None and newton.done:
+        return _Newton(equation, settings, extent, attempts, clock, anew.in_valleys(), in_space=True).solve(past)
     return answer, after
 
 
@@ -107,7 +105,7 @@ class _Newton:
         in_space: bool = False,
     ) -> None:
         """in_space: whether trials are measured with the contacts of their problem, and reactions go on as vectors in space: at the kink
-        between two facets, whose own normals a node has in turns, its reaction lies between them."""
+        between two facets its reaction lies between their normals, and which of them has how much of it may change."""
         self.equation, self.settings, self.extent, self.in_space = equation, settings, extent, in_space
         self.attempts, self.clock, self.anew = attempts, clock, anew
         self.inner = InnerTerm(equation.scheme, equation.model, equation.state)
@@ -115,6 +113,7 @@ class _Newton:
         self.done: list[Linearised] = []
         self.start: FloatArray | None = None
         self.passed: Contacts | None = None
+        self.sizes: list[float] = []
 
     def solve(self, past: Past) -> tuple[Answer | None, Past]:
         """See `solve_nonlinear`; long because it is one iteration from its matrix to its verdict."""
@@ -179,6 +178,9 @@ class _Newton:
             at_rest = self.anew is None or settled(equation.met, met, new.v, result.r)
             self.clock.lap("detection" if self.anew is not None else "assembly")
             self._note(problem, result, warm, new, length, factor, share)
+            self.sizes.append(new.residual)
+            if self.anew is not None and not self.in_space and goes_round(self.sizes, self.anew, new.v):
+                break
             if length == 1 and new.residual <= 1 and at_rest and result.error <= tol and self._stands(equation, new, result):
                 if not tried:
                     self.attempts.append(looped_attempt(result, len(self.done), equation.share, tol))
@@ -217,7 +219,8 @@ class _Newton:
 
     def _ways(self, equation: Equation, now: Iterate) -> Iterator[tuple[Equation, FloatArray | float, SolverSettings]]:
         """The equation with B and E by differences, for one method that is quick to say whether it arrives; then with B by formulas for the
-        whole chain. Of a body that hardly anything holds W has rank one but for round-off, and E leaves nothing that has a solution.
+        whole chain; where B costs the matrix its positive definiteness first for the same method, then without B. Of a body that hardly
+        anything holds W has rank one but for round-off, and E leaves nothing that has a solution.
 
         Where mass alone holds bodies the loads that follow them have their tangent only if the contacts that press hold them, g H_a of
         `_bent`: forces that change with a body's shape, and push what next to nothing holds, leave W without monotony."""
@@ -230,16 +233,19 @@ class _Newton:
         by_differences, pushed = self._bent(equation, now, beside, differences=True)
         if by_differences.slanted is not None:
             yield by_differences, pushed, replace(self.settings, name=SLANTED, options={}, fallback=())
-        yield *self._bent(equation, now, beside, differences=False), self.settings
+        by_formulas, pushed = self._bent(equation, now, beside, differences=False)
+        if by_formulas.bent is not None and not by_formulas.of_bodies.positive:
+            yield by_formulas, pushed, replace(self.settings, name=SLANTED, options={}, fallback=())
+            by_formulas, pushed = self._bent(equation, now, beside, differences=False, monotone=True)
+        yield by_formulas, pushed, self.settings
 
     def _bent(
-        self, equation: Equation, now: Iterate, beside: sp.csr_array | None, *, differences: bool
+        self, equation: Equation, now: Iterate, beside: sp.csr_array | None, *, differences: bool, monotone: bool = False
     ) -> tuple[Equation, FloatArray | float]:
         """The equation with the geometric stiffness B of its contacts under the iterate's reactions, with what pressures have beside the
         factors, and what both add to the right side; in statics only, since contacts stay those of the step in dynamics.
 
-        Where B costs the matrix its positive definiteness, g H_a (H_a^T v + w_a) is added for the rows a of contacts that press or stick,
-        and nothing changes where they go on doing so; where that does not do either, B is left out."""
+        See `made_positive`; where nothing makes the matrix positive definite, B is left out if it is to be `monotone`."""
         met, pushed = equation.met, 0.0
         if beside is not None:
             equation, pushed = replace(equation, bent=beside), beside @ now.v
@@ -252,17 +258,10 @@ class _Newton:
         equation = replace(equation, slanted=slanted)
         if slanted is not None and not self.in_space:  # a method of Newton's asks for no monotony
             return replace(equation, bent=bent), bent @ now.v
-        r = now.r.reshape(-1, met.rows)
-        kept = np.repeat(sticking(met.contacts.mu, r)[:, None], met.rows, axis=1)
-        kept[:, 0] = r[:, 0] > 0
-        pressed = np.flatnonzero(kept)
-        normal = met.scaled_H[:, pressed]
-        for held in (0.0, HELD * largest):
-            bending = replace(equation, bent=bent + held * (normal @ normal.T), slanted=None) if held else replace(equation, bent=bent)
-            own = bending.of_bodies
-            if own.bent is not None and bending.bent is not None and own.positive:
-                return bending, bending.bent @ now.v - held * (normal @ (normal.T @ now.v + met.w[pressed])) if held else bent @ now.v
-        return replace(equation, slanted=None), pushed
+        positive = made_positive(equation, bent, now.v, now.r, largest)
+        if positive is None and not monotone:
+            return replace(equation, bent=bent, slanted=None), bent @ now.v
+        return positive or (replace(equation, slanted=None), pushed)
 
     def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray, push: FloatArray | float) -> FloatArray:
         """R(v, r) (n_dofs,), of the forces G l of links too, zero at driven dofs."""

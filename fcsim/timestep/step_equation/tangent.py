@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -13,6 +15,9 @@ from fcsim.timestep.step_equation.equation import Equation
 
 STICKS = 1e-3
 """By how much less than its limit the friction of a contact that sticks is."""
+
+HELD = (30.0, 300.0, 3000.0)
+"""Stiffness that is given to pressed contacts, of the largest entry of their geometric stiffness: the first that serves is taken."""
 
 type Tangent = tuple[sp.csr_array | None, tuple[sp.csr_array, FloatArray] | None]
 """B (n_dofs, n_dofs), None where there is none; E of the pressed contacts with the velocity there, None where gaps close along normals."""
@@ -51,6 +56,27 @@ def sticking(mu: FloatArray, r: FloatArray) -> BoolArray:
     """Which contacts press and stick, by their reactions r (nc, rows)."""
     stick: BoolArray = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKS) * mu * r[:, 0]
     return stick
+
+
+def made_positive(
+    equation: Equation, bent: sp.csr_array, v: FloatArray, r: FloatArray, largest: float
+) -> tuple[Equation, FloatArray] | None:
+    """The equation with B = bent, and with g H_a (H_a^T v + w_a) for the rows a of contacts that press or stick by r (m,) where B alone
+    costs A + B its positive definiteness, and what B and that add to the right side (n_dofs,); None where neither is positive.
+
+    v (n_dofs,): of the iterate; largest [N/m]: entry of the geometric stiffness, of which g is `HELD`."""
+    met = equation.met
+    of_contact = r.reshape(-1, met.rows)
+    kept = np.repeat(sticking(met.contacts.mu, of_contact)[:, None], met.rows, axis=1)
+    kept[:, 0] = of_contact[:, 0] > 0
+    pressed = np.flatnonzero(kept)
+    normal = met.scaled_H[:, pressed]
+    for held in (0.0, *(times * largest for times in HELD)):
+        bending = replace(equation, bent=bent + held * (normal @ normal.T), slanted=None) if held else replace(equation, bent=bent)
+        own = bending.of_bodies
+        if own.bent is not None and bending.bent is not None and own.positive:
+            return bending, bending.bent @ v - held * (normal @ (normal.T @ v + met.w[pressed])) if held else bent @ v
+    return None
 
 
 def _sticks_in_the_plane(mu: FloatArray, r: FloatArray) -> bool:

@@ -80,12 +80,13 @@ def test_B11_ring_under_a_plate() -> None:
 
 
 @pytest.mark.slow
-def test_D7_two_rubber_rings_strike_each_other() -> None:
+@pytest.mark.parametrize(("smooth", "given"), [(True, 2e-3), (False, 1e-3)])
+def test_D7_two_rubber_rings_strike_each_other(smooth: bool, given: float) -> None:
     """Two rings of rubber, 1 m and 0.7 m in radius, thrown at each other with 10 m/s each and 0.6 m beside their middles; no published
     numbers: momentum is kept to round-off, the balance of energy closes, energy rises in no step by more than the error of forces at
     mean strains (found: 6.2e-4) and what contacts give (found: 1.3e-3 in one step), since interpolated normals lean on the facets along
-    which nodes slide (docs/references.md), and the moment of momentum is kept as far as contacts that are found ahead of time act across
-    their gaps."""
+    which nodes slide (docs/references.md; facets' own: 8e-5), and the moment of momentum is kept as far as contacts that are found ahead
+    of time act across their gaps."""
     ring = annulus(0.7, 1.0, 2, 32, neo_hooke(1e6, 0.4, 1000.0), 1.0, "Q1-bbar")
     model = build_model([Body("left", ring), Body("right", ring, translation=(2.1, 0.6))])
     v = np.zeros((model.n_nodes, 2))
@@ -101,14 +102,21 @@ def test_D7_two_rubber_rings_strike_each_other() -> None:
     assert_allclose([turning, kinetic], [mass * 10.0 * 0.6, mass * 100.0], rtol=1e-9)
     touched, energy = 0, kinetic
     run = Simulation(
-        model, Everything(model, 0.0), Theta(2e-3, 0.5), 120, SolverSettings(tol=1e-10), initial=start, limits=ANY, witness=None
+        model,
+        Everything(model, 0.0, smooth=smooth),
+        Theta(2e-3, 0.5),
+        120,
+        SolverSettings(tol=1e-10),
+        initial=start,
+        limits=ANY,
+        witness=None,
     )
     for step in run:
         momentum, moment, _ = moments(step.state)
         assert np.abs(momentum).max() < 1e-9 * mass * 10.0
         assert abs(moment / turning - 1) < 2e-3
         assert step.energy.numerical_dissipation > -1e-3 * kinetic
-        assert step.energy.contact_gain < 2e-3 * kinetic
+        assert step.energy.contact_gain < given * kinetic
         assert abs(step.energy.residual) < 1e-8 * kinetic
         touched += np.abs(step.reaction).max(initial=0.0) > 0
         energy = step.energy.kinetic + step.energy.elastic

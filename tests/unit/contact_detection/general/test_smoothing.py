@@ -78,6 +78,9 @@ def test_a_curved_deformable_body_is_smoothed_by_itself_and_its_ends_are_not() -
     assert on_side.sum() >= 4
     radial = found.point[on_side] * [1, 1, 0]
     assert_allclose(normal[on_side], radial / np.linalg.norm(radial, axis=1)[:, None], atol=1e-6)
+    own = Everything(model, 0.5, alert=1e-4, smooth=False)(model.reference)
+    angle = np.degrees(np.arctan2(own.frame[:, 0, 1], own.frame[:, 0, 0]))[on_side]
+    assert_allclose(angle % 15.0, 7.5, atol=1e-6)  # of sides of 15 degrees, in their middles
 
 
 def test_flat_faces_and_real_edges_stay() -> None:
@@ -110,3 +113,8 @@ def test_a_node_above_a_joint_of_two_bodies_is_held_by_one_or_both(kind: str, as
     assert_allclose(found.gap, 1e-6, atol=1e-12)
     places = np.unique(np.round(found.point[:, :2] - [aside, 0], 6), axis=0)
     assert {tuple(place) for place in places} >= {(x, y) for x in (-0.1, 0.0, 0.1, 0.2, 0.3) for y in (-0.1, 0.1)}
+
+
+def test_smooth_is_a_switch() -> None:
+    with pytest.raises(InputError, match="smooth: expected True or False, got 'no'"):
+        Everything(build_model([drum(9), tip()]), 0.5, smooth="no")  # type: ignore[arg-type]

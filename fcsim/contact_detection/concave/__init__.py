@@ -1,0 +1,1 @@
+"""Surfaces that are concave: points that more than one facet holds."""
