@@ -14,13 +14,10 @@ import os
 import threading
 from collections.abc import Callable, Sequence
 from functools import cache
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 
 from fcsim.runtime import threads
 from fcsim.threads.pieces import PIECES
-
-LOOKS = 2e-4
-"""[s] for which who waits for a task waits for something else to do, before looking whether the task is done."""
 
 
 class _Work[T]:
@@ -60,19 +57,14 @@ class _Work[T]:
             if self._closed and not self._helpers:
                 self._done.release()
 
-    def wait(self, meanwhile: Callable[[], None] | None = None) -> None:
-        """Return when nobody is at work on it any more; meanwhile: done again and again until then."""
+    def wait(self) -> None:
+        """Return when nobody is at work on it any more."""
         self._done.acquire()
         with self._lock:
             self._closed = True
             working = self._helpers
-        if not working:
-            return
-        if meanwhile is None:
+        if working:
             self._done.acquire()  # which the last helper releases
-            return
-        while not self._done.acquire(blocking=False):
-            meanwhile()
 
     def results(self) -> list[T]:
         """What the tasks returned; raises the first error in their order."""
@@ -98,17 +90,6 @@ class _Pool:
     def offer(self, help_with: Callable[[], None], times: int) -> None:
         for _ in range(min(times, len(self._threads))):
             self._offers.put(help_with)
-
-    def help(self) -> None:
-        """Help with what is offered within `LOOKS`."""
-        try:
-            help_with = self._offers.get(timeout=LOOKS)
-        except Empty:
-            return
-        if help_with is None:  # which ends a thread
-            self._offers.put(None)
-        else:
-            help_with()
 
     def end(self) -> None:
         for _ in self._threads:
@@ -168,7 +149,7 @@ def begun[T](task: Callable[[], T]) -> Callable[[], T]:
     @cache
     def waited() -> None:
         work.go()
-        work.wait(_the_pool().help)  # it may have asked for help that no other thread is free for
+        work.wait()
 
     def finished() -> T:
         waited()

@@ -138,20 +138,6 @@ def test_what_is_begun_is_done_once_by_another_thread_or_by_whoever_asks_first()
     assert {meet.wait(20), first(), second(), second()} == {0, 1, 2}
 
 
-def test_who_waits_for_what_is_begun_helps_with_what_that_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("FCSIM_THREADS", "2")
-    _ended()
-    inside = threading.Event()
-
-    def asks() -> list[int]:
-        inside.set()
-        return side_by_side(meeting(2))  # which the one other thread alone would not finish
-
-    finished = begun(asks)
-    assert inside.wait(20)
-    assert sorted(finished()) == [0, 1]
-
-
 def test_the_error_of_what_is_begun_is_raised_where_it_is_asked_for() -> None:
     asked = begun(partial(int, "no number"))
     for _ in range(2):
