@@ -4,13 +4,15 @@
     python benchmarks/growth.py --bricks 12 48 192 768 2565 --plot docs/growth.png
     python benchmarks/growth.py --bricks 2565 --steps 3
     python benchmarks/growth.py --output               and FCLIB and VTK files of every step
+    python benchmarks/growth.py --solver NSN-AC --tol 1e-6
 
 The wall of cases/masonry_wall (8 x 4 x 4 elements a brick) with as many courses and bricks as it takes, its whole weight and the platen's
-laid on within step 2. Each step is solved to 1e-4 by ADMM with one factorisation of W + rho I, rho = 3e-5 ||W||, from the previous step's
-reactions; steps 3 to the last count. Physics: the bottom platen's reaction over the weight at the last step, which the wall still swings
-about by a few per mille to per cent, and at every step that reaction less the rate of change of the vertical momentum, which is the weight
-to round-off. Each wall runs in a process of its own, so that its peak memory is its own; processor time serves on a busy machine. The files
-are those of `fcsim run --export-every 1 --vtk-every 1`, in a temporary folder; their seconds stand beside those of the step.
+laid on within step 2. Each step is solved, to 1e-4 unless --tol says so, by ADMM with one factorisation of W + rho I, rho = 3e-5 ||W||, or
+by another method, from the previous steps' reactions; steps 3 to the last count. Physics: the bottom platen's reaction over the weight at
+the last step, which the wall still swings about by a few per mille to per cent, and at every step that reaction less the rate of change of
+the vertical momentum, which is the weight to round-off. Each wall runs in a process of its own, so that its peak memory is its
+own; processor time serves on a busy machine. The files are those of `fcsim run --export-every 1 --vtk-every 1`, in a temporary folder;
+their seconds stand beside those of the step.
 """
 
 from __future__ import annotations
@@ -47,7 +49,8 @@ from fcsim.timestep.step import Step
 CASE = Path(__file__).resolve().parents[1] / "cases" / "masonry_wall"
 WALLS = {12: (3, 3.5), 48: (6, 7.5), 192: (12, 15.5), 768: (24, 31.5), 2565: (45, 56.5)}
 """Bricks: courses, bricks a course."""
-SOLVER = SolverSettings(name="ADMM", tol=1e-4, options={"initial_rho": "norm", "rho": 3e-5, "rho_update": "constant"}, fallback=())
+ADMM = {"initial_rho": "norm", "rho": 3e-5, "rho_update": "constant"}
+"""Its options here."""
 PHASES = ("detection", "assembly", "solve")
 GRAVITY = 9.81
 LABELS = {"step": "step without output", "cpu": "step without output, processor time", "output": "output (FCLIB, VTK)"}
@@ -77,13 +80,14 @@ class Output:
         self._folder.cleanup()
 
 
-def measure(bricks: int, steps: int, output: bool = False) -> dict[str, Any]:
+def measure(bricks: int, steps: int, output: bool = False, solver: str = "ADMM", tol: float = 1e-4) -> dict[str, Any]:
     """Run one wall; medians over the steps from the third on. Output: its seconds and MB a step, and the seconds of the first step's."""
     courses, blocks = WALLS[bricks]
     begin = time.perf_counter()
     given = {"courses": str(courses), "blocks": str(blocks), "steps": str(steps), "gravity_last": "2"}
     case = load_case(CASE).build(parse_parameters(load_case(CASE), given))
-    simulation = replace(case.simulation, solver=SOLVER)
+    settings = SolverSettings(name=solver, tol=tol, options=ADMM if solver == "ADMM" else {}, fallback=())
+    simulation = replace(case.simulation, solver=settings)
     _ = simulation.factor, simulation.matrix
     set_up = time.perf_counter() - begin
     model = simulation.model
@@ -135,9 +139,9 @@ def exponents(rows: list[dict[str, Any]], key: str) -> list[float]:
     return [math.log(b[key] / a[key]) / math.log(b["contacts"] / a["contacts"]) for a, b in pairs]
 
 
-def report(rows: list[dict[str, Any]]) -> Table:
+def report(rows: list[dict[str, Any]], solver: str, tol: float) -> Table:
     load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
-    table = Table(title=f"walls, ADMM at 1e-4, {load}; step without output; exponents from wall to wall")
+    table = Table(title=f"walls, {solver} at {tol:g}, {load}; step without output; exponents from wall to wall")
     headings = [
         "bricks",
         "dofs",
@@ -208,12 +212,14 @@ def main() -> None:
     parser.add_argument("--bricks", type=int, nargs="+", choices=tuple(WALLS), default=[12, 48, 192, 768])
     parser.add_argument("--steps", type=int, default=6, help="at least 3 (default 6)")
     parser.add_argument("--output", action="store_true", help="write the FCLIB file and the VTK files of every step, and time that too")
+    parser.add_argument("--solver", default="ADMM", help="a name of the table of solvers (default ADMM)")
+    parser.add_argument("--tol", type=float, default=1e-4, help="error of each step (default 1e-4)")
     parser.add_argument("--csv", type=Path, help="write the table; walls that it has are not measured again")
     parser.add_argument("--plot", type=Path, help="write the picture")
     parser.add_argument("--measure", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.measure:
-        print(json.dumps(measure(options.measure, options.steps, options.output)))
+        print(json.dumps(measure(options.measure, options.steps, options.output, options.solver, options.tol)))
         return
     if options.steps < 3:
         parser.error(f"--steps: expected at least 3, got {options.steps}")
@@ -231,6 +237,7 @@ def main() -> None:
             "--steps",
             str(options.steps),
             *(["--output"] if options.output else []),
+            *("--solver", options.solver, "--tol", str(options.tol)),
         ]
         rows.append(json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout))
         rows.sort(key=lambda row: row["bricks"])
@@ -239,7 +246,7 @@ def main() -> None:
                 writer = csv.DictWriter(file, list(rows[0]))
                 writer.writeheader()
                 writer.writerows(rows)
-    Console(width=200).print(report(rows))
+    Console(width=200).print(report(rows, options.solver, options.tol))
     if options.plot:
         plot(rows, options.plot)
 
