@@ -1,4 +1,4 @@
-"""Steps of 3D masonry in motion: python benchmarks/masonry_motion.py [NAME ...] [--stiffness N/m] [--tol T] [--steps N].
+"""Steps of 3D masonry in motion: python benchmarks/masonry_motion.py [NAME ...] [--joints rigid] [--stiffness N/m] [--tol T] [--steps N].
 
 * corner: an L-corner of 56 rigid blocks on a table tilted to tan = 0.5 along its diagonal
 * shaken: the same on ground that shakes along the diagonal, 0.6 g at 2.5 Hz
@@ -6,10 +6,10 @@
 * vault: a barrel of 96 voussoirs, springers held, tilted to tan = 0.7 across
 * corner500, facade1000: 504 and 1012 blocks
 
---stiffness: of every contact [N/m], tangentially 0.4 times that, damped by a millisecond times both; 0: rigid joints. Prints for each
-structure the blocks, the contacts of its steps, and of all steps but the first the processor's milliseconds, those of the solver alone
-(by the clock, without detection and assembly), and how many needed more than one link of the chain or were cut. A step whose chain
-fails ends the structure.
+--joints springs (default) or rigid; --stiffness: of every contact with springs [N/m], tangentially 0.4 times that, damped by a millisecond
+times both; 0: rigid. Prints for each structure the blocks, the contacts of its steps, and of all steps but the first the processor's
+milliseconds, those of the solver alone (by the clock, without detection and assembly), and how many needed more than one link of the chain
+or were cut. A step whose chain fails ends the structure.
 Compiled kernels are kept: a second run counts.
 """
 
@@ -134,12 +134,13 @@ def main() -> None:
     known = structures()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", choices=[*known, []], metavar="NAME")
+    parser.add_argument("--joints", choices=("springs", "rigid"), default="springs")
     parser.add_argument("--stiffness", type=float, default=5e8)
     parser.add_argument("--tol", type=float, default=1e-8)
     parser.add_argument("--steps", type=int, default=200)
     options = parser.parse_args()
     for name in options.names or known:
-        measure(name, known[name](), options.stiffness, options.tol, options.steps)
+        measure(name, known[name](), options.stiffness if options.joints == "springs" else 0.0, options.tol, options.steps)
 
 
 if __name__ == "__main__":
