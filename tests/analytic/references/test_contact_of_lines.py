@@ -77,12 +77,12 @@ def two_bodies(
     return model, loaded(model, [one], presses + shears, last=float(presses + shears))
 
 
-def pressed_with(force: float, upper: Part, lower: Part, guess: float, moment: float = 0.25) -> Pressed:
-    """Both pressed without friction by a force [N] on their meshed parts."""
+def pressed_with(force: float, upper: Part, lower: Part, guess: float, moment: float = 0.25, presses: int = 1) -> Pressed:
+    """Both pressed without friction by a force [N] on their meshed parts, in some steps."""
 
     @cache
     def at(down: float) -> Pressed:
-        model, steps = two_bodies(upper, lower, 0.0, down)
+        model, steps = two_bodies(upper, lower, 0.0, down, presses=presses)
         return measured(model, steps[-1], moment)
 
     return at(until(force, lambda down: at(down).force, guess))
@@ -110,18 +110,20 @@ def test_A2_cylinder_on_a_block(share: float) -> None:
     assert_allclose([a, p0], [6.215 * share**0.5, 3585.4 * share**0.5], rtol=2e-4)
     upper = half_disk("upper", 50.0, 1.3 * a, 16, Material(210e3, 0.3, 1.0))
     lower = graded_rectangle("lower", 200.0, 1.3 * a, 16, Material(70e3, 0.3, 1.0))
-    compare(pressed_with(share * 17.5e3, upper, lower, 1.3 * share), a, p0, MESH + (a / 50) ** 2)
+    compare(pressed_with(share * 17.5e3, upper, lower, 1.3 * share), a, p0, 5e-3)
 
 
 @pytest.mark.parametrize("share", [1.0, 1 / 16])
 def test_A3_two_cylinders(share: float) -> None:
-    """VM191: R 10 (E 30000, nu 0.25) on R 13 (E 29120, nu 0.3), 3200 N/mm: half width 1.1997 mm, p0 1698.1; and a sixteenth."""
+    """VM191: R 10 (E 30000, nu 0.25) on R 13 (E 29120, nu 0.3), 3200 N/mm: half width 1.1997 mm, p0 1698.1; and a sixteenth. In
+    eight steps: those of one step are paired along the normals of the beginning, which miss each other by 0.013 of the radius at full load
+    (found then: -1.6 and 1.2 %). CalculiX on the same mesh: -0.1 and 0.1 %."""
     modulus = 1 / ((1 - 0.0625) / 30000 + 0.91 / 29120)
     a, p0 = hertz_line(share * 3200.0, 1 / (1 / 10 + 1 / 13), modulus)
     assert_allclose([a, p0], [1.1997 * share**0.5, 1698.1 * share**0.5], rtol=2e-4)
     upper = half_disk("upper", 10.0, 1.3 * a, 16, Material(30000, 0.25, 1.0))
     lower = half_disk("lower", 13.0, 1.3 * a, 16, Material(29120, 0.3, 1.0), side="below")
-    compare(pressed_with(share * 1600.0, upper, lower, 0.4 * share), a, p0, MESH + (a / 10) ** 2 + (a / 13) ** 2)
+    compare(pressed_with(share * 1600.0, upper, lower, 0.4 * share, presses=8), a, p0, 5e-3)
 
 
 @pytest.mark.slow

@@ -68,7 +68,7 @@ def hemisphere(n: int, hole: float) -> tuple[float, Step]:
     A, B = (R, 0.0, 0.0), (0.0, R, 0.0)
     supports = [Support("body", ("y",), "x-"), Support("body", ("x",), "x+"), Support("body", ("z",), at=A)]
     step = solved(part, supports, [Force("body", (1.0, 0.0, 0.0), at=A), Force("body", (0.0, -1.0, 0.0), at=B)])
-    assert_allclose(step.support_force(supports[2])[2], 0.0, atol=1e-6)  # nothing pulls along z: the point only takes away a motion
+    assert_allclose(step.support_force(supports[2])[2], 0.0, atol=1e-4)  # nothing pulls along z: the point only takes away a motion
     return displacement("u", step.model, "body", "x", A).measure(step), step
 
 

@@ -96,6 +96,25 @@ def test_A13_interference_fit(radii: tuple[float, ...], interference: float, E: 
         assert_allclose(u, [-4.740e-5, -4.621e-5, 5.379e-5], rtol=2e-3)
 
 
+def test_A13_interference_fit_at_full_interference() -> None:
+    """VM292's rings, each with half of its interference of 0.02 m in its radius: in linear elasticity, with p_i b_i = p_o b_o of the radii
+    as meshed, the joint bears 3.4950e8 N a radian and m, 4.0 % more than Lame's pressure for the interference in like radii, 2.2164e8 times
+    1.516. Met to second order in the cells."""
+    a, b, c, E, interference = 1.25, 1.516, 1.75, 206e9, 0.02
+    inside, outside = b + interference / 2, b - interference / 2
+    give = (inside**2 + a**2) / (inside**2 - a**2) + (c**2 + outside**2) / (c**2 - outside**2)  # E times u of a unit force a radian
+    exact = E * interference / give
+    assert_allclose(exact / (2.2164e8 * b), 1.040, atol=1e-3)
+    off = []
+    for n in (12, 24):
+        outer, inner = rings((a, inside, outside, c), Material(E, 0.0, 1.0), (n, n))
+        model = quarter_rings(outer, inner, [])
+        step = loaded(model, [pair(model, ("inner", "x+"), ("outer", "x-"))], 1)[-1]
+        off.append(-contact_force(model, step, "inner").sum(axis=0)[0] / exact - 1)
+    assert_allclose(off, 0.0, atol=1.2e-3)
+    assert 3.5 < off[0] / off[1] < 4.5
+
+
 @pytest.mark.parametrize("angle", [0.5 * np.pi, np.pi, pytest.param(2 * np.pi, marks=pytest.mark.slow)])
 def test_A15_capstan(angle: float) -> None:
     """A band around a drum, mu 0.3, pulled at one end until all of it slips: T2 / T1 = exp(mu theta), 1.602, 2.566, 6.586; the band is thin
