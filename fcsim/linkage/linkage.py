@@ -18,7 +18,7 @@ from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
 from fcsim.linkage.links import Ball, Bonded, Cable, Control, Hinge, Link, Rod, Slider, SpringDamper, Tied
-from fcsim.linkage.moments import Couple, without_moments
+from fcsim.linkage.moments import Couple, Couples, gathered, without_moments
 from fcsim.linkage.points import nodes_around, weights_at
 from fcsim.linkage.rows import Asked, Jointed, asked
 from fcsim.linkage.surfaces import bonded_weights, offsets, tied_weights
@@ -90,7 +90,7 @@ class Linkage:
     @property
     def nodes(self) -> IntArray:
         """Sorted numbers of the nodes that links touch."""
-        every = [piece.weights.indices for piece in (*self._pieces, *self.cables)] + [couple.nodes for couple in self._couples]
+        every = [piece.weights.indices for piece in (*self._pieces, *self.cables)] + [couple.nodes for couple in self._couples.nodal]
         return np.unique(np.concatenate([*every, np.empty(0, dtype=np.int64)])).astype(np.int64)
 
     def rows(self, x: FloatArray, like: Rows | None = None) -> Rows:
@@ -151,11 +151,11 @@ class Linkage:
         return without_moments(self.model, G, x, self._couples) if balanced else G
 
     @cached_property
-    def _couples(self) -> list[Couple]:
+    def _couples(self) -> Couples:
         """Who takes what moment the rows of each link between two bodies have."""
         first = np.cumsum([0, *(_count(piece, self.model) for piece in self._pieces)]).tolist()
         found = (_couple(self.model, piece, *rows) for piece, *rows in zip(self._pieces, first[:-1], first[1:], strict=True))
-        return [couple for couple in found if couple is not None]
+        return gathered(couple for couple in found if couple is not None)
 
     def force(self, name: str, rows: Rows, force: FloatArray) -> FloatArray:
         """Resultant (d,) [N] of the forces (p,) of one link's rows on its first body."""

@@ -12,6 +12,7 @@ The virtual work of G l in a rotation of both bodies is then nil to round-off, a
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,24 @@ class Couple(NamedTuple):
     nodes: IntArray
 
 
+class Couples(NamedTuple):
+    """Of all links: row, body (k,), the rows that rigid bodies take and their numbers among these, share (k,) of the couple; nodal: those
+    of links without rigid bodies."""
+
+    row: IntArray
+    body: IntArray
+    share: FloatArray
+    nodal: tuple[Couple, ...]
+
+
+def gathered(couples: Iterable[Couple]) -> Couples:
+    """The couples of all links."""
+    every = tuple(couples)
+    rigid = [(row, body, len(one.rigid)) for one in every for row in range(one.first, one.end) for body in one.rigid]
+    row, body, among = np.array(rigid, dtype=np.int64).reshape(-1, 3).T
+    return Couples(row, body, 1.0 / among, tuple(one for one in every if not one.rigid))
+
+
 def rotations(model: Model, x: FloatArray, about: FloatArray) -> FloatArray:
     """The velocities (n_dofs, k) of rotations of all bodies as one by 1 rad/s, k = 3 about each axis (2D: 1), about a point (d,) in the
     configuration x (n_dofs,): Q^T f are the moments of the forces f (n_dofs,)."""
@@ -51,31 +70,26 @@ def rotations(model: Model, x: FloatArray, about: FloatArray) -> FloatArray:
     return Q
 
 
-def without_moments(model: Model, G: sp.csr_array, x: FloatArray, couples: list[Couple]) -> sp.csr_array:
+def without_moments(model: Model, G: sp.csr_array, x: FloatArray, couples: Couples) -> sp.csr_array:
     """G (n_dofs, p) in the configuration x (n_dofs,) with the couples that the rows lack."""
-    if not couples:
+    if not len(couples.row) and not couples.nodal:
         return G
     d, middle = model.dimension, model.reference.mean(axis=0)
     moment = G.T @ rotations(model, x, middle)
     some = np.abs(moment).max(axis=1) > ROUND * float(np.ptp(model.reference, axis=0).max())
-    dofs, rows, values = list[IntArray](), list[IntArray](), list[FloatArray]()
-    for couple in couples:
+    told = some[couples.row]
+    row, turned = couples.row[told], model.n_elastic + (3 * d - 3) * couples.body[told, None] + np.arange(d, 3 * d - 3)
+    dofs, rows = [turned.ravel()], [np.repeat(row, turned.shape[1])]
+    values = [(-couples.share[told, None] * moment[row]).ravel()]
+    for couple in couples.nodal:
         own = couple.first + np.flatnonzero(some[couple.first : couple.end])
         if not len(own):
             continue
-        if couple.rigid:
-            turned = model.n_elastic + (3 * d - 3) * np.array(couple.rigid)[:, None] + np.arange(d, 3 * d - 3)
-            share = -moment[own] / len(couple.rigid)
-            dofs.append(np.tile(turned.ravel(), len(own)))
-            values.append(np.tile(share, (1, len(couple.rigid))).ravel())
-            rows.append(np.repeat(own, turned.size))
-        else:
-            places = model.reference[couple.nodes] + x.reshape(-1)[model.dof_of_node[couple.nodes]]
-            forces = _smallest(places, -moment[own])
-            dofs.append(np.tile(model.dof_of_node[couple.nodes].ravel(), len(own)))
-            values.append(forces.ravel())
-            rows.append(np.repeat(own, places.size))
-    if not dofs:
+        places = model.reference[couple.nodes] + x[model.dof_of_node[couple.nodes]]
+        dofs.append(np.tile(model.dof_of_node[couple.nodes].ravel(), len(own)))
+        values.append(_smallest(places, -moment[own]).ravel())
+        rows.append(np.repeat(own, places.size))
+    if not sum(map(len, rows)):
         return G
     more = sp.csr_array((np.concatenate(values), (np.concatenate(dofs), np.concatenate(rows))), shape=G.shape)
     return sp.csr_array(G + more)

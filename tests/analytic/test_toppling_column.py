@@ -7,6 +7,7 @@ Am. 53, 1963). Consistent mass: the lumped one has a larger moment of inertia, b
 """
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.mesh.blocks import rectangle, rigid_rectangle
-from fcsim.mesh.material import Material
+from fcsim.mesh.material import Material, neo_hooke
 from fcsim.mesh.part import Body
 from fcsim.mesh.rigid import rigid_body
 from fcsim.running.case import load_case
@@ -34,10 +35,12 @@ ALPHA = math.atan2(WIDTH, HEIGHT)
 THRESHOLD = math.sqrt(3 * G * (math.hypot(WIDTH, HEIGHT) - HEIGHT) / (WIDTH**2 + HEIGHT**2))  # [rad/s]
 
 
-def falling_column(kind: str, factor: float, seconds: float, length: float = 1.0, mass: float = 1.0) -> np.ndarray:
-    """Angles (n,) [rad] after steps of 2 ms; length, mass: units of the model in m and in kg."""
+def falling_column(
+    kind: str, factor: float, seconds: float, length: float = 1.0, mass: float = 1.0, law: Callable[..., Any] = Material
+) -> np.ndarray:
+    """Angles (n,) [rad] after steps of 2 ms; length, mass: units of the model in m and in kg; law: of E, nu and the density."""
     size = np.array([WIDTH, HEIGHT]) / length
-    material = Material(1e10 * length / mass, 0.2, 2000.0 * length**3 / mass)
+    material = law(1e10 * length / mass, 0.2, 2000.0 * length**3 / mass)
     body: Any = Body("column", rectangle("column", tuple(size), (2, 5), material), translation=np.array([-size[0], 0.0]))
     body = rigid_body(body) if kind == "rigid" else body
     ground = rigid_rectangle("floor", (20 / length, 1 / length), (0, -0.5 / length), 1 / mass)
@@ -58,7 +61,7 @@ def falling_column(kind: str, factor: float, seconds: float, length: float = 1.0
     sides, top = contact_surface(model, [("column", "y-"), ("column", "x+")]), contact_surface(model, [("floor", "y+")])
     detector = Detector([SurfacePair(sides, top, 2.0, 5e-3 / length)], model.n_nodes)
     start = State(0.0, np.zeros(model.n_dofs), v)
-    settings = SolverSettings(name="PPA-NSN-AC", tol=1e-9, floor=SolverSettings().floor / length)
+    settings = SolverSettings(tol=1e-9, floor=SolverSettings().floor / length)
     angles = []
     for step in Simulation(model, detector, Theta(2e-3), round(seconds / 2e-3), settings, start):
         X = model.reference[nodes] - model.reference[nodes].mean(axis=0)
@@ -68,16 +71,17 @@ def falling_column(kind: str, factor: float, seconds: float, length: float = 1.0
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("length", "mass", "law"), [(1.0, 1.0, Material), (1e-3, 1e3, neo_hooke)], ids=["m, kg", "mm, t, neo-Hooke"])
 @pytest.mark.parametrize(("factor", "seconds"), [(0.9, 0.54), (1.1, 0.85), (1.5, 0.55), (2.0, 0.45), (3.0, 0.32)])
-def test_toppling_column_follows_its_rigid_twin(factor: float, seconds: float) -> None:
-    """Until it lies, or rocks back onto its foot: to 1 % of the largest angle at all times."""
-    rigid, deformable = (falling_column(kind, factor, seconds) for kind in ("rigid", "deformable"))
+def test_toppling_column_follows_its_rigid_twin(factor: float, seconds: float, length: float, mass: float, law: Callable[..., Any]) -> None:
+    """Until it lies, or rocks back onto its foot: to 0.5 % of the largest angle at all times (found: 0.16 % at most)."""
+    rigid, deformable = (falling_column(kind, factor, seconds, length, mass, law) for kind in ("rigid", "deformable"))
     if factor < 1:
         assert rigid.max() == pytest.approx(ALPHA - math.acos(math.cos(ALPHA) + factor**2 * (1 - math.cos(ALPHA))), rel=1e-3)
     else:
         assert rigid[-1] == pytest.approx(math.pi / 2, abs=1e-6) and deformable[-1] == pytest.approx(math.pi / 2, abs=1e-3)
     falling = slice(0, int(np.argmax(rigid > math.radians(88))) or None)
-    assert_allclose(deformable[falling], rigid[falling], atol=0.01 * rigid.max())
+    assert_allclose(deformable[falling], rigid[falling], atol=0.005 * rigid.max())
 
 
 def test_column_begins_to_fall_in_any_units() -> None:

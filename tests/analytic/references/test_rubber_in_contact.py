@@ -83,8 +83,8 @@ def test_B11_ring_under_a_plate() -> None:
 @pytest.mark.parametrize(("smooth", "given"), [(True, 2e-3), (False, 1e-3)])
 def test_D7_two_rubber_rings_strike_each_other(smooth: bool, given: float) -> None:
     """Two rings of rubber, 1 m and 0.7 m in radius, thrown at each other with 10 m/s each and 0.6 m beside their middles; no published
-    numbers: momentum is kept to round-off, the balance of energy closes, energy rises in no step by more than the error of forces at
-    mean strains (found: 6.2e-4) and what contacts give (found: 1.3e-3 in one step), since interpolated normals lean on the facets along
+    numbers: momentum is kept to round-off, the balance of energy closes, energy rises in no step by more than the error of the stress
+    over a step (found: 1.2e-5) and what contacts give (found: 1.2e-3 in one step), since interpolated normals lean on the facets along
     which nodes slide (docs/references.md; facets' own: 8e-5), and the moment of momentum is kept as far as contacts that are found ahead
     of time act across their gaps."""
     ring = annulus(0.7, 1.0, 2, 32, neo_hooke(1e6, 0.4, 1000.0), 1.0, "Q1-bbar")
@@ -115,7 +115,7 @@ def test_D7_two_rubber_rings_strike_each_other(smooth: bool, given: float) -> No
         momentum, moment, _ = moments(step.state)
         assert np.abs(momentum).max() < 1e-9 * mass * 10.0
         assert abs(moment / turning - 1) < 2e-3
-        assert step.energy.numerical_dissipation > -1e-3 * kinetic
+        assert step.energy.numerical_dissipation > -5e-5 * kinetic
         assert step.energy.contact_gain < given * kinetic
         assert abs(step.energy.residual) < 1e-8 * kinetic
         touched += np.abs(step.reaction).max(initial=0.0) > 0
