@@ -31,7 +31,7 @@ from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
 from fcsim.timestep.links.linked import linked, refuse_linkage
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
-from fcsim.timestep.remarks.of_steps import step_remarks
+from fcsim.timestep.remarks.of_steps import StepRemarks
 from fcsim.timestep.remarks.opening import opening_remarks
 from fcsim.timestep.remarks.same_on_all_ranks import same_on_all_ranks
 from fcsim.timestep.scheme import Scheme
@@ -184,12 +184,12 @@ class Simulation:
         after = after or Moment(0, self.initial or at_rest(self.model, h=self.scheme.h))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None
-        said: frozenset[str] = frozenset()
+        said, remarks = frozenset[str](), StepRemarks(self.detector, self.steps)
         opening = () if after.number else self._opening(after.state)
         while moment.number < self.steps:
             step = self._witnessed(same_on_all_ranks(self.step(moment, kept, anchor)))
             moment, when = step.moment, f"step {step.number}, t = {step.state.t:.6g} s"
-            new = step_remarks(step, self.detector, deformation := self._measure(step.state.x), self.steps, when, said)
+            new = remarks(step, deformation := self._measure(step.state.x), when, said)
             if step.number > after.number:
                 opening = (*opening, *remark(step.struck)) if step.number == 1 else opening
                 yield replace(step, remarks=(*opening, *new.values())) if new or opening else step

@@ -1,0 +1,69 @@
+"""What is said of statics that leave for another equilibrium: energy that nothing has taken."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.following import When
+from fcsim.timestep.energy import pushing
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.step import Step
+
+SHARE = 0.1
+"""Of the energy that bodies held before the step: from so much on what is released is named."""
+
+ROUND = 1e-9
+"""Of the work of a step: what is less is round-off."""
+
+
+class _Loaded(NamedTuple):
+    """The end of a step: its number, the configuration x (n_dofs,), what supports and loads exert there (n_dofs,) [N], the energy [J] that
+    bodies and joints hold."""
+
+    number: int
+    x: FloatArray
+    force: FloatArray
+    stored: float
+
+
+class Snapping:
+    """The remark on the first step of statics that snaps: call it with the steps in turn.
+
+    With f the forces of supports and loads at both ends of a step, E what bodies hold, D what friction and materials take,
+
+        R = (f_0 + f_1) . dx / 2 - (E_1 - E_0) - D
+
+    is of third order in the length of a step along one path of equilibria. Where bodies leave it, through a snap or as a contact lets them
+    go, R is what they release, which only motion could carry away. It is named where it exceeds `SHARE` E_0 and |(f_1 - f_0) . dx| / 2,
+    which along a path is of second order. Friction counts twice, since it is known at the end of the step only. Statics regularised by
+    the mass and bodies held by links are not asked.
+    """
+
+    def __init__(self) -> None:
+        self._before: _Loaded | None = None
+
+    def __call__(self, step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
+        """The remark by its kind; {} where there is none, or where it is `said`."""
+        model, scheme, x = step.model, step.scheme, step.state.x
+        if "snapping" in said or not isinstance(scheme, QuasiStatic) or scheme.eta or step.linked is not None:
+            return {}
+        force = step.support_impulse + model.load(step.state.t, x) + pushing(model, x, When.at(step.state.t))
+        energy = step.energy
+        before, self._before = self._before, _Loaded(step.number, x, force, energy.elastic + energy.contact)
+        if before is None or before.number != step.number - 1:
+            return {}
+        dx = x - before.x
+        taken = energy.material_dissipation + 2 * max(energy.tangential_dissipation, 0.0)
+        work = 0.5 * float((before.force + force) @ dx)
+        released = work - (self._before.stored - before.stored) - taken
+        along = 0.5 * abs(float((force - before.force) @ dx))
+        if not released > max(SHARE * before.stored, along, ROUND * float(np.abs(before.force * dx).sum())):
+            return {}
+        return {
+            "snapping": f"{when}: {released:.3g} J are released that neither supports and loads nor friction and materials account for, "
+            f"bodies held {before.stored:.3g} J before: they have left for another equilibrium (a snap, a contact that lets go), which is "
+            "one of several that motion may lead to, or the step is too long. Shorter steps tell; dynamics follows it"
+        }

@@ -1,0 +1,68 @@
+"""Statics that go on in another equilibrium say so, and those that stay on their path do not."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.assembly.loads import BodyForce
+from fcsim.assembly.model import build_model
+from fcsim.assembly.supports import Support
+from fcsim.contact_detection import Everything
+from fcsim.mesh import Body, Part
+from fcsim.mesh.blocks import rectangle
+from fcsim.mesh.material import saint_venant_kirchhoff
+from fcsim.timestep.limits import Limits
+from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.simulation import Simulation
+
+ANYWHERE = Limits(rotation=np.inf, strain=np.inf, left_out=np.inf)
+
+
+def arch(load: float, h: float, rise: float = 0.1) -> Simulation:
+    """A half sine of 2 m and its rise, 3 cm thick, between clamps, under a weight of `load` t [N/m^3] until t = 2."""
+    strip = rectangle("arch", (2.0, 0.03), (40, 2), saint_venant_kirchhoff(1e9, 0.0, 1.0))
+    points = strip.points + np.stack([np.zeros(len(strip.points)), rise * np.sin(np.pi * strip.points[:, 0] / 2)], axis=1)
+    part = Part("arch", points, strip.cells, strip.cell_type, strip.surfaces, strip.material)
+    supports = [Support("arch", ("x", "y"), "x-"), Support("arch", ("x", "y"), "x+")]
+    model = build_model([Body("arch", part)], supports=supports, loads=[BodyForce("arch", (0.0, -load), lambda t: t)])
+    return Simulation(model, Everything(model, 0.0), QuasiStatic(h), round(2 / h), limits=ANYWHERE, witness=None)
+
+
+def snaps(simulation: Simulation) -> list[tuple[float, str]]:
+    """Times of the steps that say so, and what they say."""
+    return [(step.state.t, remark) for step in simulation for remark in step.remarks if "released" in remark]
+
+
+@pytest.mark.parametrize("h", [0.1, 0.2])
+def test_an_arch_that_snaps_through_is_named_once_with_what_it_releases(h: float) -> None:
+    """Under a load that is nearly constant meanwhile, P dx - dE is released: found from positions and energies on both sides."""
+    simulation = arch(5e5, h)
+    model, found, before = simulation.model, [], None
+    for step in simulation:
+        told = [remark for remark in step.remarks if "released" in remark]
+        if told and before is not None:
+            shares = [model.load(s.state.t) for s in (before, step)]
+            dx = step.state.x - before.state.x
+            found.append(0.5 * float((shares[0] + shares[1]) @ dx) - (step.energy.elastic - before.energy.elastic))
+            assert f"{found[-1]:.3g} J are released" in told[0] and "another equilibrium" in told[0]
+            middle = np.argmin(np.linalg.norm(model.reference - [1.0, 0.1], axis=1))
+            assert model.positions(step.state.x)[middle, 1] < -0.05 < 0.0 < model.positions(before.state.x)[middle, 1]
+        before = step
+    assert len(found) == 1 and found[0] > 100
+
+
+def test_an_arch_below_its_load_and_one_that_hangs_say_nothing() -> None:
+    assert not snaps(arch(2e5, 0.2))
+    assert not snaps(arch(5e5, 0.2, rise=-0.1))
+
+
+def test_without_a_snap_what_is_left_is_of_third_order_in_the_step() -> None:
+    """(f_0 + f_1) . dx / 2 - dE of the arch that hangs, a step and half of it at the same time."""
+    left = []
+    for h in (0.4, 0.2):
+        steps = list(arch(5e5, h, rise=-0.1))
+        before, step = (next(s for s in steps if abs(s.state.t - t) < 1e-9) for t in (1.2, 1.2 + h))
+        force = [step.model.load(s.state.t) for s in (before, step)]
+        work = 0.5 * float((force[0] + force[1]) @ (step.state.x - before.state.x))
+        left.append(abs(work - (step.energy.elastic - before.energy.elastic)))
+    assert_allclose(np.log2(left[0] / left[1]), 3.0, atol=0.5)
