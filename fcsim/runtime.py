@@ -102,22 +102,6 @@ class limited_threads(ContextDecorator):
             pool.set_num_threads(number)
 
 
-TURN = 5e-4
-"""[s] after which a thread gives the interpreter's lock to another one that waits for it: Python's own 5 ms are a fifth of a step."""
-
-
-@contextmanager
-def short_turns() -> Iterator[None]:
-    """Within the block threads take turns in the interpreter after `TURN`, where fcsim has several; the number is the process's."""
-    before = sys.getswitchinterval()
-    if threads() > 1:
-        sys.setswitchinterval(min(before, TURN))
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before)
-
-
 def writable_caches() -> None:
     """Let compiled forms (ffcx) and functions (numba) be kept in a private folder for temporary files where HOME cannot be written."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path(os.path.expanduser("~")) / ".cache")  # noqa: PTH111 - Path.home() may raise

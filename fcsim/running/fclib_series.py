@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 from fcsim.arrays import FloatArray
@@ -11,7 +11,6 @@ from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import Solution
 from fcsim.export_fclib.write import file_name, write_fclib
-from fcsim.linear.over_ranks.implicit_matrix import with_entries
 from fcsim.problem import LocalProblem
 from fcsim.problem.problem import GlobalForm
 from fcsim.problem.reduction import BlockFactor, Reduction
@@ -39,20 +38,26 @@ def write_step(
     iterations: of a step with nonlinear bodies also the problems that led to the last one, as the sets <SET>-newton00, -newton01, ...
     Returns the files' paths; a step without contacts is written too.
     """
-    own = Compressor() if compression is True else compression
-    return [file.write(own) for file in step_files(directory, step, fclib_set, forms, iterations, title, description)]
+    return [write() for write in step_files(directory, step, fclib_set, forms, iterations, title, description, compression)]
 
 
 def step_files(
-    directory: str | Path, step: Step, fclib_set: str, forms: Iterable[str], iterations: bool, title: str, description: str
-) -> list[StepFile]:
-    """The files of `write_step` before they are written; all that needs the step's factors is computed here already."""
+    directory: str | Path,
+    step: Step,
+    fclib_set: str,
+    forms: Iterable[str],
+    iterations: bool,
+    title: str,
+    description: str,
+    compression: bool | Compressor,
+) -> list[Callable[[], Path]]:
+    """What writes the files of `write_step`, one call a file; all that needs the step's factors is computed here already."""
     forms = tuple(forms)
     if unknown := [form for form in forms if form not in ("global", "local")]:
         raise InputError(f"FCLIB form {unknown[0]!r}: expected 'global' or 'local'")
     if isinstance(step.problem, GlobalRollingProblem) and "local" in forms:
         raise InputError("FCLIB form 'local': expected 'global' with rolling resistance, for which FCLIB has no local form")
-    to = _Files(Path(directory), forms, step, title, description)
+    to = _Files(Path(directory), forms, step, title, description, compression)
     files = to.of(fclib_set, step.reduction, step.result, step.start, step.guess)
     for k, earlier in enumerate(step.linearised[:-1] if iterations else ()):
         reduction = Reduction(earlier.problem, BlockFactor(earlier.problem.entries))
@@ -64,73 +69,53 @@ def step_files(
 class _Files:
     """Where and how the files of one step are written."""
 
-    def __init__(self, directory: Path, forms: tuple[str, ...], step: Step, title: str, description: str) -> None:
+    def __init__(
+        self, directory: Path, forms: tuple[str, ...], step: Step, title: str, description: str, compression: bool | Compressor
+    ) -> None:
         self._directory, self._forms, self._step = directory, forms, step.number
         self._length = _length(step)
-        self._title, self._description = title, description
+        self._title, self._description, self._compression = title, description, compression
 
     def of(
         self, fclib_set: str, reduction: Reduction, result: Result, start: FloatArray, velocity: tuple[FloatArray, FloatArray | None]
-    ) -> list[StepFile]:
-        """The files of one problem in all forms, with its solution and the guess r = start (m,), of which velocity is (v, l)."""
+    ) -> list[Callable[[], Path]]:
+        """What writes one problem in all forms, with its solution and the guess r = start (m,), of which velocity is (v, l)."""
         problem, (v, multiplier) = reduction.problem, velocity
         guess = Solution(problem.H.T @ v + problem.w, start, v, multiplier)
         answer = Solution(result.u, result.r, result.v, result.multiplier)
-        math_info = (
-            f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / problem.n:.4g}; solved by {result.method} in "
-            f"{result.iterations} iterations, error {result.error:.3e}; {self._length}"
-        )
-        texts = self._title, self._description, math_info
-        files: list[StepFile] = []
+        files: list[Callable[[], Path]] = []
         for form in self._forms:
-            name = file_name(fclib_set, result.iterations, problem.nc, self._step)
-            earlier = f"{fclib_set}-i*-{self._step:05d}.hdf5"
-            if form == "global":
-                files.append(StepFile(self._directory / form, name, earlier, problem, answer, guess, texts))
-            else:
-                local = Solution(answer.u, answer.r), Solution(guess.u, guess.r)
-                files.append(StepFile(self._directory / form, name, earlier, reduction.local.whole, *local, texts))
+            given = problem if form == "global" else reduction.local.whole
+            files.append(partial(self._write, form, given, fclib_set, problem, result, answer, guess))
         return files
 
-
-@dataclass(frozen=True, eq=False)
-class StepFile:
-    """A file that is to be written into a folder; earlier: names that an interrupted run has given to the same step's; texts: title,
-    description, math_info."""
-
-    folder: Path
-    name: str
-    earlier: str
-    problem: GlobalForm | LocalProblem
-    answer: Solution
-    guess: Solution
-    texts: tuple[str, str, str]
-
-    def write(self, compression: bool | Compressor) -> Path:
-        """Write it; compression: see `write_fclib`."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        for earlier in self.folder.glob(self.earlier):  # of a run that was interrupted after this step
+    def _write(
+        self,
+        form: str,
+        given: GlobalForm | LocalProblem,
+        fclib_set: str,
+        problem: GlobalForm,
+        result: Result,
+        answer: Solution,
+        guess: Solution,
+    ) -> Path:
+        path = self._directory / form / file_name(fclib_set, result.iterations, problem.nc, self._step)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for earlier in path.parent.glob(f"{fclib_set}-i*-{self._step:05d}.hdf5"):  # of a run that was interrupted after this step
             earlier.unlink()
-        title, description, math_info = self.texts
+        if form == "local":
+            answer, guess = Solution(answer.u, answer.r), Solution(guess.u, guess.r)
         return write_fclib(
-            self.folder / self.name,
-            self.problem,
-            solution=self.answer,
-            guesses=(self.guess,),
-            title=title,
-            description=description,
-            math_info=math_info,
-            compression=compression,
+            path,
+            given,
+            solution=answer,
+            guesses=(guess,),
+            title=self._title,
+            description=self._description,
+            math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / problem.n:.4g}; solved by {result.method} in "
+            f"{result.iterations} iterations, error {result.error:.3e}; {self._length}",
+            compression=self._compression,
         )
-
-    def bare(self) -> StepFile:
-        """The same for another process: of the problem its matrices and vectors alone, without what was derived from them."""
-        kind = type(self.problem)
-        problem = object.__new__(kind)
-        for field in fields(self.problem):  # type: ignore[arg-type]  # each problem is a dataclass
-            value = getattr(self.problem, field.name)
-            problem.__dict__[field.name] = None if field.name == "motion" else with_entries(value)
-        return replace(self, problem=problem)
 
 
 def _length(step: Step) -> str:

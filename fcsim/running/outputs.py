@@ -15,10 +15,9 @@ from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.interrupts import end_forks_of
 from fcsim.ranks import shared
-from fcsim.running.beside.writing_process import WritingProcess
 from fcsim.running.case import Case
 from fcsim.running.checkpoint import write_checkpoint
-from fcsim.running.fclib_series import StepFile, step_files
+from fcsim.running.fclib_series import step_files
 from fcsim.running.step_table import Row, StepTable, write_hdf5
 from fcsim.running.vtk_series import SeriesWriter
 from fcsim.runtime import release_freed_memory, threads
@@ -78,7 +77,6 @@ class Outputs:
         self._about = f"{case.description}; fcsim {__version__}; parameters: {asdict(parameters)}"  # type: ignore[call-overload]
         self._beside: ThreadPoolExecutor | None = None
         self._writing: Future[None] | None = None
-        self._apart = WritingProcess() if options.export_every and self._may_be_beside else None
         self.last: Step | None = None
 
     def take(self, step: Step) -> Mapping[str, float]:
@@ -109,16 +107,13 @@ class Outputs:
         Nor beside the exchanges of ranks."""
         return threads() > 1 and not shared() and not self._case.simulation.model.nonlinear
 
-    def _write(self, step: Step, row: Row, files: list[StepFile], *, drawn: bool, kept: bool, prepared: float) -> None:
+    def _write(self, step: Step, row: Row, files: list[Callable[[], Path]], *, drawn: bool, kept: bool, prepared: float) -> None:
         """The files of a step, then its row, which says how long that took, then the checkpoint, which stands for all before it."""
         begin = time.perf_counter()
         if drawn and self._series is not None:
             self._series.write(step)
-        for file in files:
-            if self._apart is not None and self._apart.ready:
-                self._apart.write(file)
-            else:
-                file.write(self._compressor)
+        for write in files:
+            write()
         self._table.write(row, {**step.seconds, "output": prepared + time.perf_counter() - begin})
         self.last = step
         if kept:
@@ -133,7 +128,7 @@ class Outputs:
         writing, self._writing = self._writing, None
         writing.result()
 
-    def _files(self, step: Step) -> list[StepFile]:
+    def _files(self, step: Step) -> list[Callable[[], Path]]:
         return step_files(
             self._directory / "fclib",
             step,
@@ -142,6 +137,7 @@ class Outputs:
             self._options.export_iterations,
             f"{self._case.title}, step {step.number}",
             self._about,
+            self._compressor,
         )
 
     def end(self, describe_end: Callable[[], None]) -> None:
@@ -157,8 +153,6 @@ class Outputs:
             first = cast(Exception | None, writing.exception())
         if self._beside is not None:
             self._beside.shutdown()
-        if self._apart is not None:
-            self._apart.end()
         for write in (self._table.close, self._last_checkpoint, describe_end, self._table_with_units):
             try:
                 write()

@@ -30,7 +30,7 @@ from fcsim.running.refusals.own_files import check_folder, empty, make_folder
 from fcsim.running.refusals.same_case import same_case, shared_work
 from fcsim.running.refusals.size import size_of
 from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
-from fcsim.runtime import limited_threads, short_turns
+from fcsim.runtime import limited_threads
 from fcsim.timestep.step import Moment, Step
 
 __all__ = ["RunOptions", "Summary", "run_case"]
@@ -95,7 +95,6 @@ class _Tally:
 
 
 @limited_threads()  # also for what is written, beside the steps and between them
-@short_turns()
 def run_case(
     script: CaseScript,
     assignments: Mapping[str, str],

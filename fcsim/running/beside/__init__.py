@@ -1,1 +1,0 @@
-"""What writes the files of a run beside its steps."""
