@@ -29,6 +29,10 @@ WORTH = 0.6
 CONDITIONING = 1e-6
 """Least pivot over the largest of what is inverted by blocks. Residuals are those of the dense factor where soft modes rule the solution,
 as under the loads of bodies; of a random solution 1e-11 of the right side at this limit."""
+BACKWARD = 1e-14
+"""Largest |A x - b| / (|A| |x|), in their largest entries, of the x found: the dense factor leaves 1e-15. Pivots do not tell of blocks
+whose inverse loses digits: with nu = 0.499999 they are 2e-5 of the largest, and residuals 1e4 times those of the dense factor.
+Source: J. L. Rigal, J. Gaches, "On the compatibility of a given solution with the data of a linear system", J. ACM 14, 1967."""
 FEW = 96
 """Unknowns up to which the dense factor, one call, is as quick."""
 
@@ -89,9 +93,17 @@ def factorise_body(A: sp.csr_array, layers: Layers | None) -> Factor:
     `factorise` takes; `SingularMatrix` where it fails."""
     if layers is not None:
         factor = BlockTridiagonal(A.toarray(), *layers)
-        if factor.conditioning >= CONDITIONING:
+        if factor.conditioning >= CONDITIONING and _keeps_digits(A, factor):
             return factor
     return factorise(A, positive_definite=True)
+
+
+def _keeps_digits(A: sp.csr_array, factor: BlockTridiagonal) -> bool:
+    """Whether solutions are those of matrices as near to A as `BACKWARD`, seen at two right sides that hold all modes."""
+    rhs = np.random.default_rng(0).standard_normal((A.shape[0], 2))
+    X = factor.solve(rhs)
+    left, norms = np.abs(A @ X - rhs).max(axis=0), np.abs(A.data).max() * np.abs(X).max(axis=0)
+    return bool(np.all(left <= BACKWARD * norms))
 
 
 def find_layers(A: sp.csr_array, points: FloatArray) -> Layers | None:
