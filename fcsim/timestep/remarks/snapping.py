@@ -8,6 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.kinematics.following import When
+from fcsim.assembly.model import Model
 from fcsim.timestep.energy import pushing
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.step import Step
@@ -17,6 +18,14 @@ SHARE = 0.1
 
 ROUND = 1e-9
 """Of the work of a step: what is less is round-off."""
+
+
+def _round_off(model: Model, dx: FloatArray) -> float:
+    """Round-off [J] of what bodies hold and of a step's work, dx (n_dofs,) its displacements: that of their forces times their size and
+    their way. A body that supports carry along is as stressed as its coordinates are rounded."""
+    force = model.elastic.largest_force.sum()
+    size = float(np.ptp(model.reference, axis=0).max())
+    return float(np.finfo(float).eps * force * (size + np.abs(dx[: model.n_elastic]).max(initial=0.0)))
 
 
 class _Loaded(NamedTuple):
@@ -38,8 +47,8 @@ class Snapping:
 
     is of third order in the length of a step along one path of equilibria. Where bodies leave it, through a snap or as a contact lets them
     go, R is what they release, which only motion could carry away. It is named where it exceeds `SHARE` E_0 and |(f_1 - f_0) . dx| / 2,
-    which along a path is of second order. Friction counts twice, since it is known at the end of the step only. Statics regularised by
-    the mass and bodies held by links are not asked.
+    which along a path is of second order, and round-off. Friction counts twice, since it is known at the end of the step only. Statics
+    regularised by the mass and bodies held by links are not asked.
     """
 
     def __init__(self) -> None:
@@ -60,7 +69,8 @@ class Snapping:
         work = 0.5 * float((before.force + force) @ dx)
         released = work - (self._before.stored - before.stored) - taken
         along = 0.5 * abs(float((force - before.force) @ dx))
-        if not released > max(SHARE * before.stored, along, ROUND * float(np.abs(before.force * dx).sum())):
+        least = max(ROUND * float(np.abs(before.force * dx).sum()), _round_off(model, dx))
+        if not released > max(SHARE * before.stored, along, least):
             return {}
         return {
             "snapping": f"{when}: {released:.3g} J are released that neither supports and loads nor friction and materials account for, "

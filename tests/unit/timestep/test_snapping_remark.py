@@ -9,7 +9,7 @@ from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Everything
 from fcsim.mesh import Body, Part
-from fcsim.mesh.blocks import rectangle
+from fcsim.mesh.blocks import rectangle, rigid_rectangle
 from fcsim.mesh.material import saint_venant_kirchhoff
 from fcsim.timestep.limits import Limits
 from fcsim.timestep.quasi_static import QuasiStatic
@@ -66,3 +66,18 @@ def test_without_a_snap_what_is_left_is_of_third_order_in_the_step() -> None:
         work = 0.5 * float((force[0] + force[1]) @ (step.state.x - before.state.x))
         left.append(abs(work - (step.energy.elastic - before.energy.elastic)))
     assert_allclose(np.log2(left[0] / left[1]), 3.0, atol=0.5)
+
+
+@pytest.mark.parametrize(("unit", "E", "density"), [(1.0, 2e9, 1000.0), (1e3, 2e3, 1e-9)])
+def test_a_body_that_is_carried_along_says_nothing(unit: float, E: float, density: float) -> None:
+    """Its strain and energy are zero but for round-off, of the coordinates and of the way; unit: of length in m; mm with MPa and tonnes."""
+    material = saint_venant_kirchhoff(E, 0.35, density)
+    part = rectangle("bar", (0.01 * unit, 0.001 * unit), (30, 3), material)
+    floor = rigid_rectangle("floor", (0.1 * unit, 0.01 * unit), (0.0, -0.01 * unit), 1.0)
+    supports = [Support("bar", ("y",), "x-"), Support("bar", ("x",), "x-", velocity=6e-3 * unit), Support("floor", ("x", "y", "rz"))]
+    model = build_model([Body("bar", part), floor], supports=supports)
+    simulation = Simulation(model, Everything(model, 0.3), QuasiStatic(0.05), 20, limits=ANYWHERE, witness=None)
+    steps = list(simulation)
+    assert not [remark for step in steps for remark in step.remarks if "released" in remark]
+    moved = model.positions(steps[-1].state.x)[: len(part.points)] - part.points
+    assert_allclose(moved, np.broadcast_to([6e-3 * unit, 0.0], moved.shape), atol=1e-9 * unit)
