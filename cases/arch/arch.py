@@ -42,7 +42,7 @@ class Parameters:
     """Every number of the case; SI units. `--set name=value` changes one.
 
     thickness_ratio: thickness over mean radius; divisions: elements of a voussoir along the arch, its depth and its thickness
-    E, nu, beta: of deformable voussoirs; gravity_ramp: time over which gravity comes up
+    E, nu, beta, lumped: of deformable voussoirs, which fall late with their mass lumped; gravity_ramp: time over which gravity comes up
     """
 
     voussoirs: int = 20
@@ -54,6 +54,7 @@ class Parameters:
     E: float = 1e9
     nu: float = 0.2
     density: float = 2000.0
+    lumped: bool = False
     beta: float = 2e-3
     mu: float = 0.7
     alert: float = 1e-2
@@ -105,6 +106,7 @@ def arch_model(arch: SemicircularArch, p: Parameters) -> Model:
         [*blocks_that_are(p.blocks_are, arch.bodies), left, right],
         supports=[Support(body.name, HELD) for body in (left, right)],
         gravity=lambda t: np.array([0.0, 0.0, -GRAVITY * min(t / p.gravity_ramp, 1.0)]),
+        lumped=p.lumped,
         beta=p.beta,
         driven=p.driven,
     )

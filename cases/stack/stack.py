@@ -40,7 +40,11 @@ BYTES_PER_BRICK = 2e4
 
 @dataclass(frozen=True)
 class Parameters:
-    """Every number of the case; SI units. overhang: of each brick over the one below, relative to the largest that stands."""
+    """Every number of the case; SI units.
+
+    overhang: of each brick over the one below, relative to the largest that stands; lumped: the mass of deformable bricks on their nodes,
+    which makes them fall late
+    """
 
     bricks: int = 4
     size: tuple[float, float, float] = (0.4, 0.1, 0.1)
@@ -50,6 +54,7 @@ class Parameters:
     E: float = 1e9
     nu: float = 0.2
     density: float = 2000.0
+    lumped: bool = False
     beta: float = 2e-3
     mu: float = 0.6
     alert: float = 5e-3
@@ -98,6 +103,7 @@ def stack_model(p: Parameters) -> Model:
         [*blocks_that_are(p.blocks_are, bodies), table],
         supports=[Support("table", DIRECTIONS[3])],
         gravity=lambda t: np.array([0.0, 0.0, -GRAVITY * min(t / p.gravity_ramp, 1.0)]),
+        lumped=p.lumped,
         beta=p.beta,
     )
 

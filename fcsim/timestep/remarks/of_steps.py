@@ -6,6 +6,7 @@ from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.contact_detection import Detection
 from fcsim.timestep.limits import remarks
 from fcsim.timestep.remarks.coarse import coarse
+from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
 from fcsim.timestep.remarks.snapping import Snapping
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
@@ -15,9 +16,9 @@ class StepRemarks:
     """What is said of the steps of a run, in turn; detection: what finds its contacts; steps: how many it has."""
 
     def __init__(self, detection: Detection, steps: int) -> None:
-        self._detection, self._steps, self._snapping = detection, steps, Snapping()
+        self._detection, self._steps, self._snapping, self._inertia = detection, steps, Snapping(), LumpedInertia()
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
-        own = remarks(step.model, found, when, said) | self._snapping(step, when, said)
+        own = remarks(step.model, found, when, said) | self._snapping(step, when, said) | self._inertia(step, found, when, said)
         return own | spinning(step, self._detection, when, said) | coarse(step, found, self._steps, when, said)
