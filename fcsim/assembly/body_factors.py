@@ -15,6 +15,9 @@ from fcsim.errors import FcsimError
 from fcsim.linear.block_factors.tridiagonal import factorise_body, find_layers
 from fcsim.linear.factors import Factor, SingularMatrix, inverse_on
 
+FEW = 1 / 3
+"""Share of a body's contact dofs up to which its compliance is made on those alone that contacts touch."""
+
 
 class Indefinite(FcsimError, ArithmeticError):
     """A body's system matrix is not positive definite: body (number) whose tangent has lost its stiffness."""
@@ -43,7 +46,7 @@ class BodyFactors:
         self._set(blocks, {}, {})
         self._layers = find_layers(self._matrix(0), group.places[self.free])
 
-    def _set(self, blocks: FloatArray, factors: dict[int, Factor], compliances: dict[int, FloatArray]) -> None:
+    def _set(self, blocks: FloatArray, factors: dict[int, Factor], compliances: dict[int, tuple[BoolArray, FloatArray]]) -> None:
         self._prepared = False
         self.blocks, self._factors, self._compliances = blocks, factors, compliances
         self.kind: IntArray = np.arange(len(self.members)) % len(blocks)
@@ -56,7 +59,7 @@ class BodyFactors:
         other = copy.copy(self)
         other.__dict__.pop("matrices", None)
         factors: dict[int, Factor] = {}
-        compliances: dict[int, FloatArray] = {}
+        compliances: dict[int, tuple[BoolArray, FloatArray]] = {}
         stay = np.empty(0, dtype=np.int64)
         if kept is not None and len(kept.blocks) == len(blocks):
             stay = np.flatnonzero(~changed(blocks + self._mass_blocks, kept.blocks + self._mass_blocks, share))
@@ -111,16 +114,36 @@ class BodyFactors:
         found = [self.factor(k).solve(of_body) for k, of_body in zip(self.kind[own].tolist(), rhs, strict=True)]
         return np.array(found).reshape(rhs.shape)
 
-    def compliances(self, own: BoolArray) -> tuple[FloatArray, IntArray]:
-        """A^-1 on the contact dofs (c, k, k) of the bodies `own` (nb,), and which is whose (nb,); -1: of none of them."""
-        kinds = np.unique(self.kind[own])
-        for k in kinds.tolist():
-            if k not in self._compliances:
-                C = inverse_on(np.searchsorted(self.free, self.surface), self.factor(k), len(self.free))
-                self._compliances[k] = 0.5 * (C + C.T)
+    def compliances(self, own: BoolArray, asked: BoolArray) -> tuple[FloatArray, IntArray]:
+        """A^-1 on the contact dofs (c, k, k) of the bodies `own` (nb,), and which is whose (nb,); -1: of none of them, or not asked for.
+
+        asked (n_dofs,): the dofs between which it is wanted; where they are few of a body's contact dofs it is zero on the others. What
+        is made depends on A and `asked` alone, not on what was made before, so that a run that goes on has the same bits.
+        """
+        touched = asked[self.dofs[:, self.surface]] & own[:, None]
+        kinds = np.unique(self.kind[touched.any(axis=1)])
         size = len(self.surface)
-        place = np.where(own, np.searchsorted(kinds, self.kind), -1)
-        return np.array([self._compliances[k] for k in kinds.tolist()]).reshape(len(kinds), size, size), place
+        made = []
+        for k in kinds.tolist():
+            of_kind: BoolArray = touched[self.kind == k].any(axis=0)
+            if np.count_nonzero(of_kind) > FEW * size:
+                of_kind = np.ones(size, dtype=bool)
+            before = self._compliances.get(k)
+            if before is None or not np.array_equal(before[0], of_kind):
+                self._compliances[k] = of_kind, self._compliance(k, of_kind)
+            made.append(self._compliances[k][1])
+        place = np.where(touched.any(axis=1), np.searchsorted(kinds, self.kind), -1)
+        return made[0][None] if len(made) == 1 else np.array(made).reshape(len(made), size, size), place
+
+    def _compliance(self, k: int, asked: BoolArray) -> FloatArray:
+        """A^-1 of the k-th stiffness on the contact dofs (size, size), zero where not asked for (size,)."""
+        C = inverse_on(np.searchsorted(self.free, self.surface[asked]), self.factor(k), len(self.free))
+        C = 0.5 * (C + C.T)
+        if asked.all():
+            return C
+        whole, places = np.zeros((len(asked), len(asked))), np.flatnonzero(asked)
+        whole[places[:, None], places] = C
+        return whole
 
     def product(self, v: FloatArray) -> FloatArray:
         """blocks v (nb, n_part)."""

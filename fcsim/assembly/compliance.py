@@ -256,14 +256,14 @@ class SystemFactor:
         members = [group.members for group in self._groups] + [np.arange(count - len(self._rigid_inverse), count)]
         return self.model.shares.owner[np.concatenate(members)]
 
-    def compliances(self) -> Iterator[tuple[int, FloatArray, IntArray]]:
+    def compliances(self, asked: BoolArray) -> Iterator[tuple[int, FloatArray, IntArray]]:
         """The compliances of the bodies that this rank works on, in the order of `places`: (first body, C (c, k, k), which of them is
-        whose (nb,))."""
+        whose (nb,)); of bodies with factors of their own between the dofs `asked` (n_dofs,) alone."""
         begin = 0
         for group in self._groups:
             own = self._own(group.members)
             if isinstance(group, BodyFactors):
-                C, kind = group.compliances(own)
+                C, kind = group.compliances(own, asked)
                 yield from _runs(begin, C, kind)
             elif own.any():
                 yield from _runs(begin, group.compliance[None], np.where(own, 0, -1))

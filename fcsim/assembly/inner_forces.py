@@ -86,17 +86,19 @@ class NonlinearBodies:
         rate: float = 0.0,
         start: tuple[FloatArray, float] | None = None,
         tangent: bool = False,
+        earlier: FloatArray | None = None,
     ) -> InnerForces:
         """Forces at the configuration x (n_dofs,) and the time t, dt after the internal variables (None: those at the beginning).
 
         v (n_dofs,): velocities that are damped, with their change `rate` [1/s] for a unit change of x in the tangent.
         start = (x_0 (n_dofs,), s): x is the share s of the way from x_0 to the end of a step, see `fcsim.assembly.nonlinear.mean_strain`.
+        earlier (n_dofs,): a configuration from which the tangent's stresses are linear, see `fcsim.assembly.nonlinear.foreseen`.
         What was asked for last is remembered: a step ends where its energy is measured.
         """
-        arrays = (x, variables, v, None if start is None else start[0])
+        arrays = (x, variables, v, None if start is None else start[0], earlier)
         key = (*(None if a is None else a.tobytes() for a in arrays), t, dt, rate, None if start is None else start[1], tangent)
         if self._last is None or self._last[0] != key:
-            self._last = key, self._computed(x, variables, t, dt, v, rate, start, tangent)
+            self._last = key, self._computed(x, variables, t, dt, v, rate, start, tangent, earlier)
         return self._last[1]
 
     def _computed(
@@ -109,6 +111,7 @@ class NonlinearBodies:
         rate: float,
         start: tuple[FloatArray, float] | None,
         tangent: bool,
+        earlier: FloatArray | None,
     ) -> InnerForces:
         """`inner` where it is not remembered."""
         force, energy, dissipated, viscous = np.zeros_like(x), 0.0, 0.0, 0.0
@@ -116,7 +119,16 @@ class NonlinearBodies:
         for group, part, own in self.shares(variables):
             damped = None if v is None else self._own(v, group)
             begin, share = (None, 1.0) if start is None else (self._own(start[0], group), start[1])
-            instant = Instant(t, dt, self.beta if v is not None else 0.0, damped, rate, begin, share)
+            instant = Instant(
+                t,
+                dt,
+                self.beta if v is not None else 0.0,
+                damped,
+                rate,
+                begin,
+                share,
+                None if earlier is None else self._own(earlier, group),
+            )
             inner = self._inner(group, part, self._own(x, group), own, instant, tangent)
             force[group.dofs] = (inner.force @ group.rotation.T).reshape(len(own), -1)
             energy, dissipated = energy + float(inner.energy.sum()), dissipated + float(inner.dissipated.sum())
@@ -136,8 +148,8 @@ class NonlinearBodies:
             return part.inner(u, own, instant, tangent)
         mine = shares.mine(group.members)
         with shares.world.together("inner forces"):
-            v, begin = instant.v, instant.start
-            some = replace(instant, v=None if v is None else v[mine], start=None if begin is None else begin[mine])
+            v, begin, earlier = (None if of_all is None else of_all[mine] for of_all in (instant.v, instant.start, instant.earlier))
+            some = replace(instant, v=v, start=begin, earlier=earlier)
             inner = part.inner(u[mine], own[mine], some, tangent)
         nb, count = len(mine), int(mine.sum())
         fields = [inner.force, inner.energy, inner.dissipated, inner.viscous, inner.variables, inner.admissible]

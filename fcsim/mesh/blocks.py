@@ -40,7 +40,7 @@ def part_from_gmsh(
     thickness: float = 1.0,
     elements: str | None = None,
 ) -> Part:
-    """Return the part meshed in the current gmsh model (use it inside `fcsim.runtime.gmsh_model()`).
+    """Return the part meshed in the current gmsh model (use it inside `with fcsim.runtime.gmsh_model(name) as gmsh`).
 
     The cells are those of the physical group `volume` (of surfaces, for a plane model), which can be left out where there is one
     group or none; the part's surfaces are the physical groups of one dimension less, by name, oriented outwards. A model of several

@@ -96,7 +96,7 @@ def support_moment(
 ) -> Sensor:
     """Moment [N m] about an axis (rx, ry or rz; 2D: rz) through a point (d,) [m] that stays where it is, of the supports' forces on a body,
     or on those of its nodes that surface, at and nodes name, as those of `Support` do: what drives a shaft or a drum. Forces act where the
-    body stands in the middle of the step."""
+    body stands in the middle of the step, in statics at its end."""
     number, d = model.body_number(body), model.dimension
     names = DIRECTIONS[d][d:]
     if direction not in names:
@@ -117,7 +117,7 @@ def support_moment(
 
         def of_rigid(step: Step) -> float:
             impulse = step.support_impulse
-            arm = begin + 0.5 * (step.previous.x[own] + step.state.x[own])
+            arm = begin + _where(step, own)
             return step.force_per_reaction * (about(arm[None], impulse[own][None]) + float(impulse[first + d + k]))
 
         return Sensor(column, text, "N m", of_rigid)
@@ -125,10 +125,18 @@ def support_moment(
     dofs, start = model.dof_of_node[meant], model.reference[meant] - place
 
     def of_nodes(step: Step) -> float:
-        arm = start + 0.5 * (step.previous.x[dofs] + step.state.x[dofs])
+        arm = start + _where(step, dofs)
         return step.force_per_reaction * about(arm, step.support_impulse[dofs])
 
     return Sensor(column, text, "N m", of_nodes)
+
+
+def _where(step: Step, dofs: IntArray | slice) -> FloatArray:
+    """Displacements of dofs where a step's forces act."""
+    if not step.scheme.timing.moving:
+        return step.state.x[dofs]
+    middle: FloatArray = 0.5 * (step.previous.x[dofs] + step.state.x[dofs])
+    return middle
 
 
 def displacement(column: str, model: Model, body: str, direction: str, point: Sequence[float], label: str = "") -> Sensor:

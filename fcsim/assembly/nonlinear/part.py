@@ -13,6 +13,7 @@ from fcsim.assembly.discretisation import once_per_part
 from fcsim.assembly.elements import VOIGT
 from fcsim.assembly.nonlinear._tangent_kernels import scatter_blocks, scatter_nodes
 from fcsim.assembly.nonlinear.cells import CellStrain, PartCells, cell_strain, part_cells
+from fcsim.assembly.nonlinear.foreseen import foreseen
 from fcsim.assembly.nonlinear.mean_strain import respond_between
 from fcsim.assembly.nonlinear.strain_measures import InStrain, PlaneStress
 from fcsim.mesh.material.by_region import ByRegion, as_law
@@ -60,7 +61,8 @@ def node_graph(part: Part) -> NodeGraph:
 class Instant:
     """When the inner forces are asked: t [s] of the strain, dt [s] since the internal variables, and with damping beta [s] the nodes'
     velocities v (nb, nn, d) and their change `rate` [1/s] for a unit change of displacements; start (nb, nn, d): displacements at the
-    beginning of the step, where the forces are those `share` of the way from there to its end, see `mean_strain`."""
+    beginning of the step, where the forces are those `share` of the way from there to its end, see `mean_strain`; earlier (nb, nn, d):
+    displacements from which the tangent's stresses are linear, see `foreseen`."""
 
     t: float
     dt: float
@@ -69,6 +71,7 @@ class Instant:
     rate: float = 0.0
     start: FloatArray | None = None
     share: float = 1.0
+    earlier: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,6 +250,11 @@ class _Points:
             end = start + (u - start) / instant.share
             first, last = (region.strain(data.gradient[numbers], self._weight, x[cells]).F.reshape(-1, 3, 3) for x in (start, end))
             self._ends = first, last
+        self._change: tuple[FloatArray, FloatArray] | None = None
+        if instant.earlier is not None and region.rotates:
+            earlier = instant.earlier[body]
+            strain = region.strain(data.gradient[numbers], self._weight, earlier[cells])
+            self._change = strain.F, strain.rate((u - earlier)[cells])
 
     def respond(self, before: FloatArray, instant: Instant, tangent: bool) -> _Out:
         F, w = self._strain.F, self._weight
@@ -268,8 +276,12 @@ class _Points:
         if instant.beta and self._rate is not None:
             P, A, viscous = self._damped(P, A, instant)
         weighted = w[..., None, None] * P
+        forces = self._strain.force(weighted)
+        if A is not None and self._change is not None:
+            P, A = self._foreseen(law, own, at, P, A)
+            weighted = w[..., None, None] * P
         return _Out(
-            self._strain.force(weighted),
+            forces,
             float(np.vdot(w, answer.energy)),
             float(np.vdot(w, answer.dissipated)),
             viscous,
@@ -287,6 +299,20 @@ class _Points:
         if not self._region.rotates:
             return P
         return np.asarray(P @ np.swapaxes(F, -1, -2) / np.linalg.det(F)[..., None, None] if cauchy else np.linalg.solve(F, P))
+
+    def _foreseen(
+        self, law: PointLaw, before: FloatArray, at: Circumstances, P: FloatArray, A: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """P and A with the stresses that the earlier tangent foresaw, see `foreseen`."""
+        assert self._change is not None
+        first, change = (own.reshape(-1, 3, 3) for own in self._change)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            answer = law.respond(first, before, at, True)
+        assert answer.tangent is not None
+        shape = self._strain.F.shape
+        stress, F, P = (own.reshape(-1, 3, 3) for own in (answer.stress, self._strain.F, P))
+        P, A = foreseen((first, stress, answer.tangent.reshape(-1, 3, 3, 3, 3)), change, F, P, A.reshape(-1, 3, 3, 3, 3))
+        return P.reshape(shape), A.reshape(*shape, 3, 3)
 
     def _damped(self, P: FloatArray, A: FloatArray | None, instant: Instant) -> tuple[FloatArray, FloatArray | None, float]:
         """P + F beta C : dE/dt, its derivative as far as it is symmetric, and the power [W] of the damping; C of the reference: no stress

@@ -12,7 +12,7 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray, IntArray, Matrix
+from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.brief import brief
 from fcsim.linear.factors import Factor, factorise
@@ -217,7 +217,7 @@ class StepCompliance:
         """H^T A^-1 H for H (n, m) on the bodies' unknowns, from their compliances."""
         model, H = self.factor.model, self._on_compliances(H)
         W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
-        for first, compliances, kind in self.factor.compliances():
+        for first, compliances, kind in self.factor.compliances(_rows_of(H)):
             W.add(first, compliances, kind)
         if model.shares is not None:
             model.shares.world.summed("W", W.values)
@@ -238,7 +238,7 @@ class StepCompliance:
         with shares.world.together("W"):
             own = np.where(body >= 0, np.where(rank == shares.world.number, np.arange(count), -1)[body], -1)
             W = DelassusSum(H[:, layout.own_unknowns], own, column, count, dimension)
-            for begin, compliances, kind in self.factor.compliances():
+            for begin, compliances, kind in self.factor.compliances(_rows_of(H)):
                 W.add(begin, compliances, kind)
             rows = sp.bsr_array(W.matrix(), blocksize=(dimension, dimension))
         return cast(Matrix, DistributedDelassus(layout, rows))
@@ -262,6 +262,13 @@ class StepCompliance:
         indptr, indices, data = turned_rows(tuple(range(model.dimension)), H.indptr, H.indices, H.data, body, self.factor.rotation)
         turned = sp.csc_array((data, indices, indptr), shape=H.shape)
         return turned if axes is None else sp.csc_array(axes @ turned)
+
+
+def _rows_of(H: sp.csc_array) -> BoolArray:
+    """Which rows (n,) of H have entries."""
+    touched = np.zeros(H.shape[0], dtype=bool)
+    touched[H.indices] = True
+    return touched
 
 
 def _chosen(rows: IntArray, n: int, d: int) -> sp.csc_array:

@@ -58,8 +58,9 @@ class InnerTerm:
         share = scheme.elastic_time / h
         return v + share * change / scheme.elastic_reach
 
-    def at(self, v: FloatArray, tangent: bool = False) -> Term:
-        """The term at the iterate v (n_dofs,)."""
+    def at(self, v: FloatArray, tangent: bool = False, earlier: FloatArray | None = None) -> Term:
+        """The term at the iterate v (n_dofs,); earlier: the iterate before, from whose tangent that of v is to foresee its stresses
+        (statics: forces of the step's end)."""
         scheme, state = self.scheme, self.state
         first, last = scheme.elastic_path(self.model, state, v)
         x = first + scheme.elastic_share * (last - first)
@@ -67,7 +68,10 @@ class InnerTerm:
         damped = scheme.damping_velocity(self.model, state, v) if self.model.beta else None
         rate = scheme.damping_reach / scheme.elastic_reach
         start = state.x, dt / scheme.h
-        inner = self.model.nonlinear.inner(x, state.internal, state.t + dt, dt, v=damped, rate=rate, start=start, tangent=tangent)
+        begun = None if earlier is None else scheme.elastic_path(self.model, state, earlier)[1]
+        inner = self.model.nonlinear.inner(
+            x, state.internal, state.t + dt, dt, v=damped, rate=rate, start=start, tangent=tangent, earlier=begun
+        )
         bad = "" if inner.admissible else self.model.deformable[inner.inadmissible].name
         factor = weight * scheme.elastic_reach
         return Term(weight * inner.force, tuple(factor * blocks for blocks in inner.blocks), bad)

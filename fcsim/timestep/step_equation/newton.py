@@ -16,8 +16,7 @@ those of the step.
 Pressures P that follow the bodies give A_i the symmetric part of their tangent, and in quasi-statics the rest of it too, with that of
 forces that follow (`beside`).
 
-A_i must be positive definite: a body that has lost stiffness gets a share of its first one beside, and converges more slowly for it.
-Bodies keep their tangent and factor while that differs by less than `KEPT`.
+A_i must be positive definite, see `positive_factor`. Bodies keep their tangent and factor while that differs by less than a share.
 """
 
 from __future__ import annotations
@@ -39,13 +38,14 @@ from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt, Linearised
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
-from fcsim.timestep.step_equation.inner_term import InnerTerm, Term, stiffened
+from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
 from fcsim.timestep.step_equation.loops.going_round import goes_round
 from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor
 from fcsim.timestep.step_equation.loops.lost_contacts import lost
 from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
+from fcsim.timestep.step_equation.loops.positive import positive_factor
 from fcsim.timestep.step_equation.sequence import longest_flight
 from fcsim.timestep.step_equation.tangent import made_positive, tangent_by_differences, tangent_by_formulas
 from fcsim.timestep.warm_start import carried, carried_in_space, warm_start
@@ -55,9 +55,6 @@ TOLERANCE = 1e-9
 
 STANDS = 50.0
 """Times `TOLERANCE`: what the contacts of the last problem, found where it began, may leave at its answer."""
-
-KEPT = 1e-5
-"""A body's system matrix serves on while no entry differs by more than this share of the largest."""
 
 MAX_ITERATIONS = 40
 
@@ -75,7 +72,6 @@ JAMMED = ((2, 1 / 32), (4, 1.0))
 that press are between two states then. Without them it is a body that loses its stiffness."""
 
 _SHORTEST = 1 / 64
-_SHARES = (0.01 / 1024, 0.01 / 256, 0.01 / 64, 0.01 / 16, 0.0025, 0.01, 0.04, 0.16, 0.64, 2.5)
 
 
 def solve_nonlinear(
@@ -113,6 +109,7 @@ class _Newton:
         self.done: list[Linearised] = []
         self.start: FloatArray | None = None
         self.passed: Contacts | None = None
+        self.foreseen, self.ceiling = False, 0.0
         self.sizes: list[float] = []
 
     def solve(self, past: Past) -> tuple[Answer | None, Past]:
@@ -175,6 +172,7 @@ class _Newton:
             if found is None:
                 return self._failed("a body has no admissible state on the way to the answer", past)
             new, length, met = found
+            self.ceiling = now.residual if self.foreseen else 0.0
             at_rest = self.anew is None or settled(equation.met, met, new.v, result.r)
             self.clock.lap("detection" if self.anew is not None else "assembly")
             self._note(problem, result, warm, new, length, factor, share)
@@ -193,18 +191,7 @@ class _Newton:
     def _factor(self, now: Iterate, past: Past) -> tuple[SystemFactor, float, Past]:
         """The factor of A_i, the share of the first stiffness in it, and the past that keeps it; raises Indefinite."""
         kept = None if past.serving is None else past.serving.earlier(KeptFactor)
-        base, blocks = self.equation.factor, self.equation.elastic.less_pressures(now.v, now.term.blocks)
-        earlier = None if kept is None else kept.factor
-        for share in (0.0, *_SHARES):
-            try:
-                factor = base.with_tangents(blocks, earlier, KEPT)
-                factor.prepare()
-                break
-            except Indefinite as error:
-                if share == _SHARES[-1]:
-                    raise
-                more = _SHARES[0] if not share else 3 * share
-                blocks = stiffened(base, blocks, error.body, more * self.inner.scheme.elastic_weight * self.inner.scheme.elastic_reach)
+        factor, share, self.foreseen = positive_factor(self.equation, self.inner, now, None if kept is None else kept.factor)
         if past.serving is not None:
             past = replace(past, serving=past.serving.having(KeptFactor(np.empty(0, dtype=np.int64), factor=factor)))
         return factor, share, past
@@ -282,7 +269,8 @@ class _Newton:
 
     def _way(self, equation: Equation, now: Iterate, v: FloatArray, result: Result) -> tuple[Iterate, float, Encounter] | None:
         """How far to go from the iterate towards the answer v (n_dofs,), r: all the way where the residual, with contacts as they are
-        found there, does not grow; and these."""
+        found there, does not grow; and these. After an iteration with foreseen stresses it may be what it was before that (L. Grippo,
+        F. Lampariello, S. Lucidi, SIAM J. Numer. Anal. 23, 1986): such iterations leave less than the next one does."""
         length, least, best = 1.0, np.inf, None
         lengths = [one.length for one in self.done]
         jammed = bool(np.any(result.r)) and any(len(lengths) >= n and max(lengths[-n:]) < limit for n, limit in JAMMED)
@@ -294,7 +282,7 @@ class _Newton:
             term = self.inner.at(w, tangent=not self.done)  # after the first problem there is a second one
             if not term.inadmissible:
                 met = equation.met if self.anew is None else self.anew.met(w, None)
-                there = Iterate(w, r, term, np.inf, l, equation.elastic.push(w))
+                there = Iterate(w, r, term, np.inf, l, equation.elastic.push(w), None if self.anew is None else now.v)
                 new, left = self._moved(replace(equation, met=met), equation.met, there)
                 found, size = (new, length, met), new.residual
                 if self.in_space:
@@ -302,7 +290,7 @@ class _Newton:
                 elif left.any():  # goes on pressing here: contacts that are passed are seen on the way only
                     size = self._relative(replace(equation, met=met), w, new.r, term, l, there.push + equation.met.impulse(left))
                 gone = self.anew is not None and self._loses(met, w)
-                if jammed or (size <= max(1.0, now.residual) and not gone):
+                if jammed or (size <= max(1.0, now.residual, self.ceiling) and not gone):
                     return found
                 size = np.finfo(float).max if gone else size  # in equilibrium or not: only where there is nothing else
                 best, least = (found, size) if size < least else (best, least)

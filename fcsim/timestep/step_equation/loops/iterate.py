@@ -20,7 +20,7 @@ class KeptFactor(Kept):
 @dataclass(frozen=True, eq=False)
 class Iterate:
     """v (n_dofs,), r of the contacts `met`, the term there, the residuals of the bodies relative to what is allowed, l of the links, and
-    the push (n_dofs,) of pressures that follow, 0 without any."""
+    the push (n_dofs,) of pressures that follow, 0 without any; earlier (n_dofs,): v of the iterate before, in statics."""
 
     v: FloatArray
     r: FloatArray
@@ -28,3 +28,4 @@ class Iterate:
     residual: float
     l: FloatArray
     push: FloatArray | float
+    earlier: FloatArray | None = None
