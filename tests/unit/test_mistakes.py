@@ -111,6 +111,13 @@ def friction_of(mu: float) -> str:
     return said(model, Everything(model, mu=mu), steps=1)
 
 
+def coarse() -> str:
+    """Of a cantilever ten times as long as high, with two bricks of first order over its height."""
+    part = brick("block", (1.0, 0.1, 0.1), (20, 2, 2), STONE)
+    held, pulled = Support("block", ("x", "y", "z"), "x-"), Traction("block", "x+", (0.0, 0.0, -1e3))
+    return said(build_model([Body("block", part)], supports=[held], loads=[pulled]), scheme=QuasiStatic(1.0), steps=1)
+
+
 # title of the page's entry: the mistake, and what the answer says of the mend
 MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
     "Gravity points upwards": (lambda: said(scene(gravity=lambda t: (0, 0, 9.81)), steps=1), "Downwards its last component is negative"),
@@ -154,6 +161,7 @@ MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
         lambda: Everything(scene(), {("block", "floor"): 0.4, ("floor", "block"): 0.6}),
         "one number for 'block' and 'floor'",
     ),
+    "Cells that are too stiff": (coarse, 'smaller cells, or "Q1-enhanced" or "Q2"'),
     "A rotation by an angle": (lambda: Body("block", block(), rotation=90), "Rotation.from_euler"),
     "An angle in degrees": (lambda: said(turning(), scheme=Theta(h=1e-2), steps=1), "Angles are in radians"),
     "A spring without a body": (spring, "expected one of 'block', 'floor'"),

@@ -32,12 +32,14 @@ from fcsim.mesh.part import Part
 @dataclass(frozen=True, eq=False)
 class Recovery:
     """The operators of some cells of one part: cells (nc, k); volume (nc, nq) of their points; fit (k, nq): from points to nodes; back
-    (nq, k): the shape functions at the points."""
+    (nq, k): the shape functions at the points; mean_pressure: whether the pressure is one of each cell, as in "Q1-bbar": it is an unknown
+    beside the displacements, so that its jumps are of no stiffness, and errors are those of the deviator."""
 
     cells: IntArray
     volume: FloatArray
     fit: FloatArray
     back: FloatArray
+    mean_pressure: bool = False
 
     @cached_property
     def _mean(self) -> tuple[IntArray, csr_array]:
@@ -60,6 +62,8 @@ class Recovery:
         nodes, recovered = self.at_nodes(stress)
         smooth = np.einsum("qk,cks->cqs", self.back, recovered[np.searchsorted(nodes, self.cells)])
         error = smooth - stress
+        if self.mean_pressure:
+            error[..., :3] -= error[..., :3].mean(axis=-1, keepdims=True)
         return (
             np.einsum("cq,cqs,st,cqt->c", self.volume, error, compliance, error, optimize=True),
             np.einsum("cq,cqs,st,cqt->c", self.volume, smooth, compliance, smooth, optimize=True),
@@ -79,12 +83,12 @@ def recovery(part: Part) -> Recovery:
     at_points, at_nodes = (np.prod(place[:, None, :] ** powers, axis=2) for place in (at, kind.nodes))
     root = np.sqrt(weights)[:, None]
     fit = at_nodes @ np.linalg.pinv(root * at_points) * root.T
-    return Recovery(part.cells, part.thickness * weights * np.linalg.det(jacobian), fit, kind.shape(at))
+    return Recovery(part.cells, part.thickness * weights * np.linalg.det(jacobian), fit, kind.shape(at), part.elements == "Q1-bbar")
 
 
 def of_cells(whole: Recovery, numbers: IntArray) -> Recovery:
     """The operators of some cells, whose stress is not averaged with that of others."""
-    return Recovery(whole.cells[numbers], whole.volume[numbers], whole.fit, whole.back)
+    return Recovery(whole.cells[numbers], whole.volume[numbers], whole.fit, whole.back, whole.mean_pressure)
 
 
 def voigt(stress: FloatArray) -> FloatArray:

@@ -44,6 +44,7 @@ from fcsim.timestep.step_equation.loops.going_round import goes_round
 from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor
 from fcsim.timestep.step_equation.loops.lost_contacts import lost
 from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
+from fcsim.timestep.step_equation.loops.natural import leads_on
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
 from fcsim.timestep.step_equation.loops.positive import positive_factor
 from fcsim.timestep.step_equation.sequence import longest_flight
@@ -57,15 +58,11 @@ STANDS = 50.0
 """Times `TOLERANCE`: what the contacts of the last problem, found where it began, may leave at its answer."""
 
 MAX_ITERATIONS = 40
+SLOWER = 0.25  # what an iteration with a stiffened body counts: its errors fall by a constant factor only
 
-SLOWER = 0.25
-"""What an iteration with a stiffened body counts: its errors fall by a constant factor only."""
+SLANTED = "NSN-AC"  # solves the problems with E, see `_Newton._ways`
 
-SLANTED = "NSN-AC"
-"""Solves the problems with E, see `_Newton._ways`."""
-
-CLOSER = 0.01
-"""Of the solver's tolerance where a body is stiffened: what the solver leaves open, times that stiffness, is in the residual."""
+CLOSER = 0.01  # of the solver's tolerance where a body is stiffened: what it leaves open, times that stiffness, is in the residual
 
 JAMMED = ((2, 1 / 32), (4, 1.0))
 """How many iterations one after the other that went less than how far, after which one goes all the way, whatever the residual: contacts
@@ -168,7 +165,7 @@ class _Newton:
                 began = replace(now, r=np.zeros(more.rows * len(more.contacts)))
                 equation, now = further, self._moved(further, equation.met, now)[0] if self.done else began
                 continue
-            found = self._way(equation, now, v, result)
+            found = self._way(equation, now, v, result, not share)
             if found is None:
                 return self._failed("a body has no admissible state on the way to the answer", past)
             new, length, met = found
@@ -267,13 +264,15 @@ class _Newton:
         """Whether the contacts of the last problem, which are those of the step, balance its answer too: they are where it began."""
         return self.anew is None or self._relative(equation, new.v, result.r, new.term, new.l, new.push) <= STANDS
 
-    def _way(self, equation: Equation, now: Iterate, v: FloatArray, result: Result) -> tuple[Iterate, float, Encounter] | None:
+    def _way(self, equation: Equation, now: Iterate, v: FloatArray, result: Result, own: bool) -> tuple[Iterate, float, Encounter] | None:
         """How far to go from the iterate towards the answer v (n_dofs,), r: all the way where the residual, with contacts as they are
-        found there, does not grow; and these. After an iteration with foreseen stresses it may be what it was before that (L. Grippo,
-        F. Lampariello, S. Lucidi, SIAM J. Numer. Anal. 23, 1986): such iterations leave less than the next one does."""
+        found there, does not grow, or, where nothing presses, that `leads_on` with the tangent's factor; and these. After an iteration with
+        foreseen stresses it may be what it was before that (L. Grippo, F. Lampariello, S. Lucidi, SIAM J. Numer. Anal. 23, 1986): such
+        iterations leave less than the next one does."""
         length, least, best = 1.0, np.inf, None
         lengths = [one.length for one in self.done]
         jammed = bool(np.any(result.r)) and any(len(lengths) >= n and max(lengths[-n:]) < limit for n, limit in JAMMED)
+        factor, free = equation.factor, own and equation.linked is None and not (np.any(result.r) or np.any(now.r))
         r0 = now.r if now.r.shape == result.r.shape else result.r
         l1 = np.empty(0) if result.multiplier is None else result.multiplier
         l0 = now.l if now.l.shape == l1.shape else l1
@@ -291,6 +290,8 @@ class _Newton:
                     size = self._relative(replace(equation, met=met), w, new.r, term, l, there.push + equation.met.impulse(left))
                 gone = self.anew is not None and self._loses(met, w)
                 if jammed or (size <= max(1.0, now.residual, self.ceiling) and not gone):
+                    return found
+                if free and not gone and leads_on(factor, self.residual(equation, w, r, term, l, there.push), v - now.v, length):
                     return found
                 size = np.finfo(float).max if gone else size  # in equilibrium or not: only where there is nothing else
                 best, least = (found, size) if size < least else (best, least)
