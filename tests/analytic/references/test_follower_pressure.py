@@ -26,7 +26,7 @@ def pressed(part: Any, supports: list[Support], surface: str, pressure: float, s
     model = build_model([Body("body", part), far], supports=[*supports, held], loads=loads)
     *_, step = Simulation(model, Everything(model, mu=0.0), QuasiStatic(1 / steps), steps, limits=EVERY_STRAIN)
 
-    assert abs(step.energy.residual) < 1e-6 * step.energy.load_work
+    assert abs(step.energy.residual) < 3e-6 * step.energy.load_work  # the residual of 1e-9 times the way of a slender body
     places: np.ndarray = part.points + step.state.x[: model.n_elastic].reshape(part.points.shape)
     return places
 
