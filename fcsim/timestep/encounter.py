@@ -9,13 +9,14 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection import Detection, Detector, contact_matrix
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.skin.boundary import joined_by_facets
 from fcsim.contact_law.coulomb import Gap
+from fcsim.contact_law.driven import Driven, moved_by_supports, refuse_driven, without_force
 from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
@@ -34,6 +35,7 @@ class Encounter:
     meeting   what the law was told
     terms     what it gave
     left      the contacts that the law leaves out, None where it takes all
+    driven    those that supports alone move along their normals, which are no part of the problem, see `Driven`; None where there are none
     moments   (n_dofs, 2 nc) contact matrix of rolling moments, (n_dofs, 3 nc) with spinning resistance; None without either, see
               `rolling_rows`
     passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
@@ -46,6 +48,7 @@ class Encounter:
     passing: Contacts | None = None
     moments: sp.csc_array | None = None
     left: Contacts | None = None
+    driven: Driven | None = None
 
     __repr__ = brief
 
@@ -127,6 +130,11 @@ class Encounter:
             return None
         w = np.column_stack([np.maximum(w[:, 0], 0.0), w[:, 1:]])
         return replace(self, terms=replace(self.terms, w=w))
+
+    def refuse_driven(self, model: Model, v: FloatArray, when: str) -> None:
+        """InputError where supports drive parts into each other, by the step's answer v (n_dofs,)."""
+        if self.driven is not None:
+            refuse_driven(self.driven, model, self.meeting.timing.length_per_u * v, when)
 
     def keeps_apart(self, law: Law) -> bool:
         """Whether the law keeps bodies apart by their gaps: no joints, which yield or hold, nor a law on velocities."""
@@ -237,13 +245,26 @@ def under_law(
     shape = (len(contacts), contacts.dimension)
     before = (H.T @ scheme.velocity_before(model, state)).reshape(shape) if scheme.timing.moving else np.zeros(shape)
     meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, trial)
-    terms = law.terms(meeting)
+    terms, driven = law.terms(meeting), None
+    apart = moved_by_supports(model, H, contacts.dimension, proportions)
+    apart = apart & without_force(terms) if apart.any() else apart
+    if apart.any():
+        driven, H, meeting = _separated(H, meeting, apart)
+        contacts, terms = meeting.contacts, law.terms(meeting)
     if terms.frame is not None and not np.array_equal(terms.frame, contacts.frame):
         H, meeting = _turned(H, meeting, terms.frame)
         contacts = meeting.contacts
     if terms.mu is not contacts.mu:
         contacts = replace(contacts, mu=terms.mu)
-    return Encounter(contacts, H, meeting, terms, through, moment_matrix(model, contacts, terms), left)
+    return Encounter(contacts, H, meeting, terms, through, moment_matrix(model, contacts, terms), left, driven)
+
+
+def _separated(H: sp.sparray, meeting: Meeting, apart: BoolArray) -> tuple[Driven, sp.csc_array, Meeting]:
+    """The contacts `apart` (nc,), and H and the meeting of the others."""
+    d, contacts = meeting.contacts.dimension, meeting.contacts.take(apart)
+    columns = sp.csc_array(H)
+    normals = columns[:, d * np.flatnonzero(apart)]
+    return Driven(contacts, normals, meeting.proportions.size_at(contacts)), columns[:, np.repeat(~apart, d)], meeting.taken(~apart)
 
 
 def passing(left: Contacts, moved: FloatArray, proportions: Proportions) -> Contacts | None:

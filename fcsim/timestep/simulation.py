@@ -316,6 +316,7 @@ class Simulation:
             if ahead is None:
                 break
             met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
+        met.refuse_driven(model, v, f"step {start.number}, t = {after.t:.6g} s")
         end = at_end(model, self.detector, scheme, began, met, after, state, looks < ROUNDS)
         if end.too_long(cuts, self.cuttings, attempts, self.solver.tol):
             return None
