@@ -25,11 +25,16 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.problem.motion import Motion
 from fcsim.problem.problem import LocalProblem
 
-REACTIONS = 1e6
+REACTIONS, REACTIONS_OF_A_CASE = 1e10, 1e6
 """Times the reactions that the velocities would need by the contacts' own compliances that an answer would have to exceed, for a proof in
-floating point: W^T N y is never zero to the last digit."""
+floating point: W^T N y is never zero to the last digit; of a case whose equations are singular, where linear
+programming sees no further."""
+HEAVIEST = 1e-12
+"""Times the largest compliance: what is below that is none, but round-off."""
 MISSED = 1e-5
-"""Share of the contacts' speed by which the best of all cases must miss, for a proof by cases."""
+"""Share of the contacts' speed, or of their largest reaction, by which the best of all cases must miss, for a proof by cases."""
+REGULAR = 1e8
+"""Condition up to which the equations of a case are solved; of others the least that inequalities must be relaxed by is sought."""
 CASES = 3
 """Contacts up to which all cases are looked at: 64 linear programmes."""
 
@@ -40,7 +45,8 @@ class Certificate:
 
     contacts (k,)  those that the proof is about
     direction (m,) N y for the proof by a self-stress, of unit sum; None for the proof by cases
-    reactions      what ||r|| an answer would have to exceed, relative to ||q|| over the mean compliance; infinite by cases
+    reactions      what ||r|| an answer would have to exceed, relative to ||q||, both in units of the contacts' own compliances; by cases
+                   infinite, or `REACTIONS_OF_A_CASE` where equations of a case are singular
     """
 
     contacts: IntArray
@@ -52,7 +58,8 @@ class Certificate:
         """For people."""
         few = ", ".join(map(str, self.contacts[:8].tolist())) + (" ..." if len(self.contacts) > 8 else "")
         if self.direction is None:
-            return f"no solution: contacts {few} can neither be open nor stick nor slide (all cases)"
+            near = "" if self.reactions == float("inf") else f", not with reactions of up to {self.reactions:.0e} times the usual"
+            return f"no solution: contacts {few} can neither be open nor stick nor slide (all cases{near})"
         return (
             f"no solution: contacts {few} are squeezed, a self-stress of their normal forces works against what is prescribed "
             f"(reactions of {self.reactions:.0e} times the usual would be needed)"
@@ -62,7 +69,8 @@ class Certificate:
 def squeezed(problem: LocalProblem) -> Certificate | None:
     """A self-stress y that proves that no reactions keep the bodies apart, None where linear programming finds none.
 
-    minimise q_N . y subject to W^T N y = 0, sum y = 1, y >= 0, in units of the largest entries. Where W = H^T M^-1 H is known,
+    minimise q_N . y subject to W^T N y = 0, sum y = 1, y >= 0, each unknown and row in units of its own compliance, so that a heavy body
+    among light ones is not taken for one that is held. Where W = H^T M^-1 H is known,
     H N y = 0 says the same in fewer and shorter rows, since M^-1 is positive definite; what is found is checked on W all the same.
     """
     d, nc = problem.dimension, problem.nc
@@ -72,32 +80,35 @@ def squeezed(problem: LocalProblem) -> Certificate | None:
     if motion is not None and motion.regular:  # y . W y > 0: no self-stress without velocities
         return None
     W = problem.W if isinstance(problem.W, np.ndarray) else sp.csr_array(problem.W)
-    largest = float(np.abs(W if isinstance(W, np.ndarray) else W.data).max(initial=0.0))
-    if not speed or not largest or not np.any(q_N < 0):
+    diagonal = np.abs(W.diagonal())
+    if not speed or not diagonal.any() or not np.any(q_N < 0):
         return None
-    E = _self_stress(motion, d) if motion is not None and motion.own is None else sp.csr_array(W[::d].T) / largest
-    A = sp.vstack([E, sp.csr_array(np.ones((1, nc)))], format="csr")
+    own = 1 / np.sqrt(np.maximum(diagonal, HEAVIEST * diagonal.max()))
+    of_body = motion is not None and motion.own is None
+    E = _self_stress(motion, d) if of_body and motion is not None else sp.diags_array(own) @ sp.csr_array(W[::d].T)
+    cost = own[::d] * q_N
+    A = sp.vstack([E @ sp.diags_array(own[::d]), sp.csr_array(np.ones((1, nc)))], format="csr")
     options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-    found = scipy.optimize.linprog(q_N / speed, A_eq=A, b_eq=np.r_[np.zeros(E.shape[0]), 1.0], bounds=(0, None), options=options)
+    found = scipy.optimize.linprog(
+        cost / np.abs(cost).max(), A_eq=A, b_eq=np.r_[np.zeros(E.shape[0]), 1.0], bounds=(0, None), options=options
+    )
     if found.status != 0:
         return None
     y = np.maximum(found.x, 0.0)
     y[y < 1e-9 * y.max()] = 0.0
-    work, leak = -float(q_N @ y), float(np.linalg.norm(W[::d].T @ y))
-    compliance = float(W.diagonal().mean()) or largest
-    usual = float(np.linalg.norm(problem.q)) / compliance
+    work, leak = -float(cost @ y), float(np.linalg.norm(own * (W[::d].T @ (own[::d] * y))))
+    usual = float(np.linalg.norm(own * problem.q))
     reactions = work / (leak * usual) if leak > 0 else float("inf")
     if not work > 0 or reactions < REACTIONS:
         return None
     direction = np.zeros(problem.m)
-    direction[::d] = y
+    direction[::d] = own[::d] * y / (own[::d] @ y)
     return Certificate(np.flatnonzero(y), direction, reactions)
 
 
 def _self_stress(motion: Motion, dimension: int) -> sp.csr_array:
-    """The rows of H N (n, nc), each over the root of its mass, in units of the largest entry."""
-    rows = sp.csr_array(sp.diags_array(1 / np.sqrt(motion.M.diagonal())) @ motion.HT[::dimension].T)
-    return rows / float(np.abs(rows.data).max(initial=0.0) or 1.0)
+    """M^-1/2 H N (n, nc) of a diagonal of M: the root of what W makes of normal forces."""
+    return sp.csr_array(sp.diags_array(1 / np.sqrt(motion.M.diagonal())) @ motion.HT[::dimension].T)
 
 
 def without_a_case(problem: LocalProblem) -> Certificate | None:
@@ -115,14 +126,45 @@ def without_a_case(problem: LocalProblem) -> Certificate | None:
             continue
         dofs = (2 * contacts[:, None] + np.arange(2)).ravel()
         own = rows[dofs][:, dofs].toarray()
-        speed, largest = np.abs(problem.q[dofs]).max(), np.abs(own).max()
-        if not speed or not largest:
+        scale = np.sqrt(np.maximum(np.abs(own.diagonal()), HEAVIEST * np.abs(own.diagonal()).max()))
+        speed = np.abs(problem.q[dofs] / scale).max() if own.any() else 0.0
+        if not speed:
             continue
-        # in units of velocities and compliances of its own
-        cases = product(range(4), repeat=len(contacts))
-        if all(_missed(own / largest, problem.q[dofs] / speed, problem.mu[contacts], case) > MISSED for case in cases):
-            return Certificate(contacts, None, float("inf"))
+        # in units of each unknown's own compliance
+        W_own, q_own, units = own / np.outer(scale, scale), problem.q[dofs] / scale / speed, scale[1::2] / scale[::2]
+        missed = [_ruled_out(W_own, q_own, problem.mu[contacts] * units, case) for case in product(range(4), repeat=len(contacts))]
+        if all(missed):
+            return Certificate(contacts, None, min(missed))
     return None
+
+
+def _ruled_out(W: FloatArray, q: FloatArray, mu: FloatArray, case: tuple[int, ...]) -> float:
+    """What reactions a case's solution would have to exceed: infinity where its equations are regular and their only solution violates an
+    inequality beyond doubt, `REACTIONS_OF_A_CASE` where they are singular and none of smaller reactions is near; 0 where there may be a
+    solution."""
+    k = len(mu)
+    A, b = np.zeros((2 * k, 2 * k)), np.zeros(2 * k)
+    for a, state in enumerate(case):
+        N, T = 2 * a, 2 * a + 1
+        A[[N, T]], b[[N, T]] = (np.eye(2 * k)[[N, T]], 0.0) if state == 0 else (W[[N, T]], -q[[N, T]])
+        if state >= 2:
+            A[T], b[T] = 0.0, 0.0
+            A[T, T], A[T, N] = 1.0, mu[a] if state == 2 else -mu[a]
+    rows = np.abs(A).max(axis=1)
+    A, b = A / np.where(rows > 0, rows, 1)[:, None], b / np.where(rows > 0, rows, 1)
+    condition = np.linalg.cond(A)
+    if not condition <= REGULAR:
+        return REACTIONS_OF_A_CASE if _missed(W, q, mu, case) > MISSED else 0.0
+    r = np.linalg.solve(A, b)
+    u, doubt = W @ r + q, 1e-14 * condition
+    least_r, least_u = (MISSED + doubt) * np.abs(r).max(), MISSED + doubt * np.abs(W).max() * np.abs(r).max()
+    for a, state in enumerate(case):
+        r_N, r_T, u_N, u_T = *r[2 * a : 2 * a + 2], *u[2 * a : 2 * a + 2]
+        against = 0.0 if state < 2 else -u_T if state == 2 else u_T
+        beyond = abs(r_T) - mu[a] * r_N if state == 1 else 0.0
+        if (state == 0 and -u_N > least_u) or (state > 0 and -r_N > least_r) or beyond > (1 + mu[a]) * least_r or against > least_u:
+            return float("inf")
+    return 0.0
 
 
 def _missed(W: FloatArray, q: FloatArray, mu: FloatArray, case: tuple[int, ...]) -> float:
@@ -149,7 +191,7 @@ def _missed(W: FloatArray, q: FloatArray, mu: FloatArray, case: tuple[int, ...])
     rows, values = np.array([row for row, _ in bounded]), np.array([value for _, value in bounded])
     A = np.column_stack([rows, -np.ones(len(rows))])
     cost = np.r_[np.zeros(2 * k), 1.0]
-    found = scipy.optimize.linprog(cost, A_ub=A, b_ub=values, bounds=[(-1 / MISSED, 1 / MISSED)] * (2 * k) + [(0, None)])
+    found = scipy.optimize.linprog(cost, A_ub=A, b_ub=values, bounds=[(-REACTIONS_OF_A_CASE, REACTIONS_OF_A_CASE)] * (2 * k) + [(0, None)])
     return float(found.fun) if found.status == 0 else 0.0
 
 

@@ -28,6 +28,9 @@ def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension
     compliance: s (nc,) [velocity per impulse], None for 1 of whatever unit, the published form. With y = z - (u + g(u)) it is
     u + g(u) + (y - P_K(y)): so written, a small u is not lost beside a large r, whose difference with itself would be zero wherever r
     grows without bound.
+
+    Where u_N < 0 the map is at least |u_N| / sqrt(1 + mu^2), and hardly more: with mu = 1e8 no penetration would count for anything. So
+    contacts with mu > 10 add |u_N| / sqrt(1 + 10^2) of their own, as a part of the norm.
     """
     return math.sqrt(squared_natural_residual(r, u, mu, np.ones(len(mu)) if compliance is None else compliance, dimension))
 

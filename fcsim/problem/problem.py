@@ -23,16 +23,27 @@ from fcsim.problem.distributed import DistributedDelassus, whole_delassus
 from fcsim.problem.motion import Motion
 
 
-def as_vector(values: object, what: str) -> FloatArray:
+def _reals(values: object, what: str, kind: str) -> FloatArray:
+    """Real numbers as an array of floats that may be written to: for others, compiled loops would be compiled anew, which takes half a
+    minute. A copy where it has to be; InputError for anything else, masked arrays included, of which the mask would be forgotten."""
     try:
-        vector = np.asarray(values, dtype=np.float64)
+        array = np.asarray(values)
+        real = array if array.dtype.kind == "c" else np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{what}: expected a vector of numbers, got {type(values).__name__} of something else") from None
+        raise InputError(f"{what}: expected a {kind} of numbers, got {type(values).__name__} of something else") from None
+    if real.dtype.kind == "c" or isinstance(values, np.ma.MaskedArray):
+        got = "complex ones" if real.dtype.kind == "c" else "a masked array"
+        raise InputError(f"{what}: expected a {kind} of real numbers, got {got}")
+    return real if real.flags.writeable else real.copy()
+
+
+def as_vector(values: object, what: str) -> FloatArray:
+    vector = _reals(values, what, "vector")
     if vector.ndim != 1:
         raise InputError(f"{what}: expected a vector, got shape {vector.shape}")
     if not np.all(np.isfinite(vector)):
         raise InputError(f"{what}: expected finite numbers, got NaN or infinity in {np.count_nonzero(~np.isfinite(vector))} entries")
-    return vector
+    return np.ascontiguousarray(vector)
 
 
 def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
@@ -42,13 +53,12 @@ def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
             raise InputError(f"{what}: expected shape {shape}, got {values.shape}")
         return cast(Matrix, values)  # of which methods ask no more than it has
     if not sp.issparse(values):
-        try:
-            matrix = np.asarray(values, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InputError(f"{what}: expected a matrix of numbers, got {type(values).__name__} of something else") from None
+        matrix = _reals(values, what, "matrix")
     else:
         kept = isinstance(values, sp.sparray) and values.format in ("csr", "csc", "bsr", "coo")
         matrix = cast(Matrix, values) if kept else sp.csr_array(values)
+        if _reals(matrix.data, what, "matrix") is not matrix.data:
+            matrix = cast(Matrix, matrix.astype(np.float64, copy=True))
     if tuple(matrix.shape) != shape:
         raise InputError(f"{what}: expected shape {shape}, got {tuple(matrix.shape)}")
     entries = matrix if isinstance(matrix, np.ndarray) else matrix.data
@@ -60,7 +70,7 @@ def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
 
 
 def _friction(values: object, m: int, dimension: int) -> FloatArray:
-    if dimension not in (2, 3):
+    if dimension not in (2, 3) or isinstance(dimension, float):
         raise InputError(f"dimension: expected 2 or 3, got {dimension}")
     mu = as_vector(values, "mu")
     if len(mu) * dimension != m:

@@ -96,6 +96,11 @@ PROBLEMS: dict[str, tuple[Callable[[], Any], type[FcsimError], str]] = {
     "R not square": (spoilt("local.R", ONES((1, 2))), InputError, r"R: expected shape \(1, 1\), got \(1, 2\)"),
     "R singular": (spoilt("local.R", np.zeros((1, 1))), SingularMatrix, "R of 1 equality constraints is singular"),
     "no problem at all": (lambda: solve("problem.hdf5"), InputError, "problem: expected a GlobalProblem, .* got str"),  # type: ignore[arg-type]
+    "W complex": (spoilt("local.W", np.eye(6) + 0j), InputError, "W: expected a matrix of real numbers, got complex ones"),
+    "W complex, sparse": (spoilt("local.W", sp.csr_array(np.eye(6) + 1j)), InputError, "W: expected a matrix of real numbers"),
+    "q complex": (spoilt("local.q", -ONES(6) + 1j), InputError, "q: expected a vector of real numbers, got complex ones"),
+    "W masked": (spoilt("local.W", np.ma.masked_greater(np.eye(6), 0.5)), InputError, "W: .* got a masked array"),
+    "dimension no whole number": (spoilt("local.dimension", 3.0), InputError, "dimension: expected 2 or 3, got 3.0"),
     "start of another size": (
         lambda: solve(LocalProblem(np.eye(3), -ONES(3), ONES(1)), r=ONES(6)),
         InputError,

@@ -78,3 +78,38 @@ def test_a_ball_between_walls_that_stand_still_is_not_squeezed() -> None:
     assert squeezed(LocalProblem(p.W, np.zeros(p.m), p.mu)) is None
     assert squeezed(p) is not None
     assert squeezed(LocalProblem(p.W, np.abs(p.q), p.mu)) is None  # walls that part
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("ratio", [1e4, 1e7, 1e10, 1e12])
+def test_heavy_bodies_are_not_held_ones(d: int, ratio: float) -> None:
+    """W positive definite, one contact of a body that is `ratio` times as heavy: there is a solution, of reactions as large as that."""
+    rng = np.random.default_rng(int(np.log10(ratio)))
+    scale = np.sqrt(np.repeat([1.0, 1.0, 1 / ratio], d))
+    L = np.eye(3 * d) + 0.1 * rng.standard_normal((3 * d, 3 * d))
+    q = np.tile(np.r_[-1.0, np.full(d - 1, 0.2)], 3)
+    p = LocalProblem(np.outer(scale, scale) * (L @ L.T), q, np.full(3, 0.5), dimension=d)
+    assert certificate(p) is None
+    assert solve(p, "auto").solved
+    alone = LocalProblem(np.diag([1 / ratio, *np.ones(d - 1)]), q[:d], np.full(1, 0.5), dimension=d)
+    assert certificate(alone) is None and solve(alone, "auto").solved
+
+
+@pytest.mark.parametrize("soft", [1e-4, 1e-6, 1e-7])
+def test_a_stiff_vice_is_no_rigid_one(soft: float) -> None:
+    """Two jaws that give way by `soft` times as much as the piece between them: r_N = 1 / soft each, by W r + q = 0."""
+    W = np.eye(4)
+    W[0, 2] = W[2, 0] = soft - 1
+    p = LocalProblem(W, np.array([-1.0, 0, -1, 0]), np.full(2, 0.3), dimension=2)
+    r = np.array([1 / soft, 0, 1 / soft, 0])
+    assert np.abs(p.W @ r + p.q).max() <= 1e-8
+    assert certificate(p) is None
+
+
+def test_a_vice_beside_a_heavy_body_is_still_found() -> None:
+    """The proof is about the vice, whatever body of 1e9 times the mass lies beside it."""
+    W = np.zeros((9, 9))
+    W[:6, :6] = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.diag([1.0, 0, 0])) + np.diag([0, 1.0, 1, 0, 1, 1])
+    W[6:, 6:] = 1e-9 * np.eye(3)
+    found = certificate(LocalProblem(W, np.tile([-1.0, 0, 0], 3), np.full(3, 0.3)))
+    assert found is not None and found.contacts.tolist() == [0, 1]

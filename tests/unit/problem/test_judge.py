@@ -23,6 +23,7 @@ from fcsim.problem.judge import (
     relative,
     scaled_error,
 )
+from fcsim.solvers import solve
 
 
 def projected(z: FloatArray, mu: float) -> FloatArray:
@@ -209,3 +210,16 @@ def test_blocks_on_the_diagonal(d: int) -> None:
     assert_allclose(found, [A[a * d : a * d + d, a * d : a * d + d] for a in range(4)])
     doubled = diagonal_blocks_of_rows(2 * rows.indptr, np.repeat(rows.indices, 2), np.repeat(rows.data, 2), d)
     assert_allclose(doubled, 2 * found)
+
+
+@pytest.mark.parametrize("mu", [20.0, 1e3, 1e8, 1e100, 1e300])
+def test_penetration_counts_whatever_the_friction(mu: float) -> None:
+    """u_N = -1 beside |u_T| = 1 without a reaction: the natural map alone is 1 / sqrt(1 + mu^2), which no tolerance would see."""
+    problem = LocalProblem(np.eye(3), np.array([-1.0, 1.0, 0.0]), np.array([mu]))
+    r = np.zeros(3)
+    assert scaled_error(problem, r) >= 1 / np.sqrt(101) / np.sqrt(2)
+    for name in ("auto", "NSGS-AC", "NSN-AC", "PROX-NEWTON"):
+        result = solve(problem, name, tol=1e-8)
+        assert not result.solved or result.u[0] > -1e-6
+    exact = np.array([1.0, -1.0, 0.0])  # it sticks
+    assert scaled_error(problem, exact) == 0
