@@ -12,10 +12,13 @@ from fcsim.arrays import FloatArray
 from fcsim.errors import InputError, NotConverged
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import RollingReduction
-from fcsim.solvers import Memory, Result, Status, method, solve
+from fcsim.solvers import SOLVERS, Memory, Result, Status, method, solve
 from fcsim.solvers.base import choice, override
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.timestep.step import Attempt, Lead
+
+OF_NEWTON = 1e-9
+"""The tolerance of problems within Newton's method on nonlinear bodies, where the settings' is larger."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,10 +117,15 @@ def solve_rolling_chain(
 
 
 def not_converged(
-    settings: SolverSettings, number: int, times: tuple[float, float, float], cuttings: int, attempts: Sequence[Attempt]
+    settings: SolverSettings,
+    number: int,
+    times: tuple[float, float, float],
+    cuttings: int,
+    attempts: Sequence[Attempt],
+    why: Sequence[str] = (),
 ) -> NotConverged:
     """The error of step `number` that says what was tried on the last part, and how short that is; times [s]: beginning and end of the
-    step and the beginning of its last part."""
+    step and the beginning of its last part; why: what else is said of the run."""
     begin, end, part = times
     last = attempts[-1]
     tried = "; ".join(map(str, (a for a in attempts[_last_solved(attempts) + 1 :] if a.share == last.share)))
@@ -127,9 +135,14 @@ def not_converged(
             f", from t = {begin:.6g} to {end:.6g} s: cut into parts of h/2 to h/{2**cuttings} = {last.share * (end - begin):.3g} s, "
             f"the last from t = {part:.6g} s"
         )
-    if last.tol != settings.tol:
-        text += "; bodies fly farther than the model is large in one step: choose a larger eta or a smaller h"
-    return NotConverged(text)
+    if last.solver == "links":
+        text += (
+            "; links whose forces turn with what they hold: choose a smaller h, or in statics, where links leave bodies a motion that eta "
+            "alone holds (a chain), a larger eta"
+        )
+    elif last.solver in SOLVERS and last.tol < 0.5 * min(settings.tol, OF_NEWTON):  # asked for by `longest_flight`
+        text += "; bodies fly farther than the model is large in one step: choose a smaller h, in statics a larger eta"
+    return NotConverged("; ".join((text, *why)))
 
 
 def _last_solved(attempts: Sequence[Attempt]) -> int:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from fcsim.arrays import FloatArray
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
@@ -18,6 +16,7 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_work, pushing
+from fcsim.timestep.floating import floating, proposed_eta
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 
@@ -60,32 +59,12 @@ class QuasiStatic:
         """With eta = 0, a body with a rigid motion left: its stiffness is singular."""
         if self.eta:
             return
-        d = model.dimension
-        driven = np.zeros(model.n_dofs, dtype=bool)
-        driven[model.driven_dofs] = True
-        for number, body in enumerate(model.bodies):
-            own = driven[model.dof_offset[number] : model.dof_offset[number + 1]]
-            if number >= len(model.deformable):
-                floating = not own.all()
-            else:
-                x = body.points
-                centred = x - x.mean(axis=0)
-                modes = [np.tile(np.eye(d)[k], (len(x), 1)) for k in range(d)]
-                planes = [(0, 1)] if d == 2 else [(0, 1), (1, 2), (0, 2)]
-                for i, j in planes:
-                    mode = np.zeros_like(x)
-                    mode[:, i], mode[:, j] = -centred[:, j], centred[:, i]
-                    modes.append(mode / (np.abs(centred).max() or 1.0))
-                begin, end = (int(k) for k in model.dof_offset[number : number + 2])
-                axes = None if model.held.axes is None else model.held.axes.blocks(begin, end, d)
-                along = modes if axes is None else [np.einsum("aij,aj->ai", axes, mode) for mode in modes]
-                held = np.array([mode.ravel()[own] for mode in along])
-                floating = np.linalg.matrix_rank(held, tol=1e-8) < len(modes) if own.any() else True
-            if floating:
-                raise InputError(
-                    f"body {body.name!r}: statics with eta = 0 expect supports that exclude rigid motion; it is free to move. "
-                    "Add supports, or choose eta > 0 (mass regularisation)"
-                )
+        for number in floating(model):
+            eta = proposed_eta(model, number, self.h)
+            raise InputError(
+                f"body {model.bodies[number].name!r}: statics with eta = 0 expect supports that exclude rigid motion; it is free to move. "
+                f"Add supports, or choose eta > 0 (mass regularisation){'' if eta is None else f', of about {eta:.0e}'}"
+            )
 
     def detection_configuration(self, model: Model, state: State) -> FloatArray:
         return state.x

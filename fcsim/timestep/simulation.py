@@ -31,6 +31,7 @@ from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
 from fcsim.timestep.links.linked import linked, refuse_linkage
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
+from fcsim.timestep.remarks.doubts import doubts
 from fcsim.timestep.remarks.of_steps import StepRemarks
 from fcsim.timestep.remarks.opening import opening_remarks
 from fcsim.timestep.remarks.same_on_all_ranks import same_on_all_ranks
@@ -170,8 +171,7 @@ class Simulation:
 
     def _opening(self, state: State) -> tuple[str, ...]:
         """Remarks as a run begins."""
-        linked = self.linkage is not None
-        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, linked, self.solver.floor)
+        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage, self.solver.floor)
         return (*locking_parts(self.model), *own)
 
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
@@ -215,9 +215,9 @@ class Simulation:
             part = self._part(moment, cuts, kept, anchor or after, clock, attempts)
             if part is None:
                 if cuts == self.cuttings:
-                    raise not_converged(
-                        self.solver, moment.number, (after.state.t, after.state.t + self.scheme.h, moment.state.t), self.cuttings, attempts
-                    )
+                    times, begins = (after.state.t, after.state.t + self.scheme.h, moment.state.t), moment.number == 1
+                    why = (*doubts(self.model, self.scheme, self.linkage is not None), *(self._opening(after.state) if begins else ()))
+                    raise not_converged(self.solver, moment.number, times, self.cuttings, attempts, why)
                 cuts += 1
                 continue
             last = part.last_energy()

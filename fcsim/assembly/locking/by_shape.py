@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.elasticity import once_per_part
 from fcsim.assembly.model import Model
 from fcsim.assembly.nonlinear.part import laws_of
@@ -45,7 +45,7 @@ def locking(part: Part) -> str:
     """
     if part.elements not in ("Q1", "P1", "P2") or (part.dimension == 2 and part.plane == "stress"):
         return ""
-    nu = max(_poisson(law) for law, _ in laws_of(part))
+    nu = max(_poisson(law, _middle(part, cells)) for law, cells in laws_of(part))
     if part.elements == "P2":
         if nu < LONG_LOCKS or _aspect(part) < LONG:
             return ""
@@ -67,7 +67,7 @@ def locking_in_bending(part: Part) -> str:
     if extent[along] < SLENDER * height:
         return ""
     length = float(np.median(np.ptp(part.points[part.cells][:, :, along], axis=1)))
-    nu = min(_poisson(law) for law, _ in laws_of(part))
+    nu = min(_poisson(law, _middle(part, cells)) for law, cells in laws_of(part))
     shear = 0.5 * (1 - nu) if part.dimension == 2 and part.plane == "strain" else 0.5 / (1 + nu)
     stiffer = (SIMPLICES if part.elements == "P1" else shear) * (length / height) ** 2
     if stiffer < TOO_STIFF:
@@ -94,9 +94,16 @@ def locking_in_flow(part: Part) -> str:
     )
 
 
-def _poisson(law: PointLaw) -> float:
+def _middle(part: Part, cells: IntArray) -> FloatArray:
+    """X (1, 3) [m] of a cell: fields need not be finite outside of the body."""
+    X = np.zeros((1, 3))
+    X[0, : part.dimension] = part.points[part.cells[cells[0]]].mean(axis=0)
+    return X
+
+
+def _poisson(law: PointLaw, X: FloatArray) -> float:
     strain = np.eye(3)[None] if law.strain == "finite" else np.zeros((1, 3, 3))
-    answer = law.respond(strain, initial_variables(law)[None], Circumstances(np.zeros((1, 3)), 0.0, 0.0), True)
+    answer = law.respond(strain, initial_variables(law)[None], Circumstances(X, 0.0, 0.0), True)
     assert answer.tangent is not None
     C: FloatArray = answer.tangent[0]
     volume, total = float(np.einsum("iijj", C)), float(np.einsum("ijij", C))

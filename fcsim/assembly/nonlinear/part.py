@@ -126,7 +126,7 @@ class NonlinearPart:
             law = PlaneStress(law)
         asked: PointLaw = law if finite else InStrain(law, self.turning)
         first = initial_variables(law)
-        at = Circumstances(np.zeros((1, 3)), 0.0, 0.0)
+        at = Circumstances(self._data.place[numbers].reshape(-1, 3)[:1], 0.0, 0.0)  # fields need not be finite elsewhere
         answer = asked.respond(np.eye(3)[None], first[None], at, True)
         assert answer.tangent is not None
         return Region(numbers, asked, cell_strain(self.part, self.turning), self.turning, answer.tangent[0], first)

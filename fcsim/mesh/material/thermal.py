@@ -34,7 +34,7 @@ class Thermal:
             raise InputError(f"Thermal, temperature: expected a function of (X, t) or a number in K, got {self.temperature!r}")
         if not isinstance(self.material, LinearMaterial | PointLaw):
             raise InputError(f"Thermal, material: expected a material, got {type(self.material).__name__}")
-        self._stretch(np.zeros((2, 3)), 0.0)  # refuses a wrong field before anything runs
+        self._refuse_shape()
 
     @property
     def density(self) -> float:
@@ -52,14 +52,28 @@ class Thermal:
     def variables(self) -> tuple[Variable, ...]:
         return self._law.variables
 
+    def _refuse_shape(self) -> None:
+        """Refuses a field of a wrong shape before anything runs; its values are looked at in the body alone: where this is is not known
+        here, and a field need not be finite, or there at all, elsewhere (a/r at the origin)."""
+        if not callable(self.temperature):
+            return
+        try:
+            with np.errstate(all="ignore"):
+                found = np.shape(self.temperature(np.zeros((13, 3)), 0.0))
+        except Exception:
+            return  # it may be right in the body, and is raised there if not
+        if found not in ((), (13,)):
+            raise InputError(_expected(13, 0.0, f"an array of shape {found}"))
+
     def _stretch(self, X: FloatArray, t: float) -> FloatArray:
         """1 + expansion T (n,)."""
         T = self.temperature(X, t) if callable(self.temperature) else self.temperature
         values = np.asarray(T, dtype=float)
-        if values.shape not in ((), (len(X),)) or not np.all(np.isfinite(values)):
-            raise InputError(
-                f"Thermal, temperature at t = {t} s: expected {len(X)} finite numbers in K, got an array of shape {values.shape}"
-            )
+        if values.shape not in ((), (len(X),)):
+            raise InputError(_expected(len(X), t, f"an array of shape {values.shape}"))
+        if not np.all(np.isfinite(values)):
+            wrong = int(np.argmin(np.isfinite(np.broadcast_to(values, len(X)))))
+            raise InputError(_expected(len(X), t, f"{np.broadcast_to(values, len(X))[wrong]} at {tuple(X[wrong].tolist())}"))
         stretch = 1 + self.expansion * np.broadcast_to(values, (len(X),))
         if np.any(stretch <= 0):
             raise InputError(f"Thermal, temperature at t = {t} s: expected 1 + expansion T > 0, got {stretch.min()}")
@@ -89,3 +103,7 @@ class Thermal:
         return Response(
             answer.stress * stretch[:, None, None] ** 2, A, answer.energy * factor, answer.dissipated * factor, answer.variables
         )
+
+
+def _expected(n: int, t: float, got: str) -> str:
+    return f"Thermal, temperature at t = {t} s: expected {n} finite numbers in K at points X ({n}, 3), whose rows are points, got {got}"

@@ -130,6 +130,12 @@ class Linked:
         worst = int(np.argmax(np.abs(off))) if len(off) else 0
         if len(off) and abs(off[worst]) * length_per_u > 1e-6 * extent:
             name = self.linkage.names[int(self.linkage.of_row[worst])]
+            way = float(np.abs(v).max()) * length_per_u
+            if abs(off[worst]) * length_per_u < 1e-6 * way:  # round-off beside what nothing but eta holds
+                raise InputError(
+                    f"link {name!r}: links and supports leave bodies a motion that eta alone holds (a mechanism), by {way:.3g} in one step "
+                    f"of a model of {extent:.3g} m. What helps: a larger eta, by so much; or dynamics, which follow it"
+                )
             raise InputError(
                 f"link {name!r}: expected links and supports that can be kept together, got some that contradict each other: it is off by "
                 f"{abs(off[worst]) * length_per_u:.3g} m in one step"

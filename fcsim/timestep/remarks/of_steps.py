@@ -8,6 +8,7 @@ from fcsim.timestep.limits import remarks
 from fcsim.timestep.remarks.coarse import coarse
 from fcsim.timestep.remarks.driven_parts import driven_parts
 from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
+from fcsim.timestep.remarks.out_of_balance import out_of_balance
 from fcsim.timestep.remarks.snapping import Snapping
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
@@ -22,6 +23,7 @@ class StepRemarks:
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
         own = remarks(step.model, found, when, said) | self._snapping(step, when, said) | self._inertia(step, found, when, said)
+        own |= out_of_balance(step, self._steps, when, said)
         return (
             own
             | spinning(step, self._detection, when, said)

@@ -11,8 +11,10 @@ from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector
 from fcsim.contact_detection.never_touching import never_touching
+from fcsim.linkage import Linkage
 from fcsim.mesh.part import Body
 from fcsim.timestep.remarks.falling import falling
+from fcsim.timestep.remarks.locked_joints import locked_joints
 from fcsim.timestep.remarks.pieces import torn_meshes
 from fcsim.timestep.remarks.unlikely import diagonal_pull, fast_turning, soft_or_stiff, steep_friction
 from fcsim.timestep.scheme import Scheme
@@ -33,10 +35,11 @@ _MANY = 2000
 
 
 def opening_remarks(
-    model: Model, detector: Detection, scheme: Scheme, state: State, steps: int, linked: bool, floor: float = 0.0
+    model: Model, detector: Detection, scheme: Scheme, state: State, steps: int, linkage: Linkage | None, floor: float = 0.0
 ) -> tuple[str, ...]:
-    """Remarks on a simulation before its first step at `state`; linked: whether it has links, which hold and join bodies too; floor: of
-    the solvers' errors, see `SolverSettings`."""
+    """Remarks on a simulation before its first step at `state`; linkage: its links, which hold and join bodies too; floor: of the
+    solvers' errors, see `SolverSettings`."""
+    linked = linkage is not None
     positions = model.positions(state.x)
     gravity = _largest_gravity(model, state.t, state.t + steps * scheme.h)
     upwards = tuple(_upwards(model, positions, gravity, linked))
@@ -45,6 +48,8 @@ def opening_remarks(
     found.append(diagonal_pull(model, scheme, state.t, steps))
     found.append(soft_or_stiff(model, gravity, EARTH[0] <= float(np.linalg.norm(gravity)) <= EARTH[1]))
     found.append(torn_meshes(model))
+    if linkage is not None:
+        found.append(locked_joints(model, linkage, detector, positions))
     if not linked and not upwards:
         found.append(falling(model, state, scheme, gravity, steps, _held(model)))
     if isinstance(detector, Detector):

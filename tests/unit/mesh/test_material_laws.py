@@ -177,7 +177,7 @@ def test_hardening() -> None:
         (lambda: HardeningTable((0.1, 0.2), (1.0, 2.0)), "ascending from 0"),
         (lambda: HardeningFunction(lambda e: e), "expected yield stresses > 0 in Pa at plastic strains 0 and 0.01"),
         (lambda: Viscoelastic(1.0, 0.3, 1.0, ((0.6, 1.0), (0.5, 2.0))), "with the sum of g below 1"),
-        (lambda: Thermal(Material(1.0, 0.3, 1.0), 1e-5, lambda X, t: np.zeros(7)), "expected 2 finite numbers in K"),
+        (lambda: Thermal(Material(1.0, 0.3, 1.0), 1e-5, lambda X, t: np.zeros(7)), "expected 13 finite numbers in K"),
         (lambda: Thermal("steel", 1e-5, 1.0), "Thermal, material: expected a material, got str"),  # type: ignore[arg-type]
         (lambda: ogden([1.0], [2.0, 3.0], 1.0, 1.0), "as many mu as alpha"),
         (lambda: ogden([1.0], [0.0], 1.0, 1.0), "exponents alpha that are not 0"),

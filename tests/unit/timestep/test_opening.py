@@ -13,6 +13,7 @@ from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
+from fcsim.linkage import Ball, Hinge, Linkage, without_contact_of
 from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
@@ -134,3 +135,35 @@ def test_an_initial_state_that_is_none_of_the_model_is_refused(change: Any, mess
     start = at_rest(model)
     with pytest.raises(InputError, match=message):
         Simulation(model, Everything(model, 0.3), Theta(1e-2), 3, initial=replace(start, v=change(start.v)))
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_a_joint_that_contact_locks(unit: float) -> None:
+    """Two rods hinged end to end touch across their whole ends, which keeps them straight; hinged at the edge on one side they open."""
+    rods = [rigid_rectangle(name, (unit, 0.05 * unit), (x * unit, 0.0), 1.0) for name, x in (("one", 0.5), ("two", 1.5))]
+    model = build_model(rods, gravity=lambda t: (0.0, -9.81 * unit))
+
+    def said(at: float, detection: Any = None) -> list[str]:
+        joints = [Ball("pin", "one", None, (0.0, 0.0)), Ball("knee", "one", "two", (unit, at * unit))]
+        simulation = Simulation(model, detection or Everything(model, mu=0.0), Theta(1e-3), 1, linkage=Linkage(model, joints))
+        return [text for text in simulation._opening(at_rest(model)) if "keeps them from turning" in text]
+
+    (text,) = said(0.0)
+    assert "link 'knee'" in text and "without_contact_of(detector, model, [('one', 'two')])" in text
+    assert not said(0.025)
+    assert not said(0.0, without_contact_of(Everything(model, mu=0.0), model, [("one", "two")]))
+
+
+def test_a_hinge_in_space_that_contact_locks() -> None:
+    boxes = [rigid_box(name, (1.0, 0.1, 0.1), (x, 0.0, 0.0), 1.0) for name, x in (("one", 0.5), ("two", 1.5))]
+    model = build_model(boxes)
+
+    def said(joint: Any) -> bool:
+        simulation = Simulation(model, Everything(model, mu=0.0), Theta(1e-3), 1, linkage=Linkage(model, [joint]))
+        return any("keeps them from turning" in text for text in simulation._opening(at_rest(model)))
+
+    assert said(Hinge("knee", "one", "two", ((1.0, -0.1, 0.0), (1.0, 0.1, 0.0))))
+    assert not said(Hinge("knee", "one", "two", ((1.0, -0.1, 0.05), (1.0, 0.1, 0.05))))
+    assert not said(Hinge("along", "one", "two", ((0.9, 0.0, 0.0), (1.1, 0.0, 0.0))))  # the axis of both
+    assert said(Ball("ball", "one", "two", (1.0, 0.0, 0.0)))
+    assert said(Ball("ball", "one", "two", (1.0, 0.0, 0.05)))  # opens upwards, but not to the side

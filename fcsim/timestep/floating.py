@@ -1,0 +1,50 @@
+"""Bodies whose supports leave them a rigid motion, and the mass regularisation that statics with eta > 0 give them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.assembly.model import Model
+
+FAINT = 1e-8
+"""Of a body's stiffness: the regularisation eta / h^2 M that is proposed to who has none, or one that round-off hides."""
+
+
+def floating(model: Model) -> Iterator[int]:
+    """Numbers of the bodies that supports leave a rigid motion: their stiffness alone is singular."""
+    d = model.dimension
+    driven = np.zeros(model.n_dofs, dtype=bool)
+    driven[model.driven_dofs] = True
+    for number, body in enumerate(model.bodies):
+        own = driven[model.dof_offset[number] : model.dof_offset[number + 1]]
+        if number >= len(model.deformable):
+            if not own.all():
+                yield number
+            continue
+        x = body.points
+        centred = x - x.mean(axis=0)
+        modes = [np.tile(np.eye(d)[k], (len(x), 1)) for k in range(d)]
+        planes = [(0, 1)] if d == 2 else [(0, 1), (1, 2), (0, 2)]
+        for i, j in planes:
+            mode = np.zeros_like(x)
+            mode[:, i], mode[:, j] = -centred[:, j], centred[:, i]
+            modes.append(mode / (np.abs(centred).max() or 1.0))
+        begin, end = (int(k) for k in model.dof_offset[number : number + 2])
+        axes = None if model.held.axes is None else model.held.axes.blocks(begin, end, d)
+        along = modes if axes is None else [np.einsum("aij,aj->ai", axes, mode) for mode in modes]
+        held = np.array([mode.ravel()[own] for mode in along])
+        if not own.any() or np.linalg.matrix_rank(held, tol=1e-8) < len(modes):
+            yield number
+
+
+def proposed_eta(model: Model, number: int, h: float) -> float | None:
+    """The eta with which eta / h^2 M is `FAINT` of the stiffness of a deformable body, by the sums of both diagonals; None for a rigid
+    body, one without mass, or one that ranks have together."""
+    for group in model.groups:
+        if number in group.members and isinstance(group.K, sp.csr_array) and isinstance(group.M, sp.csr_array):
+            mass, stiffness = float(group.M.diagonal().sum()), float(group.K.diagonal().sum())
+            return FAINT * h**2 * stiffness / mass if mass > 0 and stiffness > 0 else None
+    return None
