@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.floating import floating, proposed_eta
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
@@ -16,7 +17,6 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_work, pushing
-from fcsim.timestep.floating import floating, proposed_eta
 from fcsim.timestep.scheme import positive
 from fcsim.timestep.state import State
 

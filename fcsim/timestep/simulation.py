@@ -30,8 +30,8 @@ from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
 from fcsim.timestep.links.linked import linked, refuse_linkage
+from fcsim.timestep.regularisation.doubts import doubts
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
-from fcsim.timestep.remarks.doubts import doubts
 from fcsim.timestep.remarks.of_steps import StepRemarks
 from fcsim.timestep.remarks.opening import opening_remarks
 from fcsim.timestep.remarks.same_on_all_ranks import same_on_all_ranks

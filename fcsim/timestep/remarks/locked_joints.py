@@ -23,13 +23,13 @@ def locked_joints(model: Model, linkage: Linkage, detector: Detection, positions
     Contacts press along their normals N at the places c: a turn by w about the joint p opens those with w . ((c - p) x N) > 0, and
     closes the others. Where there are both along an axis, the bodies cannot turn about it.
     """
-    joints = [link for link in linkage.links if isinstance(link, Ball | Hinge) and link.second is not None]
+    joints = [link for link in linkage.links if isinstance(link, Ball | Hinge) and None not in (link.first, link.second)]
     if not joints:
         return
     contacts, size = detector(positions), float(np.ptp(positions, axis=0).max())
     contacts = contacts.take(contacts.gap <= TOUCH * size)
     for link in joints:
-        both = np.sort([model.body_number(link.first), model.body_number(str(link.second))])
+        both = np.sort([model.body_number(str(link.first)), model.body_number(str(link.second))])
         between = contacts.take(np.all(np.sort(contacts.bodies, axis=1) == both, axis=1))
         if _locked(between, link, ARM * size):
             yield (

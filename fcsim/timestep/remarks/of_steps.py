@@ -5,10 +5,10 @@ from __future__ import annotations
 from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.contact_detection import Detection
 from fcsim.timestep.limits import remarks
+from fcsim.timestep.regularisation.out_of_balance import out_of_balance
 from fcsim.timestep.remarks.coarse import coarse
 from fcsim.timestep.remarks.driven_parts import driven_parts
 from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
-from fcsim.timestep.remarks.out_of_balance import out_of_balance
 from fcsim.timestep.remarks.snapping import Snapping
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step

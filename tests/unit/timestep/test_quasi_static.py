@@ -16,7 +16,7 @@ from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material, neo_hooke
 from fcsim.mesh.part import Body
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.remarks.doubts import doubts
+from fcsim.timestep.regularisation.doubts import doubts
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Step

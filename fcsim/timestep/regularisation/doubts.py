@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from fcsim.assembly.floating import FAINT, floating, proposed_eta
 from fcsim.assembly.model import Model
-from fcsim.timestep.floating import FAINT, floating, proposed_eta
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Scheme
 
