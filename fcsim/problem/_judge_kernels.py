@@ -13,8 +13,8 @@ ROUGH = 10.0
 
 
 @njit(cache=True)
-def squared_natural_residual(r, u, mu, compliance, d):
-    """||s r - P_K(s r - (u + g(u)))||^2 with s the compliance (nc,), and what `ROUGH` adds: see `natural_map_residual`."""
+def squared_natural_residual(r, u, mu, compliance, d, rough=True):
+    """||s r - P_K(s r - (u + g(u)))||^2 with s the compliance (nc,), and, if rough, what `ROUGH` adds: see `natural_map_residual`."""
     total = 0.0
     for a in range(len(mu)):
         i, m, s = d * a, mu[a], compliance[a]
@@ -22,7 +22,7 @@ def squared_natural_residual(r, u, mu, compliance, d):
         f0 = u[i] + m * np.sqrt(u1 * u1 + u2 * u2)
         x, y, z = natural_map(s * r[i], s * r[i + 1], s * r[i + 2] if d == 3 else 0.0, f0, u1, u2, m)
         total += x * x + y * y + z * z
-        if m > ROUGH and u[i] < 0.0:
+        if rough and m > ROUGH and u[i] < 0.0:
             total += u[i] * u[i] / (1.0 + ROUGH * ROUGH)
     return total
 

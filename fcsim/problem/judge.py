@@ -30,9 +30,10 @@ def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension
     grows without bound.
 
     Where u_N < 0 the map is at least |u_N| / sqrt(1 + mu^2), and hardly more: with mu = 1e8 no penetration would count for anything. So
-    contacts with mu > 10 add |u_N| / sqrt(1 + 10^2) of their own, as a part of the norm.
+    contacts with mu > 10 add |u_N| / sqrt(1 + 10^2) of their own, as a part of the norm; not in the published form.
     """
-    return math.sqrt(squared_natural_residual(r, u, mu, np.ones(len(mu)) if compliance is None else compliance, dimension))
+    published = compliance is None
+    return math.sqrt(squared_natural_residual(r, u, mu, np.ones(len(mu)) if published else compliance, dimension, not published))
 
 
 def relative(residual: float, scale: float) -> float:

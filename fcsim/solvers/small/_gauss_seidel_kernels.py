@@ -60,7 +60,7 @@ def judged(W, q, mu, compliance, r, d):
         for j in range(len(q)):
             u[i] += W[i, j] * r[j]
     scaled = np.sqrt(squared_natural_residual(r, u, mu, compliance, d))
-    plain = np.sqrt(squared_natural_residual(r, u, mu, np.ones(len(mu)), d))
+    plain = np.sqrt(squared_natural_residual(r, u, mu, np.ones(len(mu)), d, False))
     return u, scaled, plain, violations(r, u, q, mu, d)
 
 

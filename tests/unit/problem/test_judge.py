@@ -223,3 +223,12 @@ def test_penetration_counts_whatever_the_friction(mu: float) -> None:
         assert not result.solved or result.u[0] > -1e-6
     exact = np.array([1.0, -1.0, 0.0])  # it sticks
     assert scaled_error(problem, exact) == 0
+
+
+def test_the_published_error_is_as_published_whatever_the_friction() -> None:
+    mu = np.array([40.0])
+    r, u = np.array([0.3, -2.0, 1.0]), np.array([-1.0, 0.5, 2.0])
+    assert_allclose(natural_map_residual(r, u, mu), residual(r, u, mu, 3, np.ones(1)), rtol=1e-12)
+    problem = LocalProblem(np.eye(3), u, mu)
+    result = solve(problem, "NSGS-AC", max_iterations=1)
+    assert_allclose(result.published_error, error(problem, result.r), rtol=1e-9)
