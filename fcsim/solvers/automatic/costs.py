@@ -34,8 +34,9 @@ IRREGULAR = 2.0
 """Times the dense rate's time that an operation takes on the small fronts and indirect addresses of sparse elimination."""
 PASSES, SCATTERS = 4, 16
 """How often Newton's system reads or writes W: dense, and entry by entry with its index."""
-NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS = 40, 200, 5
-"""Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's."""
+NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS, ADMM_BEGINS = 40, 200, 5, 40
+"""Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's; and
+before ADMM's first one."""
 SHARES, PRODUCTS = 8, 3
 """How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
 SVD = 20
@@ -111,8 +112,12 @@ class Prices:
         if not self.in_velocities:
             return self.newton(closed)
         bodies = bodies_of(self.problem.delassus)
-        reads = SHARES * REAL * bodies.places_count + PRODUCTS * REAL * self.entries
-        return self.machine.seconds(Work(bodies.flops, reads, NEWTON_STEPS))
+        return self.least_in_velocities + self.machine.seconds(Work(bodies.flops, SHARES * REAL * bodies.places_count))
+
+    @cached_property
+    def least_in_velocities(self) -> float:
+        """An iteration of proximal Newton in the bodies' velocities without its elimination, whose count takes time of its own."""
+        return self.machine.seconds(Work(bytes=PRODUCTS * REAL * self.entries, steps=NEWTON_STEPS))
 
     def _share(self, closed: int) -> float:
         return closed / self.problem.m if closed and self.joints is None else 1.0
@@ -136,7 +141,11 @@ class Prices:
 
     def splitting(self, iterations: int) -> float:
         """ADMM's factor and so many iterations."""
-        return self.machine.seconds(Work(0.5 * self.flops, steps=40) + self._gather) + iterations * self.admm
+        return self.machine.seconds(Work(0.5 * self.flops, steps=ADMM_BEGINS) + self._gather) + iterations * self.admm
+
+    def least_splitting(self, iterations: int) -> float:
+        """The same with a factor that takes no operations and fills in nothing."""
+        return self.machine.seconds(Work(steps=ADMM_BEGINS) + self._gather) + iterations * self.least_admm
 
     def least_squares(self, closed: int) -> float:
         """An iteration of Levenberg-Marquardt: the singular values of the matrix of the unknowns of contacts that are not open."""

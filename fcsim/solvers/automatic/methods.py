@@ -75,7 +75,15 @@ def splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
     options = SPLITTING if race.joints is None else SPLITTING_OF_JOINTS
     vi = Inequality.coulomb(race.problem)
     watch = ProblemWatch(vi.velocity, monitor, options.max_iterations, period=WATCHED)
-    return split_turns(vi, np.zeros(race.problem.m), watch, options)
+    run = split_turns(vi, np.zeros(race.problem.m), watch, options)
+    while True:
+        try:
+            next(run)
+        except StopIteration as stop:
+            iterate: Iterate = stop.value
+            return iterate
+        monitor.speed = watch.speed / (monitor.scale or 1.0)
+        yield
 
 
 def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:

@@ -31,7 +31,10 @@ HOPE, LITTLE = 3.0, 0.25
 
 
 class ShareOfMonitor(Monitor):
-    """The monitor of one method in a race: counts its own iterations and its own best, and tells the race's monitor."""
+    """The monitor of one method in a race: counts its own iterations and its own best, and tells the race's monitor.
+
+    speed: ||u + g(u)|| / ||q|| of the velocities that the method believes in, infinite where it says nothing of them.
+    """
 
     def __init__(self, whole: Monitor) -> None:
         super().__init__(
@@ -42,6 +45,7 @@ class ShareOfMonitor(Monitor):
             memory=whole.memory,
         )
         self.whole, self.scale, self._told = whole, whole.scale, 0
+        self.speed = float("inf")
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         return self.whole.error(r, u)
@@ -116,6 +120,7 @@ class Runner:
         self._turns = stage.turns(race, self.monitor)
         self.result: Iterate | None = None
         self._course = [(0.0, 1.0 if stage.from_zero else min(race.monitor.best, 1e3))]
+        self._speeds = [(0.0, float("inf"))]
 
     @property
     def spent(self) -> float:
@@ -135,6 +140,7 @@ class Runner:
         self.monitor.tell()
         best = min(self._course[-1][1], self.monitor.best)
         self._course.append((self.spent, best))
+        self._speeds.append((self.spent, self.monitor.speed))
 
     def decades(self) -> float:
         """Powers of ten by which its best error is below that of where it began."""
@@ -142,9 +148,11 @@ class Runner:
 
     def gain(self, share: float) -> float:
         """Factor by which the last share of what it has spent brought its best error down."""
-        spent, best = self._course[-1]
-        before = next(error for paid, error in reversed(self._course) if paid <= (1 - share) * spent)
-        return before / max(best, 1e-300)
+        return _fall(self._course, share)
+
+    def rest(self, share: float) -> float:
+        """Factor by which the last share of what it has spent brought the velocities that it believes in down."""
+        return _fall(self._speeds, share)
 
     def needs(self) -> float:
         """What it will spend until it arrives, at the rate of the second half of what it has spent; infinite where that made no better."""
@@ -154,6 +162,13 @@ class Runner:
         if not 0 < best < before or spent <= earlier:
             return float("inf")
         return float(np.log(best / self.monitor.tol) / np.log(before / best)) * (spent - earlier)
+
+
+def _fall(course: Sequence[tuple[float, float]], share: float) -> float:
+    """Factor by which a course of (spent, size) fell in the last share of what was spent; 1 where nothing is known."""
+    spent, size = course[-1]
+    before = next(earlier for paid, earlier in reversed(course) if paid <= (1 - share) * spent)
+    return before / max(size, 1e-300) if np.isfinite(before) else 1.0
 
 
 @dataclass(eq=False)
@@ -234,5 +249,5 @@ def run(race: Race, stages: Sequence[Stage]) -> Iterate:
             runner.result = last = Iterate(last.r, Status.STAGNATED)
         elif last.status in ENDS:
             return last
-        elif last.status is Status.SINGULAR:
+        elif last.status in (Status.SINGULAR, Status.MAX_ITERATIONS):  # one method's own end, not the race's
             last = Iterate(last.r, Status.STAGNATED)

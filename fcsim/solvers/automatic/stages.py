@@ -44,6 +44,9 @@ FRESH_ALONE, FRESH_DECADE = 10, 5
 that it solved); one that is behind is given up, since those that were hardly ever arrived."""
 PROOF_SHARE = 4.0
 """Times what a proof costs that others may spend before it goes first: where there is a solution that costs a quarter more at the most."""
+TO_REST = 1.4
+"""Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
+is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
 STUCK = 100
 """Iterations of proximal Newton after which it may be stuck."""
 SETTLED = 10
@@ -82,7 +85,8 @@ def _dearer_than_proximal(race: Race, cost: float) -> bool:
     """Whether this costs more than proximal Newton from here."""
     if not race.prices.in_velocities:
         return _dearer_than_newton(race, cost, PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR)
-    return cost > (PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR) * race.prices.proximal(0)
+    iterations = PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR
+    return cost > iterations * race.prices.least_in_velocities and cost > iterations * race.prices.proximal(0)
 
 
 def _singular_here(race: Race) -> bool:
@@ -151,11 +155,14 @@ def _enter_splitting(race: Race) -> bool:
     if _splitting_first(race):
         return True
     cost, share = SLOWING * _swept(race), race.options.splitting
-    return cost > share * race.prices.least_admm and cost > race.prices.splitting(share)
+    return cost > race.prices.least_splitting(share) and cost > race.prices.splitting(share)
 
 
 def _on_track(race: Race, runner: Runner) -> bool:
-    """Each share of iterations brought the error down tenfold, and the last third of them down at all (in joints it swings longer)."""
+    """Each share of iterations brought the error down tenfold, and the last third of them down at all (in joints it swings longer); or all
+    comes to rest."""
+    if runner.rest(1 / 3) > TO_REST:
+        return True
     if runner.decades() < runner.monitor.iterations // _share(race):
         return False
     return race.joints is not None or runner.monitor.iterations < 0.5 * _share(race) or runner.gain(1 / 3) > 1.0

@@ -15,7 +15,7 @@ from fcsim.linear._block_rows_kernels import own_blocks
 from fcsim.linear.storage import REAL, REFERENCE
 from fcsim.problem._cone_kernels import cone_projection
 from fcsim.problem._judge_kernels import squared_natural_residual
-from fcsim.solvers.automatic.costs import NEWTON_STEPS, PASSES
+from fcsim.solvers.automatic.costs import LP_STEPS, NEWTON_STEPS, PASSES
 from fcsim.solvers.automatic.costs import ONE_CONTACT as OPERATIONS
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.newton._formulation_kernels import split_compliances
@@ -39,10 +39,16 @@ NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 30, 15
 """Iterations that Newton needs from errors above and below `FAR`, about: what sweeps may still cost."""
 MANY, FEWER = 220, 1.5
 """Contact unknowns that bear from which Newton in so many times fewer velocities of the bodies, which the race has, is the quicker one."""
+STILL = 0.999
+"""Factor by which sweeps between two errors bring an error above `FAR` down at least, or they are at an end."""
+NO_ANSWER_YET = 5
+"""How it ends where a proof that there is no solution is to be tried before Newton from zero."""
 DECADE = 10
 """Newton's iterations that are its own for each tenfold."""
 RATES = REFERENCE.flops, REFERENCE.bytes, REFERENCE.step
 """Operations and bytes a second, and the seconds of a small step."""
+PROOF = LP_STEPS * REFERENCE.step
+"""Seconds on the reference machine of a proof that there is no solution: on few contacts those of its small steps."""
 
 
 @njit(cache=True, nogil=True)
@@ -95,11 +101,14 @@ def sweeps_left(course, looks, tol):
 
 @njit(cache=True, nogil=True)
 def solve_automatically(
-    W, q, mu, start, d, published, floor, tol, local_tolerance, local_iterations, look, first, alone, within, budget, velocities, history
-):
+    W, q, mu, start, d, published, floor, tol, local_tolerance, local_iterations, look, first, alone, within, budget, velocities, done,
+    history,
+):  # fmt: skip
     """Conjugate sweeps from `start` (m,) and proximal Newton from their best iterate, then from zero, by turns until the error is tol.
 
-    Where the first Newton leaves the error above `FAR`, there may be no solution, which only the race can prove: sweeps are over then.
+    Where the first Newton leaves the error above `FAR`, there may be no solution: sweeps are over then, and where Newton from zero costs
+    more than a proof, that is to come before (`NO_ANSWER_YET`; a call with the iterations `done` so far and their best iterate as start
+    goes on).
     look: sweeps between two errors; first: Newton's iterations whose cost the sweeps spend before their rate is believed; alone: those of
     Newton from the sweeps' iterate, from zero, and from zero from afar before it must have got on; within: those from each at the most;
     budget: seconds on the reference machine after which sweeps, and after half of which Newton is left; velocities: those of the bodies
@@ -131,23 +140,25 @@ def solve_automatically(
     sweep_price = OPERATIONS * nc / RATES[0] + 1.1 * REAL * d * d * len(columns) / RATES[1]
     history[0, 0], history[0, 1], rows = 0, least, 1
     course, looks = np.empty((len(history), 2)), 1
-    course[0, 0], course[0, 1] = 0.0, least
-    sweeps, sweeping, inside, of_newton, turn, far = 0, True, 0, 0.0, 0, False
+    course[0, 1] = least
+    sweeps, sweeping, inside, of_newton, turn, far = 0, True, done, 0.0, int(done > 0), done > 0
+    course[0, 0], history[0, 0] = 0.0, done
     while True:
         price, elsewhere = newton_price(best, d, velocities)
         allowed = of_newton if turn else first * price
         while sweeping and not far and not least <= tol:
-            change, _, done = sweep_conjugate(
+            change, _, swept = sweep_conjugate(
                 starts, columns, blocks, diagonal, shift, q3, mu, rho, order, r3, frozen, from_here, direction, last, local_tolerance,
                 local_iterations, 1.0, look, tol,
             )  # fmt: skip
             last = change
-            sweeps += done
+            sweeps += swept
             error = error_of(starts, columns, blocks, q3, r3, mu, weights, scale, r, u, d)
             if not np.isfinite(error) or (change == 0.0 and error > tol):
                 sweeping = False
             if error < least:
                 least, best = error, r.copy()
+            before = course[looks - 1, 1]
             if looks < len(course):
                 course[looks, 0], course[looks, 1] = sweeps, least
                 looks += 1
@@ -156,6 +167,8 @@ def solve_automatically(
             if rows < len(history):
                 history[rows, 0], history[rows, 1] = sweeps + inside, error
                 rows += 1
+            if least > FAR and looks > 2 and least > STILL * before:
+                break
             spent = sweep_price * sweeps
             price, elsewhere = newton_price(best, d, velocities)
             patience = (NEWTON_FROM_FAR if least > FAR else NEWTON_FROM_NEAR) * price
@@ -182,6 +195,11 @@ def solve_automatically(
             u, scaled, plain, found = judged(W, q, mu, compliance, found_r, d)
             return SOLVED, sweeps + inside, rows, found_r, u, scale, scaled, plain, found
         far = min(found_error, least) > FAR
+        if far and turn == 1 and done == 0 and alone[2] * price > PROOF:
+            if found_error < least:
+                least, best = found_error, found_r
+            u, scaled, plain, found = judged(W, q, mu, compliance, best, d)
+            return NO_ANSWER_YET, sweeps + inside, rows, best, u, scale, scaled, plain, found
         if found_error < 0.1 * least and sweeping:  # its iterate is well ahead: sweeps go on from there
             least, best = found_error, found_r
             admissible = projected(found_r, mu, d)

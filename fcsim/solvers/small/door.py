@@ -8,11 +8,13 @@ compliance of their own) is left to the general way.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.problem import Checks, LocalProblem
+from fcsim.problem.infeasible import certificate
 from fcsim.problem.judge import relative
 from fcsim.solvers.automatic.stages import automatic
 from fcsim.solvers.base import Method, Result, Status
@@ -46,7 +48,7 @@ def small(
         return None
     if problem.V is not None or not (r is None or isinstance(r, np.ndarray)):
         return None
-    automatically = chosen.run is automatic
+    automatically, certified = chosen.run is automatic, None
     if problem.dimension not in chosen.dimensions:
         return None
     if not automatically and not (chosen.run is nsgs and chosen.options == OPTIONS):
@@ -65,16 +67,21 @@ def small(
     solving = (OPTIONS.local_tolerance, OPTIONS.local_iterations)
     if automatically:
         velocities = len(q) if problem.motion is None else problem.motion.M.shape[0]
-        out = _automatic_kernels.solve_automatically(
-            *arguments, *solving, AUTO_LOOK, AUTO_FIRST, AUTO_ALONE, AUTO_NEWTON, AUTO_BUDGET, velocities, rows
-        )
+        rules = AUTO_LOOK, AUTO_FIRST, AUTO_ALONE, AUTO_NEWTON, AUTO_BUDGET, velocities
+        out = _automatic_kernels.solve_automatically(*arguments, *solving, *rules, 0, rows)
+        if out[2] and rows[: out[2], 1].min() > _automatic_kernels.FAR:
+            certified = certificate(problem)
+        if out[0] == _automatic_kernels.NO_ANSWER_YET and certified is None:
+            noted, arguments = out[2], (*arguments[:3], out[3], *arguments[4:])
+            out = _automatic_kernels.solve_automatically(*arguments, *solving, *rules, out[1], rows[noted:])
+            out = (*out[:2], noted + out[2], *out[3:])
     else:
         out = _gauss_seidel_kernels.solve_by_sweeps(*arguments, OPTIONS.max_iterations, *solving, FULL_AT_LEAST_EVERY, rows)
     ended, sweeps, noted, answer, u, scale, scaled, plain, found = out
-    if ended == _gauss_seidel_kernels.NOT_HERE or (automatically and ended != _gauss_seidel_kernels.SOLVED):
+    if ended == _gauss_seidel_kernels.NOT_HERE or (automatically and ended != _gauss_seidel_kernels.SOLVED and certified is None):
         return None
     errors = relative(scaled, scale), relative(plain, scale)
-    deciding, status = errors[error == "published"], STATUSES[ended]
+    deciding, status = errors[error == "published"], STATUSES[ended] if certified is None else Status.INFEASIBLE
     if (deciding <= tol) != status.solved:  # by round-off between the sweeps' u and the answer's: the general way decides
         return None
     cone, dual_cone, penetration, product, r_max, u_max, r_size, u_size = found
@@ -83,4 +90,5 @@ def small(
     # a clock does not reach into compiled code: the seconds of the history are the sweeps' share
     history = [(int(at), spent * at / max(sweeps, 1), size) for at, size in rows[:noted].tolist()]
     seconds = {"reduction": 0.0, "solve": spent}
-    return Result(answer, u, None, status, deciding, *errors, sweeps, seconds, history, checks, solver)
+    found = Result(answer, u, None, status, deciding, *errors, sweeps, seconds, history, checks, solver)
+    return found if certified is None else replace(found, message=certified.message, certificate=certified)

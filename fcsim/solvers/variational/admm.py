@@ -140,7 +140,7 @@ class _Rescaled:
     def __init__(self, watch: Watch, scale: FloatArray) -> None:
         self._watch, self._scale = watch, scale
         self.target = watch.target * float(scale.min(initial=np.inf) if len(scale) else 1.0)  # of u scale, which is that much smaller
-        self.compliance = watch.compliance
+        self.compliance, self.speed = watch.compliance, watch.speed
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
         return self._watch.visit(self._scale * r, None if u is None else u / self._scale, due)
@@ -238,6 +238,7 @@ def iterate(
         rho = splitting.rho
         sums = splitting_residuals(x, z, zeta, z_hat, zeta_hat)
         primal, dual = math.sqrt(sums[0]), rho * math.sqrt(sums[1])
+        watch.speed = rho * math.sqrt(float(zeta @ zeta))  # u + g(u) = -rho zeta once it has converged
         status = watch.visit(splitting.answer(z, zeta), None, light.due(splitting.gain * primal + splitting.dual_gain * dual))
         if primal == 0 and dual == 0 and status is None:
             status = Status.STAGNATED

@@ -137,7 +137,7 @@ class _Capped:
 
     def __init__(self, watch: Watch, iterations: int) -> None:
         self._watch, self._left = watch, iterations
-        self.target, self.compliance = watch.target, watch.compliance
+        self.target, self.compliance, self.speed = watch.target, watch.compliance, watch.speed
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
         return self._watch.visit(r, u, due) or (Status.STAGNATED if self._left <= 0 else None)

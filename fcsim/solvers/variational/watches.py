@@ -15,11 +15,13 @@ from fcsim.solvers.variational.inequality import Inequality
 class Watch(Protocol):
     """Who decides when an iteration ends: for the whole problem the monitor's error, for a sub-problem its natural residual.
 
-    `target` is the natural residual ||s (r - P_C(r - F(r) / s))|| to reach, s = `compliance` (nc,) that of the monitor's error.
+    `target` is the natural residual ||s (r - P_C(r - F(r) / s))|| to reach, s = `compliance` (nc,) that of the monitor's error. ADMM
+    tells what its multiplier says of ||u + g(u)|| as `speed`, infinite where nobody does.
     """
 
     target: float
     compliance: FloatArray
+    speed: float
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
         """See the iterate r with u = W r + q (None: computed where needed) and say how to stop, None to go on.
@@ -37,6 +39,7 @@ class ProblemWatch:
     def __init__(self, velocity: Callable[[FloatArray], FloatArray], monitor: Monitor, max_iterations: int, period: int = 100) -> None:
         self._velocity, self._monitor, self._limit, self._period = velocity, monitor, max_iterations, period
         self.target, self.compliance = monitor.tol * monitor.scale, monitor.compliance
+        self.speed = float("inf")
         self._next = monitor.iterations
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:
@@ -64,6 +67,7 @@ class SubproblemWatch:
     def __init__(self, inequality: Inequality, monitor: Monitor, target: float, max_iterations: int) -> None:
         self._vi, self._monitor, self._limit = inequality, monitor, max_iterations
         self.target, self.compliance = target, monitor.compliance
+        self.speed = float("inf")
         self.iterations = 0
 
     def visit(self, r: FloatArray, u: FloatArray | None, due: bool) -> Status | None:

@@ -90,3 +90,13 @@ def test_proximal_newton_of_blocks_is_priced_by_their_number_not_by_their_contac
     assert prices[1].newton(0) > 5 * prices[1].proximal(0)
     other = Prices(replace(reduce(wall).local, motion=None), 0, None, machine)
     assert not other.in_velocities and other.proximal(0) == other.newton(0)
+
+
+@pytest.mark.parametrize("family", ["boxes", "rocks", "spheres", "near-singular", "arches"])
+def test_what_is_known_before_anything_is_analysed_is_no_more_than_the_price(family: str) -> None:
+    local = reduce(problems(family, 240, 1)).local
+    fitting = local.stored()
+    prices = Prices(fitting, local.delassus.entries, local.delassus.joints)
+    assert 0 < prices.least_splitting(30) <= prices.splitting(30)
+    if prices.in_velocities:
+        assert 0 < prices.least_in_velocities <= prices.proximal(0)

@@ -108,3 +108,31 @@ def test_iterations_of_all_are_counted_and_limited() -> None:
     assert iterate.status is Status.MAX_ITERATIONS
     assert the_race.monitor.iterations == sum(runner.monitor.iterations for runner in the_race.runners.values())
     assert 50 <= the_race.monitor.iterations <= 60
+
+
+@pytest.mark.parametrize("factor", [0.9, 0.99])
+def test_who_brings_all_to_rest_shows_it_by_its_velocities(factor: float) -> None:
+    """0.9^k falls by 0.9^-10 over the last third of 30 iterations, whatever the error does meanwhile."""
+
+    def turns(race: Race, monitor: ShareOfMonitor) -> Turns:
+        while True:
+            monitor.iterations += 1
+            monitor.speed = factor**monitor.iterations
+            yield
+
+    silent = method("silent", stuck)
+    for stage, expected in ((replace(silent, turns=turns), factor**-10), (silent, 1.0)):
+        runner = Runner(stage, race([silent], max_iterations=3)[1])
+        for _ in range(30):
+            runner.work(0.0)
+        assert runner.rest(1 / 3) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("own", [Status.SINGULAR, Status.MAX_ITERATIONS])
+def test_one_methods_own_end_is_not_that_of_the_race(own: Status) -> None:
+    def turns(race: Race, monitor: ShareOfMonitor) -> Turns:
+        monitor.iterations += 1
+        yield
+        return Iterate(np.zeros(3), own)
+
+    assert race([replace(method("ends", stuck), turns=turns)])[0].status is Status.STAGNATED

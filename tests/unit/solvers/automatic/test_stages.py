@@ -14,6 +14,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
+from fcsim.solvers.automatic import stages
 from fcsim.solvers.automatic.stages import STAGES
 
 
@@ -122,3 +123,14 @@ def test_newton_is_left_out_where_its_matrix_is_sure_to_be_singular(monkeypatch:
     nearby = replace(local, q=local.q * (1 + 1e-3 * np.cos(np.arange(local.m))))
     assert solve(nearby, "auto", r=start.r, tol=1e-9).solved
     assert solve(nearby, "auto", tol=1e-9).solved
+
+
+def test_admm_goes_on_alone_where_bodies_come_to_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arch that stands: ADMM's velocities fall while its error stays above 1e-3, and then it is there, before the others spend as much
+    as they do where nothing is seen of that."""
+    p = reduce(problems("arches", 1000, 42)).local
+    seeing = solve(p, "auto")
+    assert seeing.solved and np.linalg.norm(seeing.u) < 1e-6 * np.linalg.norm(p.q)
+    monkeypatch.setattr(stages, "TO_REST", np.inf)
+    blind = solve(p, "auto")
+    assert blind.solved and seeing.iterations < blind.iterations

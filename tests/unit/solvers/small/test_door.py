@@ -135,22 +135,51 @@ def test_the_history_ends_with_the_time_of_the_solve() -> None:
     assert all(before[1] <= after[1] for before, after in zip(found.history, found.history[1:], strict=False))
 
 
-@pytest.mark.parametrize("family", ["squeezed", "rods"])
-def test_where_newton_leaves_a_large_error_the_door_sweeps_no_more(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    p = reduced(problems(family, 60, 3)).local
-    kernel = door._automatic_kernels.solve_automatically
-    calls: list[Any] = []
+Call = tuple[int, int, int, np.ndarray]
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
+    """(how it ended, iterations, those before it, sweeps and Newton's iterations at each error with the error) of the door's calls."""
+    kernel, made = door._automatic_kernels.solve_automatically, []
 
     def kept(*arguments: Any) -> Any:
         out = kernel(*arguments)
-        calls.append((out, arguments[-1][: out[2]]))
+        made.append((out[0], out[1], arguments[-2], arguments[-1][: out[2]].copy()))
         return out
 
     monkeypatch.setattr(door._automatic_kernels, "solve_automatically", kept)
-    assert small(p, method("auto"), False, "auto", None, 1e-8, "scaled", 0.0) is None
-    out, rows = calls[0]
-    assert out[0] != 0 and rows[:, 1].min() > 1e-3
-    added = np.diff(rows[:, 0])
-    assert np.all(added[:-2] == door.AUTO_LOOK)  # looks at sweeps, then Newton from their iterate and from zero, and nothing after
-    assert not np.any(added[-2:] == door.AUTO_LOOK)
-    assert solve(p, "auto").status is Status.INFEASIBLE
+    return made
+
+
+@pytest.mark.parametrize("size", [12, 60])
+@pytest.mark.parametrize("family", ["squeezed", "wedged", "rods"])
+def test_problems_without_a_solution_are_answered_with_a_proof(family: str, size: int, calls: list[Call]) -> None:
+    p = reduced(problems(family, size, 3)).local
+    found = by_the_door(p, "auto")
+    assert found is not None and found.status is Status.INFEASIBLE and len(calls) == 1
+    assert found.error > 1e-3 and found.certificate is not None and found.message == found.certificate.message
+    y = found.certificate.direction
+    if family != "rods":  # y . u_N = y . q_N < 0 for all reactions (Farkas)
+        assert y is not None and np.all(y[::3] >= 0) and p.q @ y < 0
+        assert np.linalg.norm(p.W.T @ y) < 1e-9 * np.abs(p.W).max()
+
+
+def test_where_newton_leaves_a_large_error_the_door_sweeps_no_more(calls: list[Call], monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it would go on without a proof: Newton from zero, and nothing after."""
+    p = reduced(problems("squeezed", 60, 3)).local
+    monkeypatch.setattr(door, "certificate", lambda problem: None)
+    assert by_the_door(p, "auto") is None
+    (ended, before, _, sweeping), (_, after, begun, newton) = calls
+    assert ended == door._automatic_kernels.NO_ANSWER_YET and begun == before < after
+    assert np.all(np.diff(sweeping[:, 0])[:-1] == door.AUTO_LOOK) and sweeping[:, 1].min() > 1e-3
+    assert newton[0, 0] == before and newton[-1, 0] == after and len(newton) == 2
+    assert newton[0, 1] == pytest.approx(sweeping[:, 1].min(), rel=1e-6)
+    assert solve(p, "auto").status is Status.INFEASIBLE  # by the race, whose proof is another one's
+
+
+def test_sweeps_whose_error_stays_are_left(calls: list[Call]) -> None:
+    """Contacts of which each is alone are as good after one sweep as they get: Newton follows the second error."""
+    by_the_door(reduced(problems("rods", 60, 3)).local, "auto")
+    assert calls[0][3][:3, 0].tolist() == [0, door.AUTO_LOOK, 2 * door.AUTO_LOOK]
+    assert calls[0][3][3, 0] - calls[0][3][2, 0] < 2 * door.AUTO_LOOK

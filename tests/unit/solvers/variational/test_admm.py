@@ -142,6 +142,18 @@ def test_convex_program(coulomb_problems: Problems) -> None:
     assert_allclose(np.sum(r * u, axis=1), 0, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["full rank", "full rank, 2D", "hyperstatic"])
+def test_the_speed_that_is_told_is_that_of_the_answer(name: str, coulomb_problems: Problems) -> None:
+    """||u + g(u)|| with u = W r + q, r by Gauss-Seidel."""
+    problem = coulomb_problems[name]()
+    vi = Inequality.coulomb(problem)
+    watch = ProblemWatch(vi.velocity, Monitor(problem.q, problem.mu, problem.dimension, 1e-10), 20_000)
+    assert split(vi, np.zeros(problem.m), watch, AdmmOptions()).status is Status.SOLVED
+    u = (problem.W @ solve(problem, "NSGS-AC", tol=1e-10).r + problem.q).reshape(problem.nc, -1)
+    u[:, 0] += problem.mu * np.linalg.norm(u[:, 1:], axis=1)
+    assert watch.speed == pytest.approx(np.linalg.norm(u), rel=1e-6, abs=1e-6 * np.linalg.norm(problem.q))
+
+
 def test_shared_operator_keeps_its_factors(coulomb_problems: Problems) -> None:
     problem = coulomb_problems["full rank"]()
     vi = Inequality.coulomb(problem)
