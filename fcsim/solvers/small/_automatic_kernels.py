@@ -209,6 +209,8 @@ def solve_automatically(
             from_here[:] = r3
             last = 0.0
             course[0, 0], course[0, 1], looks = sweeps, least, 1
+    if elsewhere and turn == 0 and not least <= tol:
+        return NOT_HERE, sweeps, rows, best, q, scale, 0.0, 0.0, none
     ended = SOLVED if least <= tol else (MAX_ITERATIONS if sweeping else STAGNATED)
     u, scaled, plain, found = judged(W, q, mu, compliance, best, d)
     return ended, sweeps + inside, rows, best, u, scale, scaled, plain, found

@@ -19,7 +19,8 @@ from fcsim.solvers.newton._formulation_kernels import split_compliances
 sweep = ONE_CONTACT["AC"].sweep
 
 SOLVED, MAX_ITERATIONS, STAGNATED, DIVERGED, NOT_HERE = 0, 1, 2, 3, 4
-"""How `solve_by_sweeps` ends; NOT_HERE: a contact has no compliance of its own (both bodies held), which the general way settles."""
+"""How `solve_by_sweeps` ends; NOT_HERE: a contact has no compliance of its own (both bodies held), which the general way settles, or
+`auto` leaves the problem to its race, which has the better Newton for it."""
 
 
 @njit(cache=True, nogil=True)

@@ -69,7 +69,7 @@ def small(
         velocities = len(q) if problem.motion is None else problem.motion.M.shape[0]
         rules = AUTO_LOOK, AUTO_FIRST, AUTO_ALONE, AUTO_NEWTON, AUTO_BUDGET, velocities
         out = _automatic_kernels.solve_automatically(*arguments, *solving, *rules, 0, rows)
-        if out[2] and rows[: out[2], 1].min() > _automatic_kernels.FAR:
+        if out[0] != _gauss_seidel_kernels.NOT_HERE and out[2] and rows[: out[2], 1].min() > _automatic_kernels.FAR:
             certified = certificate(problem)
         if out[0] == _automatic_kernels.NO_ANSWER_YET and certified is None:
             noted, arguments = out[2], (*arguments[:3], out[3], *arguments[4:])
