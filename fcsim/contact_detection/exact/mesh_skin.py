@@ -6,14 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.skin.boundary import boundary_of
 
 
 class MeshSkin(NamedTuple):
     """facets (nf, d) nodes of triangles (2D: segments), outwards; body (nf,); edges (ne, 2) nodes, none in 2D; edge (nf, 3): of the sides
-    k, from corner k to k + 1; edge_facets (ne, 2); vertices (nv,) nodes, vertex (nf, d): their numbers at the facets' corners.
+    k, from corner k to k + 1; edge_facets (ne, 2); vertices (nv,) nodes, vertex (nf, d): their numbers at the facets' corners; deforms
+    (nf,): whether the body is deformable.
 
     A feature is a face, an edge or a vertex, numbered in this order.
     """
@@ -25,6 +26,7 @@ class MeshSkin(NamedTuple):
     edge_facets: IntArray
     vertices: IntArray
     vertex: IntArray
+    deforms: BoolArray
 
     @property
     def n_features(self) -> int:
@@ -41,19 +43,20 @@ def mesh_skin(meshed: Model, node: IntArray, body: IntArray) -> MeshSkin:
         four = boundary.sides == 4
         facets = np.concatenate([facets, boundary.facets[four][:, [0, 2, 3]]])
         owner = np.concatenate([owner, owner[four]])
+    deforms = owner < len(meshed.deformable)
     facets, owner = node[facets], body[owner]
     vertices, vertex = np.unique(facets, return_inverse=True)
     vertex = vertex.reshape(facets.shape)
     none = np.empty((0, 2), dtype=np.int64)
     if d == 2:
-        return MeshSkin(facets, owner, none, np.empty((len(facets), 0), dtype=np.int64), none, vertices, vertex)
+        return MeshSkin(facets, owner, none, np.empty((len(facets), 0), dtype=np.int64), none, vertices, vertex, deforms)
     sides = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     edges, edge = np.unique(sides, axis=0, return_inverse=True)
     edge = edge.reshape(facets.shape)
     order = np.argsort(edge.ravel(), kind="stable")
     first = np.searchsorted(edge.ravel()[order], np.arange(len(edges)))
     last = np.append(first[1:], len(order)) - 1
-    return MeshSkin(facets, owner, edges, edge, np.stack([order[first], order[last]], axis=1) // 3, vertices, vertex)
+    return MeshSkin(facets, owner, edges, edge, np.stack([order[first], order[last]], axis=1) // 3, vertices, vertex, deforms)
 
 
 def normals(skin: MeshSkin, positions: FloatArray) -> FloatArray:

@@ -1,0 +1,74 @@
+"""Rigid spheres and disks of exact shape, pressed into deformable half spaces: Hertz, Lee and Radok, Johnson's first yield."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import quad
+
+from fcsim import Body, ExactContacts, QuasiStatic, Simulation, Support, build_model
+from fcsim.mesh import rigid_sphere
+from fcsim.mesh.material import Material, Plastic, Viscoelastic, saint_venant_kirchhoff
+from fcsim.timestep.step import Step
+from tests.analytic.references.meshes import block, meridian, spaced, wedge
+
+ANGLE = np.radians(6.0)
+
+
+def pressed(
+    R: float, depth: float, law: Any, elements: str, steps: int, cells: int = 10, far: float = 60.0
+) -> tuple[list[Step], np.ndarray]:
+    """Steps and forces (steps,) on the whole sphere, driven evenly to a depth; a wedge of a half space of `far` radii of contact."""
+    a = np.sqrt(R * depth)
+    outer = spaced(1.4 * a, far * a, 13, 1.4)[1:]
+    axes = [
+        np.concatenate([[0.02 * a], spaced(0, 1.4 * a, cells)[1:], outer]),
+        -np.concatenate([spaced(0, 1.4 * a, cells), outer])[::-1],
+        [0, 1],
+    ]
+    supports = [Support("half", ("y",), side, axes=meridian(ANGLE, sign)) for side, sign in (("z-", 1), ("z+", -1))]
+    supports += [Support("half", ("x",), "x+"), Support("half", ("z",), "y-")]
+    supports += [Support("ball", ("x", "y", "rx", "ry", "rz")), Support("ball", ("z",), velocity=-depth)]
+    half = Body("half", block("half", axes, law, elements, wedge(ANGLE)))
+    model = build_model([half, rigid_sphere("ball", R, (0.0, 0.0, R), 1.0)], supports=supports)
+    done = list(Simulation(model, ExactContacts(model, mu=0.0), QuasiStatic(1 / steps), steps, witness=None))
+    return done, np.array([-step.contact_force_on(model.number["half"])[2] for step in done]) * 2 * np.pi / ANGLE
+
+
+@pytest.mark.parametrize(
+    ("law", "elements", "unit"),
+    [(Material, "Q1-enhanced", 1.0), (Material, "Q1-enhanced", 1e-3), (saint_venant_kirchhoff, "Q1-bbar", 1.0)],
+)
+def test_hertz(law: Any, elements: str, unit: float) -> None:
+    """F = 4/3 E* sqrt(R) d^(3/2), H. Hertz 1881, at each of eight depths (mm, and m); contacts by the vertices, not by one facet."""
+    R, depth, E, nu = 10.0 * unit, 0.01 * unit, 210e3 / unit**2, 0.3
+    steps, force = pressed(R, depth, law(E, nu, 7.8e-9 / unit**4), elements, 8)
+    d = depth * np.arange(1, 9) / 8
+    assert_allclose(force, 4 / 3 * E / (1 - nu**2) * np.sqrt(R) * d**1.5, rtol=0.04)
+    assert np.count_nonzero(steps[-1].contact_force[:, 0] > 0) >= 14
+
+
+def test_a_sphere_driven_into_a_viscoelastic_half_space() -> None:
+    """E. H. Lee and J. R. M. Radok, J. Appl. Mech. 27, 1960, incompressible, d = v t: F = 16/3 sqrt(R) int_0^t G(t - s) d(d^(3/2))."""
+    R, G, g, tau, depth = 10.0, 1.0, 0.6, 1.0, 0.1
+    law = Viscoelastic(2 * G * 1.499, 0.499, 1e-9, ((g, 0.5 * tau),))  # the run's unit of time is 2 tau
+    _, force = pressed(R, depth, law, "Q1-bbar", 20)
+    for t in (0.25, 0.5, 0.75, 1.0):
+
+        def rate(s: float, t: float = t) -> float:
+            return float(G * (1 - g + g * np.exp(-(t - s) / (0.5 * tau))) * 1.5 * depth * np.sqrt(depth * s))
+
+        assert_allclose(force[round(20 * t) - 1], 16 / 3 * np.sqrt(R) * quad(rate, 0, t)[0], rtol=0.04)
+
+
+@pytest.mark.slow
+def test_first_yield_below_a_sphere() -> None:
+    """K. L. Johnson, Contact mechanics, 1985, section 6.2: von Mises' yield begins at p_0 = 1.60 sy, F = pi^3 R^2 (1.6 sy)^3 / (6 E*^2)."""
+    R, E, nu, sy = 10.0, 210e3, 0.3, 500.0
+    first = np.pi**3 * R**2 * (1.6 * sy) ** 3 / 6 * ((1 - nu**2) / E) ** 2
+    depth = 1.5 * (0.75 * first * R * (1 - nu**2) / E) ** (2 / 3) / R
+    steps, force = pressed(R, depth, Plastic(E, nu, 7.8e-9, sy), "Q1-bbar", 30, 18, 14.0)
+    yielded = np.array([step.energy.material_dissipation for step in steps]) > 1e-12 * force[-1] * depth
+    assert_allclose(force[np.argmax(yielded)], first, rtol=0.1)
+    assert yielded.any() and not yielded[0]
