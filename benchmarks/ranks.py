@@ -2,7 +2,7 @@
 
     python benchmarks/ranks.py                                   the wall of 20 160 bricks: counts, and seconds an iteration of ADMM
     python benchmarks/ranks.py --check 192 --ranks 1 2 3 4       counts and model against a real wall on so many ranks
-    python benchmarks/ranks.py --scaling 192 --ranks 1 2         steps by ADMM to 1e-4: seconds, memory, what was sent
+    python benchmarks/ranks.py --scaling 192 --ranks 1 2         steps by ADMM (--solver) to 1e-4: seconds, memory, what was sent
 
 Walls are those of benchmarks/growth.py. Nothing of the large wall is assembled: its bricks, joints and contacts follow from courses and
 bricks a course, its ranks from fcsim's partition, fronts from fcsim's symbolic elimination on the graph of the joints. The model, for the
@@ -94,14 +94,14 @@ def timed(work: Callable[[], object], times: int) -> float:
     return float(np.median(spent))
 
 
-def measure(bricks: int, steps: int, tol: float, *, parts: bool) -> None:
+def measure(bricks: int, steps: int, tol: float, solver: str, *, parts: bool) -> None:
     """This rank's part of a simulated wall, as JSON: seconds, memory, what was sent; parts: of an iteration, with the last step's W."""
     courses, whole = WALLS[bricks]
     script = load_case(CASE)
     given = {"courses": str(courses), "blocks": str(whole + 0.5), "steps": str(steps), "gravity_last": "2"}
     with sharing() as world:
         simulation = script.build(parse_parameters(script, given)).simulation
-        settings = SolverSettings(name="ADMM", tol=tol, options=ADMM, fallback=())
+        settings = SolverSettings(name=solver, tol=tol, options=ADMM if solver == "ADMM" else {}, fallback=())
         rows: list[tuple[float, ...]] = []
         begin = time.perf_counter(), time.process_time()
         for step in replace(simulation, solver=settings):
@@ -126,11 +126,12 @@ def measure(bricks: int, steps: int, tol: float, *, parts: bool) -> None:
         Path(os.environ["RANKS_OUT"], f"{number}.json").write_text(json.dumps(found), encoding="utf-8")
 
 
-def run(bricks: int, ranks: int, steps: int, tol: float, *, parts: bool) -> list[dict[str, Any]]:
+def run(bricks: int, ranks: int, steps: int, tol: float, solver: str = "ADMM", *, parts: bool) -> list[dict[str, Any]]:
     """`measure` on every rank, in processes of their own."""
     with tempfile.TemporaryDirectory() as folder:
         launcher = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)] if ranks > 1 else []
         command = [*launcher, sys.executable, __file__, "--measure", str(bricks), "--steps", str(steps), "--tol", str(tol)]
+        command += ["--solver", solver]
         command += ["--parts"] if parts else []
         subprocess.run(command, check=True, env={**os.environ, "RANKS_OUT": folder})
         return [json.loads(Path(folder, f"{rank}.json").read_text(encoding="utf-8")) for rank in range(ranks)]
@@ -156,10 +157,10 @@ def check(bricks: int, ranks: list[int], steps: int, tol: float, rates: Rates) -
     return table
 
 
-def scaling(bricks: int, ranks: list[int], steps: int, tol: float) -> Table:
+def scaling(bricks: int, ranks: list[int], steps: int, tol: float, solver: str) -> Table:
     """Steps of a wall on so many ranks: seconds from the third on, an iteration, memory of the largest rank."""
     table = Table(
-        title=f"{bricks} bricks by ADMM at {tol:g}, steps 3 to {steps}; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
+        title=f"{bricks} bricks by {solver} at {tol:g}, steps 3 to {steps}; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
     )
     for heading in (
         "ranks",
@@ -173,7 +174,7 @@ def scaling(bricks: int, ranks: list[int], steps: int, tol: float) -> Table:
     ):
         table.add_column(heading, justify="right")
     for count in ranks:
-        found = run(bricks, count, steps, tol, parts=False)
+        found = run(bricks, count, steps, tol, solver, parts=False)
         rows = np.array([one["rows"] for one in found])  # (ranks, steps, 4)
         later, iterations = rows[:, 2:], rows[0, 2:, 0].sum()
         cells = [f"{rows[:, 1, 1].max():.1f}", f"{later[:, :, 1].sum(axis=1).max():.1f}", f"{iterations:.0f}"]
@@ -194,18 +195,19 @@ def main() -> None:
     parser.add_argument("--ranks", type=int, nargs="+", help="default 1 2 4 ... 1024; of --check and --scaling 1 2")
     parser.add_argument("--steps", type=int, default=4)
     parser.add_argument("--tol", type=float, default=1e-4)
+    parser.add_argument("--solver", default="ADMM", help="of --scaling (default ADMM)")
     parser.add_argument("--measure", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--parts", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.measure:
-        measure(options.measure, options.steps, options.tol, parts=options.parts)
+        measure(options.measure, options.steps, options.tol, options.solver, parts=options.parts)
         return
     rates = Rates()
     console = Console(width=190)
     if options.check:
         console.print(check(options.check, options.ranks or [1, 2], options.steps, options.tol, rates))
     elif options.scaling:
-        console.print(scaling(options.scaling, options.ranks or [1, 2], options.steps, options.tol))
+        console.print(scaling(options.scaling, options.ranks or [1, 2], options.steps, options.tol, options.solver))
     else:
         console.print(predicted(options.bricks, options.ranks or [2**k for k in range(11)], rates))
 

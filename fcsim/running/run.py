@@ -19,6 +19,7 @@ from pathlib import Path
 from fcsim.errors import NotConverged, Unphysical
 from fcsim.files import alone_in, files_read, remove_partial_files
 from fcsim.interrupts import ended_by, is_interrupt
+from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.ranks import alone, of_rank_0, section, told, world, writes
 from fcsim.running.case import Case, CaseScript
 from fcsim.running.case_description import describe
@@ -186,7 +187,7 @@ def _made_together(step: Step, options: RunOptions) -> None:
     step.energy  # noqa: B018 - kept by the step
     if options.export_every and step.number % options.export_every == 0:
         step.guess  # noqa: B018 - kept by the step
-        if "local" in options.export_forms:
+        if "local" in options.export_forms and not isinstance(step.problem, GlobalRollingProblem):  # which has none: writing says so
             step.reduction.local.whole  # noqa: B018 - kept by its W
 
 

@@ -223,7 +223,9 @@ class Method:
     on the global form without reduction has `run_global` as well, one that can work on a mixed local form (V, R, s) without
     elimination has `run_mixed`; both are chosen by the option linear="kkt". One that can work on a problem whose q follows its solution
     (`fcsim.problem.Followed`) has `run_followed`. `limits` says on which problems the method is not meant to reach a small error; its
-    status is honest there as everywhere. over_ranks: it asks no more of W than a `DistributedDelassus` has.
+    status is honest there as everywhere. over_ranks: it asks no more of W than a `DistributedDelassus` has, or for `whole`;
+    over_ranks_from: entries of W from which ranks have it together; over_ranks_elastic: only where
+    every contact has a deformable body, so that W is not rank deficient for want of degrees of freedom.
     """
 
     run: Run
@@ -237,6 +239,8 @@ class Method:
     run_followed: Run | None = None
     limits: str = ""
     over_ranks: bool = False
+    over_ranks_from: float = 3e5
+    over_ranks_elastic: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,13 +49,21 @@ from fcsim.solvers.variational.fixed_points import (
 from fcsim.solvers.variational.projection import HyperplaneOptions, ProjectionOptions, extragradient, fixed_point, hyperplane
 
 _BOOK = "Acary, Brémond, Huber 2018"
+_NEWTON_OVER_RANKS = 1e7
+"""Entries of W below which Newton's method on each rank, with what it keeps from step to step, is quicker."""
 _ROLLING = "Acary, Bourrier 2021"
 
 
 def _newton(formulation: str, source: str, siconos: str, rho: str = "split spectral norm", line_search: str = "none") -> Method:
     options = NewtonOptions(formulation=formulation, rho=rho, line_search=line_search)
     return Method(
-        newton, options, "Newton", source, siconos, run_global=newton_global, run_mixed=newton_mixed, run_followed=newton_followed
+        *(newton, options, "Newton", source, siconos),
+        run_global=newton_global,
+        run_mixed=newton_mixed,
+        run_followed=newton_followed,
+        over_ranks=formulation in ("AC", "JM"),
+        over_ranks_from=_NEWTON_OVER_RANKS,
+        over_ranks_elastic=True,
     )
 
 
@@ -73,7 +81,13 @@ _PLI = Stage(nsgs, GaussSeidelOptions(one_contact="FP-DS", local_iterations=100,
 _NEWTON_GP = Stage(newton, NewtonOptions(line_search="Goldstein-Price", max_iterations=50))
 
 SOLVERS: dict[str, Method] = {
-    "auto": Method(automatic, AutomaticOptions(), "automatic", "this package (see automatic)", run_followed=automatic_followed),
+    "auto": Method(
+        *(automatic, AutomaticOptions(), "automatic", "this package (see automatic)"),
+        run_followed=automatic_followed,
+        over_ranks=True,
+        over_ranks_from=_NEWTON_OVER_RANKS,
+        over_ranks_elastic=True,
+    ),
     # adaptive: on walls from r = 0 an eighth fewer iterations than with the fixed rho of NSN-AC-NLS, and single contacts on which that
     # one cycles are solved
     "NSN-AC": _newton("AC", "Alart, Curnier 1991", "NSN_AC", rho="adaptive"),

@@ -21,8 +21,10 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
+from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.costs import Prices
+from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.race import SLOWING, Race, RaceOptions, Runner, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
 
@@ -286,7 +288,13 @@ STAGES: tuple[Stage, ...] = (
 
 
 def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AutomaticOptions) -> Iterate:
-    """Solve the problem by the stages above; the status is that of the last one, the iterate the best of all."""
+    """Solve the problem by the stages above; the status is that of the last one, the iterate the best of all. Where
+    ranks have W together these come last, on all of W, after what all ranks do together (`over_ranks`)."""
+    if isinstance(problem.W, DistributedDelassus):
+        iterate = automatic_over_ranks(problem, r, monitor, options)
+        if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
+            return iterate
+        problem, r = problem.whole, iterate.r
     operator = problem.delassus
     fitting = problem.stored()
     swept = problem if isinstance(fitting.W, np.ndarray) else fitting  # block rows are made of sparse storage if there is any

@@ -24,8 +24,6 @@ from fcsim.threads import begun
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning
 
-DISTRIBUTED_FROM = 300_000
-"""Entries that the bodies' shares of W have from which it is distributed: a product of half of them takes as long as an exchange."""
 _MARGIN = 0.05
 """Of A's own stiffness: what A + B keeps of it at least in every direction."""
 
@@ -45,7 +43,8 @@ class StepCompliance:
     that B touches, (A + B)^-1 = A^-1 - A^-1 P X P^T A^-1, X = (I + B_PP C)^-1 B_PP, C = P^T A^-1 P: A's factors stay the bodies' own.
     Where mass alone holds a body C is so large that this loses digits: then A + B is factored as a whole.
     leaning: gaps that do not close along their normals, see `Leaning`: M is (A + B) T. None = none.
-    over_ranks: whether W, where ranks share the model, may be left distributed among them.
+    over_ranks_from: entries that the bodies' shares of W have from which it is left distributed where ranks share the model;
+    over_ranks_elastic: only where every contact has a deformable body.
     ahead: an H whose W is being summed on another thread, and what waits for that, see `beginning`.
     """
 
@@ -54,7 +53,8 @@ class StepCompliance:
     summed: Matrix | None = None
     bent: sp.csr_array | None = None
     leaning: Leaning | None = None
-    over_ranks: bool = False
+    over_ranks_from: float = np.inf
+    over_ranks_elastic: bool = False
     ahead: tuple[sp.sparray, Callable[[], Matrix]] | None = None
 
     __repr__ = brief
@@ -185,7 +185,7 @@ class StepCompliance:
             return self._leant(H, dimension)
         H = sp.csc_array(H if self.joint is None else sp.csr_array(H)[: H.shape[0] - len(self._soft)])
         if self.bent is None:
-            distributed = self._distributed(H, dimension) if self.over_ranks and self.joint is None else None
+            distributed = self._distributed(H, dimension) if self.over_ranks_from < np.inf and self.joint is None else None
             matrix = self._sum(H, dimension) if distributed is None else distributed
         elif self._whole is not None:
             matrix = H.T @ self._whole.solve(H.toarray())
@@ -207,7 +207,7 @@ class StepCompliance:
         """H^T T^-1 (A + B)^-1 H, T^-1 = I + H_c Y E^T."""
         assert self.leaning is not None
         m, wide = H.shape[1], sp.csc_array(sp.hstack([H, self.leaning.E]))
-        W = replace(self, leaning=None, over_ranks=False).delassus(wide, dimension)
+        W = replace(self, leaning=None, over_ranks_from=np.inf).delassus(wide, dimension)
         W = W if isinstance(W, np.ndarray) else W.toarray()
         W = W[: wide.shape[1], : wide.shape[1]]
         leant: FloatArray = W[:m, :m] + (H.T @ self.leaning.H) @ (self.leaning.inverse @ W[m:, :m])
@@ -233,7 +233,9 @@ class StepCompliance:
         first, contacts = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)[:2]
         layout = contact_layout(shares.world, first, contacts, rank, nc, dimension)
         entries = np.sum(np.diff(first) ** 2) * dimension**2
-        if entries < DISTRIBUTED_FROM or not all(len(some) for some in layout.contacts):
+        if entries < self.over_ranks_from or not all(len(some) for some in layout.contacts):
+            return None
+        if self.over_ranks_elastic and len(np.unique(contacts[: first[len(self.factor.model.deformable)]])) < nc:
             return None
         with shares.world.together("W"):
             own = np.where(body >= 0, np.where(rank == shares.world.number, np.arange(count), -1)[body], -1)

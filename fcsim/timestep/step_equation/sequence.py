@@ -54,7 +54,8 @@ def _solved(
 ) -> tuple[Answer | None, Past]:
     """`solve_equation` without what it keeps of the motion."""
     elastic, lead = equation.elastic, past.lead
-    compliance = _beginning(equation, method(settings.name).over_ranks and not lead.steps)
+    chosen = method(settings.name)
+    compliance = _beginning(equation, chosen.over_ranks_from if chosen.over_ranks and not lead.steps else np.inf, chosen.over_ranks_elastic)
     term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term
@@ -110,12 +111,12 @@ def _solved(
     return None, past
 
 
-def _beginning(equation: Equation, over_ranks: bool) -> StepCompliance | LinkedCompliance:
-    """The equation's compliance, which begins to sum W; over_ranks: whether the solver takes one that is left distributed."""
+def _beginning(equation: Equation, over_ranks_from: float, elastic: bool) -> StepCompliance | LinkedCompliance:
+    """The equation's compliance, which begins to sum W; over_ranks_from, elastic: as `over_ranks_from`, `over_ranks_elastic` there."""
     compliance = equation.compliance
     if not isinstance(compliance, StepCompliance) or equation.met.moments is not None or not len(equation.met.contacts):
         return compliance
-    return replace(compliance, over_ranks=over_ranks).beginning(equation.H, equation.model.dimension)
+    return replace(compliance, over_ranks_from=over_ranks_from, over_ranks_elastic=elastic).beginning(equation.H, equation.model.dimension)
 
 
 def _start(

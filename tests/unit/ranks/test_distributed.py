@@ -80,6 +80,19 @@ def test_the_answers_are_those_of_one_process(shared: Any, name: str, ranks: int
 
 
 @pytest.mark.parametrize("ranks", RANKS)
+@pytest.mark.parametrize("name", ["NSN-AC", "auto"])
+def test_newton_over_ranks_needs_no_other_method(shared: Any, name: str, ranks: int) -> None:
+    """Reactions of deformable bricks are unique: those of all of W, of W over ranks and of one process are the same."""
+    answers, one = shared(ranks), alone(name)
+    for k, step in enumerate(one):
+        seen = answers[0][name][k]
+        assert seen["distributed"] and seen["methods"] == [name] and seen["error"] <= TOLERANCE
+        for r in (seen["r"], answers[0]["NSN-AC with all of W"][k]["r"]):
+            difference = np.array(r) - step.result.r
+            assert difference @ (step.reduction.local.W @ difference) <= 1e-9 * (step.result.r @ (step.reduction.local.W @ step.result.r))
+
+
+@pytest.mark.parametrize("ranks", RANKS)
 def test_the_wall_stands_on_its_weight(shared: Any, ranks: int) -> None:
     model = alone("ADMM")[0].reduction.factor.factor.model  # type: ignore[attr-defined]
     bricks = sum(np.prod(np.ptp(body.part.points, axis=0)) * body.part.material.density for body in model.deformable)

@@ -21,7 +21,7 @@ from fcsim.mesh.material import neo_hooke
 from fcsim.problem import GlobalProblem, scaled_error
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.solvers import Memory, solve
-from fcsim.solvers.automatic.followed import Pause
+from fcsim.solvers.automatic.pause import Pause
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.expected_motion import expected_motion, with_motion
 from fcsim.timestep.limits import Limits

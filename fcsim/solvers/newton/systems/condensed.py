@@ -27,7 +27,7 @@ from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
 from fcsim.solvers.newton.systems.held import Held, hold
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
-from fcsim.solvers.newton.systems.preconditioned import PreconditionedSystem, StiffnessBlocks
+from fcsim.solvers.newton.systems.preconditioned import StiffnessBlocks, system_of_joints
 from fcsim.solvers.newton.systems.remainder import Factored, Remainder, split_known
 
 FORCING = 1e-2
@@ -98,7 +98,7 @@ class CondensedSystem:
         self._holds_sliding = True
         self._status: IntArray | None = None  # of the contacts at the last step
         self._condensation: Condensation | None = None
-        self._preconditioned = None if self._rows is None else PreconditionedSystem(self._rows, None if kept is None else kept.blocks)
+        self._preconditioned = None if self._rows is None else system_of_joints(self._rows, None if kept is None else kept.blocks)
         if kept is not None:
             self._dtype, self._holds_sliding, self._status = kept.dtype, kept.holds_sliding, kept.status
             self._condensation = None if kept.condensation is None else replace(kept.condensation, earlier=True)

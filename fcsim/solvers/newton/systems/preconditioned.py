@@ -16,7 +16,10 @@ Sources: Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986 (GMRES); C. 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +50,16 @@ class StiffnessBlocks:
     Z: NDArray[np.floating]
     cuts: IntArray
 
-    def preconditioner(self, A: FloatArray, B: FloatArray) -> _Preconditioner:
+    def preconditioner(self, A: FloatArray, B: FloatArray) -> Callable[[FloatArray], FloatArray]:
         """That of A W + B; SingularMatrix where a joint's part is singular."""
-        return _Preconditioner(self, A, B)
+        velocities = JointVelocities(self.factor.contacts, self.cuts, self.Z, A, B)
+
+        def precondition(x: FloatArray) -> FloatArray:
+            step = np.empty((len(self.factor.contacts), A.shape[1]))
+            step[self.factor.contacts] = self.factor.backward(self.factor.forward(velocities(x).reshape(-1, 1))[:, 0]).reshape(step.shape)
+            return step.ravel()
+
+        return precondition
 
 
 def stiffness_blocks(rows: BlockRows) -> StiffnessBlocks | None:
@@ -61,24 +71,28 @@ def stiffness_blocks(rows: BlockRows) -> StiffnessBlocks | None:
             factor = MultifrontalCholesky(rows, np.ones(nc, dtype=bool), np.float32, shift=shift * mean)
         except SingularMatrix:
             continue
-        joint = joints(rows.indptr, rows.indices)[0][factor.contacts]
-        ends = np.flatnonzero(np.diff(joint)) + 1
-        cuts = d * np.concatenate([np.zeros(1, dtype=np.int64), ends, np.full(1, nc, dtype=np.int64)])
+        cuts = d * starts_of_runs(joints(rows.indptr, rows.indices)[0][factor.contacts])
         Z = inverse_blocks(factor, cuts)
         if np.all(np.isfinite(Z)):
             return StiffnessBlocks(factor, Z, cuts)
     return None
 
 
-class _Preconditioner:
-    """x (m,) -> W^-1 (A + B Z)^-1 x."""
+def starts_of_runs(number: IntArray) -> IntArray:
+    """Where each run of equal numbers (k,) begins, and k."""
+    return np.concatenate([np.zeros(min(len(number), 1), dtype=np.int64), np.flatnonzero(np.diff(number)) + 1, [len(number)]])
 
-    def __init__(self, given: StiffnessBlocks, A: FloatArray, B: FloatArray) -> None:
-        self._factor, self._cuts, self._d = given.factor, given.cuts, A.shape[1]
-        A, B, d = A[given.factor.contacts], B[given.factor.contacts], self._d
-        size = np.diff(given.cuts)
+
+class JointVelocities:
+    """x (m,) -> (A + B Z)^-1 x of these contacts (k,), joint by joint; the unknowns of joint j are cuts[j], ..., cuts[j + 1] - 1 in their
+    order, Z as in `StiffnessBlocks`. SingularMatrix where a joint's part is singular."""
+
+    def __init__(self, contacts: IntArray, cuts: IntArray, Z: NDArray[np.floating], A: FloatArray, B: FloatArray) -> None:
+        self.contacts, self._cuts, self._d = contacts, cuts, A.shape[1]
+        A, B, d = A[contacts], B[contacts], self._d
+        size = np.diff(cuts)
         starts = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size * size)])
-        sliding = np.add.reduceat(B.any(axis=(1, 2)), given.cuts[:-1] // d, dtype=np.int64) > 0
+        sliding = np.add.reduceat(B.any(axis=(1, 2)), cuts[:-1] // d, dtype=np.int64) > 0 if len(contacts) else np.empty(0, dtype=bool)
         self._own = np.empty(A.shape, dtype=np.float32)  # A^-1 where all contacts of a joint stick, else what `_blocks` multiply
         self._own[:] = np.eye(d)
         alone = np.repeat(~sliding, size // d)
@@ -86,9 +100,9 @@ class _Preconditioner:
         try:
             self._own[alone] = np.linalg.inv(A[alone])
             for k in self._which:
-                n, part = size[k], slice(given.cuts[k] // d, given.cuts[k + 1] // d)
-                Z = given.Z[starts[k] : starts[k + 1]].reshape(n // d, d, n)
-                J = (B[part] @ Z).reshape(n // d, d, n // d, d)
+                n, part = size[k], slice(cuts[k] // d, cuts[k + 1] // d)
+                block = Z[starts[k] : starts[k + 1]].reshape(n // d, d, n)
+                J = (B[part] @ block).reshape(n // d, d, n // d, d)
                 own = np.arange(n // d)
                 J[own, :, own, :] += A[part]
                 inverses.append(np.linalg.inv(J.reshape(n, n)).astype(np.float32).ravel())
@@ -97,20 +111,26 @@ class _Preconditioner:
         self._blocks = np.concatenate([np.empty(0, dtype=np.float32), *inverses])
 
     def __call__(self, x: FloatArray) -> FloatArray:
-        contacts = self._factor.contacts
-        y = np.einsum("aij,aj->ai", self._own, x.reshape(-1, self._d)[contacts].astype(np.float32)).ravel()
+        """y (k d,) in the order of the contacts, in single precision."""
+        y: FloatArray = np.einsum("aij,aj->ai", self._own, x.reshape(-1, self._d)[self.contacts].astype(np.float32)).ravel()
         times_blocks(self._blocks, self._cuts, self._which, y)
-        step = np.empty((len(contacts), self._d))
-        step[contacts] = self._factor.backward(self._factor.forward(y.reshape(-1, 1))[:, 0]).reshape(-1, self._d)
-        return step.ravel()
+        return y
 
 
-class PreconditionedSystem:
+class Blocks(Protocol):
+    """W factored once, whatever slides."""
+
+    def preconditioner(self, A: FloatArray, B: FloatArray) -> Callable[[FloatArray], FloatArray]:
+        """That of A W + B, x (m,) -> W^-1 (A + B Z)^-1 x; SingularMatrix where a joint's part is singular."""
+        ...
+
+
+class PreconditionedSystem[Made: Blocks]:
     """Solves (A W + B) dr = rhs; blocks: what serves the next W too, None before the first use and where W cannot be factored."""
 
-    def __init__(self, rows: BlockRows, blocks: StiffnessBlocks | None = None) -> None:
-        """blocks: of an earlier W."""
-        self._rows, self.blocks, self._earlier = rows, blocks, blocks is not None
+    def __init__(self, product: Callable[[FloatArray], FloatArray], make: Callable[[], Made | None], blocks: Made | None = None) -> None:
+        """product: x -> W x (m,); make: what factors this W; blocks: of an earlier W."""
+        self._product, self._make, self.blocks, self._earlier = product, make, blocks, blocks is not None
         self.pays = True
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -121,19 +141,19 @@ class PreconditionedSystem:
                 return found
         if self.pays and (self.blocks is None or self._earlier):
             self._earlier, self.blocks = False, None  # the old one makes room for the new
-            self.blocks = stiffness_blocks(self._rows)
+            self.blocks = self._make()
             found = None if self.blocks is None else self._step(self.blocks, A, B, rhs)
             if found is not None:
                 return found
         self.pays = self.blocks is not None
         return None
 
-    def _step(self, blocks: StiffnessBlocks, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def _step(self, blocks: Made, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         shape = rhs.shape
         images: list[FloatArray] = []  # W times the steps
 
         def product(x: FloatArray) -> FloatArray:
-            images.append(self._rows.product(x))
+            images.append(self._product(x))
             image: FloatArray = apply_blocks(A, images[-1].reshape(shape), B, x.reshape(shape))
             return image.ravel()
 
@@ -147,3 +167,8 @@ class PreconditionedSystem:
             return None
         dr, y = found
         return dr, np.tensordot(y, images, 1) if len(y) else np.zeros_like(dr)
+
+
+def system_of_joints(rows: BlockRows, blocks: StiffnessBlocks | None = None) -> PreconditionedSystem[StiffnessBlocks]:
+    """That of W by block rows; blocks: of an earlier W."""
+    return PreconditionedSystem(rows.product, partial(stiffness_blocks, rows), blocks)

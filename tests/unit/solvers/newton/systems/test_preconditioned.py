@@ -18,7 +18,7 @@ from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.newton.systems import condensed, preconditioned
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
-from fcsim.solvers.newton.systems.preconditioned import ACCURACY, PreconditionedSystem, StiffnessBlocks, stiffness_blocks
+from fcsim.solvers.newton.systems.preconditioned import ACCURACY, StiffnessBlocks, stiffness_blocks, system_of_joints
 from tests.unit.linear.test_fronts import linearisation, wall
 
 CASE = Path(__file__).resolve().parents[5] / "cases" / "masonry_wall"
@@ -36,7 +36,7 @@ def test_the_step_has_the_defect_asked_for(d: int, open_share: float) -> None:
     A, B = linearisation(len(joint), d, rng, open_share)
     B *= 0.2
     rhs = rng.standard_normal((len(joint), d))
-    found = PreconditionedSystem(BlockRows(W, d)).solve(A, B, rhs)
+    found = system_of_joints(BlockRows(W, d)).solve(A, B, rhs)
     assert found is not None
     dr, Wdr = found
     assert np.linalg.norm(matrix(W, A, B) @ dr - rhs.ravel()) <= 1.001 * ACCURACY * np.linalg.norm(rhs)
@@ -49,7 +49,7 @@ def test_where_all_stick_one_iteration_is_enough(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(preconditioned, "ENOUGH", 0.0)
     W, joint = wall(4, 5, 7, 3, 1)
     A, B = linearisation(len(joint), 3, np.random.default_rng(0), 0.0)
-    assert PreconditionedSystem(BlockRows(W, 3)).solve(A, 0 * B, np.ones((len(joint), 3))) is not None
+    assert system_of_joints(BlockRows(W, 3)).solve(A, 0 * B, np.ones((len(joint), 3))) is not None
 
 
 def test_blocks_serve_the_next_W_and_are_made_anew_where_they_no_longer_do(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,13 +59,13 @@ def test_blocks_serve_the_next_W_and_are_made_anew_where_they_no_longer_do(monke
     W, joint = wall(4, 5, 7, 3, 1)
     A, B = linearisation(len(joint), 3, rng, 0.0)
     B, rhs = 0.02 * B, rng.standard_normal((len(joint), 3))
-    first = PreconditionedSystem(BlockRows(W, 3))
+    first = system_of_joints(BlockRows(W, 3))
     assert first.solve(A, B, rhs) is not None
-    near = PreconditionedSystem(BlockRows(sp.bsr_array(1.001 * W), 3), first.blocks)
+    near = system_of_joints(BlockRows(sp.bsr_array(1.001 * W), 3), first.blocks)
     assert near.solve(A, B, rhs) is not None
     assert near.blocks is first.blocks
     other = wall(4, 5, 7, 3, 2)[0]
-    far = PreconditionedSystem(BlockRows(other, 3), first.blocks)
+    far = system_of_joints(BlockRows(other, 3), first.blocks)
     found = far.solve(A, B, rhs)
     assert found is not None
     assert far.blocks is not first.blocks
@@ -76,7 +76,7 @@ def test_an_indefinite_W_is_left_to_others() -> None:
     W, joint = wall(3, 3, 8, 3, 3)
     rows = BlockRows(sp.bsr_array(W - 50 * sp.eye_array(W.shape[0]), blocksize=(3, 3)), 3)
     A, B = linearisation(len(joint), 3, np.random.default_rng(0), 0.0)
-    system = PreconditionedSystem(rows)
+    system = system_of_joints(rows)
     assert system.solve(A, B, np.ones((len(joint), 3))) is None
     assert not system.pays
     assert system.blocks is None
