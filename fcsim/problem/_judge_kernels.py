@@ -9,21 +9,24 @@ from numba import njit
 from fcsim.problem._cone_kernels import natural_map
 
 ROUGH = 10.0
-"""Friction coefficient beyond which a contact's penetration counts on its own: the natural map sees it divided by sqrt(1 + mu^2)."""
+"""Friction coefficient with which a contact's penetration counts at most: the natural map sees it divided by sqrt(1 + mu^2)."""
 
 
 @njit(cache=True)
 def squared_natural_residual(r, u, mu, compliance, d, rough=True):
-    """||s r - P_K(s r - (u + g(u)))||^2 with s the compliance (nc,), and, if rough, what `ROUGH` adds: see `natural_map_residual`."""
+    """||s r - P_K(s r - (u + g(u)))||^2 with s the compliance (nc,); if rough, each contact at least as `ROUGH` says: see
+    `natural_map_residual`."""
     total = 0.0
     for a in range(len(mu)):
         i, m, s = d * a, mu[a], compliance[a]
         u1, u2 = u[i + 1], u[i + 2] if d == 3 else 0.0
         f0 = u[i] + m * np.sqrt(u1 * u1 + u2 * u2)
         x, y, z = natural_map(s * r[i], s * r[i + 1], s * r[i + 2] if d == 3 else 0.0, f0, u1, u2, m)
-        total += x * x + y * y + z * z
-        if rough and m > ROUGH and u[i] < 0.0:
-            total += u[i] * u[i] / (1.0 + ROUGH * ROUGH)
+        part = x * x + y * y + z * z
+        if rough and u[i] < 0.0:
+            least = min(m, ROUGH)
+            part = np.maximum(part, u[i] * u[i] / (1.0 + least * least))  # np.maximum hands NaN on
+        total += part
     return total
 
 

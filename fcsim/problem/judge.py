@@ -29,8 +29,9 @@ def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension
     u + g(u) + (y - P_K(y)): so written, a small u is not lost beside a large r, whose difference with itself would be zero wherever r
     grows without bound.
 
-    Where u_N < 0 the map is at least |u_N| / sqrt(1 + mu^2), and hardly more: with mu = 1e8 no penetration would count for anything. So
-    contacts with mu > 10 add |u_N| / sqrt(1 + 10^2) of their own, as a part of the norm; not in the published form.
+    Where u_N < 0 a contact's part is at least |u_N| / sqrt(1 + mu^2), and may be no more: with mu = 1e8 no penetration would count for
+    anything. So it is taken for at least |u_N| / sqrt(1 + min(mu, 10)^2), which also holds where u_N is lost beside mu ||u_T||; not in the
+    published form.
     """
     published = compliance is None
     return math.sqrt(squared_natural_residual(r, u, mu, np.ones(len(mu)) if published else compliance, dimension, not published))
@@ -44,6 +45,29 @@ def relative(residual: float, scale: float) -> float:
     if residual == 0:
         return 0.0
     return residual / scale if scale > 0 else residual * math.inf
+
+
+OUTWEIGHED = 1e-3
+"""Error relative to the contacts that are not parting, from which a remark says that others outweigh them."""
+
+
+def outweighed(r: FloatArray, u: FloatArray, q: FloatArray, dimension: int, residual: float, scale: float, floor: float) -> str:
+    """What there is to say where a small error is so for contacts that part alone, empty where there is nothing.
+
+    Errors are relative to ||q||, in which a contact 1e9 m/s from closing hides whatever others do: r = 0 has an error of 1e-9. So the
+    residual is compared with the q of the contacts that are pressed, penetrate, or would without reactions; flat r, u, q (m,); scale: what
+    the error divides by; floor as in `error`, below which all is at rest.
+    """
+    if not residual > 1e-13 * scale:  # round-off
+        return ""
+    pressed = (r.reshape(-1, dimension) != 0).any(axis=1) | (u[::dimension] < 0) | (q[::dimension] < 0)
+    counted = max(float(np.linalg.norm(q.reshape(-1, dimension)[pressed])), floor)
+    if residual <= OUTWEIGHED * counted:
+        return ""
+    return (
+        f"contacts that part outweigh the others in ||q|| ({scale:.1e} of {counted:.1e}): relative to these the error is "
+        f"{relative(residual, counted):.1e}; ask for a smaller tolerance, or leave contacts out that cannot close"
+    )
 
 
 def error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, floor: float = 0.0) -> float:

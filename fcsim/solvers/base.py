@@ -158,6 +158,7 @@ class Monitor:
         self.best_r: FloatArray | None = None
         with np.errstate(over="ignore"):
             self.scale = max(float(np.linalg.norm(q)), floor)  # what the error divides by
+        self.floor = floor
 
     @property
     def checks(self) -> bool:
@@ -250,7 +251,8 @@ class Result:
     r (m,), u (m,), v (n,) or None for a problem in local form, multiplier l (p,) or None; error: the one that decided, `scaled_error` or
     `published_error` (see `fcsim.problem.scaled_error` and `error`), both with the caller's floor;
     seconds by phase ("reduction", "solve"; their sum is `time`); history rows (iteration, seconds, error); memory: what may serve the
-    next, nearly equal problem, None where `solve` was given none; message: what a program that was called said where it failed;
+    next, nearly equal problem, None where `solve` was given none; message: what a program that was called said where it failed, and
+    where contacts that part outweigh the others in ||q||, so that the error says nothing of these (`fcsim.problem.judge.outweighed`);
     certificate: the proof where the status is INFEASIBLE.
     """
 

@@ -13,7 +13,7 @@ from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem, Reduced, check, natural_map_residual
 from fcsim.problem.elimination import Elimination
-from fcsim.problem.judge import relative
+from fcsim.problem.judge import outweighed, relative
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
@@ -112,11 +112,14 @@ def _judged(
     r, status = iterate.r, iterate.status
     with np.errstate(over="ignore"):
         within = np.isfinite(answer.u @ answer.u)  # or the residual's own squares are beyond the largest number
-    errors = [relative(natural_map_residual(r, answer.u, given.mu, given.dimension, s), monitor.scale) for s in (given.compliance, None)]
+    residuals = [natural_map_residual(r, answer.u, given.mu, given.dimension, s) for s in (given.compliance, None)]
+    errors = [relative(residual, monitor.scale) for residual in residuals]
     errors = errors if within else [float("nan")] * 2
     deciding = errors[ERRORS.index(error)]
     if (deciding <= monitor.tol) != status.solved:  # NaN is no solution
         status = Status.SOLVED if deciding <= monitor.tol else Status.STAGNATED
+    size = r, answer.u, given.q, given.dimension
+    remark = outweighed(*size, residuals[ERRORS.index(error)], monitor.scale, monitor.floor) if status.solved else ""
     return Result(
         r=r,
         u=answer.u,
@@ -131,7 +134,7 @@ def _judged(
         history=monitor.history,
         seconds={"reduction": clock[1] - clock[0], "solve": time.perf_counter() - clock[1]},
         method=solver,
-        message=iterate.message,
+        message="; ".join(filter(None, (iterate.message, remark))),
         memory=monitor.memory,
         certificate=iterate.certificate if status is Status.INFEASIBLE else None,
     )

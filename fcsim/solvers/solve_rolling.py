@@ -48,7 +48,7 @@ class RollingMonitor(Monitor):
     def error(self, r: FloatArray, u: FloatArray) -> float:
         given, scale = self._reduction, self._reduction.scale
         if self._published:
-            residual = natural_residual(scale * r, u / scale, self.mu, given.problem.mu_r, self.compliance, given.problem.mu_s)
+            residual = natural_residual(scale * r, u / scale, self.mu, given.problem.mu_r, self.compliance, given.problem.mu_s, False)
         else:
             residual = natural_residual(r, u, self.mu, given.local.mu_r, self.compliance, given.local.mu_s)
         return relative(residual, self.scale)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.problem._judge_kernels import ROUGH
 from fcsim.problem.rolling._cone_kernels import step_rolling_cone
 
 
@@ -37,13 +38,24 @@ def modified_velocity(u: FloatArray, mu: FloatArray, mu_r: FloatArray, mu_s: Flo
 
 
 def natural_residual(
-    r: FloatArray, u: FloatArray, mu: FloatArray, mu_r: FloatArray, compliance: FloatArray, mu_s: FloatArray | None = None
+    r: FloatArray,
+    u: FloatArray,
+    mu: FloatArray,
+    mu_r: FloatArray,
+    compliance: FloatArray,
+    mu_s: FloatArray | None = None,
+    scaled: bool = True,
 ) -> float:
     """Return ||z - P_K(z - (u + g(u)))|| with z_a = s_a r_a, s (nc,), for flat r and u (m,); mu_s (nc,): with spinning.
 
-    With y = z - (u + g(u)) it is u + g(u) + (y - P_K(y)), so that a small u is not lost beside a large r.
+    With y = z - (u + g(u)) it is u + g(u) + (y - P_K(y)), so that a small u is not lost beside a large r. A contact's part
+    of the norm is at least |u_N| / sqrt(1 + min(mu^2 + mu_r^2 + mu_s^2, 10^2)) where u_N < 0; not in the
+    published form (`scaled` False): see `fcsim.problem.natural_map_residual`.
     """
     rows = 5 if mu_s is None else 6
     F = modified_velocity(u.reshape(-1, rows), mu, mu_r, mu_s)
     y = compliance[:, None] * r.reshape(-1, rows) - F
-    return float(np.linalg.norm(F + (y - project_rolling_cone(y, mu, mu_r, mu_s))))
+    rough = np.minimum(np.hypot(np.hypot(mu, mu_r), 0.0 if mu_s is None else mu_s), ROUGH)
+    parts = np.linalg.norm(F + (y - project_rolling_cone(y, mu, mu_r, mu_s)), axis=1)
+    least = np.maximum(-u[::rows], 0.0) / np.sqrt(1 + rough**2) if scaled else 0.0
+    return float(np.linalg.norm(np.maximum(parts, least)))

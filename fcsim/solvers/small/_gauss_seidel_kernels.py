@@ -1,6 +1,6 @@
 """NSGS-AC from the arrays of a problem to the judged answer in one compiled call.
 
-The sweeps are those of `gauss_seidel._sweep_kernels`, errors (rough contacts' too) and checks those of
+The sweeps are those of `gauss_seidel._sweep_kernels`, errors (penetrations' too) and checks those of
 `problem._judge_kernels`; what stands here is the order
 of things that `gauss_seidel.sweeps.iterate` has for the light evaluation of the error, and no other.
 """

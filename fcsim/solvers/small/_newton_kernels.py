@@ -1,6 +1,6 @@
 """Proximal Newton on a dense W of few contacts in one compiled call: PROX-NEWTON's steps, NSN-AC with an adapting rho inside.
 
-The equations are those of `newton._formulation_kernels`, the errors those of `problem._judge_kernels` (rough contacts' too), the
+The equations are those of `newton._formulation_kernels`, the errors those of `problem._judge_kernels` (penetrations' too), the
 constants those of `proximal`, compiled in; what stands here is the order of things that `proximal.steps` and `newton.iterations` have,
 which are its twin in the tests.
 """

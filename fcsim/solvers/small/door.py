@@ -15,7 +15,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.problem import Checks, LocalProblem
 from fcsim.problem.infeasible import certificate
-from fcsim.problem.judge import relative
+from fcsim.problem.judge import OUTWEIGHED, outweighed, relative
 from fcsim.solvers.automatic.stages import automatic
 from fcsim.solvers.base import Method, Result, Status
 from fcsim.solvers.gauss_seidel.sweeps import FULL_AT_LEAST_EVERY, GaussSeidelOptions, nsgs
@@ -86,9 +86,12 @@ def small(
         return None
     cone, dual_cone, penetration, product, r_max, u_max, r_size, u_size = found
     checks = Checks(cone / (r_max or 1.0), dual_cone / (u_max or 1.0), abs(product) / ((r_size * u_size) or 1.0), penetration)
+    remark = ""
+    if status.solved and (r is not None or not noted or rows[0, 1] * OUTWEIGHED <= tol):  # else r = 0 has an error that counts
+        remark = outweighed(answer, u, q, problem.dimension, plain if error == "published" else scaled, scale, floor)
     spent = time.perf_counter() - begun
     # a clock does not reach into compiled code: the seconds of the history are the sweeps' share
     history = [(int(at), spent * at / max(sweeps, 1), size) for at, size in rows[:noted].tolist()]
     seconds = {"reduction": 0.0, "solve": spent}
-    found = Result(answer, u, None, status, deciding, *errors, sweeps, seconds, history, checks, solver)
+    found = Result(answer, u, None, status, deciding, *errors, sweeps, seconds, history, checks, solver, message=remark)
     return found if certified is None else replace(found, message=certified.message, certificate=certified)

@@ -232,3 +232,28 @@ def test_the_published_error_is_as_published_whatever_the_friction() -> None:
     problem = LocalProblem(np.eye(3), u, mu)
     result = solve(problem, "NSGS-AC", max_iterations=1)
     assert_allclose(result.published_error, error(problem, result.r), rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["auto", "NSGS-AC", "NSN-AC"])
+@pytest.mark.parametrize("nc", [2, 140])
+def test_contacts_that_part_do_not_hide_others_without_a_word(name: str, nc: int) -> None:
+    """Two unit masses, one 1e9 m/s from closing, one that falls: r = 0 is within 1e-8 ||q||, and of the second within 100 %."""
+    q = np.zeros(3 * nc)
+    q[0], q[3:6] = 1e9, (-1.0, 0.1, 0.0)
+    result = solve(LocalProblem(np.eye(3 * nc), q, np.full(nc, 0.5)), name, tol=1e-8)
+    assert result.solved and "outweigh" in result.message
+    q[0] = 1e3
+    result = solve(LocalProblem(np.eye(3 * nc), q, np.full(nc, 0.5)), name, tol=1e-8)
+    assert result.solved and not result.message and result.r[3] == pytest.approx(1, abs=1e-4)
+    q[0], q[3] = 1e9, -1e-17  # at rest up to round-off
+    q[4] = 0.0
+    assert not solve(LocalProblem(np.eye(3 * nc), q, np.full(nc, 0.5)), name, tol=1e-8).message
+
+
+def test_penetration_is_not_lost_beside_a_velocity_of_any_size() -> None:
+    """u_N = -0.05 beside u_T = 1e150, where u_N + mu |u_T| is mu |u_T| to the last digit."""
+    u, mu = np.array([-0.05, 0.0, 1e150]), np.array([0.7])
+    assert natural_map_residual(np.zeros(3), u, mu) >= 0.05 / np.sqrt(1 + 0.7**2) * (1 - 1e-12)
+    W = np.diag([1e-2, 0.1, 1e-3])
+    W[0, 2], W[2, 0] = 1e308, -1e308
+    assert not solve(LocalProblem(W, np.array([-0.05, -0.2, -0.1]), mu), "auto").solved

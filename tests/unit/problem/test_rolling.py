@@ -112,3 +112,14 @@ def test_the_law_is_the_zero_of_the_natural_map() -> None:
         F = modified_velocity(u[None], mu, mu_r)
         assert abs(float(r @ F[0])) <= 1e-15, name
     assert natural_residual(np.array([1, 0.5, 0, 0, 0]), np.array([0, 3.0, 0, 0, 0]), mu, mu_r, one) > 0.5  # pushes along the sliding
+
+
+@pytest.mark.parametrize("rough", [(1e8, 0.05, 0.0), (0.5, 1e8, 0.0), (0.5, 0.05, 1e9)])
+def test_penetration_counts_whatever_the_friction(rough: tuple[float, float, float]) -> None:
+    """u_N = -1 without a reaction, moving in every way: the natural map alone is 1 / sqrt(1 + mu^2 + mu_r^2 + mu_s^2)."""
+    coefficients = [np.array([value]) for value in rough]
+    u = np.array([-1.0, 1.0, 0.0, 1.0, 0.0, 1.0])
+    residual = natural_residual(np.zeros(6), u, *coefficients[:2], np.ones(1), coefficients[2])
+    assert residual == pytest.approx(1 / np.sqrt(101), rel=1e-6)
+    gentle = natural_residual(np.zeros(6), u, np.array([3.0]), np.array([4.0]), np.ones(1), np.array([5.0]))
+    assert gentle == pytest.approx(1 / np.sqrt(1 + 9 + 16 + 25), rel=1e-12)
