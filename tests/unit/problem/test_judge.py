@@ -253,7 +253,7 @@ def test_contacts_that_part_do_not_hide_others_without_a_word(name: str, nc: int
 def test_penetration_is_not_lost_beside_a_velocity_of_any_size() -> None:
     """u_N = -0.05 beside u_T = 1e150, where u_N + mu |u_T| is mu |u_T| to the last digit."""
     u, mu = np.array([-0.05, 0.0, 1e150]), np.array([0.7])
-    assert natural_map_residual(np.zeros(3), u, mu) >= 0.05 / np.sqrt(1 + 0.7**2) * (1 - 1e-12)
+    assert natural_map_residual(np.zeros(3), u, mu, 3, np.ones(1)) >= 0.05 / np.sqrt(1 + 0.7**2) * (1 - 1e-12)
     W = np.diag([1e-2, 0.1, 1e-3])
     W[0, 2], W[2, 0] = 1e308, -1e308
     assert not solve(LocalProblem(W, np.array([-0.05, -0.2, -0.1]), mu), "auto").solved
