@@ -62,6 +62,10 @@ SLOWER = 0.25  # what an iteration with a stiffened body counts: its errors fall
 
 SLANTED = "NSN-AC"  # solves the problems with E, see `_Newton._ways`
 
+TIGHTER, TIGHTEST = 0.1, 1e-3
+"""Of the solver's tolerance: by so much it is taken smaller where the solver takes the last answer for one as it is though the residual is
+not met and does not fall, and at the least."""
+
 CLOSER = 0.01  # of the solver's tolerance where a body is stiffened: what it leaves open, times that stiffness, is in the residual
 
 JAMMED = ((2, 1 / 32), (4, 1.0))
@@ -108,6 +112,7 @@ class _Newton:
         self.passed: Contacts | None = None
         self.foreseen, self.ceiling = False, 0.0
         self.sizes: list[float] = []
+        self.tighter = 1.0
 
     def solve(self, past: Past) -> tuple[Answer | None, Past]:
         """See `solve_nonlinear`; long because it is one iteration from its matrix to its verdict."""
@@ -139,7 +144,7 @@ class _Newton:
                 cold = self.start is None and problem.nc > 0
                 warm = warm_start(reduction.local, equation.met.contacts, past.reactions) if cold else now.r
                 flight = min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
-                allowed = tol * flight * (CLOSER if share else 1.0)
+                allowed = tol * flight * (CLOSER if share else 1.0) * self.tighter
                 if flight < 1.0 and equation.slanted is not None:
                     continue
                 tried, serving = list[Attempt](), past.serving
@@ -174,6 +179,8 @@ class _Newton:
             self.clock.lap("detection" if self.anew is not None else "assembly")
             self._note(problem, result, warm, new, length, factor, share)
             self.sizes.append(new.residual)
+            if problem.nc and not result.iterations and new.residual > max(1.0, 0.5 * self.sizes[-2:][0]) and len(self.sizes) > 1:
+                self.tighter = max(TIGHTEST, TIGHTER * self.tighter)
             if self.anew is not None and not self.in_space and goes_round(self.sizes, self.anew, new.v):
                 break
             if length == 1 and new.residual <= 1 and at_rest and result.error <= tol and self._stands(equation, new, result):

@@ -16,6 +16,11 @@ from fcsim.timestep.step_equation.equation import Equation
 STICKS = 1e-3
 """By how much less than its limit the friction of a contact that sticks is."""
 
+SURELY_STICKS = 0.1
+"""The same of contacts whose slip is held by a stiffness, which pulls at those that slip after all: reactions that are carried on as
+vectors in space leave the cone's edge by the angle that facets turn in an iteration, and a contact that slips would stick and slip in
+turns."""
+
 HELD = (30.0, 300.0, 3000.0)
 """Stiffness that is given to pressed contacts, of the largest entry of their geometric stiffness: the first that serves is taken."""
 
@@ -52,9 +57,9 @@ def tangent_by_differences(equation: Equation, anew: Anew, v: FloatArray, r: Flo
     return bent, (sp.csr_array(model.contact_matrix(E, x) @ columns), v)
 
 
-def sticking(mu: FloatArray, r: FloatArray) -> BoolArray:
-    """Which contacts press and stick, by their reactions r (nc, rows)."""
-    stick: BoolArray = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKS) * mu * r[:, 0]
+def sticking(mu: FloatArray, r: FloatArray, less: float = STICKS) -> BoolArray:
+    """Which contacts press and stick, by their reactions r (nc, rows); less: see `STICKS`."""
+    stick: BoolArray = np.linalg.norm(r[:, 1:], axis=1) < (1 - less) * mu * r[:, 0]
     return stick
 
 
@@ -67,7 +72,7 @@ def made_positive(
     v (n_dofs,): of the iterate; largest [N/m]: entry of the geometric stiffness, of which g is `HELD`."""
     met = equation.met
     of_contact = r.reshape(-1, met.rows)
-    kept = np.repeat(sticking(met.contacts.mu, of_contact)[:, None], met.rows, axis=1)
+    kept = np.repeat(sticking(met.contacts.mu, of_contact, SURELY_STICKS)[:, None], met.rows, axis=1)
     kept[:, 0] = of_contact[:, 0] > 0
     pressed = np.flatnonzero(kept)
     normal = met.scaled_H[:, pressed]
