@@ -14,9 +14,11 @@ import numpy as np
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector, Everything, SurfacePair
+from fcsim.contact_detection import Detector, Everything, ExactContacts, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Velocity
 from fcsim.mesh.blocks import brick, rigid_box
+from fcsim.mesh.exact.rigid_shapes import rigid_plane, rigid_sphere
 from fcsim.mesh.material import Material
 from fcsim.mesh.material.plastic import Plastic
 from fcsim.mesh.part import Body
@@ -26,6 +28,7 @@ from fcsim.running.parameters import parse_parameters
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.state import at_rest
 from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
@@ -79,6 +82,35 @@ def cut() -> Simulation:
     return Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(0.5), 2, settings, cuttings=6)
 
 
+def balls() -> Simulation:
+    """Exact spheres fall on an elastic bed between each other; contacts come during the run."""
+    bed = brick("bed", (0.3, 0.3, 0.1), (3, 3, 1), Material(1e7, 0.3, 1000.0))
+    places = [(0.04 + 0.11 * (k % 3) + 0.01 * (k // 3), 0.06 + 0.02 * (k // 3), 0.16 + 0.1 * (k // 3) + 0.003 * k) for k in range(9)]
+    spheres = [rigid_sphere(f"ball {k}", 0.05, place, 1.0) for k, place in enumerate(places)]
+    model = build_model(
+        [
+            Body("bed", bed),
+            *spheres,
+            rigid_plane("ground", (0, 0, 0), (0, 0, 1)),
+        ],
+        supports=[Support("ground", (*HOLD, "rx", "ry", "rz"))],
+        gravity=lambda t: (0.0, 0.0, -9.81),
+    )
+    return Simulation(model, ExactContacts(model, 0.4), Theta(4e-3), 12)
+
+
+def meeting() -> Simulation:
+    """Free deformable blocks: one flies into its neighbour and rebounds, one flies away from all."""
+    part = brick("block", (0.1, 0.1, 0.1), (2, 2, 2), Material(1e8, 0.3, 1000.0))
+    model = build_model([Body(f"block {k}", part, translation=np.array([0.12 * k, 0.01 * k, 0.0])) for k in range(4)])
+    start = at_rest(model)
+    v = start.v.copy()
+    for name, velocity in (("block 0", (2.0, 0.0, 0.0)), ("block 3", (5.0, 1.0, 0.0))):
+        first = model.node_offset[model.number[name]]
+        v[model.dof_of_node[first : first + len(part.points)]] = velocity
+    return Simulation(model, Everything(model, 0.3), Theta(2e-3, law=Velocity(0.5)), 12, initial=replace(start, v=v))
+
+
 SCENARIOS: dict[str, Callable[[], Simulation]] = {
     "a wall": case("masonry_wall", 3, divisions="2,1,1"),
     "an arch": case("arch", 3, voussoirs="9"),
@@ -87,6 +119,8 @@ SCENARIOS: dict[str, Callable[[], Simulation]] = {
     "a nonlinear body that folds": case("seal", 1, cells="2,16"),
     "joints between bodies": case("slider_crank", 3, elements="4"),
     "steps that are cut": cut,
+    "balls on a bed": balls,
+    "blocks that meet and part": meeting,
 }
 
 
