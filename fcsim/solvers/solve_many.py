@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from fcsim.arrays import FloatArray
@@ -37,6 +37,8 @@ def solve_many(
         raise InputError(f"threads: expected a whole number >= 1, got {threads!r}")
     if "memory" in options:
         raise InputError("memory: expected none, since it belongs to one problem's contacts; see solve")
+    if not isinstance(problems, Iterable):
+        raise InputError(f"problems: expected a list of problems, got a {type(problems).__name__}")
     problems = list(problems)
     given = [None] * len(problems) if starts is None else list(starts)
     if len(given) != len(problems):

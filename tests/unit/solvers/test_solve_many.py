@@ -69,3 +69,9 @@ def test_what_is_no_problem_is_named_by_its_place() -> None:
     given: list[Any] = [*problems(1), "a problem"]
     with pytest.raises(InputError, match=r"problems\[1\]: problem: expected a GlobalProblem"):
         solve_many(given, threads=2)
+
+
+@pytest.mark.parametrize("problems", [None, LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.ones(1))])
+def test_what_is_no_list_is_refused(problems: Any) -> None:
+    with pytest.raises(InputError, match="problems: expected a list of problems, got a"):
+        solve_many(problems)
