@@ -26,6 +26,7 @@ from fcsim.linear.factors import Factor, SingularMatrix, is_symmetric
 from fcsim.linear.joints import BlockRows, joint_rows
 from fcsim.linear.storage import eliminated_dense
 from fcsim.problem._judge_kernels import diagonal_blocks_of_rows
+from fcsim.problem.bodies.shares import KnownShares
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.problem.motion import Motion
 from fcsim.problem.shifted_factor import complete_rows, plus_diagonal, shifted_factor
@@ -37,7 +38,8 @@ Elimination = Literal["dense", "fronts", "sparse"]
 class Delassus:
     """W + diag(shift), W (m, m) dense or sparse of m = d nc contact unknowns; in dynamics [velocity per impulse], else [displacement per
     force]. shift (nc,): one number a contact, None for W alone; motion: W = H^T M^-1 H where few degrees of freedom are behind it;
-    unshifted: the operator of W alone, with which this one shares what W or its pattern decides.
+    unshifted: the operator of W alone, with which this one shares what W or its pattern decides; shares: W as a sum over bodies, where
+    that is known.
 
     What is asked for is computed once and kept as long as this object; factors are not kept, since they are large: who uses one again
     keeps it (see `Memory` for what serves the next problem). A LinearOperator has products alone; InputError where it is to be
@@ -49,6 +51,7 @@ class Delassus:
     shift: FloatArray | None = None
     motion: Motion | None = None
     unshifted: Delassus | None = None
+    shares: KnownShares | None = None
     _made: dict[Hashable, object] = field(default_factory=dict, init=False, repr=False)
 
     __repr__ = brief
@@ -74,7 +77,7 @@ class Delassus:
     def shifted(self, shift: FloatArray | float) -> Delassus:
         """The operator of the same W with diag(shift), one number a contact (nc,) or one for all, in the place of its own."""
         unshifted = self if self.shift is None else self.unshifted
-        return Delassus(self.W, self.dimension, np.broadcast_to(shift, self.nc), self.motion, unshifted)
+        return Delassus(self.W, self.dimension, np.broadcast_to(shift, self.nc), self.motion, unshifted, self.shares)
 
     @cached_property
     def by_unknown(self) -> FloatArray:
@@ -148,7 +151,7 @@ class Delassus:
 
     @cached_property
     def _mean(self) -> Delassus:
-        return replace(self, W=0.5 * (self.W + self.W.T), motion=None, unshifted=None)
+        return replace(self, W=0.5 * (self.W + self.W.T), motion=None, unshifted=None, shares=None)
 
     @cached_property
     def norm(self) -> float:
@@ -230,7 +233,8 @@ class Delassus:
     def _of(self, W: Matrix) -> Delassus:
         """The operator with the same W in another storage."""
         motion = None if self.motion is None else self.motion.stored_as(self.W, W)
-        return Delassus(W, self.dimension, self.shift, motion)
+        shares = None if self.shares is None else self.shares.stored_as(self.W, W)
+        return Delassus(W, self.dimension, self.shift, motion, shares=shares)
 
     def factor(self, rho: float, *, symmetric: bool) -> Factor:
         """The factor of W + rho I: Cholesky where symmetric and positive definite, else LU; SingularMatrix where that fails, and over

@@ -18,6 +18,7 @@ from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix, with_entries
+from fcsim.problem.bodies.shares import KnownShares
 from fcsim.problem.delassus import Delassus
 from fcsim.problem.distributed import DistributedDelassus, whole_delassus
 from fcsim.problem.motion import Motion
@@ -231,7 +232,8 @@ class GlobalProblem(GlobalForm):
 class LocalProblem:
     """W (m, m), q (m,), mu (nc,), optionally V (m, p), R (p, p) and s (p,); m = dimension * nc.
 
-    motion: W = H^T M^-1 H where few degrees of freedom are behind it; it shortens elimination and changes no answer.
+    motion: W = H^T M^-1 H where few degrees of freedom are behind it; it shortens elimination and changes no answer. shares: W as the
+    sum of the bodies' shares, where that is known: it preconditions.
     """
 
     W: Matrix
@@ -242,6 +244,7 @@ class LocalProblem:
     s: FloatArray | None = None
     dimension: int = 3
     motion: Motion | None = None
+    shares: KnownShares | None = None
 
     __repr__ = brief
 
@@ -269,7 +272,9 @@ class LocalProblem:
     @cached_property
     def delassus(self) -> Delassus:
         """W with what is derived from it once: what solvers work on."""
-        return Delassus(self.W, self.dimension, motion=None if self.motion is None else self.motion.of(self.W))
+        motion = None if self.motion is None else self.motion.of(self.W)
+        shares = None if self.shares is None else self.shares.of(self.W)
+        return Delassus(self.W, self.dimension, motion=motion, shares=shares)
 
     def stored(self) -> LocalProblem:
         """The same problem with W in the storage of its elimination (`Delassus.stored`), or itself."""
@@ -277,7 +282,8 @@ class LocalProblem:
         if operator.W is self.W:
             return self
         motion = None if self.motion is None else self.motion.stored_as(self.W, operator.W)
-        return replace(self, W=operator.W, motion=motion)
+        shares = None if self.shares is None else self.shares.stored_as(self.W, operator.W)
+        return replace(self, W=operator.W, motion=motion, shares=shares)
 
     @property
     def diagonal_blocks(self) -> FloatArray:
@@ -293,7 +299,7 @@ class LocalProblem:
     def whole(self) -> LocalProblem:
         """The problem with all of W on every rank where that is distributed; itself else."""
         W = whole_delassus(self.W)
-        return self if W is self.W else replace(self, W=W, motion=None)
+        return self if W is self.W else replace(self, W=W, motion=None, shares=None)
 
     @property
     def local(self) -> LocalProblem:

@@ -8,6 +8,7 @@ Equality constraints G^T v + b = 0 are part of the factored matrix [[M, -G], [-G
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -24,6 +25,7 @@ from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
 from fcsim.problem._delassus_kernels import alike_in_contacts
 from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
+from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.problem.delassus import diagonal_blocks, own_compliance
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.elimination import Elimination
@@ -45,6 +47,10 @@ class MassFactor(Protocol):
     def solve(self, rhs: FloatArray) -> FloatArray: ...
 
     def delassus(self, H: sp.sparray, dimension: int) -> Matrix: ...
+
+    def shares(self, H: sp.sparray, dimension: int) -> Callable[[], BodyShares] | None:
+        """What makes the bodies' shares of W = H^T M^-1 H, None where W is not their sum alone or that is not known."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -149,6 +155,9 @@ class BlockFactor:
             W.add_diagonal(count, self._inverse_diagonal, group)
         return W.matrix()
 
+    def shares(self, H: sp.sparray, dimension: int) -> None:
+        """None: compliances are not kept."""
+
 
 def _diagonal(A: sp.sparray, single: IntArray) -> FloatArray:
     """The diagonal of the matrix A (csr or csc) on unknowns that it couples to nothing; SingularMatrix where it is zero."""
@@ -240,7 +249,9 @@ class Reduction:
         """The local form W, q, mu."""
         p = self.problem
         W = self.delassus(p.dimension)
-        return LocalProblem(W, self.q, p.mu, dimension=p.dimension, motion=_motion(p, W))
+        make = None if p.G is not None else self.factor.shares(self._H, p.dimension)
+        shares = None if make is None else KnownShares(W, make)
+        return LocalProblem(W, self.q, p.mu, dimension=p.dimension, motion=_motion(p, W), shares=shares)
 
     @limited_threads()
     def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:

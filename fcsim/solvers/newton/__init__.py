@@ -14,5 +14,6 @@ To follow NSN-AC on a step of a wall, ten files, in this order:
 10. solvers/newton/systems/remainder.py    what is left to be solved on them
 
 Beside these, `kkt` works on the global and the mixed form, `levenberg_marquardt` near what other methods reached, and
-systems/direct.py and systems/multifrontal.py solve where nothing is held, systems/preconditioned.py where the border would be too large.
+systems/direct.py and systems/multifrontal.py solve where nothing is held, systems/preconditioned.py where the border would be too large,
+and systems/two_level where W is large and its bodies are known.
 """

@@ -115,6 +115,7 @@ class _Progress:
     def __init__(self, monitor: Monitor, options: NewtonOptions) -> None:
         self._monitor, self._options = monitor, options
         self._watched, self._before = monitor.iterations, np.inf
+        self.error = np.inf  # of the last iterate that was looked at
 
     def verdict(self, r: FloatArray, space: NewtonSpace) -> Status | None:
         """Why to stop at r (m,), None to go on."""
@@ -122,6 +123,7 @@ class _Progress:
         error = monitor.record(r, space.u) if monitor.checks else self._recorded(r, space)  # (S.1)
         if error > monitor.tol and not space.exact and monitor.error(r, space.u) <= monitor.tol:
             space.recompute()  # it has drifted: what follows goes on from what r gives
+        self.error = error
         self._before = min(self._before, error) if monitor.iterations == self._watched else self._before
         if error <= monitor.tol:
             return Status.SOLVED
@@ -187,6 +189,7 @@ def newton_turns(
         if expected is not None:
             F, expected = F + np.einsum("aij,aj->ai", A, u - expected), None
         value = 0.5 * float(np.sum(F * F))
+        space.needed = monitor.tol / progress.error
         try:
             dr, du, slope = _direction(space, F, A, B, options.safeguard)  # (S.2)
         except SingularMatrix:

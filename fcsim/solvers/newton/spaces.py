@@ -12,6 +12,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.problem import Followed
 from fcsim.solvers.base import Monitor
+from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 
 
@@ -21,6 +22,9 @@ class NewtonSpace(Protocol):
     u: FloatArray
     exact: bool
     """Whether u was computed from the unknowns themselves, not from the last u and the step: an answer is accepted on such a u alone."""
+
+    needed: float
+    """The factor by which the error has still to fall, of which an iterative solver of the step may make use."""
 
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (dr, du) with A du + B dr = -F; raises SingularMatrix."""
@@ -48,7 +52,7 @@ class LocalSpace:
 
     def __init__(self, system: NewtonSystem, q: FloatArray, r: FloatArray) -> None:
         self._system, self._q, self._r = system, q, r
-        self._moves = 0
+        self._moves, self.needed = 0, 0.0
         self.recompute()
 
     def recompute(self) -> None:
@@ -57,6 +61,8 @@ class LocalSpace:
         self.exact = True
 
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        if isinstance(self._system, CondensedSystem):
+            self._system.needed = self.needed
         self._dr, self._Wdr = self._system.solve(A, B, -F)
         return self._dr, self._Wdr
 

@@ -18,6 +18,7 @@ from fcsim.brief import brief
 from fcsim.linear.factors import Factor, factorise
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
 from fcsim.problem._delassus_kernels import entries_by_body
+from fcsim.problem.bodies.shares import BodyShares, shares_of
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.distributed import DistributedDelassus, contact_layout
 from fcsim.threads import begun
@@ -195,6 +196,20 @@ class StepCompliance:
             wide = wide if isinstance(wide, np.ndarray) else sp.csr_array(wide)
             matrix = _corrected(wide[:m, :m], wide[:m, m : m + k], self._correction, wide[m : m + k, :m], dimension)
         return matrix if self.joint is None else _with_diagonal(matrix, self.joint, dimension)
+
+    def shares(self, H: sp.sparray, dimension: int) -> Callable[[], BodyShares] | None:
+        """What makes the bodies' shares of W of H (n, m); None where contacts have compliances or stiffnesses of their own, or ranks share
+        the model."""
+        model = self.factor.model
+        if self.joint is not None or self.bent is not None or self.leaning is not None or model.shares is not None:
+            return None
+
+        def make() -> BodyShares:
+            on_compliances = self._on_compliances(sp.csc_array(H))
+            compliances = tuple(self.factor.compliances(_rows_of(on_compliances)))
+            return shares_of(on_compliances, *self.factor.places, len(model.bodies), dimension, compliances)
+
+        return make
 
     def beginning(self, H: sp.sparray, dimension: int) -> StepCompliance:
         """The same, which begins W of H (n, m) on another thread, so that it is summed while the rest of the problem is made. Not

@@ -206,6 +206,9 @@ class LinkedCompliance:
         rows, columns = np.repeat(touched, len(touched)), np.tile(touched, len(touched))
         return sp.bsr_array(sp.csr_array(W) - sp.csr_array((tile.ravel(), (rows, columns)), shape=(m, m)), blocksize=(dimension, dimension))
 
+    def shares(self, H: sp.sparray, dimension: int) -> None:
+        """None: links couple the bodies."""
+
 
 def _sparse_factor(S: Matrix) -> Callable[[FloatArray], FloatArray] | None:
     """The solve of a sparse S of unit diagonal; None where a pivot vanishes."""

@@ -9,7 +9,7 @@ import numpy as np
 from fcsim.problem import Delassus
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.memory import Memory
-from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
+from fcsim.solvers.newton.systems.condensed import TWO_LEVEL_FROM, CondensedSystem, KeptCondensation
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
@@ -38,8 +38,9 @@ def newton_system(
 
     "auto": a W of bodies with few degrees of freedom, regularised or of joints with springs, is eliminated in their velocities. Else W is
     stored as its elimination asks for (`Delassus.stored`): where contacts come in joints and that saves most of the work, multifrontal
-    LU, unless a memory keeps what condensed elimination leaves for the next steps (which uses the joints too); where it is dense,
-    condensed elimination where it may, dense LU else; otherwise sparse LU. A W over ranks is factored by all of them (`SystemOverRanks`).
+    LU, unless a memory keeps what condensed elimination leaves for the next steps (which uses the joints too), or its bodies are known and
+    it is large; where it is dense, condensed elimination where it may, dense LU else; otherwise sparse LU. A W over ranks is factored by
+    all of them (`SystemOverRanks`).
     """
     if isinstance(operator.W, DistributedDelassus):
         whole = partial(newton_system, linear=linear, condensing=condensing)
@@ -81,5 +82,6 @@ def _fitting(operator: Delassus, condensing: bool, *, keeps: bool, once: bool) -
     if operator.elimination == "sparse":
         return "sparse"
     if operator.elimination == "fronts":
-        return "condensed" if condensing and keeps else "multifrontal"
+        whole = operator.shares is None or operator.size < TWO_LEVEL_FROM
+        return "condensed" if condensing and (keeps or not whole) else "multifrontal"
     return "condensed" if condensing and operator.size > (ONCE_WHOLE if once else WHOLE) else "dense"

@@ -29,6 +29,7 @@ from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
 from fcsim.solvers.newton.systems.preconditioned import StiffnessBlocks, system_of_joints
 from fcsim.solvers.newton.systems.remainder import Factored, Remainder, split_known
+from fcsim.solvers.newton.systems.two_level.system import TwoLevelSystem
 
 FORCING = 1e-2
 """Defect, relative to the right-hand side, at which a Newton step by an earlier W's factor is accepted."""
@@ -48,6 +49,9 @@ BORDER_UP_TO = 2e9
 `preconditioned`)."""
 CORRECTIONS = 8
 """Iterations of GMRES with an earlier W's factor before factoring anew."""
+TWO_LEVEL_FROM, BORDER_BESIDE = 20_000, 1e9
+"""Contact unknowns (a hundred bricks) from which systems of a W whose bodies are known are solved without any factor of W (`two_level`) as
+long as statuses are not settled, or where the border would have so many bytes: a wall of 192 bricks takes less with its border then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +88,8 @@ class CondensedSystem:
     joints the factor is multifrontal, else dense. Large factors and columns are kept in single precision, and those of an earlier W serve
     the next: they are then the preconditioner of GMRES on the true system. Where that does not pay all is factored anew, in double
     precision if that was not it. Where contacts come in joints and the border would be too large, W's factor and the joints' own stiffness
-    precondition (`PreconditionedSystem`).
+    precondition (`PreconditionedSystem`). A large W of known bodies is not factored then, nor as long
+    as statuses change, where GMRES gets there (`TwoLevelSystem`).
     """
 
     def __init__(self, operator: Delassus, kept: KeptCondensation | None = None) -> None:
@@ -99,6 +104,9 @@ class CondensedSystem:
         self._status: IntArray | None = None  # of the contacts at the last step
         self._condensation: Condensation | None = None
         self._preconditioned = None if self._rows is None else system_of_joints(self._rows, None if kept is None else kept.blocks)
+        self.needed = 0.0  # the factor by which Newton's residual has still to fall; 0: not known
+        known = operator.shares if operator.shift is None and operator.size >= TWO_LEVEL_FROM else None
+        self._two_level = None if known is None or self._rows is None else TwoLevelSystem(self._rows, known)
         if kept is not None:
             self._dtype, self._holds_sliding, self._status = kept.dtype, kept.holds_sliding, kept.status
             self._condensation = None if kept.condensation is None else replace(kept.condensation, earlier=True)
@@ -109,7 +117,7 @@ class CondensedSystem:
     def left(self, identity: IntArray) -> KeptCondensation | None:
         """What serves the next W of these contacts, None where nothing is held."""
         blocks = None if self._preconditioned is None else self._preconditioned.blocks
-        if (self._condensation is None and blocks is None) or self._status is None:
+        if (self._condensation is None and blocks is None and self._two_level is None) or self._status is None:
             return None
         pattern = None if self._rows is None else self._rows.pattern
         return KeptCondensation(identity, self._condensation, self._status, self._dtype, self._holds_sliding, pattern, blocks)
@@ -136,13 +144,18 @@ class CondensedSystem:
         if not closed.any():
             return self._whole.solve(A, B, rhs)
         settled = self._settled(closed, sticking)
+        columns, rows = (self._d * np.count_nonzero(contacts) for contacts in (closed & ~sticking, closed))
+        border = columns * rows * np.dtype(self._dtype).itemsize
+        if self._two_level is not None and (not settled or border > BORDER_BESIDE):
+            found = self._two_level.solve(A, B, rhs, self.needed)
+            if found is not None:
+                return found
         if self._condensation is not None and not _outgrown(self._condensation, self._holds_sliding, closed, sticking):
             found = self._by_what_is_held(A, B, rhs)
             if found is not None:
                 return found
         self._condensation = None
-        columns, rows = (self._d * np.count_nonzero(contacts) for contacts in (closed & ~sticking, closed))
-        large = columns * rows * np.dtype(self._dtype).itemsize > BORDER_UP_TO
+        large = border > BORDER_UP_TO
         found = None
         if self._preconditioned is not None and (large or self._preconditioned.blocks is not None) and self._symmetric:
             found = self._preconditioned.solve(A, B, rhs)

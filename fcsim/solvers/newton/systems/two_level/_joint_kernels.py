@@ -1,0 +1,263 @@
+"""Loops over joints of the two-level preconditioner, compiled.
+
+Contacts are numbered in the order of their joints: joint k has those from cuts[k] on. Its block is on them and, after them, the neighbours
+that share nodes with them: wide[begins[k]:begins[k + 1]]. Blocks of numbers stand one after the other: that of joint k from starts[k] on.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from fcsim.linear._front_kernels import dot
+
+
+@njit(cache=True)
+def with_neighbours(first, contacts, begins, unknowns, sizes, position, cuts, most):
+    """Return begins (joints + 1,) and `wide`: each joint's contacts and those that have an unknown of a body in common with them, at most
+    `most` in all.
+
+    first, contacts, begins, unknowns: the pairs of bodies and contacts as in `BodyShares`; sizes (bodies,): each body's unknowns, 0 for one
+    through which no contact becomes another's neighbour; position (nc,): the number of a contact in the order of the joints.
+    """
+    nc = len(position)
+    pairs = np.full((nc, 2), -1)
+    body = np.empty(len(contacts), dtype=np.int64)
+    listed = np.empty(len(unknowns), dtype=np.int64)
+    where = np.zeros(len(first), dtype=np.int64)  # of a body's first unknown among the ends
+    for b in range(len(first) - 1):
+        where[b + 1] = where[b] + sizes[b]
+    ends = np.zeros(where[-1] + 1, dtype=np.int64)
+    for b in range(len(first) - 1):
+        for p in range(first[b], first[b + 1]):
+            a = position[contacts[p]]
+            pairs[a, 0 if pairs[a, 0] < 0 else 1] = p
+            body[p] = b
+            if sizes[b]:
+                for e in range(begins[p], begins[p + 1]):
+                    ends[where[b] + unknowns[e] + 1] += 1
+    for i in range(len(ends) - 1):
+        ends[i + 1] += ends[i]
+    free = ends[:-1].copy()
+    for p in range(len(contacts)):
+        if sizes[body[p]]:
+            for e in range(begins[p], begins[p + 1]):
+                i = where[body[p]] + unknowns[e]
+                listed[free[i]] = position[contacts[p]]
+                free[i] += 1
+    met = np.full(nc, -1)
+    places, wide, count = np.zeros(len(cuts), dtype=np.int64), np.empty(max(nc, 1), dtype=np.int64), 0
+    for k in range(len(cuts) - 1):
+        if count + max(most, cuts[k + 1] - cuts[k]) > len(wide):
+            wide = np.concatenate((wide, np.empty(len(wide) + most + cuts[k + 1] - cuts[k], dtype=np.int64)))
+        for a in range(cuts[k], cuts[k + 1]):
+            met[a] = k
+            wide[count] = a
+            count += 1
+        for a in range(cuts[k], cuts[k + 1]):
+            for p in pairs[a]:
+                if p < 0 or not sizes[body[p]]:
+                    continue
+                for e in range(begins[p], begins[p + 1]):
+                    i = where[body[p]] + unknowns[e]
+                    for b in listed[ends[i] : ends[i + 1]]:
+                        if met[b] != k and count - places[k] < most:
+                            met[b] = k
+                            wide[count] = b
+                            count += 1
+        places[k + 1] = count
+    return places, wide[:count].copy()
+
+
+@njit(cache=True)
+def bodies_of_joints(begins, wide, bodies, count):
+    """Return for each joint which bodies its contacts `wide` are on, begins (joints + 1,) and bodies, its own two (or one) first."""
+    places, listed, at = np.zeros(len(begins), dtype=np.int64), np.empty(2 * len(wide), dtype=np.int64), 0
+    met = np.full(count, -1)
+    for k in range(len(begins) - 1):
+        for a in wide[begins[k] : begins[k + 1]]:
+            for b in bodies[a]:
+                if b >= 0 and met[b] != k:
+                    met[b] = k
+                    listed[at] = b
+                    at += 1
+        places[k + 1] = at
+    return places, listed[:at].copy()
+
+
+@njit(cache=True, nogil=True)
+def modes_of_joint(own, listed, bodies, G, number):
+    """G (3 n, bodies k) of the contacts `own` (n,) on the bodies `listed`; number (bodies,): scratch."""
+    n, d, k = len(own), G.shape[1], G.shape[2] // 2
+    for i in range(len(listed)):
+        number[listed[i]] = i
+    wide = np.zeros((n, d, len(listed) * k))
+    for i in range(n):
+        for s in range(2):
+            b = bodies[own[i], s]
+            if b >= 0:
+                at = number[b] * k
+                for p in range(d):
+                    for c in range(k):
+                        wide[i, p, at + c] = G[own[i], p, s * k + c]
+    return wide.reshape(n * d, len(listed) * k)
+
+
+@njit(cache=True, nogil=True)
+def joint_blocks(indptr, indices, blocks, order, position, joints, modes, starts, first, last, E):
+    """Write the blocks of W - G G^T of the joints first, ..., last - 1 to E.
+
+    W by block rows; order (nc,): W's contacts in the order of the joints, position its inverse; joints: begins and wide; modes: G (nc, d,
+    2 k), the bodies (nc, 2) of each contact, begins and bodies of the joints.
+    """
+    begins, wide = joints
+    G, bodies, body_begins, listed = modes
+    d, nc = G.shape[1], len(order)
+    place, number = np.full(nc, -1), np.empty(max(1, listed.max() + 1 if len(listed) else 1), dtype=np.int64)
+    for k in range(first, last):
+        own = wide[begins[k] : begins[k + 1]]
+        n = len(own)
+        block = np.zeros((n, d, n, d))
+        for i in range(n):
+            place[own[i]] = i
+        for i in range(n):
+            a = order[own[i]]
+            for e in range(indptr[a], indptr[a + 1]):
+                j = place[position[indices[e]]]
+                if j >= 0:
+                    for p in range(d):
+                        for q in range(d):
+                            block[i, p, j, q] = blocks[e, p, q]
+        for a in own:
+            place[a] = -1
+        g = modes_of_joint(own, listed[body_begins[k] : body_begins[k + 1]], bodies, G, number)
+        rest = block.reshape(n * d, n * d) - np.dot(g, g.T)
+        E[starts[k] : starts[k + 1]] = rest.ravel()
+
+
+@njit(cache=True, nogil=True)
+def invert_joints(A, B, E, shift, cuts, joints, modes, starts, out, which):
+    """Of the joints k in `which` write Q, the rows of its own contacts of (A (E + shift I) + B)^-1, and T = G_o^T Q A G, G_o the rows
+    of its own contacts in the columns of its own bodies. out: Q, where each joint's begins, T, where each begins. Raises LinAlgError
+    where a joint is singular.
+    """
+    begins, wide = joints
+    G, bodies, body_begins, all_listed = modes
+    Q, Q_starts, T, T_starts = out
+    d, k = G.shape[1], G.shape[2] // 2
+    number = np.empty(max(1, all_listed.max() + 1 if len(all_listed) else 1), dtype=np.int64)
+    for joint in which:
+        own = wide[begins[joint] : begins[joint + 1]]
+        listed = all_listed[body_begins[joint] : body_begins[joint + 1]]
+        n, inner = len(own), cuts[joint + 1] - cuts[joint]
+        g = modes_of_joint(own, listed, bodies, G, number)
+        e, G3 = E[starts[joint] : starts[joint + 1]].reshape(n, d, n * d), g.reshape(n, d, -1)
+        J, AG = np.zeros((n, d, n * d)), np.zeros(G3.shape)
+        for i in range(n):
+            for p in range(d):
+                row, image = J[i, p], AG[i, p]
+                for q in range(d):
+                    x = A[own[i], p, q]
+                    if x != 0:
+                        other, mode = e[i, q], G3[i, q]
+                        for c in range(n * d):
+                            row[c] += x * other[c]
+                        row[i * d + q] += x * shift
+                        for c in range(len(mode)):
+                            image[c] += x * mode[c]
+                    row[i * d + q] += B[own[i], p, q]
+        unit = np.zeros((n * d, inner * d))
+        for i in range(inner * d):
+            unit[i, i] = 1.0
+        rows = np.ascontiguousarray(np.linalg.solve(np.ascontiguousarray(J.reshape(n * d, n * d).T), unit).T)
+        Q[Q_starts[joint] : Q_starts[joint + 1]] = rows.ravel()
+        two = 0
+        for b in bodies[own[0]]:
+            two += b >= 0
+        own_modes = np.ascontiguousarray(g[: inner * d, : two * k].T)
+        T[T_starts[joint] : T_starts[joint + 1]] = np.dot(own_modes, np.dot(rows, AG.reshape(n * d, -1))).ravel()
+
+
+@njit(cache=True)
+def add_joints(T, T_starts, places, place_begins, body_begins, S):
+    """Add the joints' T to the blocks S (blocks, k, k): block (i, j) of joint n to S[places[place_begins[n] + i times its bodies + j]]."""
+    k = S.shape[1]
+    for joint in range(len(T_starts) - 1):
+        columns = body_begins[joint + 1] - body_begins[joint]
+        for e in range(place_begins[joint + 1] - place_begins[joint]):
+            i, j = e // columns, e % columns
+            block = S[places[place_begins[joint] + e]]
+            at = T_starts[joint] + i * k * columns * k + j * k
+            for p in range(k):
+                for q in range(k):
+                    block[p, q] += T[at + p * columns * k + q]
+
+
+@njit(cache=True, nogil=True)
+def solve_joints(Q, Q_starts, cuts, begins, wide, first, last, x, z):
+    """z of the own contacts of the joints first, ..., last - 1: Q x; x and z (nc, d) of Q's precision."""
+    d = x.shape[1]
+    most = 0
+    for k in range(first, last):
+        most = max(most, begins[k + 1] - begins[k])
+    given = np.empty(most * d, dtype=x.dtype)
+    for k in range(first, last):
+        own = wide[begins[k] : begins[k + 1]]
+        n = len(own) * d
+        for i in range(len(own)):
+            for p in range(d):
+                given[i * d + p] = x[own[i], p]
+        rows = Q[Q_starts[k] : Q_starts[k + 1]]
+        at = 0
+        for a in range(cuts[k], cuts[k + 1]):
+            for p in range(d):
+                z[a, p] = dot(rows[at : at + n], given[:n])
+                at += n
+
+
+@njit(cache=True)
+def restrict(G, bodies, x, c):
+    """Add G^T x to c (bodies, k), for x (nc, d) and the bodies (nc, 2) of G's contacts, -1 for none."""
+    nc, d, wide = G.shape
+    k = wide // 2
+    total = np.empty(wide, dtype=x.dtype)
+    a = 0
+    while a < nc:
+        p, q = bodies[a]
+        total[:] = 0
+        while a < nc and bodies[a, 0] == p and bodies[a, 1] == q:
+            for i in range(d):
+                row, weight = G[a, i], x[a, i]
+                for j in range(wide):
+                    total[j] += weight * row[j]
+            a += 1
+        if p >= 0:
+            for j in range(k):
+                c[p, j] += total[j]
+        if q >= 0:
+            for j in range(k):
+                c[q, j] += total[k + j]
+
+
+@njit(cache=True)
+def less_motions(A, G, bodies, c, x, out):
+    """out = x - A G c (nc, d), for c (bodies, k)."""
+    nc, d, wide = G.shape
+    k = wide // 2
+    own, u = np.zeros(wide, dtype=G.dtype), np.empty(d, dtype=G.dtype)
+    for a in range(nc):
+        p, q = bodies[a]
+        if a == 0 or p != bodies[a - 1, 0] or q != bodies[a - 1, 1]:
+            own[:] = 0
+            if p >= 0:
+                own[:k] = c[p]
+            if q >= 0:
+                own[k:] = c[q]
+        for i in range(d):
+            u[i] = dot(G[a, i], own)
+        for i in range(d):
+            total = x[a, i]
+            for j in range(d):
+                total -= A[a, i, j] * u[j]
+            out[a, i] = total

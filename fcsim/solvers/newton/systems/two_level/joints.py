@@ -1,0 +1,76 @@
+"""What the two-level preconditioner takes from W alone: contacts by joints with their neighbours; G and E of W = E + G G^T."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from fcsim.arrays import IntArray
+from fcsim.linear.joints import BlockRows
+from fcsim.problem.bodies.shares import EIGEN_UP_TO, BodyShares
+from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
+from fcsim.threads import pieces_by_work, side_by_side
+
+MOTIONS = 12
+"""Compliant motions of a body: six rigid ones and as many that strain it. Six in all take a third more iterations, 24 hardly fewer."""
+JOINT_UP_TO = 150
+"""Contacts of a joint up to which its block is inverted as a whole; with its neighbours it has no more either."""
+SHIFT = 1e-8
+"""Added to E's diagonal, relative to its mean: contacts at the middle of faces hardly feel a checkerboard of forces."""
+WORK_A_PIECE = 300_000
+"""Entries of joints' blocks that one thread inverts."""
+
+
+class Joints:
+    """What the preconditioner takes from W alone: contacts by joints, with their neighbours; G and E."""
+
+    def __init__(self, rows: BlockRows, shares: BodyShares, bodies: IntArray, side: IntArray) -> None:
+        """bodies, side: those of `shares`."""
+        self.d = d = rows.blocks.shape[1]
+        self.count = shares.count
+        pair, joint = np.unique(bodies, axis=0, return_inverse=True)
+        joint = joint.reshape(-1)
+        self.order = np.argsort(joint, kind="stable")
+        position = np.argsort(self.order)
+        self.cuts = _ends(np.bincount(joint, minlength=len(pair)))
+        self.begins, self.wide = kernels.with_neighbours(
+            shares.first, shares.contacts, shares.begins, shares.unknowns, _unknowns(shares), position, self.cuts, JOINT_UP_TO
+        )
+        self.bodies, G = bodies[self.order], shares.modes(MOTIONS, side)[self.order]
+        self.body_begins, self.listed = kernels.bodies_of_joints(self.begins, self.wide, self.bodies, self.count)
+        self.modes = G, self.bodies, self.body_begins, self.listed
+        self.G32 = G.astype(np.float32)
+        sizes, inner, listed = np.diff(self.begins), np.diff(self.cuts), np.diff(self.body_begins)
+        own = np.sum(pair >= 0, axis=1)
+        self.starts, self.Q_starts = _ends((d * sizes) ** 2), _ends(d * d * sizes * inner)
+        self.T_starts, self.place_begins = _ends(own * listed * MOTIONS**2), _ends(own * listed)
+        self.E = np.empty(self.starts[-1], dtype=np.float32)
+        given = (rows.indptr, rows.indices, rows.blocks, self.order, position, (self.begins, self.wide), self.modes, self.starts)
+        self.ranges = pieces_by_work(self.starts, WORK_A_PIECE)
+        side_by_side([partial(kernels.joint_blocks, *given, begin, end, self.E) for begin, end in self.ranges])
+        diagonal = rows.W.diagonal().reshape(-1, d)[self.order] - np.einsum("aij,aij->ai", G, G)
+        self.shift = SHIFT * float(np.abs(diagonal).mean())
+        # the coarse matrix by blocks: of all joints' (own body, body), and the diagonal
+        joint_of = np.repeat(np.arange(len(own)), own * listed)
+        e = np.arange(len(joint_of)) - self.place_begins[joint_of]
+        row = self.listed[self.body_begins[joint_of] + e // listed[joint_of]]
+        column = self.listed[self.body_begins[joint_of] + e % listed[joint_of]]
+        every = np.arange(self.count)
+        keys = [row * self.count + column, column * self.count + row, every * (self.count + 1)]
+        key, places = np.unique(np.concatenate(keys), return_inverse=True)  # a symmetric pattern
+        places = places.reshape(-1)
+        self.places, self.diagonal = places[: len(row)], places[2 * len(row) :]
+        self.coarse_columns, self.coarse_begins = key % self.count, np.searchsorted(key, self.count * np.arange(self.count + 1))
+
+
+def _ends(sizes: IntArray) -> IntArray:
+    return np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes)])
+
+
+def _unknowns(shares: BodyShares) -> IntArray:
+    """The unknowns of each body's compliance, 0 for those that all their contacts share."""
+    sizes = np.zeros(shares.count, dtype=np.int64)
+    for begin, C, kind in shares.runs:
+        sizes[begin : begin + len(kind)] = C.shape[1] if C.shape[1] > EIGEN_UP_TO else 0
+    return sizes

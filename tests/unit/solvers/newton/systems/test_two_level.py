@@ -1,0 +1,240 @@
+"""Newton's linear system preconditioned by joints and by the bodies' motions: shares of W, exact cases, sizes, threads, and fallbacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+import scipy.sparse as sp
+from numpy.testing import assert_allclose, assert_array_equal
+
+from fcsim import SolverSettings
+from fcsim.linear.joints import BlockRows
+from fcsim.problem.bodies.product import ShareProduct
+from fcsim.problem.bodies.shares import BodyShares, KnownShares, compliant_motions, shares_of
+from fcsim.running.case import load_case
+from fcsim.running.parameters import parse_parameters
+from fcsim.solvers.newton.systems import condensed
+from fcsim.solvers.newton.systems.two_level import system as two_level
+from fcsim.solvers.newton.systems.two_level.joints import Joints
+from fcsim.solvers.newton.systems.two_level.system import TwoLevelSystem
+from fcsim.timestep.step import Step
+
+CASE = Path(__file__).resolve().parents[5] / "cases" / "masonry_wall"
+SHORT = {"steps": "4", "gravity_last": "2"}
+"""The whole weight within step 2: contacts slide."""
+
+
+def walls(tol: float = 1e-9, **given: str) -> Iterator[Step]:
+    """Steps of a wall."""
+    script = load_case(CASE)
+    case = script.build(parse_parameters(script, {**SHORT, **given}))
+    return iter(replace(case.simulation, solver=SolverSettings(name="NSN-AC", tol=tol, fallback=())))
+
+
+@cache
+def step_of(courses: str, blocks: str) -> Step:
+    """Step 2 of a wall."""
+    steps = walls(courses=courses, blocks=blocks)
+    next(steps)
+    return next(steps)
+
+
+def shares_and_rows(step: Step) -> tuple[BodyShares, BlockRows, KnownShares]:
+    operator = step.reduction.local.delassus
+    assert operator.shares is not None
+    rows = BlockRows(sp.bsr_array(operator.W, blocksize=(3, 3)), 3)
+    return operator.shares.make(), rows, operator.shares
+
+
+def linearisation(nc: int, scale: float) -> tuple[np.ndarray, np.ndarray]:
+    """A and B of Alart and Curnier's form: most stick, a tenth slide with friction 0.5, a few are open."""
+    rng = np.random.default_rng(1)
+    A, B = np.tile(np.eye(3) / scale, (nc, 1, 1)), np.zeros((nc, 3, 3))
+    kind = rng.random(nc)
+    slides, is_open = kind < 0.1, kind > 0.98
+    angle = rng.uniform(0, 2 * np.pi, nc)
+    along = np.stack([np.cos(angle), np.sin(angle)], -1)
+    A[slides, 1:] = 0
+    A[slides, 1:, 0] = 0.5 * along[slides] / scale
+    B[slides, 1:, 1:] = np.eye(2)
+    B[slides, 1:, 0] = -0.5 * along[slides]
+    A[is_open], B[is_open] = 0, np.eye(3)
+    return A, B
+
+
+def test_the_shares_are_those_of_W() -> None:
+    """h C h^T x body by body against W's own entries, summed by other code; deformable bricks of several kinds and a rigid platen."""
+    shares, rows, _ = shares_and_rows(step_of("3", "3.5"))
+    x = np.random.default_rng(0).standard_normal(rows.W.shape[0])
+    found = shares.bodies()
+    assert found is not None
+    Wx = rows.W @ x
+    assert_allclose(ShareProduct(shares, found[1])(x), Wx, atol=1e-13 * np.abs(Wx).max())
+
+
+def test_what_is_left_beside_the_compliant_motions_is_small_and_positive_semidefinite() -> None:
+    """The best rank-12 approximation leaves the 13th eigenvalue (Eckart, Young); Nystrom's a little more, and nothing negative."""
+    shares, rows, _ = shares_and_rows(step_of("3", "3.5"))
+    values = {len(C): np.linalg.eigvalsh(C)[::-1] for _, every, _ in shares.runs for C in every}
+    assert {6, 360} <= set(values)
+    for _, every, _ in shares.runs:
+        for C in every:
+            L = compliant_motions(C, 12)
+            left, exact = np.linalg.eigvalsh(C - L @ L.T), np.linalg.eigvalsh(C)[::-1]
+            assert left[0] >= -1e-12 * exact[0]
+            assert left[-1] <= 1e-12 * exact[0] + (1.5 * exact[12] if len(C) > 12 else 0)
+    found = shares.bodies()
+    assert found is not None
+    bodies, side = found
+    G = shares.modes(12, side)
+    whole = np.zeros((rows.W.shape[0], 12 * shares.count))
+    for a, (pair, own) in enumerate(zip(bodies, G, strict=True)):
+        for s in range(2):
+            if pair[s] >= 0:
+                whole[3 * a : 3 * a + 3, 12 * pair[s] : 12 * pair[s] + 12] = own[:, 12 * s : 12 * s + 12]
+    E = rows.W.toarray() - whole @ whole.T
+    assert np.linalg.eigvalsh(E)[0] >= -1e-10 * np.abs(rows.W.diagonal()).max()
+    assert np.abs(E).max() < 0.05 * np.abs(rows.W.diagonal()).max()
+
+
+def test_of_a_compliance_without_rank_nothing_is_made_up() -> None:
+    rng = np.random.default_rng(0)
+    Y = rng.standard_normal((40, 3))
+    L = compliant_motions(Y @ Y.T, 12)
+    assert_allclose(L @ L.T, Y @ Y.T, atol=1e-10)
+    assert_array_equal(compliant_motions(np.zeros((6, 6)), 12), np.zeros((6, 12)))
+
+
+def test_one_joint_is_solved_by_the_preconditioner_itself() -> None:
+    """Two bodies: the joint's block is all of E, and P is A W + B but for single precision and the shift."""
+    rng = np.random.default_rng(0)
+    n, nc = 30, 8
+    bodies = []
+    for _ in range(2):
+        Y = rng.standard_normal((n, n))
+        bodies.append(Y @ Y.T / n + 0.5 * np.eye(n) + 100 * np.outer(Y[0], Y[0]))
+    H = sp.csc_array(sp.random_array((2 * n, 3 * nc), density=0.4, rng=rng))
+    body, column = np.repeat(np.arange(2), n), np.tile(np.arange(n), 2)
+    shares = shares_of(H, body, column, 2, 3, ((0, np.array(bodies), np.arange(2)),))
+    W = H.T.toarray() @ sla.block_diag(*bodies) @ H.toarray()
+    found = shares.bodies()
+    assert found is not None
+    scale = float(np.diag(W).mean())
+    A, B = linearisation(nc, scale)
+    P = two_level._Preconditioner(Joints(BlockRows(W, 3), shares, *found), A, B)
+    x = rng.standard_normal(3 * nc)
+    J = sla.block_diag(*A) @ W + sla.block_diag(*B)
+    assert np.linalg.norm(P(J @ x) - x) <= 1e-3 * np.linalg.norm(x)
+
+
+@pytest.mark.parametrize("needed", [0.0, 0.2, 1.0])
+def test_the_step_is_that_of_a_dense_solve(needed: float) -> None:
+    """To the accuracy asked for: `needed` loosens it, never beyond LEAST."""
+    _, rows, known = shares_and_rows(step_of("3", "3.5"))
+    nc = len(rows.indptr) - 1
+    A, B = linearisation(nc, float(rows.W.diagonal().mean()))
+    rhs = np.random.default_rng(2).standard_normal((nc, 3))
+    found = TwoLevelSystem(rows, known).solve(A, B, rhs, needed)
+    assert found is not None
+    exact = np.linalg.solve(sla.block_diag(*A) @ rows.W.toarray() + sla.block_diag(*B), rhs.ravel())
+    asked = max(two_level.ACCURACY, min(two_level.LEAST, two_level.SAFETY * needed))
+    assert np.linalg.norm(found[0] - exact) <= 10 * asked * np.linalg.norm(exact)
+    assert_allclose(found[1], rows.W @ found[0], atol=1e-12 * np.abs(found[1]).max())
+
+
+def test_iterations_do_not_grow_with_the_wall(monkeypatch: pytest.MonkeyPatch) -> None:
+    """12 and 35 bricks: the same right-hand side, a push on one contact in forty. Without motions they grow several times over."""
+    counts = []
+    counted: list[int] = []
+    solve = two_level.gmres
+
+    def counting(product: object, *arguments: object) -> object:
+        counted.append(0)
+
+        def one(x: np.ndarray) -> np.ndarray:
+            counted[-1] += 1
+            return product(x)  # type: ignore[operator,no-any-return]
+
+        return solve(one, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(two_level, "gmres", counting)
+    for courses, blocks in (("3", "3.5"), ("5", "6.5")):
+        _, rows, known = shares_and_rows(step_of(courses, blocks))
+        nc = len(rows.indptr) - 1
+        A, B = linearisation(nc, float(rows.W.diagonal().mean()))
+        rhs = np.zeros((nc, 3))
+        rhs[::40, 0] = 1.0
+        assert TwoLevelSystem(rows, known).solve(A, B, rhs) is not None
+        counts.append(counted[-1])
+    assert counts[1] <= 1.3 * counts[0] + 1
+    assert counts[1] <= 60
+
+
+def test_the_bits_do_not_depend_on_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, rows, known = shares_and_rows(step_of("3", "3.5"))
+    nc = len(rows.indptr) - 1
+    A, B = linearisation(nc, float(rows.W.diagonal().mean()))
+    rhs = np.random.default_rng(2).standard_normal((nc, 3))
+    answers = []
+    for threads in ("1", "3"):
+        monkeypatch.setenv("FCSIM_THREADS", threads)
+        answers.append(TwoLevelSystem(rows, known).solve(A, B, rhs))
+    assert answers[0] is not None
+    assert answers[1] is not None
+    assert_array_equal(answers[0][0], answers[1][0])
+
+
+def test_where_it_does_not_get_there_it_says_so_and_leaves_the_rest_to_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, rows, known = shares_and_rows(step_of("3", "3.5"))
+    nc = len(rows.indptr) - 1
+    A, B = linearisation(nc, float(rows.W.diagonal().mean()))
+    rhs = np.random.default_rng(2).standard_normal((nc, 3))
+    monkeypatch.setattr(two_level, "JOINT_UP_TO", 5)
+    assert TwoLevelSystem(rows, known).solve(A, B, rhs) is None
+    monkeypatch.setattr(two_level, "JOINT_UP_TO", 150)
+    monkeypatch.setattr(two_level, "ITERATIONS", 1)
+    monkeypatch.setattr(two_level, "ENOUGH", 0.0)
+    system = TwoLevelSystem(rows, known)
+    assert system.solve(A, B, rhs) is None
+    assert not system.pays
+
+
+def test_steps_of_a_wall_are_those_with_a_border(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reactions of deformable blocks are unique: two ways to solve Newton's systems meet in them. What carries the wall is its weight."""
+    reactions = []
+    for least in (10**9, 1):
+        monkeypatch.setattr(condensed, "TWO_LEVEL_FROM", least)
+        monkeypatch.setattr(condensed, "BORDER_BESIDE", 0)
+        steps = list(walls())
+        assert all(step.result.error <= 1e-9 for step in steps)
+        reactions.append(steps[-1].result.r)
+    assert np.linalg.norm(reactions[1] - reactions[0]) <= 1e-4 * np.linalg.norm(reactions[0])
+    assert np.any(reactions[1] != reactions[0])
+
+
+def test_the_shares_in_the_plane() -> None:
+    """Three bodies of ten unknowns, contacts of two rows, one of them with a single body."""
+    rng = np.random.default_rng(0)
+    C = np.array([Y @ Y.T for Y in rng.standard_normal((3, 10, 10))])
+    pair = [(0, 1), (0, 1), (1, 2), (2,), (0, 2)]
+    H = np.zeros((30, 10))
+    for a, own in enumerate(pair):
+        for b in own:
+            H[10 * b + rng.choice(10, 4, replace=False), 2 * a : 2 * a + 2] = rng.standard_normal((4, 2))
+    shares = shares_of(sp.csc_array(H), np.repeat(np.arange(3), 10), np.tile(np.arange(10), 3), 3, 2, ((0, C, np.arange(3)),))
+    found = shares.bodies()
+    assert found is not None
+    assert_array_equal(found[0], [(own[0], own[1] if len(own) > 1 else -1) for own in pair])
+    x = rng.standard_normal(10)
+    W = H.T @ sla.block_diag(*C) @ H
+    assert_allclose(ShareProduct(shares, found[1])(x), W @ x, atol=1e-12 * np.abs(W).max())
+    G = shares.modes(12, found[1])
+    assert_allclose(
+        np.einsum("aij,akj->aik", G, G), [W[2 * a : 2 * a + 2, 2 * a : 2 * a + 2] for a in range(5)], atol=1e-10 * np.abs(W).max()
+    )
