@@ -252,7 +252,10 @@ class LocalProblem:
         q = as_vector(self.q, "q")
         object.__setattr__(self, "q", q)
         object.__setattr__(self, "mu", _friction(self.mu, len(q), self.dimension))
-        object.__setattr__(self, "W", as_matrix(self.W, "W", (len(q), len(q))))
+        given, W = self.W, as_matrix(self.W, "W", (len(q), len(q)))
+        object.__setattr__(self, "W", W)
+        if W is not given and self.motion is not None and self.motion.of(given) is not None:
+            object.__setattr__(self, "motion", self.motion.stored_as(given, W))  # it goes with the copy, or solvers would not know it
         if not (self.V is None) == (self.R is None) == (self.s is None):
             raise InputError("V, R and s: expected all or none of the equality constraints' matrices and vector")
         if self.V is not None:

@@ -100,3 +100,14 @@ def test_what_is_known_before_anything_is_analysed_is_no_more_than_the_price(fam
     assert 0 < prices.least_splitting(30) <= prices.splitting(30)
     if prices.in_velocities:
         assert 0 < prices.least_in_velocities <= prices.proximal(0)
+
+
+@pytest.mark.parametrize("family", ["walls", "rocks", "towers"])
+def test_the_bodies_behind_a_matrix_go_with_its_storage(family: str) -> None:
+    """Without them proximal Newton of rigid blocks is priced, and made, by its contacts."""
+    local = reduce(problems(family, 240, 1)).local
+    assert local.delassus.motion is not None and local.stored().delassus.motion is not None
+    held = local.W.copy()
+    held.flags.writeable = False
+    motion = local.motion.stored_as(local.W, held)
+    assert replace(local, W=held, motion=motion).delassus.motion is not None
