@@ -156,17 +156,23 @@ def gather_blocks(indptr, indices, W, rows, place, out):
 @njit(cache=True, nogil=True)
 def border_matrix(G, outer, inner, dofs, d, begin, end, J):
     """The rows begin, ..., end - 1 of J = (outer G + inner) on the rows and columns `dofs`; outer and inner block diagonal, flat."""
+    n, gathered, last = len(dofs), np.empty((d, len(dofs)), dtype=J.dtype), -1
     for u in range(begin, end):
         a, i = divmod(dofs[u], d)
+        if a != last:  # once for all rows of a contact, in order, so that the sums below go through the compiler as vectors
+            for j in range(d):
+                response, chosen = G[d * a + j], gathered[j]
+                for v in range(n):
+                    chosen[v] = response[dofs[v]]
+            last = a
         row = J[u]
         row[:] = 0
         for j in range(d):
-            factor = outer[d * d * a + d * i + j]
+            factor, chosen = outer[d * d * a + d * i + j], gathered[j]
             if factor != 0:
-                response = G[d * a + j]
-                for v in range(len(dofs)):
-                    row[v] += factor * response[dofs[v]]
-        for v in range(max(0, u - d), min(len(dofs), u + d + 1)):  # dofs rises: those of the same contact are near
+                for v in range(len(row)):
+                    row[v] += factor * chosen[v]
+        for v in range(max(0, u - d), min(n, u + d + 1)):  # dofs rises: those of the same contact are near
             if dofs[v] // d == a:
                 row[v] += inner[d * d * a + d * i + dofs[v] % d]
 

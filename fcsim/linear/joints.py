@@ -16,6 +16,7 @@ from fcsim.linear._elimination_tree_kernels import has_symmetric_pattern
 from fcsim.linear.block_rows import product_by_rows
 from fcsim.linear.elimination_tree import EliminationTree, elimination_tree, joint_count
 from fcsim.linear.factors import SingularMatrix
+from fcsim.linear.late.late_rows import LateRows, in_blocks
 
 FRONTS_FROM, JOINT, SAVING = 600, 6, 0.2
 """Contact unknowns from which, contacts a joint in the mean from which, and flops over m^3 up to which fronts are worth their overhead."""
@@ -45,12 +46,12 @@ class BlockRows:
             indptr, indices, blocks = block_rows_of_dense(W, d)
             rows = sp.bsr_array((blocks, indices, indptr), shape=W.shape)
         else:
-            rows = sp.bsr_array(W, blocksize=(d, d))
+            rows = in_blocks(W, d)
             if not rows.has_sorted_indices:
-                rows = rows.copy() if rows.data is W.data else rows
+                rows = rows.copy() if rows is W or rows.data is W.data else rows
                 rows.sort_indices()
         self.W = rows
-        self.indptr, self.indices, self.blocks = rows.indptr, rows.indices, rows.data
+        self.indptr, self.indices = rows.indptr, rows.indices
         if earlier is not None and earlier.is_that_of(rows):
             self.pattern = earlier
             return
@@ -59,11 +60,17 @@ class BlockRows:
         self.pattern = Pattern(self.indptr, self.indices, elimination_tree(self.indptr, self.indices, PADDING, last))
 
     @property
+    def blocks(self) -> FloatArray:
+        return self.W.data
+
+    @property
     def tree(self) -> EliminationTree:
         return self.pattern.tree
 
     def product(self, x: FloatArray) -> FloatArray:
         """W x (m,); contacts where x is zero cost next to nothing."""
+        if isinstance(self.W, LateRows):
+            return self.W.affine(x, np.zeros_like(x))
         if self.blocks.shape[1] != 3:
             Wx: FloatArray = self.W @ x
             return Wx
@@ -74,7 +81,7 @@ def joint_rows(W: Matrix, d: int, earlier: Pattern | None = None) -> BlockRows |
     """Sparse W by block rows where its contacts come in joints that leave most of a dense elimination's work out, else None."""
     if isinstance(W, np.ndarray) or W.shape[0] < FRONTS_FROM:
         return None
-    rows = sp.bsr_array(W, blocksize=(d, d))
+    rows = in_blocks(W, d)
     if earlier is not None and earlier.is_that_of(rows):
         return BlockRows(rows, d, earlier)
     nc = rows.shape[0] // d

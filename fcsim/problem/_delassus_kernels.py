@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def union_of_neighbours(first, contacts, nc):
     """Return starts (nc + 1,) and sorted columns of the block rows of W: contacts that share a body with contact a.
 
@@ -81,7 +81,7 @@ def alike_in_contacts(indptr, indices, n, unknowns, d):
     return begin[: groups + 1]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def entries_by_body(indptr, indices, data, body, column, count, d):
     """Sort the entries of H by bodies: body b is on contacts[first[b]:first[b + 1]], the rest is h as above.
 
@@ -198,7 +198,7 @@ def add_body(starts, columns, values, contacts, begins, unknowns, weights, first
     at (k,) and rows (3, d k) are work space.
     """
     k, d, dense = len(contacts), len(axes), len(starts) == 0
-    stride = nc * d if dense else d
+    stride, row0, row1, row2 = nc * d if dense else d, rows[0], rows[1], rows[2]
     for p in range(k):
         at[p] = 0 if dense else starts[contacts[p]]
     for p in range(k):
@@ -210,9 +210,14 @@ def add_body(starts, columns, values, contacts, begins, unknowns, weights, first
                 while columns[own] != b:
                     own += 1
             place = np.uint64((a * nc * d + b) * d if dense else own * d * d)  # without a sign: no index counts from the end
-            for i in range(d):
-                for j in range(d):
-                    values[place + np.uint64(i * stride + j)] += rows[i, d * q + j]
+            column = np.uint64(d * q)
+            for j in range(d):
+                x, y, z = column + np.uint64(j), place + np.uint64(j), np.uint64(stride)
+                values[y] += row0[x]
+                if d > 1:
+                    values[y + z] += row1[x]
+                if d > 2:
+                    values[y + z + z] += row2[x]
         if not symmetric:
             continue
         for q in range(p + 1, k):
@@ -222,9 +227,14 @@ def add_body(starts, columns, values, contacts, begins, unknowns, weights, first
                     across += 1
                 at[q] = across
             place = np.uint64((b * nc * d + a) * d if dense else across * d * d)
-            for i in range(d):
-                for j in range(d):
-                    values[place + np.uint64(j * stride + i)] += rows[i, d * q + j]
+            column = np.uint64(d * q)
+            for j in range(d):
+                x, y = column + np.uint64(j), place + np.uint64(j * stride)
+                values[y] += row0[x]
+                if d > 1:
+                    values[y + np.uint64(1)] += row1[x]
+                if d > 2:
+                    values[y + np.uint64(2)] += row2[x]
 
 
 @njit(cache=True)

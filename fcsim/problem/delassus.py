@@ -24,6 +24,7 @@ from fcsim.linear.block_factors.analysis import Analysis
 from fcsim.linear.block_rows import BLOCKS_A_PIECE, compressed_blocks, product_by_rows
 from fcsim.linear.factors import Factor, SingularMatrix, is_symmetric
 from fcsim.linear.joints import BlockRows, joint_rows
+from fcsim.linear.late.late_rows import LateRows, source_of
 from fcsim.linear.storage import eliminated_dense
 from fcsim.problem._judge_kernels import diagonal_blocks_of_rows
 from fcsim.problem.bodies.shares import KnownShares
@@ -92,6 +93,8 @@ class Delassus:
     def __matmul__(self, x: FloatArray) -> FloatArray:
         """(W + diag(shift)) x for x (m,) or (m, k)."""
         W, of_one = self.W, x.ndim == 1 and x.dtype == np.float64
+        if of_one and isinstance(W, LateRows):
+            return self.affine(x, np.zeros(self.size))
         by_blocks = of_one and isinstance(W, sp.bsr_array) and W.blocksize == (3, 3) and len(W.indices) >= 2 * BLOCKS_A_PIECE
         image: FloatArray = product_by_rows(W, np.zeros(self.size), x) if by_blocks else W @ x
         return image if self.shift is None else image + (self.by_unknown * x.T).T
@@ -105,7 +108,10 @@ class Delassus:
         """(W + diag(shift)) x + q (m,)."""
         W = self.W
         if self.shift is not None:
-            return self @ x + q
+            shifted: FloatArray = self.by_unknown * x + q
+            return W.affine(x, shifted) if isinstance(W, LateRows) else self @ x + q
+        if isinstance(W, LateRows):
+            return W.affine(x, q)
         if isinstance(W, sp.bsr_array) and W.blocksize == (3, 3) and x.dtype == q.dtype == np.float64:
             return product_by_rows(W, q, x)
         return W @ x + q
@@ -267,6 +273,8 @@ def diagonal_blocks(W: Matrix, d: int) -> FloatArray:
     """The blocks W_aa (nc, d, d) of W (m, m), dense, sparse or over ranks."""
     if isinstance(W, DistributedDelassus):
         return W.diagonal_blocks()
+    if (source := source_of(W)) is not None:
+        return source.diagonal_blocks()
     nc = W.shape[0] // d
     index = np.arange(nc)
     if isinstance(W, np.ndarray):

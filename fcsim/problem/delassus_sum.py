@@ -6,7 +6,7 @@ block in W.
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,34 +22,43 @@ WORK_A_PIECE = 15_000
 
 class DelassusSum:
     """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`); values: its entries so far, in one
-    array whose order is the contacts' alone."""
+    array whose order is the contacts' alone; pattern: starts (nc + 1,) and sorted columns of its block rows, empty where it is dense;
+    bodies: h by pairs of a body and a contact, see `_delassus_kernels`; size: entries it has room for."""
 
     def __init__(self, H: sp.sparray, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
         unknown of its body's compliance it is. Both are read only where H has entries."""
         H = H.tocsc()
         self._m, self._axes = H.shape[1], tuple(range(dimension))
-        self._nc = nc = self._m // dimension
-        self._bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
+        self.nc = nc = self._m // dimension
+        self.bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
         starts, columns = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
         if self._m > storage.SPARSE_FROM:
-            starts, columns = union_of_neighbours(*self._bodies[:2], nc)
-        self._dense = storage.summed_dense(self._m, len(columns) * dimension**2)
-        if self._dense:
+            starts, columns = union_of_neighbours(*self.bodies[:2], nc)
+        self.dense = storage.summed_dense(self._m, len(columns) * dimension**2)
+        if self.dense:
             starts, columns = starts[:0], columns[:0]
-        self.values = np.zeros(self._m**2 if self._dense else len(columns) * dimension**2)
-        self._rows = starts, columns
+        self.pattern = starts, columns
+        self.size = self._m**2 if self.dense else len(columns) * dimension**2
+
+    @cached_property
+    def values(self) -> FloatArray:
+        return np.zeros(self.size)
+
+    @property
+    def dimension(self) -> int:
+        return len(self._axes)
 
     def add(self, begin: int, C: FloatArray, kind: IntArray, *, symmetric: bool = True) -> None:
         """Add the shares of the bodies begin, begin + 1, ... with the compliances C[kind[0]], C[kind[1]], ... of C (c, k, k)."""
         C = np.ascontiguousarray(C if symmetric else C.transpose(0, 2, 1))
-        first = self._bodies[0]
+        first = self.bodies[0]
         count = np.diff(first[begin : begin + len(kind) + 1])
         work = count * (C.shape[1] + len(self._axes) * count)  # the rows of h C, and those of h C h^T
         for bodies in self._rounds(begin, work):
 
             def add(some: IntArray) -> None:
-                add_bodies(*self._rows, self.values, *self._bodies, begin + some, C, kind[some], symmetric, self._axes, self._nc)
+                add_bodies(*self.pattern, self.values, *self.bodies, begin + some, C, kind[some], symmetric, self._axes, self.nc)
 
             begins = np.concatenate([[0], np.cumsum(work[bodies])])
             side_by_side([partial(add, bodies[i:j]) for i, j in pieces_by_work(begins, WORK_A_PIECE)])
@@ -59,17 +68,17 @@ class DelassusSum:
         every = np.arange(len(work))
         if work.sum() < 2 * WORK_A_PIECE:
             return [every]
-        rounds = rounds_of_bodies(*self._bodies[:2], self._nc, begin, len(work))
+        rounds = rounds_of_bodies(*self.bodies[:2], self.nc, begin, len(work))
         return [every[rounds == k] for k in range(rounds.max() + 1)]
 
     def add_diagonal(self, begin: int, C: FloatArray, group: IntArray) -> None:
         """Add the shares of the bodies from `begin` on whose compliances are diagonal: C[group[k]:group[k + 1]] that of the k-th."""
-        add_diagonal_bodies(*self._rows, self.values, *self._bodies, begin, C, group, self._axes, self._nc)
+        add_diagonal_bodies(*self.pattern, self.values, *self.bodies, begin, C, group, self._axes, self.nc)
 
     def matrix(self) -> Matrix:
         """W, a dense array or a bsr_array."""
         d, m = len(self._axes), self._m
-        if self._dense:
+        if self.dense:
             return self.values.reshape(m, m)
-        starts, columns = self._rows
+        starts, columns = self.pattern
         return sp.bsr_array((self.values.reshape(-1, d, d), columns, starts), shape=(m, m), blocksize=(d, d))

@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief
 from fcsim.errors import InputError
+from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix, with_entries
 from fcsim.problem.bodies.shares import KnownShares
 from fcsim.problem.delassus import Delassus
@@ -47,6 +48,16 @@ def as_vector(values: object, what: str) -> FloatArray:
     return np.ascontiguousarray(vector)
 
 
+def _finite(matrix: Matrix) -> bool:
+    """Whether all entries are finite, or what they are made of where they are made late."""
+    if (source := source_of(matrix)) is not None:
+        return source.finite()
+    entries = matrix if isinstance(matrix, np.ndarray) else matrix.data
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = entries.sum()  # no array of booleans as large as the matrix
+    return bool(np.isfinite(total)) or bool(np.all(np.isfinite(entries)))
+
+
 def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
     matrix: Matrix
     if isinstance(values, DistributedDelassus | ImplicitMatrix):
@@ -62,10 +73,7 @@ def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
             matrix = cast(Matrix, matrix.astype(np.float64, copy=True))
     if tuple(matrix.shape) != shape:
         raise InputError(f"{what}: expected shape {shape}, got {tuple(matrix.shape)}")
-    entries = matrix if isinstance(matrix, np.ndarray) else matrix.data
-    with np.errstate(over="ignore", invalid="ignore"):
-        finite = np.isfinite(entries.sum())  # no array of booleans as large as the matrix
-    if not finite and not np.all(np.isfinite(entries)):
+    if not _finite(matrix):
         raise InputError(f"{what}: expected finite numbers, got NaN or infinity")
     return matrix
 

@@ -19,6 +19,7 @@ from fcsim.linear.factors import Factor, factorise
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
 from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem.bodies.shares import BodyShares, shares_of
+from fcsim.problem.by_bodies.shares import summed_late
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.distributed import DistributedDelassus, contact_layout
 from fcsim.threads import begun
@@ -46,6 +47,7 @@ class StepCompliance:
     leaning: gaps that do not close along their normals, see `Leaning`: M is (A + B) T. None = none.
     over_ranks_from: entries that the bodies' shares of W have from which it is left distributed where ranks share the model;
     over_ranks_elastic: only where every contact has a deformable body.
+    late: whether W's entries may be summed as late as when they are read, see `summed_late`.
     ahead: an H whose W is being summed on another thread, and what waits for that, see `beginning`.
     """
 
@@ -57,6 +59,7 @@ class StepCompliance:
     over_ranks_from: float = np.inf
     over_ranks_elastic: bool = False
     ahead: tuple[sp.sparray, Callable[[], Matrix]] | None = None
+    late: bool = False
 
     __repr__ = brief
 
@@ -187,7 +190,8 @@ class StepCompliance:
         H = sp.csc_array(H if self.joint is None else sp.csr_array(H)[: H.shape[0] - len(self._soft)])
         if self.bent is None:
             distributed = self._distributed(H, dimension) if self.over_ranks_from < np.inf and self.joint is None else None
-            matrix = self._sum(H, dimension) if distributed is None else distributed
+            late = self.late and self.joint is None
+            matrix = self._sum(H, dimension, late=late) if distributed is None else distributed
         elif self._whole is not None:
             matrix = H.T @ self._whole.solve(H.toarray())
         else:
@@ -228,10 +232,12 @@ class StepCompliance:
         leant: FloatArray = W[:m, :m] + (H.T @ self.leaning.H) @ (self.leaning.inverse @ W[m:, :m])
         return leant
 
-    def _sum(self, H: sp.sparray, dimension: int) -> Matrix:
+    def _sum(self, H: sp.sparray, dimension: int, *, late: bool = False) -> Matrix:
         """H^T A^-1 H for H (n, m) on the bodies' unknowns, from their compliances."""
         model, H = self.factor.model, self._on_compliances(H)
         W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
+        if late and model.shares is None:
+            return summed_late(W, list(self.factor.compliances(_rows_of(H))))
         for first, compliances, kind in self.factor.compliances(_rows_of(H)):
             W.add(first, compliances, kind)
         if model.shares is not None:

@@ -13,7 +13,7 @@ from fcsim.errors import Unphysical
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
-from fcsim.solvers import method
+from fcsim.solvers import Method, method
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.timestep.chain import Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
@@ -54,8 +54,7 @@ def _solved(
 ) -> tuple[Answer | None, Past]:
     """`solve_equation` without what it keeps of the motion."""
     elastic, lead = equation.elastic, past.lead
-    chosen = method(settings.name)
-    compliance = _beginning(equation, chosen.over_ranks_from if chosen.over_ranks and not lead.steps else np.inf, chosen.over_ranks_elastic)
+    compliance = _beginning(equation, method(settings.name), first=not lead.steps)
     term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term
@@ -111,12 +110,15 @@ def _solved(
     return None, past
 
 
-def _beginning(equation: Equation, over_ranks_from: float, elastic: bool) -> StepCompliance | LinkedCompliance:
-    """The equation's compliance, which begins to sum W; over_ranks_from, elastic: as `over_ranks_from`, `over_ranks_elastic` there."""
+def _beginning(equation: Equation, chosen: Method, *, first: bool) -> StepCompliance | LinkedCompliance:
+    """The equation's compliance, which begins to sum W as the chosen method takes it; first: whether that is the one that begins."""
     compliance = equation.compliance
     if not isinstance(compliance, StepCompliance) or equation.met.moments is not None or not len(equation.met.contacts):
         return compliance
-    return replace(compliance, over_ranks_from=over_ranks_from, over_ranks_elastic=elastic).beginning(equation.H, equation.model.dimension)
+    together = chosen.over_ranks_from if chosen.over_ranks and first else np.inf
+    late = isinstance(chosen.options, NewtonOptions)
+    taken = replace(compliance, over_ranks_from=together, over_ranks_elastic=chosen.over_ranks_elastic, late=late)
+    return taken.beginning(equation.H, equation.model.dimension)
 
 
 def _start(

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import DTypeLike
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix, is_symmetric
 from fcsim.linear.joints import Pattern, joint_rows
 from fcsim.linear.krylov import gmres
+from fcsim.linear.late.late_rows import in_blocks
 from fcsim.linear.products import times, transposed_times
 from fcsim.problem import Delassus
 from fcsim.solvers.memory import Kept
@@ -98,7 +98,7 @@ class CondensedSystem:
         W = operator.matrix
         earlier = None if kept is None else kept.pattern
         self._rows = operator.joints if earlier is None else joint_rows(W, self._d, earlier)
-        self._W = W if isinstance(W, np.ndarray) else sp.bsr_array(W, blocksize=(self._d, self._d)) if self._rows is None else self._rows.W
+        self._W = W if isinstance(W, np.ndarray) else in_blocks(W, self._d) if self._rows is None else self._rows.W
         self._dtype: DTypeLike = np.float32 if W.shape[0] >= SINGLE_FROM else np.float64
         self._holds_sliding = True
         self._status: IntArray | None = None  # of the contacts at the last step

@@ -14,6 +14,7 @@ from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.factors import DenseCholesky, SingularMatrix
 from fcsim.linear.fronts import MultifrontalCholesky
 from fcsim.linear.joints import BlockRows
+from fcsim.linear.late.late_rows import source_of
 
 
 class HeldFactor(Protocol):
@@ -72,6 +73,8 @@ def dense_part(W: Matrix, d: int, rows: IntArray, columns: IntArray) -> FloatArr
     """The blocks of W, dense or by block rows, of contacts `rows` and `columns` as a dense array in C order."""
     if isinstance(W, np.ndarray):
         return W[np.ix_(dofs_of(rows, d), dofs_of(columns, d))]
+    if (source := source_of(W)) is not None:
+        return source.part(rows, columns)
     part = np.zeros((d * len(rows), d * len(columns)))
     place = np.full(W.shape[0] // d, -1)
     place[columns] = np.arange(len(columns))

@@ -1,0 +1,1 @@
+"""Matrices whose entries are made when they are first read."""

@@ -1,0 +1,1 @@
+"""W known by the bodies it is summed of."""

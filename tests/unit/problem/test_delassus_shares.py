@@ -1,0 +1,124 @@
+"""W known by its bodies' shares against the dense H^T A^-1 H of the same matrices, before and after its entries are read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from numpy.testing import assert_allclose, assert_array_equal
+
+from fcsim.errors import InputError
+from fcsim.linear import storage
+from fcsim.linear.joints import joint_rows
+from fcsim.linear.late.late_rows import LateRows, in_blocks
+from fcsim.problem import Delassus, LocalProblem
+from fcsim.problem.by_bodies.shares import Share, summed_late
+from fcsim.problem.delassus_sum import DelassusSum
+from fcsim.solvers.newton.systems.held import dense_part
+
+NC, SIZE, BODIES = 24, 9, 6
+
+
+def chain(kinds: list[int], seed: int = 3, d: int = 3) -> tuple[DelassusSum, list[Share], np.ndarray]:
+    """Contacts between neighbours of a row of bodies: the sum, its shares in two groups, and W by dense products."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((max(kinds) + 1, SIZE, SIZE))
+    C = A @ A.transpose(0, 2, 1)
+    H = np.zeros((BODIES * SIZE, d * NC))
+    for a in range(NC):
+        for b in (a % (BODIES - 1), a % (BODIES - 1) + 1):
+            rows = SIZE * b + rng.choice(SIZE, 5, replace=False)
+            H[rows, d * a : d * a + d] = rng.standard_normal((5, d))
+    W = DelassusSum(sp.csc_array(H), np.repeat(np.arange(BODIES), SIZE), np.tile(np.arange(SIZE), BODIES), BODIES, d)
+    kind = np.array(kinds)
+    shares = [(0, C, kind[:4]), (4, C, kind[4:])]
+    return W, shares, H.T @ sp.block_diag([C[k] for k in kinds]).toarray() @ H
+
+
+@pytest.fixture(autouse=True)
+def small_is_sparse(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(storage, "SPARSE_FROM", 0)
+    monkeypatch.setattr(storage, "SUM_FILLED", 1.1)
+
+
+def late(kinds: list[int]) -> tuple[LateRows, np.ndarray]:
+    total, shares, expected = chain(kinds)
+    W = summed_late(total, shares)
+    assert isinstance(W, LateRows)
+    return W, expected
+
+
+@pytest.mark.parametrize("kinds", [[0] * BODIES, [0, 1, 1, 0, 1, 0], [0, 1, 2, 3, 0, 1]], ids=["one", "two", "as many as bodies"])
+def test_products_blocks_and_parts_without_entries(kinds: list[int]) -> None:
+    W, expected = late(kinds)
+    size, x, q = np.abs(expected).max(), *np.random.default_rng(1).standard_normal((2, 3 * NC))
+    x[:9] = 0
+    rows, columns = np.array([5, 0, 17]), np.array([2, 6, 5, 11])
+    unknowns = [(3 * part[:, None] + np.arange(3)).ravel() for part in (rows, columns)]
+    operator, blocks = Delassus(W), expected.reshape(NC, 3, NC, 3)[np.arange(NC), :, np.arange(NC)]
+    joined = in_blocks(W, 3)
+    for found, dense in (
+        (W @ x, expected @ x),
+        (operator.affine(x, q), expected @ x + q),
+        (operator @ x, expected @ x),
+        (operator.shifted(2.0).affine(x, q), expected @ x + 2 * x + q),
+        (operator.diagonal, expected.diagonal()),
+        (operator.diagonal_blocks, blocks),
+        (dense_part(joined, 3, rows, columns), expected[np.ix_(*unknowns)]),
+    ):
+        assert_allclose(found, dense, rtol=0, atol=1e-13 * size * NC)
+    assert W._entries is None
+    assert_allclose(W.toarray(), expected, rtol=0, atol=1e-13 * size)
+    assert W._entries is not None
+
+
+def test_entries_are_those_of_the_sum_and_do_not_change_products() -> None:
+    """Bits: a run that reads W for a file goes on as one that does not."""
+    W, _ = late([0, 1, 1, 0, 1, 0])
+    total, shares, _ = chain([0, 1, 1, 0, 1, 0])
+    for share in shares:
+        total.add(*share)
+    x = np.random.default_rng(2).standard_normal(3 * NC)
+    before = W @ x
+    assert_array_equal(W.data, total.matrix().data)
+    assert_array_equal(W.indices, total.matrix().indices)
+    assert_array_equal(W @ x, before)
+    assert W.nnz == 9 * len(W.indices)
+
+
+def test_derived_arrays_have_entries_alone() -> None:
+    W, expected = late([0] * BODIES)
+    tolerance = 1e-12 * np.abs(expected).max()
+    for derived, dense in ((W.copy(), expected), (2 * W, 2 * expected), (W.T, expected.T), (W + W, 2 * expected), (W.tocsr(), expected)):
+        assert getattr(derived, "source", None) is None
+        assert_allclose(derived.toarray(), dense, rtol=0, atol=tolerance)
+        assert_allclose(derived @ np.ones(3 * NC), dense @ np.ones(3 * NC), rtol=0, atol=10 * tolerance)
+    W.data = np.zeros_like(W.data)
+    assert not np.any(W @ np.ones(3 * NC))
+    assert not np.any(Delassus(W).diagonal)
+
+
+def test_joints_are_found_without_entries() -> None:
+    W, _ = late([0] * BODIES)
+    plain = sp.bsr_array((W.copy().data, W.indices, W.indptr), shape=W.shape)
+    assert (joint_rows(W, 3) is None) == (joint_rows(plain, 3) is None)
+
+
+def test_entries_are_summed_at_once_where_bodies_cost_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    total, shares, expected = chain([0] * BODIES)
+    wide = [(begin, np.pad(C, ((0, 0), (0, 300), (0, 300))), kind) for begin, C, kind in shares]
+    W = summed_late(total, wide)
+    assert not isinstance(W, LateRows)
+    assert_allclose(W.toarray(), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    total, shares, expected = chain([0] * BODIES, d=2)
+    W = summed_late(total, shares)
+    assert not isinstance(W, LateRows)
+    assert_allclose(W.toarray(), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_compliance_that_is_no_number_is_refused(bad: float) -> None:
+    total, shares, _ = chain([0] * BODIES)
+    shares[0][1][0, 2, 3] = bad
+    with pytest.raises(InputError, match="W: expected finite numbers"):
+        LocalProblem(summed_late(total, shares), np.zeros(3 * NC), np.ones(NC))
