@@ -69,7 +69,8 @@ def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
     else:
         kept = isinstance(values, sp.sparray) and values.format in ("csr", "csc", "bsr", "coo")
         matrix = cast(Matrix, values) if kept else sp.csr_array(values)
-        if _reals(matrix.data, what, "matrix") is not matrix.data:
+        # entries that are made late are floats that may be written to, and asking for them would make them
+        if source_of(matrix) is None and _reals(matrix.data, what, "matrix") is not matrix.data:
             matrix = cast(Matrix, matrix.astype(np.float64, copy=True))
     if tuple(matrix.shape) != shape:
         raise InputError(f"{what}: expected shape {shape}, got {tuple(matrix.shape)}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -114,6 +116,15 @@ def test_entries_are_summed_at_once_where_bodies_cost_more(monkeypatch: pytest.M
     W = summed_late(total, shares)
     assert not isinstance(W, LateRows)
     assert_allclose(W.toarray(), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_problem_and_what_is_made_of_it_leave_entries_unmade() -> None:
+    W, _ = late([0, 1, 1, 0, 1, 0])
+    problem = LocalProblem(W, np.zeros(3 * NC), np.ones(NC))
+    for one in (problem, replace(problem, q=np.ones(3 * NC))):
+        assert one.W is W
+        assert one.delassus.affine(np.ones(3 * NC), one.q).shape == (3 * NC,)
+    assert W._entries is None
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
