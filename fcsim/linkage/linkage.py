@@ -6,7 +6,7 @@ forces dir W l on the bodies have no resultant; G = B^T (W x dir), B the model's
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -106,6 +106,19 @@ class Linkage:
         counts = [piece.weights.shape[0] for piece in self._pieces]
         ground = [np.zeros_like(p.offset) if isinstance(p, _Surfaces) else p.ground for p in self._pieces]
         return vstack([piece.weights for piece in self._pieces], format="csr"), np.concatenate(ground), np.cumsum([0, *counts])
+
+    @cached_property
+    def straight(self) -> BoolArray:
+        """Which rows (p,) are of rods and springs, whose direction is that of their points."""
+        return np.isin(self.of_row, [k for k, link in enumerate(self.links) if isinstance(link, Rod | SpringDamper)])
+
+    def on_lines(self, x: FloatArray) -> Iterator[tuple[Hinge | Slider, int, FloatArray, csr_array]]:
+        """Hinges and sliders: where their rows begin, their points (k, d) in the configuration x (n_dofs,) and these points' weights."""
+        positions = self.model.positions(x)
+        for piece in self._pieces:
+            if isinstance(piece, _Points) and isinstance(piece.link, Hinge | Slider):
+                first = int(np.searchsorted(self.of_row, self.names.index(piece.link.name)))
+                yield piece.link, first, piece.weights @ positions + piece.ground, piece.weights
 
     def _rows(self, positions: FloatArray, x: FloatArray | None = None, like: Rows | None = None) -> Rows:
         """One sparse product for the rows of all links: their coefficients on all points."""

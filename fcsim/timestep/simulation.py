@@ -306,7 +306,7 @@ class Simulation:
             result, v, met = answer.result, answer.v, answer.met
             impulse = met.impulse(result.r) + links.impulse(result.multiplier)
             after = updated(model, state, scheme.advance(model, state, v, impulse, rigid_mass))
-            if not links.keep(model, scheme, v, (state, after), attempts, 0.5**cuts):
+            if not links.keep(model, scheme, v, result.multiplier, (state, after), attempts, 0.5**cuts):
                 if links.given_up:
                     return None
                 past = past.of_the_same_step(met.contacts, met.contacts, result.r)

@@ -33,6 +33,7 @@ Newton's method on the links; with those of the beginning a body that turns by a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -42,15 +43,27 @@ from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.linkage.linkage import Linkage, Rows
+from fcsim.linkage.stiffness import link_stiffness
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
+
+
+class Bending(NamedTuple):
+    """How forces of links turn in statics: B (n_dofs, n_dofs) of `link_stiffness` at the increments v (n_dofs,) where the rows were taken,
+    so that the step's equation has B (v' - v) beside G l; convex: that part of B which holds, None = none; whole: whether the problem's
+    matrix with B may be positive definite only where the links leave a motion."""
+
+    B: sp.csr_array
+    convex: sp.csr_array | None
+    v: FloatArray
+    whole: bool = True
 
 
 @dataclass(frozen=True, eq=False)
 class Linked:
     """The rows of a step: G (n_dofs, p), b (p,) [m/s; quasi-statics: m], compliance (p,) C, 0 where a row is kept exactly.
 
-    target (p,) [m]: the gap of a row that is kept, at x_m + L v; 0 but for what is driven."""
+    target (p,) [m]: the gap of a row that is kept, at x_m + L v; 0 but for what is driven; bending: see there, None = none."""
 
     linkage: Linkage
     rows: Rows
@@ -58,6 +71,7 @@ class Linked:
     b: FloatArray
     compliance: FloatArray
     target: FloatArray
+    bending: Bending | None = None
 
     __repr__ = brief
 
@@ -84,11 +98,22 @@ class Linked:
             return replace(self, b=self.b + missing / timing.length_per_u)
         if timing.moving:
             return self._working(model, scheme, v, ends, x, missing)
+        return self.at(model, x, v, None)
+
+    def at(self, model: Model, x: FloatArray, v: FloatArray, l: FloatArray | None) -> Linked:
+        """The rows of statics, (3), in the configuration x (n_dofs,) that the increments v (n_dofs,) lead to, with `bending` under the
+        multipliers l (p,) [N]; None: without."""
         rows = self.linkage.rows(x)
         G = self.linkage.matrix(rows, x, balanced=False)
         short = rows.gap - self.target - G.T @ v
         stiffness = np.where(self.kept, 1.0, self.linkage.stiffness)
-        return replace(self, rows=rows, G=G, b=np.where(self.kept, short, self.compliance * stiffness * short))
+        bending = None
+        if l is not None:  # along the directions that l is of, which across an axis are not those of the new rows
+            those = rows._replace(direction=np.where(self.linkage.straight[:, None], rows.direction, self.rows.direction))
+            B = link_stiffness(self.linkage, those, l, x)
+            bending = None if B is None else Bending(B, link_stiffness(self.linkage, those, l, x, convex=True), v)
+        b = np.where(self.kept, short, self.compliance * stiffness * short)
+        return replace(self, rows=rows, G=G, b=b, bending=bending)
 
     def _working(
         self, model: Model, scheme: Scheme, v: FloatArray, ends: tuple[State, State], x: FloatArray, missing: FloatArray
@@ -123,6 +148,28 @@ class Linked:
         directions = float(np.abs(turned.data * arm[turned.coords[0]]).max(initial=0.0))
         longer = np.where(self.kept, 0.0, later.b - self.b) * scheme.timing.length_per_u / extent
         return max(directions, float(np.abs(longer).max(initial=0.0)))
+
+    def reach(self, model: Model, x: FloatArray, at: FloatArray, way: FloatArray, extent: float) -> float:
+        """How far the increments `way` (n_dofs,), beyond `at` from the configuration x (n_dofs,), lead in statics: angles [rad] of rigid
+        bodies, and what links' points go from each other along rods and springs and across them, over their length."""
+        linkage, d = self.linkage, model.dimension
+        turned = float(np.abs(model.rigid_part(way)[:, d:]).max(initial=0.0))
+        places = model.advance(x, at)
+        rods = np.flatnonzero(linkage.straight)
+        if not len(rods):
+            return turned
+        length = np.maximum(linkage.rows(places).gap[rods] + linkage.rest[rods], 1e-9 * extent)
+        moved = sp.csr_array(self.rows.weights)[rods] @ model.node_velocity(way, places)
+        return max(turned, float((np.linalg.norm(moved, axis=1) / length).max()))
+
+    def unbalanced(self, later: Linked, model: Model, l: FloatArray, extent: float) -> float:
+        """How much the forces G l of the multipliers l (p,) [N] differ from those of `later` rows, of the largest l; moments by extent."""
+        largest = float(np.abs(l).max(initial=0.0))
+        if not largest:
+            return 0.0
+        off = np.asarray((later.G - self.G) @ l)
+        model.rigid_part(off)[:, model.dimension :] /= extent
+        return float(np.abs(off).max(initial=0.0)) / largest
 
     def refuse_contradictions(self, v: FloatArray, length_per_u: float, extent: float) -> None:
         """InputError where v (n_dofs,) does not keep a row that is to be kept exactly."""

@@ -21,7 +21,14 @@ momentum are off by so much of the link's impulse times the model's size."""
 SETTLED, BORNE = 4, 1e-9
 """After so many rounds directions that go on changing by no more than this are those of a solver's tolerance."""
 
-ROUNDS = 12
+ROUNDS, ROUNDS_OF_STATICS = 12, 40
+
+FARTHEST = 1.0
+"""Of a round of statics: the angle [rad] by which it turns rigid bodies, and the share of their length by which rods and springs are
+lengthened or turned, at the most; how forces turn is known for less only."""
+
+BALANCED, BORNE_BY_STATICS = 1e-8, 1e-5
+"""Of the largest force of a link: what the forces of links of one round of statics and those of the next may differ by; after `ROUNDS`."""
 
 
 class Closing:
@@ -30,32 +37,73 @@ class Closing:
     def __init__(self, rows: Linked | None, extent: float) -> None:
         """extent [m]: size of the model."""
         self.rows, self._extent, self._rounds, self.given_up = rows, extent, 0, False
+        self._at = np.empty(0)  # increments at which rows of statics were taken; empty: none
 
     def impulse(self, multiplier: FloatArray | None) -> FloatArray | float:
         """G l (n_dofs,) [N s; quasi-statics: N]."""
         return 0.0 if self.rows is None or multiplier is None else np.asarray(self.rows.G @ multiplier)
 
-    def keep(self, model: Model, scheme: Scheme, v: FloatArray, ends: tuple[State, State], attempts: list[Attempt], share: float) -> bool:
-        """Whether the links are closed after the step's answer v (n_dofs,), from the one of `ends` to the other, and their forces act where
-        they are meant to; where not, `rows` are those of its next solve.
+    def keep(
+        self,
+        model: Model,
+        scheme: Scheme,
+        v: FloatArray,
+        l: FloatArray | None,
+        ends: tuple[State, State],
+        attempts: list[Attempt],
+        share: float,
+    ) -> bool:
+        """Whether the links are closed after the step's answer v (n_dofs,), l (p,), from the one of `ends` to the other, and their forces
+        act where they are meant to; where not, `rows` are those of its next solve.
 
         InputError where the answer does not keep the rows as they are: links that contradict each other or the supports.
         """
         if self.rows is None:
             return True
+        if not scheme.timing.moving:
+            return self._keep_in_statics(self.rows, model, scheme, v, np.zeros(0) if l is None else l, ends, attempts, share)
         self.rows.refuse_contradictions(v, scheme.timing.length_per_u, self._extent)
         missing = self.rows.missing(model, scheme, v, ends[1])
         worst = float(np.abs(missing).max(initial=0.0)) / self._extent
-        if worst <= CLOSED and not scheme.timing.moving:
-            return True
         later = self.rows.bent(model, scheme, v, ends, missing)
         change = self.rows.change(later, model, scheme, self._extent)
         if worst <= CLOSED and change <= (TURNED if self._rounds < SETTLED else BORNE):
             return True
+        return self._again(later, max(worst, change), ROUNDS, attempts, share)
+
+    def _keep_in_statics(
+        self,
+        rows: Linked,
+        model: Model,
+        scheme: Scheme,
+        v: FloatArray,
+        l: FloatArray,
+        ends: tuple[State, State],
+        attempts: list[Attempt],
+        share: float,
+    ) -> bool:
+        """`keep` in statics: Newton's method on the links with the geometric stiffness of their forces, a round no farther than
+        `FARTHEST`."""
+        before, after = ends
+        way = v - self._at if len(self._at) else v
+        far = rows.reach(model, before.x, self._at if len(self._at) else np.zeros_like(v), way, self._extent)
+        if far > FARTHEST and self._rounds < ROUNDS_OF_STATICS:
+            self._at = v - (1 - FARTHEST / far) * way
+            return self._again(rows.at(model, model.advance(before.x, self._at), self._at, l), far, ROUNDS_OF_STATICS, attempts, share)
+        rows.refuse_contradictions(v, scheme.timing.length_per_u, self._extent)
+        worst = float(np.abs(rows.missing(model, scheme, v, after)).max(initial=0.0)) / self._extent
+        later, self._at = rows.at(model, after.x, v, l), v
+        change = rows.unbalanced(later, model, l, self._extent)
+        if worst <= CLOSED and (change <= BALANCED or (change <= BORNE_BY_STATICS and self._rounds >= ROUNDS)):
+            return True
+        return self._again(later, max(worst, change), ROUNDS_OF_STATICS, attempts, share)
+
+    def _again(self, later: Linked, left: float, rounds: int, attempts: list[Attempt], share: float) -> bool:
+        """False; the `later` rows are those of the next solve, or the step is given up after so many `rounds`."""
         self._rounds += 1
-        if self._rounds > ROUNDS:
+        if self._rounds > rounds:
             self.given_up = True
-            attempts.append(Attempt("links", "the free motion", "did not close", max(worst, change), ROUNDS, share, CLOSED))
+            attempts.append(Attempt("links", "the free motion", "did not close", left, rounds, share, CLOSED))
             return False
         self.rows = later
         return False

@@ -60,12 +60,20 @@ class Equation:
 
     @cached_property
     def compliance(self) -> StepCompliance | LinkedCompliance:
-        bent = None if self.bent is None else self._on_unknowns(self._on_unknowns(self.bent).T).T
+        bent = None if self._all_bent is None else self._on_unknowns(self._on_unknowns(self._all_bent).T).T
         bent = bent if bent is None or not bent.nnz else sp.csr_array(bent)
         own = StepCompliance(self.factor, self.met.compliance, self.summed, bent, self.leaning)
         if self.linked is None:
             return own
-        return LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance, summed=self.summed)
+        whole = self.linked.bending is not None and self.linked.bending.whole
+        return LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance, self.summed, whole)
+
+    @cached_property
+    def _all_bent(self) -> sp.csr_array | None:
+        """The geometric stiffness (n_dofs, n_dofs) of contact and links."""
+        if self.linked is None or self.linked.bending is None:
+            return self.bent
+        return self.linked.bending.B if self.bent is None else sp.csr_array(self.bent + self.linked.bending.B)
 
     @property
     def of_bodies(self) -> StepCompliance:
@@ -119,10 +127,12 @@ class Equation:
         given = np.zeros(self.model.n_dofs) if adhesive is None else adhesive
         if self._moved is None:
             return given
-        return given + self.factor.apply(self._moved) + (0.0 if self.bent is None else self.bent @ self._moved)
+        return given + self.factor.apply(self._moved) + (0.0 if self._all_bent is None else self._all_bent @ self._moved)
 
     def right_side(self, load: FloatArray) -> FloatArray:
         """f (n,) of the problem for the right side load (n_dofs,); what driven dofs and adhesion do enters it."""
+        bending = None if self.linked is None else self.linked.bending
+        load = load if bending is None else load + bending.B @ bending.v
         model, f = self.model, self.model.along(load - self._given)
         if model.driven == "eliminated":
             f = f[model.free_dofs]

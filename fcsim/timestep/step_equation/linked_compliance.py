@@ -82,12 +82,19 @@ class _Inverse:
 @dataclass(frozen=True, eq=False)
 class LinkedCompliance:
     """The `MassFactor` of a step with links. base: without them; G (n, p) on the bodies' unknowns of its problem; compliance (p,) C;
-    summed: W of this H and G where it is known already."""
+    summed: W of this H and G where it is known already; whole: whether M is positive definite only where G leaves a motion, so that its
+    inverse is not to be asked for."""
 
     base: StepCompliance
     G: sp.csr_array
     compliance: FloatArray
     summed: Matrix | None = None
+    whole: bool = False
+
+    @property
+    def unknowns(self) -> int:
+        """Number of the problem's unknowns."""
+        return self.base.unknowns + len(self._soft)
 
     @cached_property
     def _soft(self) -> IntArray:
@@ -150,6 +157,8 @@ class LinkedCompliance:
     @cached_property
     def _saddle(self) -> SaddlePoint | None:
         """The saddle point where S is not to be trusted, or has lost rows that G has; None else."""
+        if self.whole and self._whole is not None:
+            return self._whole
         inverse = self._inverse
         if (inverse.trusted and inverse.rank == self.compliance.size) or self._whole is None:
             return None

@@ -258,7 +258,10 @@ class _Newton:
         """R(v, r) (n_dofs,), of the forces G l of links too, zero at driven dofs."""
         factor, met = equation.factor, equation.met
         R = factor.apply(v) - factor.apply_tangents(v) + term.force + self._linear(v) - equation.rest - push - met.impulse(r)
-        R = R if equation.linked is None else R - equation.linked.G @ l
+        if equation.linked is not None:
+            R = R - equation.linked.G @ l
+            bending = equation.linked.bending
+            R = R if bending is None else R + bending.B @ (v - bending.v)
         return R - equation.model.driven_share(R)
 
     def _relative(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray, push: FloatArray | float) -> float:

@@ -22,6 +22,7 @@ from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step import Attempt
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.loops.mixing import Mixing
+from fcsim.timestep.step_equation.loops.turning_links import turning_links
 from fcsim.timestep.step_equation.newton import solve_nonlinear
 from fcsim.timestep.step_equation.sequence import solve_equation
 
@@ -52,6 +53,7 @@ def solve_settled(
         return solve_nonlinear(equation, settings, extent, past, attempts, clock, anew(equation))
 
     law = equation.scheme.law
+    equation = turning_links(equation)
     answer, past = solve(equation, past)
     eased = None if answer is not None else equation.met.eased(law)
     if eased is not None:
