@@ -13,7 +13,14 @@ and with Q in the place of (A E + B)^-1 the preconditioner is the inverse of A (
 I + G^T Q A G is the wall of bodies with k degrees of freedom each on joints as stiff as their contacts' status makes them: it carries what
 goes from body to body, so that iterations hardly grow with the number of bodies. It is sparse, and all that is factored as a whole.
 
-GMRES works on P^-1 (A W + B) dr = P^-1 rhs, whose defect is one of reactions: a defect of 1e-2 in velocities is large in reactions.
+Far from a solution GMRES works on P^-1 (A W + B) dr = P^-1 rhs, whose defect is one of reactions: a defect of 1e-2 in velocities is
+large in reactions, and statuses follow from it. Near a solution it works on (A W + B) P^-1 x = rhs, whose defect is what Newton's next
+residual contains: reactions that W hardly resists are large in dr and count for nothing there. The accuracy follows from the factor by
+which that residual has still to fall (R. S. Dembo, S. C. Eisenstat, T. Steihaug, SIAM J. Numer. Anal. 19, 1982). Rows are scaled by the
+contacts' own compliances before: what an adapting rho does to them counts neither in a defect nor as a change of A.
+
+Of Newton's iterations with one W, a joint's Q is computed anew where A or B of one of its contacts has changed by more than CHANGED: P is
+that of A and B with these changes.
 
 Sources: C. Farhat, F.-X. Roux, Int. J. Numer. Methods Eng. 32, 1991 (rigid motions as the coarse problem of interface forces); X.-C. Cai,
 M. Sarkis, SIAM J. Sci. Comput. 21, 1999 (restricted additive Schwarz); N. Spillane, D. J. Rixen, Int. J. Numer. Methods Eng. 95, 2013
@@ -28,7 +35,7 @@ from functools import cached_property, partial
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
@@ -40,9 +47,14 @@ from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints
 from fcsim.threads import pieces_by_work, side_by_side
 
-ACCURACY, LEAST, SAFETY = 1e-2, 0.1, 0.3
-"""Defect relative to the right-hand side, both as reactions. On walls 1e-3 takes twice the iterations of GMRES for as many of Newton's.
-Where Newton's residual is near the tolerance a defect of SAFETY times what is left of the way is enough, LEAST at most."""
+ACCURACY, CLOSE, SAFETY = 1e-2, 1e-3, 0.3
+"""Defect relative to the right-hand side, as reactions and, near a solution, in Newton's residual. As reactions 1e-3 takes twice the
+iterations of GMRES for as many of Newton's. Where that residual is near the tolerance a defect of SAFETY times what is left is enough."""
+NEAR = 3e-4
+"""Factor by which Newton's residual has still to fall from which the defect is measured in it. As reactions to the end, steps of walls take
+as many iterations of Newton's, the late ones two to three times GMRES'; in the residual from the beginning one or two more of Newton's."""
+CHANGED = 0.05
+"""Change of a contact's A, relative to its largest entry, or of its B, up to which the joints' blocks stay."""
 ITERATIONS, ENOUGH = 200, 0.3
 """Iterations of GMRES, and the defect that must be reached by then: far from a solution, where much slides, Newton's method goes on with
 less than ACCURACY."""
@@ -51,26 +63,38 @@ ENTRIES_A_PIECE = 300_000
 
 
 class _Preconditioner:
-    """x (m,) -> P^-1 x; SingularMatrix where a joint or the bodies' motions are singular."""
+    """x (m,) -> P^-1 x, of one W for A and B that change; SingularMatrix where a joint or the bodies' motions are singular."""
 
-    def __init__(self, joints: Joints, A: FloatArray, B: FloatArray) -> None:
-        self._joints, k, n = joints, MOTIONS, joints.count
-        A, B = A[joints.order], B[joints.order]
-        self._A = A.astype(np.float32)
-        self._Q, T = np.empty(joints.Q_starts[-1], dtype=np.float32), np.empty(joints.T_starts[-1])
-        given = (A, B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
-        out = (self._Q, joints.Q_starts, T, joints.T_starts)
-        every = np.arange(len(joints.cuts) - 1)
+    def __init__(self, joints: Joints) -> None:
+        self._joints = joints
+        self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q; by the order of the joints
+        self._Q, self._T = np.empty(joints.Q_starts[-1], dtype=np.float32), np.empty(joints.T_starts[-1])
+        self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
+
+    def update(self, A: FloatArray, B: FloatArray) -> None:
+        """Make it the one of A and B, but for changes up to CHANGED."""
+        joints, k, n = self._joints, MOTIONS, self._joints.count
+        changed = self._changed(A[joints.order], B[joints.order])
+        given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
+        out = (self._Q, joints.Q_starts, self._T, joints.T_starts)
+        which = [i + np.flatnonzero(changed[i:j]) for i, j in joints.ranges]
         try:
-            side_by_side([partial(kernels.invert_joints, *given, out, every[i:j]) for i, j in joints.ranges])
+            side_by_side([partial(kernels.invert_joints, *given, out, own) for own in which if len(own)])
         except np.linalg.LinAlgError:
             raise SingularMatrix("a joint's block is singular") from None
+        self._A32 = self._A.astype(np.float32)
         S = np.zeros((len(joints.coarse_columns), k, k))
         S[joints.diagonal] = np.eye(k)
-        kernels.add_joints(T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
+        kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
         coarse = BlockRows(sp.bsr_array((S, joints.coarse_columns, joints.coarse_begins), shape=(n * k, n * k)), k)
         self._coarse = Multifrontal(coarse, np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k)), np.ones(n, dtype=bool))
-        self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
+
+    def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
+        """Take over A and B of contacts that have changed; which joints have one of these among theirs or their neighbours."""
+        far = np.abs(A - self._A).max((1, 2)) <= CHANGED * np.abs(A).max((1, 2))
+        far = ~(far & (np.abs(B - self._B).max((1, 2)) <= CHANGED))  # at first nothing compares
+        self._A[far], self._B[far] = A[far], B[far]
+        return np.logical_or.reduceat(far[self._joints.wide], self._joints.begins[:-1])
 
     def _joint_by_joint(self, x: FloatArray) -> FloatArray:
         """Q x."""
@@ -87,7 +111,7 @@ class _Preconditioner:
         order = self._coarse.contacts
         c[order] = self._coarse.solve(c[order].astype(float))
         rest = np.empty_like(x)
-        kernels.less_motions(self._A, joints.G32, joints.bodies, c, x, rest)
+        kernels.less_motions(self._A32, joints.G32, joints.bodies, c, x, rest)
         step = np.empty(x.shape)
         step[joints.order] = self._joint_by_joint(rest)
         return step.ravel()
@@ -108,6 +132,16 @@ class TwoLevelSystem:
         return Joints(self._rows, self._shares, *self._bodies)
 
     @cached_property
+    def _compliance(self) -> FloatArray:
+        """tr W_aa / d (nc,)."""
+        compliance: FloatArray = self._rows.W.diagonal().reshape(-1, self._joints.d).mean(1)
+        return compliance
+
+    @cached_property
+    def _precondition(self) -> _Preconditioner:
+        return _Preconditioner(self._joints)
+
+    @cached_property
     def _product(self) -> ShareProduct:
         assert self._bodies is not None
         return ShareProduct(self._shares, self._bodies[1])
@@ -119,25 +153,37 @@ class TwoLevelSystem:
         """
         if not self.pays:
             return None
-        shape = rhs.shape
+        shape, precondition = rhs.shape, self._precondition
+        A, B, rhs = self._scaled(A, B, rhs)
         try:
-            precondition = _Preconditioner(self._joints, A, B)
+            precondition.update(A, B)
         except SingularMatrix:
             self.pays = False
             return None
 
         def product(x: FloatArray) -> FloatArray:
-            return precondition(apply_blocks(A, self._product(x).reshape(shape), B, x.reshape(shape)).ravel())
+            return apply_blocks(A, self._product(x).reshape(shape), B, x.reshape(shape)).ravel()
 
-        given = precondition(rhs.ravel())
+        def as_reactions(x: FloatArray) -> FloatArray:
+            return precondition(product(x))
+
+        near = needed >= NEAR
+        given = rhs.ravel() if near else precondition(rhs.ravel())
         size = float(np.linalg.norm(given))
-        accuracy = max(ACCURACY, min(LEAST, SAFETY * needed))
-        found = gmres(product, _itself, given, accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size)
+        accuracy = max(CLOSE if near else ACCURACY, min(ENOUGH, SAFETY * needed))
+        way = (product, precondition) if near else (as_reactions, _itself)
+        found = gmres(*way, given, accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size)
         if found is None:
             self.pays = False
             return None
-        dr = found[0]
-        return dr, self._product(dr)
+        return found[0], self._product(found[0])
+
+    def _scaled(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """A, B (nc, d, d) and rhs (nc, d) with rows of one size whatever rho is: as reactions, by the contacts' own compliances."""
+        size = np.abs(A).max(2) * self._compliance[:, None] + np.abs(B).max(2)
+        size[:, 1:] = size[:, 1:].max(1, keepdims=True)  # both tangential rows alike
+        scale = 1 / np.where(size > 0, size, 1.0)
+        return A * scale[:, :, None], B * scale[:, :, None], rhs * scale
 
 
 def _itself(x: FloatArray) -> FloatArray:
