@@ -5,9 +5,9 @@
 
 Counted while the wall runs, in the condensed elimination of Newton's system (condensed.py, held.py, border.py, remainder.py in
 fcsim/solvers/newton/systems): the fronts of the closed contacts' block, triangular solves and products for the border, and the LU of what
-is left there; and the bytes that are read: of W and the border's columns by products, of the border's response by the system that is
-left. The floor is those flops at the rates of this machine's LAPACK at like sizes and those bytes at its memory's rate, one thread. Above
-it stand gathering of blocks, small arrays and Python.
+is left there; and the bytes that are read: of W, or the compliances that it is known by, and the border's columns by products, of the
+border's response by the system that is left. The floor is those flops at the rates of this machine's LAPACK at like sizes and those
+bytes at its memory's rate, one thread. Above it stand gathering of blocks, small arrays and Python.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ from rich.console import Console
 from rich.table import Table
 
 from fcsim.linear.fronts import MultifrontalCholesky
+from fcsim.linear.late.late_rows import source_of
+from fcsim.problem.by_bodies.shares import BodiesShares
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.newton.systems import condensed, remainder
@@ -45,7 +47,7 @@ KINDS = {
     "LU of what is left, double precision": "LU",
     "LU of what is left, single precision": "LU, single precision",
 }
-READ = ("W", "border's columns", "border's response")
+READ = ("W", "compliances, for products with W,", "border's columns", "border's response")
 
 
 def rate(work: float, run: Callable[[], Any], repeats: int = 15) -> float:
@@ -108,8 +110,11 @@ class Count:
             return wider
 
         def counted_product(this: Any, x: np.ndarray) -> np.ndarray:
-            blocks = this._W.data if sp.issparse(this._W) else this._W
-            self._read("W", blocks.nbytes * np.count_nonzero(x) / len(x))  # contacts where x is zero are left out
+            if isinstance(source := source_of(this._W), BodiesShares):
+                self._read("compliances, for products with W,", source.work.bytes)
+            else:
+                blocks = this._W.data if sp.issparse(this._W) else this._W
+                self._read("W", blocks.nbytes * np.count_nonzero(x) / len(x))  # contacts where x is zero are left out
             result: np.ndarray = product(this, x)
             return result
 
@@ -177,7 +182,7 @@ def main() -> None:
         floor += seconds
         amount = f"{count.flops[kind] / steps / 1e9:.3f} Gflop"
         table.add_row(kind, f"{count.calls[kind] / steps:.2f}", amount, f"{measured[method] / 1e9:.1f} Gflop/s", f"{1e3 * seconds:.1f}")
-    for what in READ:
+    for what in filter(count.calls.get, READ):
         seconds = count.bytes[what] / measured["bytes"] / steps
         floor += seconds
         amount, speed = f"{count.bytes[what] / steps / 1e6:.0f} MB", f"{measured['bytes'] / 1e9:.1f} GB/s"

@@ -7,11 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray
-
-_MAX_NEWTON = 25
-_STEP = 1e-8  # Newton's error is the square of its last step
-_EDGE = 1e-9  # parameters closer to an edge than this are on it, whichever side round-off puts them
-_FAR = 2.0  # an iterate is kept within [-2, 2]^2: farther out only "outside" matters, and the bilinear map may fold
+from fcsim.contact_detection.surfaces._projection_kernels import EDGE, closest_on_quadrilaterals
 
 
 class Projection(NamedTuple):
@@ -37,43 +33,8 @@ def project_on_quadrilaterals(points: FloatArray, corners: FloatArray) -> Projec
 
     Newton's method on 1/2 |x - p|^2 in (xi, eta), from the centre; for a parallelogram (e = 0) the first step is exact.
     """
-    x0, x1, x2, x3 = (corners[:, k] for k in range(4))
-    a, b = 0.25 * (x0 + x1 + x2 + x3), 0.25 * ((x1 + x2) - (x0 + x3))
-    c, e = 0.25 * ((x2 + x3) - (x0 + x1)), 0.25 * ((x0 + x2) - (x1 + x3))
-    p = points - a
-    xi, eta = np.zeros(len(points)), np.zeros(len(points))
-    converged = np.zeros(len(points), dtype=bool)
-    active = np.arange(len(points))
-    dots = np.stack([_dot(s, t) for s, t in ((b, b), (c, c), (e, e), (b, c), (b, e), (c, e), (p, b), (p, c), (p, e))])
-    for _ in range(_MAX_NEWTON):
-        bb, cc, ee, bc, be, ce, pb, pc, pe = dots
-        s, t = xi[active], eta[active]
-        st = s * t
-        g_e = be * s + ce * t + ee * st - pe  # (x - p) . e
-        g_s = bb * s + bc * t + be * st - pb + t * g_e  # gradient: (x - p) . dx/dxi
-        g_t = bc * s + cc * t + ce * st - pc + s * g_e
-        h_ss, h_tt = bb + t * (2 * be + t * ee), cc + s * (2 * ce + s * ee)
-        h_st = bc + be * s + ce * t + ee * st
-        gram = h_ss * h_tt - h_st**2
-        full = h_st + g_e
-        det = h_ss * h_tt - full**2
-        # the point is farther than the facet's radius of curvature: the Hessian is indefinite, Gauss-Newton still descends
-        newton = det > 0.1 * gram
-        h_st = np.where(newton, full, h_st)
-        det = np.maximum(np.where(newton, det, gram), 1e-12 * bb * cc)
-        s_new = np.clip(s - (h_tt * g_s - h_st * g_t) / det, -_FAR, _FAR)
-        t_new = np.clip(t - (h_ss * g_t - h_st * g_s) / det, -_FAR, _FAR)
-        done = np.maximum(np.abs(s_new - s), np.abs(t_new - t)) <= _STEP
-        xi[active], eta[active] = s_new, t_new
-        converged[active] = done
-        if done.all():
-            break
-        active = np.flatnonzero(~converged)
-        dots = dots[:, ~done]
-    inside = converged & (np.maximum(np.abs(xi), np.abs(eta)) < 1.0 - _EDGE)
-    xi, eta = np.clip(xi, -1.0, 1.0), np.clip(eta, -1.0, 1.0)
-    weights = 0.25 * np.stack([(1 - xi) * (1 - eta), (1 + xi) * (1 - eta), (1 + xi) * (1 + eta), (1 - xi) * (1 + eta)], axis=1)
-    return Projection(weights, _unit(np.cross(b + e * eta[:, None], c + e * xi[:, None])), inside)
+    weights, normal, inside = closest_on_quadrilaterals(np.ascontiguousarray(points), np.ascontiguousarray(corners))
+    return Projection(weights, normal, inside)
 
 
 def project_on_triangles(points: FloatArray, corners: FloatArray) -> Projection:
@@ -83,7 +44,7 @@ def project_on_triangles(points: FloatArray, corners: FloatArray) -> Projection:
     det = bb * cc - bc**2
     s, t = (cc * pb - bc * pc) / det, (bb * pc - bc * pb) / det
     weights = np.stack([1 - s - t, s, t], axis=1)
-    inside = weights.min(axis=1, initial=1.0) > _EDGE
+    inside = weights.min(axis=1, initial=1.0) > EDGE
     weights = np.maximum(weights, 0.0)
     return Projection(weights / weights.sum(axis=1)[:, None], _unit(np.cross(b, c)), inside)
 
@@ -92,7 +53,7 @@ def project_on_segments(points: FloatArray, corners: FloatArray) -> Projection:
     """Closest points of 2D segments, corners (n, 2, 2), to points (n, 2)."""
     tangent = corners[:, 1] - corners[:, 0]
     t = _dot(points - corners[:, 0], tangent) / _dot(tangent, tangent)
-    inside = np.abs(t - 0.5) < 0.5 - _EDGE
+    inside = np.abs(t - 0.5) < 0.5 - EDGE
     t = np.clip(t, 0.0, 1.0)
     return Projection(np.stack([1 - t, t], axis=1), _unit(np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)), inside)
 

@@ -21,6 +21,11 @@ class BodiesShares:
     def __init__(self, sum_of: DelassusSum, shares: list[Share]) -> None:
         self._sum, self._shares = sum_of, shares
 
+    @property
+    def work(self) -> Work:
+        """Of a product, with the compliances alone: flops, and bytes that are read."""
+        return sum((Work(flops=2 * len(kind) * C.shape[1] ** 2, bytes=REAL * C.size) for _, C, kind in self._shares), Work())
+
     def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
         """sum h (C (h^T x)) + q (m,): all bodies that share a C at once."""
         u = q.copy()
@@ -74,10 +79,9 @@ def _times(Y: FloatArray, C: FloatArray, kind: IntArray) -> FloatArray:
 def summed_late(sum_of: DelassusSum, shares: list[Share]) -> Matrix:
     """W, whose entries are summed when they are read where products by bodies cost less than with them, and W has blocks of (3, 3). The
     order of sums, and so the last bits of products, follow from that alone."""
-    by_bodies = sum((Work(flops=2 * len(kind) * C.shape[1] ** 2, bytes=REAL * C.size) for _, C, kind in shares), Work())
-    by_entries = Work(bytes=REAL * sum_of.size)
-    if sum_of.dense or sum_of.dimension != 3 or REFERENCE.seconds(by_bodies) > REFERENCE.seconds(by_entries):
+    by_bodies, by_entries = BodiesShares(sum_of, shares), Work(bytes=REAL * sum_of.size)
+    if sum_of.dense or sum_of.dimension != 3 or REFERENCE.seconds(by_bodies.work) > REFERENCE.seconds(by_entries):
         for share in shares:
             sum_of.add(*share)
         return sum_of.matrix()
-    return LateRows.of(BodiesShares(sum_of, shares), *sum_of.pattern, 3 * sum_of.nc, 3)
+    return LateRows.of(by_bodies, *sum_of.pattern, 3 * sum_of.nc, 3)
