@@ -14,6 +14,7 @@ from fcsim.contact_detection.arguments import excluded_pairs, refuse_alert
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.exact.cylinders import cylinders_with_cylinders
 from fcsim.contact_detection.exact.cylinders_on_meshes import cylinders_on_meshes
+from fcsim.contact_detection.exact.dents import beside, vertices_under
 from fcsim.contact_detection.exact.facets import balls_on_meshes, sides_on_meshes
 from fcsim.contact_detection.exact.looks import looks
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, mesh_skin
@@ -148,12 +149,23 @@ class ExactContacts:
         if x.shape[1] == 3:
             found += [balls_on_cylinders(now, alert), cylinders_with_cylinders(now, alert)]
         if self.skin is not None:
-            found += [f(now, self.skin, x, alert) for f in (balls_on_meshes, sides_on_meshes, meshes_on_planes)]
-            if x.shape[1] == 3:
-                found.append(cylinders_on_meshes(now, self.skin, x, alert))
+            found += self._on_meshes(now, self.skin, x, alert)
         if begin is not None:
             found = [round_points(touch, now, begin) for touch in found]
         return join([self._contacts(touch, kind) for kind, touch in enumerate(found)])
+
+    def _on_meshes(self, now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> list[Touch]:
+        """Contacts with meshed bodies, by kind."""
+        found = [balls_on_meshes(now, skin, x, alert), sides_on_meshes(now, skin, x, alert), meshes_on_planes(now, skin, x, alert)]
+        if x.shape[1] == 3:
+            found.append(cylinders_on_meshes(now, skin, x, alert))
+        if not skin.deforms.any():
+            return found
+        dents = vertices_under(now, skin, x, alert)
+        number = np.full(len(self.model.bodies), -1)
+        number[self.solids.body] = np.arange(len(self.solids.body))
+        stay = [touch if k == 2 else touch.take(beside(touch, dents, number, len(x))) for k, touch in enumerate(found)]
+        return [*stay, dents.touch]
 
     def _contacts(self, touch: Touch, kind: int) -> Contacts:
         """Contacts of a kind, sorted by identity."""

@@ -1,5 +1,4 @@
-"""Contacts of balls and capsules with meshed bodies: where the distance to the skin has a minimum, on a face, an edge or a vertex;
-of spheres also the vertices of fine deformable facets."""
+"""Contacts of balls and capsules with meshed bodies: where the distance to the skin has a minimum, on a face, an edge or a vertex."""
 
 from __future__ import annotations
 
@@ -9,14 +8,12 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
-from fcsim.contact_detection.exact.solids import Placed, Touch, joined, leaves_by_its_side
+from fcsim.contact_detection.exact.solids import Placed, Touch, leaves_by_its_side
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
 _TIE = 1e-9  # distances equal up to this share of the radius are one
 _FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is none
 _FAN = 0.05  # sine by which the normal may leave the fan of an edge: what lies flat over a face's border stays on it
-_FINE = 0.1  # of the radius: deformable bodies whose facets are no longer touch a sphere with their vertices too
-_SAG = 0.01  # of the height of a sphere over a chord: vertices of a facet so near to it touch, so that the facet is dented
 _DEEP = 0.5  # of the radius: what lies deeper below a face is another part of the body, unless it is the nearest
 
 
@@ -98,7 +95,6 @@ def balls_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) ->
     feet = feet.take(feet.distance <= radius[feet.point] + alert)
     nearest = np.full((len(points), skin.body.max(initial=-1) + 1), np.inf)
     np.minimum.at(nearest, (feet.point, skin.body[feet.facet]), feet.distance)
-    dented = _vertices_under(skin, x, points[: len(balls)], radius, feet, alert)
     feet = minima(skin, feet, _TIE * radius)
     foot = np.einsum("nk,nkd->nd", feet.weights, corners[feet.facet])
     away = points[feet.point] - foot
@@ -110,50 +106,7 @@ def balls_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) ->
     keep = np.where(inside, is_nearest, shallow | is_nearest) & (on_face | (height > -_TIE * radius[feet.point]))
     touching = feet.distance > _TIE * radius[feet.point]
     direction = np.where((on_face | ~touching)[:, None], normal[feet.facet], away / np.maximum(feet.distance, 1e-300)[:, None])
-    touch = _touch(now, skin, solid, points, feet, foot, direction)
-    return _with_dents(touch.take(keep), feet.take(keep), dented, now, skin, x, solid, points)
-
-
-class _Dents(NamedTuple):
-    """Feet at vertices of fine facets of deformable bodies; pressed: point * facets + facet (k,), where a vertex of the facet touches."""
-
-    feet: Feet
-    pressed: IntArray
-
-
-def _vertices_under(skin: MeshSkin, x: FloatArray, points: FloatArray, radius: FloatArray, feet: Feet, alert: float) -> _Dents:
-    """What a sphere that dents a deformable body touches: the vertices of facets that are short beside its radius.
-
-    The distance to a dented skin has a minimum in each of its facets, that to a flat one a single minimum: with minima alone the sphere is
-    borne, over a step, by the facet that it touched first. points (n, d): centres of the spheres, the first of those that feet are of.
-    """
-    corners = x[skin.facets]
-    longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
-    fine = feet.take((feet.point < len(points)) & skin.deforms[feet.facet] & (longest[feet.facet] <= _FINE * radius[feet.point]))
-    d = skin.facets.shape[1]
-    point, facet, corner = np.repeat(fine.point, d), np.repeat(fine.facet, d), np.tile(np.arange(d), len(fine.point))
-    distance = np.linalg.norm(points[point] - x[skin.facets[facet, corner]], axis=1)
-    gap = distance - radius[point]
-    touching = gap <= _SAG * longest[facet] ** 2 / (8 * radius[point])
-    vertex = len(skin.facets) + len(skin.edges) + skin.vertex[facet, corner]
-    near = np.flatnonzero((gap <= alert) & (distance > _DEEP * radius[point]))
-    near = near[np.unique(point[near] * skin.n_features + vertex[near], return_index=True)[1]]
-    found = Feet(point[near], facet[near], np.eye(d)[corner[near]], vertex[near], distance[near])
-    return _Dents(found, np.unique((point * len(skin.facets) + facet)[touching]))
-
-
-def _with_dents(
-    touch: Touch, feet: Feet, dented: _Dents, now: Placed, skin: MeshSkin, x: FloatArray, solid: IntArray, points: FloatArray
-) -> Touch:
-    """The minima but those on dented facets, whose vertices take their place, and at vertices that are there already, and these."""
-    if not len(dented.feet.point):
-        return touch
-    own = dented.feet
-    foot = x[skin.facets[own.facet, own.weights.argmax(axis=1)]]
-    away = points[own.point] - foot
-    vertices = _touch(now, skin, solid, points, own, foot, away / own.distance[:, None])
-    again = np.isin(touch.identity, vertices.identity) | np.isin(feet.point * len(skin.facets) + feet.facet, dented.pressed)
-    return joined([touch.take(~again), vertices])
+    return _touch(now, skin, solid, points, feet, foot, direction).take(keep)
 
 
 def _touch(now: Placed, skin: MeshSkin, solid: IntArray, points: FloatArray, feet: Feet, foot: FloatArray, direction: FloatArray) -> Touch:

@@ -1,4 +1,4 @@
-"""Rigid spheres and disks of exact shape, pressed into deformable half spaces: Hertz, Lee and Radok, Johnson's first yield."""
+"""Rigid bodies of exact, round shape, pressed into deformable ones: Hertz, Lee and Radok, Johnson's first yield."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
 from fcsim import Body, ExactContacts, QuasiStatic, Simulation, Support, build_model
-from fcsim.mesh import rigid_sphere
+from fcsim.mesh import rigid_capsule, rigid_cylinder, rigid_sphere
 from fcsim.mesh.material import Material, Plastic, Viscoelastic, saint_venant_kirchhoff
 from fcsim.timestep.step import Step
 from tests.analytic.references.meshes import block, meridian, spaced, wedge
@@ -60,6 +60,41 @@ def test_a_sphere_driven_into_a_viscoelastic_half_space() -> None:
             return float(G * (1 - g + g * np.exp(-(t - s) / (0.5 * tau))) * 1.5 * depth * np.sqrt(depth * s))
 
         assert_allclose(force[round(20 * t) - 1], 16 / 3 * np.sqrt(R) * quad(rate, 0, t)[0], rtol=0.04)
+
+
+def rolled(kind: str, law: Any, elements: str, length: float, depth: float = 0.05, cells: int = 10, width: float = 0.2) -> np.ndarray:
+    """Forces (2,) a unit of length on half a roller of R = 10, driven into half a block; a disk in plane strain, else `length` long."""
+    R, a = 10.0, np.sqrt(10.0 * depth)
+    outer = spaced(1.4 * a, 40 * a, 11, 1.4)[1:]
+    x = np.concatenate([spaced(0, 1.4 * a, cells), outer])
+    d, up = (2, "y") if kind == "disk" else (3, "z")
+    axes = [x, -x[::-1]] if d == 2 else [x, np.linspace(0, width, 3), -x[::-1]]
+    supports = [Support("half", ("x",), side) for side in ("x-", "x+")] + [Support("half", (up,), up + "-")]
+    if kind == "disk":
+        ball = rigid_sphere("ball", R, (0.0, R), 1.0)
+    else:
+        supports += [Support("half", ("y",), side) for side in ("y-", "y+")]
+        make = rigid_cylinder if kind == "cylinder" else rigid_capsule
+        ball = make("ball", R, length * width, (0.0, width / 2, R), 1.0, axis=(0, 1, 0))
+    supports += [Support("ball", ("x", "rz") if d == 2 else ("x", "y", "rx", "ry", "rz")), Support("ball", (up,), velocity=-depth)]
+    model = build_model([Body("half", block("half", axes, law(210e3, 0.3, 7.8e-9), elements)), ball], supports=supports)
+    steps = list(Simulation(model, ExactContacts(model, mu=0.0), QuasiStatic(0.5), 2, witness=None))
+    return np.array([-step.contact_force_on(model.number["half"])[d - 1] for step in steps]) / (1 if d == 2 else width)
+
+
+@pytest.mark.parametrize(("law", "elements"), [(Material, "Q1-enhanced"), (saint_venant_kirchhoff, "Q1-bbar")])
+def test_rollers_press_as_the_disk_of_plane_strain(law: Any, elements: str) -> None:
+    """Capsules and cylinders longer than a slab that is held in its width, and a cylinder that ends with it: the disk's force in plane
+    strain on the same cells, six facets in the half width; Hertz' half width for it, 2 sqrt(F R / (pi E*)), covers as many."""
+    disk = rolled("disk", law, elements, 1.0)
+    for kind, length in (("cylinder", 3.0), ("capsule", 3.0), ("cylinder", 1.0)):
+        assert_allclose(rolled(kind, law, elements, length), disk, rtol=1e-4)
+
+
+def test_coarse_facets_bear_a_disk_too() -> None:
+    """Facets of 0.19 radii, two in the half width, a disk pressed in by 0.16 of its radius: within 2 % of the force on facets of 0.04."""
+    fine, coarse = (rolled("disk", saint_venant_kirchhoff, "Q1-bbar", 1.0, depth=1.6, cells=n)[1] for n in (14, 3))
+    assert_allclose(coarse, fine, rtol=0.02)
 
 
 @pytest.mark.slow

@@ -1,0 +1,105 @@
+"""Vertices of deformable bodies under spheres and the sides of capsules and cylinders that dent them.
+
+The distance to a dented skin has a minimum in each of its facets, that to a flat one a single minimum: with minima alone a round body is
+borne, over a step, by the facets that it touched first. A vertex within the round body is a penetration whatever the facets are, so that
+each of them is a contact; where facets are short beside the radius, their vertices take the place of the minima on them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
+from fcsim.contact_detection.exact.solids import Placed, Touch
+from fcsim.contact_detection.surfaces.broad_phase import near_pairs
+
+_FINE = 0.1  # of the radius: on facets no longer than that vertices alone touch
+_SAG = 0.01  # of the height of a round body over a chord: vertices so near touch, and the facets around them are dented
+_DEEP = 0.5  # of the radius: what lies deeper is another part of the body
+_FACING = 0.5  # cosine between the way out and a facet around the vertex
+_ROUND = 1e-9  # of a length
+
+
+class Dents(NamedTuple):
+    """touch: vertices under round bodies, gaps up to the alert distance; pressed (k,): solid * n_nodes + node of those on fine facets that
+    touch, ascending."""
+
+    touch: Touch
+    pressed: IntArray
+
+
+def vertices_under(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> Dents:
+    """Contacts of spheres, capsules and cylinders' sides with the vertices of deformable bodies at node positions x (n_nodes, d) [m].
+
+    The identity is solid * vertices + vertex.
+    """
+    solids = now.solids
+    chosen = solids.of("sphere", "capsule", "cylinder")
+    soft = np.unique(skin.vertex[skin.deforms])
+    reach = float((solids.radius + solids.half)[chosen].max(initial=0.0)) + alert
+    i, j = near_pairs(now.centre[chosen], x[skin.vertices[soft]], np.full(len(soft), reach))
+    k, v = chosen[i], soft[j]
+    arm = x[skin.vertices[v]] - now.centre[k]
+    along = np.einsum("nd,nd->n", arm, now.along[k])
+    s = np.clip(along, -solids.half[k], solids.half[k])
+    away = s[:, None] * now.along[k] - arm
+    distance = np.linalg.norm(away, axis=1)
+    gap = distance - solids.radius[k]
+    flat = np.isin(k, solids.of("cylinder"))
+    keep = (gap <= alert) & (gap > -_DEEP * solids.radius[k]) & (~flat | (np.abs(along) <= (1 + _ROUND) * solids.half[k]))
+    k, v, s, away, distance, gap, flat = (array[keep] for array in (k, v, s, away, distance, gap, flat))
+    direction = away / distance[:, None]
+    end = np.where(s < 0, 1.0, -1.0)[:, None] * now.along[k]  # the way out by a cylinder's end
+    facing, by_end, longest = _around(skin, x, v, direction, end)
+    keep = (facing > _FACING) & (~flat | (facing >= by_end))
+    k, v, s, direction, gap, longest = (array[keep] for array in (k, v, s, direction, gap, longest))
+    node, radius = skin.vertices[v], solids.radius[k]
+    fine = (longest <= _FINE * radius) & (gap <= _SAG * longest**2 / (8 * radius))
+    pressed = np.unique((k * len(x) + node)[fine])
+    point = now.centre[k] + s[:, None] * now.along[k] - radius[:, None] * direction
+    nodes, weights = np.full((len(v), x.shape[1]), -1), np.zeros((len(v), x.shape[1]))
+    nodes[:, 0], weights[:, 0] = node, 1.0
+    body = np.zeros(len(skin.vertices), dtype=np.int64)
+    body[skin.vertex] = skin.body[:, None]
+    bodies = np.stack([solids.body[k], body[v]], axis=1)
+    identity = k * len(skin.vertices) + v
+    return Dents(Touch(direction, point, x[node], solids.node[k], now.weights(k, point), nodes, weights, bodies, identity), pressed)
+
+
+def beside(touch: Touch, dents: Dents, solids_of_body: IntArray, n_nodes: int) -> BoolArray:
+    """Which minima (n,) stay beside these vertices: those that are not at one of them nor on a facet or edge that is dented.
+
+    solids_of_body (n_bodies,): the numbers of bodies among the solids, -1 = none.
+    """
+
+    def keys(t: Touch) -> IntArray:
+        solid = solids_of_body[t.bodies[:, 0]][:, None]
+        return np.where(t.master_node >= 0, solid * n_nodes + t.master_node, -1)
+
+    corners = keys(touch)
+    at_one = touch.master_weights > 1 - _ROUND
+    own = np.isin(np.where(at_one, corners, -1), keys(dents.touch)[:, 0]).any(axis=1)
+    return ~(own | np.isin(corners, dents.pressed).any(axis=1))
+
+
+def _around(
+    skin: MeshSkin, x: FloatArray, v: IntArray, direction: FloatArray, end: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of facets around vertices v (n,): the largest cosines of normals with direction and with end (n, d); the longest side."""
+    d = skin.facets.shape[1]
+    corners, normal = x[skin.facets], normals(skin, x)
+    length = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
+    facet = np.argsort(skin.vertex, axis=None, kind="stable") // d
+    first = np.searchsorted(np.sort(skin.vertex, axis=None), np.arange(len(skin.vertices) + 1))
+    count = first[v + 1] - first[v]
+    start = np.cumsum(count) - count
+    row = np.repeat(np.arange(len(v)), count)
+    f = facet[np.arange(len(row)) - start[row] + first[v][row]]
+    if not len(v):
+        return np.empty(0), np.empty(0), np.empty(0)
+    cosines = (np.einsum("nd,nd->n", normal[f], way[row]) for way in (direction, end))
+    facing, by_end = (np.maximum.reduceat(cosine, start) for cosine in cosines)
+    return facing, by_end, np.maximum.reduceat(length[f], start)
