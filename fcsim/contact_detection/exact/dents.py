@@ -1,8 +1,8 @@
 """Vertices of deformable bodies under spheres and the sides of capsules and cylinders that dent them.
 
 The distance to a dented skin has a minimum in each of its facets, that to a flat one a single minimum: with minima alone a round body is
-borne, over a step, by the facets that it touched first. A vertex within the round body is a penetration whatever the facets are, so that
-each of them is a contact; where facets are short beside the radius, their vertices take the place of the minima on them.
+borne, over a step, by the facets that it touched first. Where facets are short beside the radius, their vertices take the place of the
+minima on them; on longer ones what rolls would be kicked by the vertices that it passes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
 from fcsim.contact_detection.exact.solids import Placed, Touch
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
-_FINE = 0.1  # of the radius: on facets no longer than that vertices alone touch
+_FINE = 0.1  # of the radius: vertices all of whose facets are no longer touch
 _SAG = 0.01  # of the height of a round body over a chord: vertices so near touch, and the facets around them are dented
 _DEEP = 0.5  # of the radius: what lies deeper is another part of the body
 _FACING = 0.5  # cosine between the way out and a facet around the vertex
@@ -24,8 +24,7 @@ _ROUND = 1e-9  # of a length
 
 
 class Dents(NamedTuple):
-    """touch: vertices under round bodies, gaps up to the alert distance; pressed (k,): solid * n_nodes + node of those on fine facets that
-    touch, ascending."""
+    """touch: vertices under round bodies, gaps up to the alert; pressed (k,): solid * n_nodes + node of those that touch, ascending."""
 
     touch: Touch
     pressed: IntArray
@@ -54,11 +53,10 @@ def vertices_under(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> 
     direction = away / distance[:, None]
     end = np.where(s < 0, 1.0, -1.0)[:, None] * now.along[k]  # the way out by a cylinder's end
     facing, by_end, longest = _around(skin, x, v, direction, end)
-    keep = (facing > _FACING) & (~flat | (facing >= by_end))
+    keep = (longest <= _FINE * solids.radius[k]) & (facing > _FACING) & (~flat | (facing >= by_end))
     k, v, s, direction, gap, longest = (array[keep] for array in (k, v, s, direction, gap, longest))
     node, radius = skin.vertices[v], solids.radius[k]
-    fine = (longest <= _FINE * radius) & (gap <= _SAG * longest**2 / (8 * radius))
-    pressed = np.unique((k * len(x) + node)[fine])
+    pressed = np.unique((k * len(x) + node)[gap <= _SAG * longest**2 / (8 * radius)])
     point = now.centre[k] + s[:, None] * now.along[k] - radius[:, None] * direction
     nodes, weights = np.full((len(v), x.shape[1]), -1), np.zeros((len(v), x.shape[1]))
     nodes[:, 0], weights[:, 0] = node, 1.0
