@@ -51,6 +51,9 @@ METHODS = {
     "planar_lemke": r"0 \le M z + q' \perp z \ge 0\quad\text{by complementary pivots}",
     "planar_enumeration": r"0 \le M z + q' \perp z \ge 0\quad\text{by trying complementary bases}",
     "rolling_sweeps": SWEEP,
+    "rolling_automatic": SWEEP,
+    "rolling_newton": NEWTON,
+    "rolling_proximal": r"W r + q + \alpha D (r - r_k) = u,\quad \alpha \to 0\ \text{as far as Newton inside converges}",
     "rolling_fixed_point": PROJECTION,
     "rolling_extragradient": EXTRAGRADIENT,
 }  # fmt: skip

@@ -51,7 +51,7 @@ class Rolling(_Resistance):
     a body of radius R at rest rests on an incline iff tan(alpha) <= mu_r / R (and <= mu); rolling, it turns against the moment mu_r r_N.
     The cone of a contact is ||r_T|| <= mu r_N, ||r_R|| <= mu_r r_N, with K* ∋ u + g(u) ⊥ r ∈ K, g = (mu ||u_T|| + mu_r ||u_R||, 0, ...):
     Acary, Bourrier, European Journal of Mechanics A/Solids 85, 2021. In 2D there is one rolling moment, about z. Steps are solved by the
-    methods for cones of five dimensions (ROLLING-NSGS, -EG, -FP) and written as FCLIB's rolling problems. With spinning resistance too,
+    methods for cones of five dimensions (ROLLING-AUTO and its like) and written as FCLIB's rolling problems. With spinning resistance too,
     `law` is a `Spinning`.
 
     Not covered: deformable bodies, whose surfaces have no rotation of their own: their contacts are refused, give these another law
@@ -74,7 +74,7 @@ class Spinning(_Resistance):
     The cone of a contact is that of `Rolling` with |r_S| <= mu_s r_N beside it, the same complementarity with mu_s |u_S| more in g: force,
     rolling and spinning moment are each as large as they can be while the contact slides, rolls or spins, and each against its motion,
     independent of each other (a real patch which slides resists spinning less: Contensou 1963; Leine, Glocker, European Journal of
-    Mechanics A/Solids 22, 2003). Steps are solved by ROLLING-NSGS, -EG, -FP with a sixth unknown. FCLIB's rolling problems have two
+    Mechanics A/Solids 22, 2003). Steps are solved by the ROLLING methods with a sixth unknown. FCLIB's rolling problems have two
     moments a contact: files are written where no contact has both resistances, with the spinning moment as the first of the two.
 
     Not covered: as in `Rolling`; and 2D, where nothing turns about a normal (refused).

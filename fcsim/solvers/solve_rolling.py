@@ -21,7 +21,7 @@ from fcsim.problem.rolling import (
     reduce_rolling,
 )
 from fcsim.solvers.base import ERRORS, Iterate, Monitor, Options, Result, Run, Status, checked_limits, choice, override
-from fcsim.solvers.table import method
+from fcsim.solvers.table import SOLVERS, method
 
 
 class RollingMonitor(Monitor):
@@ -30,12 +30,23 @@ class RollingMonitor(Monitor):
     published: the natural map in the units of the file, as programs print it; else in r', z = s r' with the contacts' compliances s.
     """
 
-    def __init__(self, reduction: RollingReduction, tol: float, published: bool, floor: float, time_limit: float, start: float) -> None:
+    def __init__(
+        self,
+        reduction: RollingReduction,
+        tol: float,
+        published: bool,
+        floor: float,
+        time_limit: float,
+        start: float,
+        q: FloatArray | None = None,
+    ) -> None:
+        """q (m,): other velocities than the reduction's, in its scaled variables."""
         local = reduction.local
         self._reduction, self._published = reduction, published
         compliance = None if published else local.delassus.compliance
+        free = local.q if q is None else q
         super().__init__(
-            reduction.reduction.q if published else local.q,
+            free / reduction.scale if published else free,
             local.mu,
             local.dimension,
             tol,
@@ -44,6 +55,9 @@ class RollingMonitor(Monitor):
             time_limit=time_limit,
             start=start,
         )
+
+    def inner(self, q: FloatArray, tol: float, floor: float = 0.0) -> Monitor:
+        return RollingMonitor(self._reduction, tol, self._published, floor, self.time_limit, self.start, q)
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         given, scale = self._reduction, self._reduction.scale
@@ -66,15 +80,16 @@ def solve_rolling(
     **overrides: object,
 ) -> Result:
     """Solve a problem with rolling friction, or its reduction where that is known; arguments, errors and result as `solve`.
-    "auto" is ROLLING-NSGS.
+    "auto" is ROLLING-AUTO.
 
     The scaled error is taken on r', u' (see `RollingReduction`), and so are the checks; the published one, by the formula of eq. 13 on the
     cone of five or six dimensions, in the problem's own units.
     """
-    name = "ROLLING-NSGS" if solver == "auto" else solver
+    name = "ROLLING-AUTO" if solver == "auto" else solver
     chosen = method(name)
     if 5 not in chosen.dimensions:
-        raise InputError(f"solver {solver!r}: has no cone of rolling friction, expected auto, ROLLING-NSGS, ROLLING-FP or ROLLING-EG")
+        known = [name for name, other in SOLVERS.items() if 5 in other.dimensions]
+        raise InputError(f"solver {solver!r}: has no cone of rolling friction, expected auto or one of {', '.join(known)}")
     options = override(chosen.options, overrides)
     choice("error", error, ERRORS)
     checked_limits(tol, floor, time_limit)

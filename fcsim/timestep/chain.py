@@ -86,14 +86,13 @@ def solve_chain(
 
 
 ROLLING: tuple[tuple[str, Mapping[str, object]], ...] = (
-    ("ROLLING-NSGS", {"max_iterations": 300}),
+    ("ROLLING-AUTO", {"max_iterations": 3000}),
     ("ROLLING-EG", {"max_iterations": 3000}),
     ("ROLLING-NSGS", {}),
     ("ROLLING-EG", {}),
     ("ROLLING-FP", {}),
 )
-"""The methods for steps with rolling resistance: where faces carry in more points than they need, sweeps end above the tolerance at which
-projections go on."""
+"""The methods for steps with rolling resistance, the slower ones in case that the first does not arrive."""
 
 
 def solve_rolling_chain(

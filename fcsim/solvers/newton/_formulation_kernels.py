@@ -55,17 +55,19 @@ def disk_equations(u, r, mu, rho, jean_moreau):
 
 @njit(cache=True)
 def split_compliances(W):
-    """W_NN and lambda_max(W_TT) (nc, d) of one-contact matrices W (nc, d, d), the latter for each tangent, from W_TT's lower triangle."""
+    """W_NN and lambda_max(W_TT) (nc, d) of one-contact matrices W (nc, d, d), the latter for each tangent, from W_TT's lower triangle;
+    with rolling and spinning friction (d = 5, 6) so of W_RR and W_SS too."""
     nc, d = len(W), W.shape[1]
     largest = np.empty((nc, d))
     for a in range(nc):
-        tangential = W[a, 1, 1]
-        if d == 3:
-            first, second = W[a, 1, 1], W[a, 2, 2]
-            tangential = 0.5 * (first + second) + np.hypot(0.5 * (first - second), W[a, 2, 1])
         largest[a, 0] = W[a, 0, 0]
-        for i in range(1, d):
-            largest[a, i] = tangential
+        for i in range(1, d, 2):
+            if i + 1 < d:
+                first, second = W[a, i, i], W[a, i + 1, i + 1]
+                largest[a, i] = 0.5 * (first + second) + np.hypot(0.5 * (first - second), W[a, i + 1, i])
+                largest[a, i + 1] = largest[a, i]
+            else:
+                largest[a, i] = W[a, i, i]
     return largest
 
 
@@ -75,12 +77,12 @@ def adapted_rho(rho, least, most, du, dr, split):
     nc, d = rho.shape
     adapted = np.empty((nc, d))
     for a in range(nc):
-        for begin, end in ((0, 1), (1, d)) if split else ((0, d), (d, d)):
+        for begin, end in ((0, 1), (1, min(d, 3)), (3, min(d, 5)), (5, d)) if split else ((0, d), (d, d), (d, d), (d, d)):
             u_size, r_size = 0.0, 0.0
             for i in range(begin, end):
                 u_size += du[a, i] * du[a, i]
                 r_size += dr[a, i] * dr[a, i]
-            if begin == end:
+            if begin >= end:
                 continue
             stretch, r_size = rho[a, begin] * np.sqrt(u_size), np.sqrt(r_size)
             factor = 2.0 / 3.0 if stretch > 0.9 * r_size else 1.5 if stretch < 0.3 * r_size else 1.0

@@ -145,10 +145,16 @@ class _Progress:
 
 
 def newton_iterations(
-    space: NewtonSpace, r: FloatArray, diagonal_blocks: FloatArray, mu: FloatArray, monitor: Monitor, options: NewtonOptions
+    space: NewtonSpace,
+    r: FloatArray,
+    diagonal_blocks: FloatArray,
+    mu: FloatArray,
+    monitor: Monitor,
+    options: NewtonOptions,
+    formulation: Formulation | None = None,
 ) -> Iterate:
     """Newton's method in any space, see `newton_turns`."""
-    return to_the_end(newton_turns(space, r, diagonal_blocks, mu, monitor, options))
+    return to_the_end(newton_turns(space, r, diagonal_blocks, mu, monitor, options, formulation=formulation))
 
 
 def newton_turns(
@@ -159,8 +165,11 @@ def newton_turns(
     monitor: Monitor,
     options: NewtonOptions,
     expected: FloatArray | None = None,
+    formulation: Formulation | None = None,
 ) -> Turns:
     """Newton's method by turns of one iteration each; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
+
+    formulation: the equations of another cone than Coulomb's, in the place of the option's.
 
     Where an adapted rho led to a solution, the next solve with this memory begins near it. With velocities u_e that are
     `expected` (nc, d) the first step is Newton's in (u, r) from there, where u_e need not be W r + q:
@@ -173,7 +182,7 @@ def newton_turns(
     if adaptive and monitor.memory is not None:
         rho = _rho(first_rho, monitor.memory)
         monitor.memory = monitor.memory.without(AdaptedRho)  # which counts only where it leads to a solution again
-    formulation = FORMULATIONS[options.formulation]
+    formulation = formulation or FORMULATIONS[options.formulation]
     line_search = LINE_SEARCHES[options.line_search]
     merits: deque[float] = deque(maxlen=options.window)
     progress = _Progress(monitor, options)

@@ -14,6 +14,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
+from fcsim.problem.rolling import LocalRollingProblem
 from fcsim.solvers.base import Iterate, Method, Monitor, override
 from fcsim.solvers.newton.iterations import newton, newton_iterations
 from fcsim.solvers.newton.options import NewtonOptions
@@ -32,35 +33,45 @@ class Inside(Protocol):
 class InnerProblems:
     """The inner problems of one problem, and the internal method that solves them."""
 
-    def __init__(self, problem: LocalProblem, monitor: Monitor, options: ProximalOptions) -> None:
-        """InputError where the internal method does not work in the problem's dimension."""
-        from fcsim.solvers import method  # the table names the proximal methods too
-
-        internal = method(options.internal)
-        if problem.dimension not in internal.dimensions:
-            raise InputError(f"option internal: {options.internal!r} does not work in {problem.dimension}D")
-        self._problem, self._monitor = problem, monitor
-        self._metric = np.full(problem.nc, float(np.abs(problem.delassus.diagonal).mean()) or 1.0)
+    def __init__(
+        self, problem: LocalProblem | LocalRollingProblem, monitor: Monitor, options: ProximalOptions, inside: Inside | None = None
+    ) -> None:
+        """inside: what solves them, the option's method where not given; InputError where that does not work in the problem's dimension."""
+        self._dimension, self._q, self._monitor = problem.dimension, problem.q, monitor
+        operator = problem.delassus
+        self._metric = np.full(operator.nc, float(np.abs(operator.diagonal).mean()) or 1.0)
         if options.metric == "compliance":
-            self._metric = problem.compliance
-        internal = replace(internal, options=override(internal.options, dict(options.internal_options)))
-        own = internal.options
-        if internal.run is newton and isinstance(own, NewtonOptions):
-            self._inside: Inside = RegularisedNewton(problem, own)
-        else:
-            self._inside = AnyMethod(problem, internal)
+            self._metric = operator.compliance
+        if inside is None:
+            assert isinstance(problem, LocalProblem)
+            inside = _internal(problem, options)
+        self._inside = inside
 
     def solve(self, r: FloatArray, centre: FloatArray, alpha: float, target: float, most: int) -> tuple[Iterate, Monitor]:
         """Solve the problem of this centre from r (m,) until its residual, as the outer problem's error measures it, is the target.
 
         most: iterations that are left. Returns the iterate, the best one where the problem was not solved, and what watched it.
         """
-        problem, shift, outer = self._problem, alpha * self._metric, self._monitor
-        q = problem.q - np.repeat(shift, problem.dimension) * centre
+        shift, outer = alpha * self._metric, self._monitor
+        q = self._q - np.repeat(shift, self._dimension) * centre
         watch = outer.inner(q, 1.0, floor=outer.scale)
         watch.tol = outer.scale / watch.scale * target
         found = self._inside(shift, q, r, watch, most)
         return (found if found.status.solved or watch.best_r is None else Iterate(watch.best_r, found.status)), watch
+
+
+def _internal(problem: LocalProblem, options: ProximalOptions) -> Inside:
+    """The method that the options name; InputError where it does not work in the problem's dimension."""
+    from fcsim.solvers import method  # the table names the proximal methods too
+
+    internal = method(options.internal)
+    if problem.dimension not in internal.dimensions:
+        raise InputError(f"option internal: {options.internal!r} does not work in {problem.dimension}D")
+    internal = replace(internal, options=override(internal.options, dict(options.internal_options)))
+    own = internal.options
+    if internal.run is newton and isinstance(own, NewtonOptions):
+        return RegularisedNewton(problem, own)
+    return AnyMethod(problem, internal)
 
 
 class AnyMethod:

@@ -18,8 +18,9 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.problem import LocalProblem
+from fcsim.problem.rolling import LocalRollingProblem
 from fcsim.solvers.base import Iterate, Monitor, Status
-from fcsim.solvers.proximal.inner import InnerProblems
+from fcsim.solvers.proximal.inner import InnerProblems, Inside
 from fcsim.solvers.proximal.options import ProximalOptions, Regularisation
 from fcsim.solvers.turns import Turns, to_the_end
 
@@ -41,9 +42,11 @@ def proximal_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
     return to_the_end(proximal_turns(problem, r, monitor, options))
 
 
-def proximal_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: ProximalOptions) -> Turns:
-    """The same by turns of one inner problem each."""
-    inner, by_steps, moving = InnerProblems(problem, monitor, options), options.counts == "steps", options.strategy == "prox"
+def proximal_turns(
+    problem: LocalProblem | LocalRollingProblem, r: FloatArray, monitor: Monitor, options: ProximalOptions, inside: Inside | None = None
+) -> Turns:
+    """The same by turns of one inner problem each; inside: as in `InnerProblems`."""
+    inner, by_steps, moving = InnerProblems(problem, monitor, options, inside), options.counts == "steps", options.strategy == "prox"
     W, q, origin = problem.W, problem.q, np.zeros_like(r)
     error = monitor.record(r, W @ r + q)
     regularisation = Regularisation.first(error, options)

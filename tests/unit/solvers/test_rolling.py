@@ -213,3 +213,64 @@ def test_refusals() -> None:
         solve(p, "auto", tol=0.0)
     with pytest.raises(InputError, match="local_iterations"):
         solve(p, "auto", local_iterations=0)
+
+
+def stack(mu: float, arm: float, heaviest: float, spheres: int = 4, seed: int = 0) -> tuple[GlobalRollingProblem, Any]:
+    """Spheres on each other, tilted, that move and spin at first; rolling resistance arm R, masses up to `heaviest` times the lightest.
+
+    Also M's diagonal, for a residual of one's own.
+    """
+    rng = np.random.default_rng(seed)
+    radius = rng.uniform(0.05, 0.1, spheres)
+    mass = 1000 * radius**3 * heaviest ** (rng.permutation(spheres) / (spheres - 1))
+    M, f, H = np.zeros(6 * spheres), np.zeros(6 * spheres), np.zeros((6 * spheres, 5 * spheres))
+    contacts = []
+    for i in range(spheres):
+        N = np.array([0.0, 0.0, 1.0]) + (0.3 * rng.standard_normal(3) if i else 0.0)
+        N /= np.linalg.norm(N)
+        T1 = np.cross(N, [1.0, 0.0, 0.0])
+        T1 /= np.linalg.norm(T1)
+        frame = np.array([N, T1, np.cross(N, T1)])
+        M[6 * i : 6 * i + 6] = [mass[i]] * 3 + [0.4 * mass[i] * radius[i] ** 2] * 3
+        f[6 * i : 6 * i + 6] = M[6 * i : 6 * i + 6] * np.r_[0.3 * rng.standard_normal(3), 3 * rng.standard_normal(3)]
+        f[6 * i : 6 * i + 3] += 1e-2 * g * mass[i] * np.array([0.3, 0.0, -1.0])
+        for body, sign, lever in ((i, 1.0, -radius[i]), (i - 1, -1.0, radius[i - 1])):
+            if body < 0:
+                continue
+            for k in range(3):
+                H[6 * body : 6 * body + 3, 5 * i + k] = sign * frame[k]
+                H[6 * body + 3 : 6 * body + 6, 5 * i + k] = sign * np.cross(lever * N, frame[k])
+            H[6 * body + 3 : 6 * body + 6, 5 * i + 3] = sign * frame[1]
+            H[6 * body + 3 : 6 * body + 6, 5 * i + 4] = sign * frame[2]
+        contacts.append(min(radius[i], radius[max(i - 1, 0)]))
+    mu_r = arm * np.array(contacts)
+    return GlobalRollingProblem(np.diag(M), H, f, np.zeros(5 * spheres), np.full(spheres, mu), mu_r), M
+
+
+@pytest.mark.parametrize("heaviest", [1.0, 1e3, 1e6])
+@pytest.mark.parametrize(("mu", "arm"), [(0.1, 1e-3), (5.0, 0.5), (5.0, 1e-3), (0.3, 0.5)])
+@pytest.mark.parametrize("spheres", [2, 4, 6])
+@pytest.mark.parametrize("unit", [1.0, 1e-9])
+def test_auto_solves_stacks_of_spheres_whose_law_holds_in_long_doubles(
+    mu: float, arm: float, heaviest: float, spheres: int, unit: float
+) -> None:
+    """Each contact's law is measured on u = H^T M^-1 (H r + f) in long doubles, relative to its own speeds and reactions."""
+    p, M = stack(mu, arm, heaviest, spheres)
+    result = solve(replace(p, M=p.M * unit, f=p.f * unit), "auto", tol=1e-10)
+    assert result.solved and result.iterations < 10_000
+    long = np.longdouble
+    r, H = result.r.astype(long) / long(unit), p.H.astype(long)
+    u = (H.T @ ((H @ r + p.f.astype(long)) / M.astype(long))).reshape(-1, 5)
+    r = r.reshape(-1, 5)
+    fall = (H.T @ (p.f.astype(long) / M.astype(long))).reshape(-1, 5)
+    speed = np.max(np.abs(fall[:, :3]))
+    assert np.all(u[:, 0] > -1e-7 * speed)
+    assert np.all(r[:, 0] >= 0) and np.any(r[:, 0] > 0)
+    pressed = r[:, 0] > 0
+    assert np.all(u[pressed, 0] < 1e-7 * speed)
+    for begin, coefficient, turn in ((1, p.mu, 1.0), (3, p.mu_r, 0.05)):
+        held, moved = r[:, begin : begin + 2], u[:, begin : begin + 2]
+        limit, length = coefficient * r[:, 0], np.hypot(moved[:, 0], moved[:, 1])
+        assert np.all(np.hypot(held[:, 0], held[:, 1]) <= limit * (1 + 1e-9) + 1e-30)
+        lost = limit * length + np.einsum("ai,ai->a", held, moved)  # 0 where the part dissipates most
+        assert np.all(lost[pressed] <= 1e-6 * (limit * speed / turn)[pressed] + 1e-30)

@@ -50,7 +50,7 @@ def true_error(p: LocalProblem, r: np.ndarray) -> float:
     return np.sqrt(total) / float(np.linalg.norm(p.q))
 
 
-NAMES = [name for name, method in SOLVERS.items() if isinstance(method.options, NewtonOptions)]
+NAMES = [name for name, method in SOLVERS.items() if isinstance(method.options, NewtonOptions) and 5 not in method.dimensions]
 CHOICES: list[dict[str, Any]] = [
     {"rho": "adaptive"},
     {"line_search": "Armijo", "reference": "maximum", "window": 5},
