@@ -216,7 +216,7 @@ class Simulation:
             if part is None:
                 if cuts == self.cuttings:
                     times, begins = (after.state.t, after.state.t + self.scheme.h, moment.state.t), moment.number == 1
-                    why = (*doubts(self.model, self.scheme, self.linkage is not None), *(self._opening(after.state) if begins else ()))
+                    why = (*doubts(self.model, self.scheme, self.linkage, times, attempts), *(self._opening(after.state) if begins else ()))
                     raise not_converged(self.solver, moment.number, times, self.cuttings, attempts, why)
                 cuts += 1
                 continue

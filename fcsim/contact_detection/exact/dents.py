@@ -16,7 +16,7 @@ from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
 from fcsim.contact_detection.exact.solids import Placed, Touch
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
-_FINE = 0.1  # of the radius: vertices all of whose facets are no longer touch
+FINE = 0.1  # of the radius: vertices all of whose facets are no longer touch
 _SAG = 0.01  # of the height of a round body over a chord: vertices so near touch, and the facets around them are dented
 _DEEP = 0.5  # of the radius: what lies deeper is another part of the body
 _FACING = 0.5  # cosine between the way out and a facet around the vertex
@@ -52,8 +52,8 @@ def vertices_under(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> 
     k, v, s, away, distance, gap, flat = (array[keep] for array in (k, v, s, away, distance, gap, flat))
     direction = away / distance[:, None]
     end = np.where(s < 0, 1.0, -1.0)[:, None] * now.along[k]  # the way out by a cylinder's end
-    facing, by_end, longest = _around(skin, x, v, direction, end)
-    keep = (longest <= _FINE * solids.radius[k]) & (facing > _FACING) & (~flat | (facing >= by_end))
+    facing, by_end, longest = around(skin, x, v, direction, end)
+    keep = (longest <= FINE * solids.radius[k]) & (facing > _FACING) & (~flat | (facing >= by_end))
     k, v, s, direction, gap, longest = (array[keep] for array in (k, v, s, direction, gap, longest))
     node, radius = skin.vertices[v], solids.radius[k]
     pressed = np.unique((k * len(x) + node)[gap <= _SAG * longest**2 / (8 * radius)])
@@ -83,9 +83,7 @@ def beside(touch: Touch, dents: Dents, solids_of_body: IntArray, n_nodes: int) -
     return ~(own | np.isin(corners, dents.pressed).any(axis=1))
 
 
-def _around(
-    skin: MeshSkin, x: FloatArray, v: IntArray, direction: FloatArray, end: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def around(skin: MeshSkin, x: FloatArray, v: IntArray, direction: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of facets around vertices v (n,): the largest cosines of normals with direction and with end (n, d); the longest side."""
     d = skin.facets.shape[1]
     corners, normal = x[skin.facets], normals(skin, x)

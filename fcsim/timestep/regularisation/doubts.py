@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from fcsim.assembly.floating import FAINT, floating, proposed_eta
 from fcsim.assembly.model import Model
+from fcsim.mesh.material.by_region import AnyMaterial, ByRegion
+from fcsim.mesh.material.law import PointLaw
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.step import Attempt
 
 HIDDEN = 1e-3
 """Of the proposed eta: below it round-off hides the mass of a body that only contact holds."""
@@ -15,12 +20,16 @@ PRESSED = 1e-2
 """Of a body's stiffness: an eta / h^2 M that bears what loads of some percent of its modulus do to a body that turns."""
 
 
-def doubts(model: Model, scheme: Scheme, linked: bool) -> Iterator[str]:
-    """Of statics with eta > 0: bodies whose mass is too faint to keep them where they are until contact does.
+def doubts(model: Model, scheme: Scheme, linked: object, times: tuple[float, float, float], attempts: Sequence[Attempt]) -> Iterator[str]:
+    """Of statics: plastic bodies under loads that may be beyond their limit load; with eta > 0 bodies whose mass is too faint to keep them
+    where they are until contact does.
 
-    linked: there are links, which may hold it.
+    linked: links, None = none, which may hold it; times [s]: beginning and end of the step and the beginning of its last part; attempts:
+    what was tried.
     """
-    if not isinstance(scheme, QuasiStatic) or not scheme.eta or linked:
+    if isinstance(scheme, QuasiStatic) and attempts and attempts[-1].solver == "Newton":
+        yield from _limit_load(model, times)
+    if not isinstance(scheme, QuasiStatic) or not scheme.eta or linked is not None:
         return
     loose = [(eta, number) for number in floating(model) if (eta := proposed_eta(model, number, scheme.h)) is not None]
     if loose and scheme.eta < HIDDEN * max(loose)[0]:
@@ -37,3 +46,21 @@ def doubts(model: Model, scheme: Scheme, linked: bool) -> Iterator[str]:
             f"unstable, and its mass has to bear that until contact does: try eta = {PRESSED / FAINT * eta:.0e} and steps in which "
             "loads stand"
         )
+
+
+def _limit_load(model: Model, times: tuple[float, float, float]) -> Iterator[str]:
+    plastic = [body.name for body in model.deformable if _is_plastic(body.part.material)]
+    forces = [np.linalg.norm(model.load(t) - model.driven_share(model.load(t))) for t in times[1:]]
+    if plastic and forces[0] > 0:
+        yield (
+            f"the loads may be more than plastic body {plastic[0]!r} can bear (its limit load): the last that it bore are those of "
+            f"t = {times[2]:.6g} s, {forces[1] / forces[0]:.3g} of those at the end of this step; to go on, drive it by supports with a "
+            "displacement in place of the load, or give it hardening"
+        )
+
+
+def _is_plastic(material: AnyMaterial | ByRegion) -> bool:
+    """Whether a law of the material keeps a plastic strain."""
+    if isinstance(material, ByRegion):
+        return any(map(_is_plastic, material.materials.values()))
+    return isinstance(material, PointLaw) and any("plastic" in variable.name for variable in material.variables)

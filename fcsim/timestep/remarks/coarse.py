@@ -34,7 +34,7 @@ def coarse(step: Step, found: Deformation, steps: int, when: str, said: frozense
     `fcsim.assembly.locking` spoke as the run began are not named again.
     """
     model = step.model
-    if "coarse" in said or step.scheme.timing.moving or model.shares is not None or not (_looked_at(step.number) or step.number == steps):
+    if "coarse" in said or step.scheme.timing.moving or model.shares is not None or not (looked_at(step.number) or step.number == steps):
         return {}
     strained: dict[int, int] = {}
     for number, body in enumerate(model.deformable):
@@ -61,7 +61,8 @@ def coarse(step: Step, found: Deformation, steps: int, when: str, said: frozense
     }
 
 
-def _looked_at(number: int) -> bool:
+def looked_at(number: int) -> bool:
+    """Whether the number of a step is 1, 4, 16, ...: what is dear is looked at then, and in the last step."""
     while number % EVERY == 0 and number > 1:
         number //= EVERY
     return number == 1

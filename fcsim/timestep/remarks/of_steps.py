@@ -7,6 +7,7 @@ from fcsim.contact_detection import Detection
 from fcsim.timestep.limits import remarks
 from fcsim.timestep.regularisation.out_of_balance import out_of_balance
 from fcsim.timestep.remarks.coarse import coarse
+from fcsim.timestep.remarks.dented import dented
 from fcsim.timestep.remarks.driven_parts import driven_parts
 from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
 from fcsim.timestep.remarks.snapping import Snapping
@@ -28,5 +29,6 @@ class StepRemarks:
             own
             | spinning(step, self._detection, when, said)
             | coarse(step, found, self._steps, when, said)
+            | dented(step, self._detection, self._steps, when, said)
             | driven_parts(step, when, said)
         )

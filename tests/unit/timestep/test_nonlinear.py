@@ -207,6 +207,19 @@ def test_a_step_too_long_is_cut_and_what_cannot_be_says_why() -> None:
         list(simulation(pulled(PointFunction(locking, 1.0), 2.0), AWAY, QuasiStatic(0.5), 2))
 
 
+def test_a_load_beyond_what_a_plastic_body_bears_is_said() -> None:
+    """A square in plane stress without hardening: sigma_y is its limit load (statics). Below it holds, elastic; beyond the last
+    load that it bore, found in parts of h/32, is named."""
+    perfect, tenths = Plastic(1000.0, 0.3, 1.0, 1.0), QuasiStatic(0.1)
+    *_, step = simulation(pulled(perfect, 0.99, plane="stress"), AWAY, tenths, 10)
+    assert_allclose(step.state.x[1 : step.model.n_elastic : 2].max(), 0.99e-3, rtol=1e-6)
+    with pytest.raises(
+        NotConverged, match=r"more than plastic body 'sq' can bear \(its limit load\).*t = 0.95\d* s, 0.95\d* of those"
+    ) as said:
+        list(simulation(pulled(perfect, 1.05, plane="stress"), AWAY, tenths, 10))
+    assert "displacement in place of the load" in str(said.value)
+
+
 def test_a_law_with_memory_from_elsewhere() -> None:
     """A damage law at points: s = (1 - D) C eps, D = 1 - e0 / e of the largest e = sqrt(eps : eps) so far, above e0: what is taken from the
     stored energy is dissipated, and the unloaded bar goes back to zero on the secant."""

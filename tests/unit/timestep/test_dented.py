@@ -1,0 +1,40 @@
+"""Round bodies of exact shape that dent facets too long for them are named; those on fine facets and on what is flat are not."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcsim import Body, ExactContacts, Limits, QuasiStatic, Simulation, Support, build_model
+from fcsim.mesh import rigid_capsule, rigid_cylinder, rigid_sphere
+from fcsim.mesh.material import Material
+from tests.analytic.references.meshes import block
+
+ANY = Limits(rotation=np.inf, strain=np.inf, left_out=np.inf)
+
+
+def said(kind: str, facet: float, depth: float, away: float = 0.3, cells: int = 8, steps: int = 4) -> list[tuple[int, str]]:
+    """Remarks on the dent by a round body of radius 1, driven into a slab of square facets, `away` of a facet from a vertex."""
+    half, R = facet * cells / 2, 1.0
+    flat = np.linspace(-half, half, cells + 1)
+    part = block("slab", [flat, flat, np.linspace(-half, 0, 5)], Material(1e6, 0.3, 1.0), "Q1-enhanced")
+    at = (away * facet, away * facet, R)
+    long: Any = {"cylinder": rigid_cylinder, "capsule": rigid_capsule}.get(kind)
+    ball = rigid_sphere("ball", R, at, 1.0) if long is None else long("ball", R, 4 * half, at, 1.0, axis=(0, 1, 0))
+    held = [Support("slab", ("x", "y", "z"), "z-"), Support("ball", ("x", "y", "rx", "ry", "rz")), Support("ball", ("z",), velocity=-depth)]
+    model = build_model([Body("slab", part), ball], supports=held)
+    run = Simulation(model, ExactContacts(model, mu=0.0), QuasiStatic(1 / steps), steps, limits=ANY, witness=None)
+    return [(step.number, text) for step in run for text in step.remarks if "dents" in text]
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder"])
+def test_a_dent_in_long_facets_is_said_once(kind: str) -> None:
+    found = said(kind, 0.2, 0.1)
+    assert len(found) == 1
+    assert "'ball' of radius 1 m dents 'slab' between facets of up to 0.28" in found[0][1]
+
+
+def test_fine_facets_and_shallow_dents_are_silent() -> None:
+    """Facets of 0.05 R (diagonals 0.07), whose vertices bear; and a dent of 5e-5 R, narrower (a = 0.007 R) than a facet of 0.2 R."""
+    assert said("sphere", 0.05, 0.01, cells=10) == []
+    assert said("sphere", 0.2, 5e-5) == []
