@@ -20,16 +20,22 @@ PRESSED = 1e-2
 """Of a body's stiffness: an eta / h^2 M that bears what loads of some percent of its modulus do to a body that turns."""
 
 
-def doubts(model: Model, scheme: Scheme, linked: object, times: tuple[float, float, float], attempts: Sequence[Attempt]) -> Iterator[str]:
+def doubts(
+    model: Model,
+    scheme: Scheme,
+    linked: object,
+    times: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    attempts: Sequence[Attempt] = (),
+) -> Iterator[str]:
     """Of statics: plastic bodies under loads that may be beyond their limit load; with eta > 0 bodies whose mass is too faint to keep them
     where they are until contact does.
 
-    linked: links, None = none, which may hold it; times [s]: beginning and end of the step and the beginning of its last part; attempts:
-    what was tried.
+    linked: links, None or False = none, which may hold it; times [s]: beginning and end of the step and the beginning of its
+    last part; attempts: what was tried, none = nothing is said of plastic bodies.
     """
     if isinstance(scheme, QuasiStatic) and attempts and attempts[-1].solver == "Newton":
         yield from _limit_load(model, times)
-    if not isinstance(scheme, QuasiStatic) or not scheme.eta or linked is not None:
+    if not isinstance(scheme, QuasiStatic) or not scheme.eta or (linked is not None and linked is not False):
         return
     loose = [(eta, number) for number in floating(model) if (eta := proposed_eta(model, number, scheme.h)) is not None]
     if loose and scheme.eta < HIDDEN * max(loose)[0]:
