@@ -65,12 +65,10 @@ def moved_by_supports(model: Model, H: sp.sparray, dimension: int, proportions: 
     return np.asarray((weight @ squares)[::dimension] <= FREE**2 * whole)
 
 
-def without_force(terms: Terms) -> BoolArray:
-    """Contacts (nc,) that a law gives no force of their own: neither adhesion nor a compliance, which make r known where u is."""
-    found = np.ones(len(terms.mu), dtype=bool)
-    for own in (terms.adhesion, terms.compliance):
-        found &= True if own is None else ~np.any(own, axis=1)
-    return found
+def without_force(terms: Terms) -> bool:
+    """Whether a law gives its contacts no force of their own: neither adhesion nor a compliance, which make r known where u is. Of a law
+    that does, contacts stay that have lost theirs: it remembers them."""
+    return terms.adhesion is None and terms.compliance is None
 
 
 def refuse_driven(driven: Driven, model: Model, dx: FloatArray, when: str) -> None:

@@ -247,8 +247,7 @@ def under_law(
     meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, trial)
     terms, driven = law.terms(meeting), None
     apart = moved_by_supports(model, H, contacts.dimension, proportions)
-    apart = apart & without_force(terms) if apart.any() else apart
-    if apart.any():
+    if apart.any() and without_force(terms):
         driven, H, meeting = _separated(H, meeting, apart)
         contacts, terms = meeting.contacts, law.terms(meeting)
     if terms.frame is not None and not np.array_equal(terms.frame, contacts.frame):

@@ -17,7 +17,7 @@ from fcsim.problem.reduction import reduce
 from fcsim.solvers import SOLVERS, Result, Status, solve
 from fcsim.solvers.newton.options import NewtonOptions
 
-NEWTON = [name for name, method in SOLVERS.items() if isinstance(method.options, NewtonOptions)]
+NEWTON = [name for name, method in SOLVERS.items() if isinstance(method.options, NewtonOptions) and not name.startswith("ROLLING")]
 GLOBAL = [name for name, method in SOLVERS.items() if method.run_global is not None]
 VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in SOLVERS} | {
     f"{name}, kkt": (name, {"linear": "kkt"}) for name in GLOBAL

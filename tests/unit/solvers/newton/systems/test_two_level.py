@@ -19,6 +19,7 @@ from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares, compliant_motions, shares_of
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
+from fcsim.runtime import limited_threads
 from fcsim.solvers.newton.systems import condensed
 from fcsim.solvers.newton.systems.two_level import system as two_level
 from fcsim.solvers.newton.systems.two_level.joints import Joints
@@ -183,7 +184,7 @@ def test_the_step_is_that_of_a_dense_solve(needed: float) -> None:
     assert found is not None
     exact = np.linalg.solve(sla.block_diag(*A) @ rows.W.toarray() + sla.block_diag(*B), rhs.ravel())
     assert np.linalg.norm(found[0] - exact) <= 10 * two_level.ACCURACY * np.linalg.norm(exact)
-    assert_allclose(found[1], rows.W @ found[0], atol=1e-12 * np.abs(found[1]).max())
+    assert_allclose(found[1], rows.W @ found[0], atol=1e-10 * np.abs(found[1]).max())
 
 
 def test_iterations_do_not_grow_with_the_wall(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,6 +244,7 @@ def test_where_it_does_not_get_there_it_says_so_and_leaves_the_rest_to_others(mo
     assert not system.pays
 
 
+@limited_threads()  # as in a run: what stands between steps is made by BLAS too
 def test_whole_steps_have_the_same_bits_on_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """A wall of 48 bricks, its work cut finely, all of Newton's systems by this way: reactions of every step."""
     monkeypatch.setattr(condensed, "TWO_LEVEL_FROM", 1)
