@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
@@ -19,7 +22,6 @@ from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares, compliant_motions, shares_of
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
-from fcsim.runtime import limited_threads
 from fcsim.solvers.newton.systems import condensed
 from fcsim.solvers.newton.systems.two_level import system as two_level
 from fcsim.solvers.newton.systems.two_level.joints import Joints
@@ -244,30 +246,38 @@ def test_where_it_does_not_get_there_it_says_so_and_leaves_the_rest_to_others(mo
     assert not system.pays
 
 
-@limited_threads()  # as in a run: what stands between steps is made by BLAS too
-def test_whole_steps_have_the_same_bits_on_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A wall of 48 bricks, its work cut finely, all of Newton's systems by this way: reactions of every step."""
-    monkeypatch.setattr(condensed, "TWO_LEVEL_FROM", 1)
-    monkeypatch.setattr(condensed, "BORDER_BESIDE", 0)
-    monkeypatch.setattr("fcsim.solvers.newton.systems.choice.TWO_LEVEL_FROM", 1)
-    monkeypatch.setattr(two_level, "ENTRIES_A_PIECE", 20_000)
-    monkeypatch.setattr("fcsim.solvers.newton.systems.two_level.joints.WORK_A_PIECE", 20_000)
-    pieces, reactions = [], []
-    make = two_level.Joints
+STEPS = """
+import hashlib, sys
+sys.path.insert(0, sys.argv[1])
+from fcsim.runtime import limited_threads
+from fcsim.solvers.newton.systems import choice, condensed
+from fcsim.solvers.newton.systems.two_level import joints, system
+from test_two_level import walls
+condensed.TWO_LEVEL_FROM = choice.TWO_LEVEL_FROM = 1
+condensed.BORDER_BESIDE = 0
+system.ENTRIES_A_PIECE = joints.WORK_A_PIECE = 20_000
+with limited_threads():  # as in a run: what stands between steps is made by BLAS too
+    for step in walls(1e-6, courses="6", blocks="7.5", steps="3"):
+        print(hashlib.sha256(step.result.r.tobytes()).hexdigest(), step.result.iterations)
+"""
 
-    def watched(*arguments: object) -> Joints:
-        joints = make(*arguments)  # type: ignore[arg-type]
-        pieces.append(len(joints.ranges))
-        return joints
 
-    monkeypatch.setattr(two_level, "Joints", watched)
-    for threads in ("1", "2", "3"):
-        monkeypatch.setenv("FCSIM_THREADS", threads)
-        reactions.append([step.result.r for step in walls(1e-6, courses="6", blocks="7.5", steps="3")])
-    assert min(pieces) > 3
-    for others in reactions[1:]:
-        for one, other in zip(reactions[0], others, strict=True):
-            assert_array_equal(other, one)
+def test_whole_steps_have_the_same_bits_on_any_number_of_threads() -> None:
+    """A wall of 48 bricks, its work cut finely, all of Newton's systems by this way: reactions of every step, in processes of their own."""
+    runs = [
+        subprocess.Popen(
+            [sys.executable, "-c", STEPS, str(Path(__file__).parent)],
+            env={**os.environ, "FCSIM_THREADS": threads},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for threads in ("1", "2", "3")
+    ]
+    said = [run.communicate(timeout=300)[0] for run in runs]
+    assert [run.returncode for run in runs] == [0, 0, 0]
+    assert len(said[0].splitlines()) == 3
+    assert said[1] == said[0]
+    assert said[2] == said[0]
 
 
 def test_a_run_whose_systems_this_way_does_not_solve_goes_on_by_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
