@@ -55,10 +55,11 @@ class DelassusSum:
         first = self.bodies[0]
         count = np.diff(first[begin : begin + len(kind) + 1])
         work = count * (C.shape[1] + len(self._axes) * count)  # the rows of h C, and those of h C h^T
+        values = self.values  # made here: threads that ask first at once would each make their own, and all but one be lost
         for bodies in self._rounds(begin, work):
 
             def add(some: IntArray) -> None:
-                add_bodies(*self.pattern, self.values, *self.bodies, begin + some, C, kind[some], symmetric, self._axes, self.nc)
+                add_bodies(*self.pattern, values, *self.bodies, begin + some, C, kind[some], symmetric, self._axes, self.nc)
 
             begins = np.concatenate([[0], np.cumsum(work[bodies])])
             side_by_side([partial(add, bodies[i:j]) for i, j in pieces_by_work(begins, WORK_A_PIECE)])
