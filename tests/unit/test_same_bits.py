@@ -6,8 +6,10 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ import scipy.sparse as sp
 
 from fcsim.linear.block_rows import BLOCKS_A_PIECE, product_by_rows
 from fcsim.linear.products import product, times, transposed_times
-from fcsim.problem import LocalProblem
+from fcsim.problem import LocalProblem, delassus_sum
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.running.case import load_case
 from fcsim.running.outputs import RunOptions
@@ -101,6 +103,63 @@ def test_products_are_right_whatever_the_threads(on: Callable[[int], None]) -> N
     for one, other, expected in zip(alone, all_of_them(), (W @ r + q, A @ x, A.T @ y, A @ B), strict=True):
         np.testing.assert_allclose(other, expected, rtol=1e-3 if other.dtype == np.float32 else 1e-10, atol=1e-3)
         assert one.tobytes() == other.tobytes()
+
+
+def test_threads_that_begin_at_once_add_to_one_sum(on: Callable[[int], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whose entries are made slowly, as in memory that the system has to find first: else a thread made its own and lost what it held."""
+
+    class SlowZeros:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(np, name)
+
+        def zeros(self, *arguments: Any) -> np.ndarray:
+            time.sleep(0.05)
+            return np.zeros(*arguments)
+
+    on(4)
+    rng, bodies, size = np.random.default_rng(0), 8, 6
+    H = sp.csc_array(sp.block_diag([rng.standard_normal((size, 6)) for _ in range(bodies)]))
+    body, column = np.divmod(np.arange(bodies * size), size)
+    C = rng.standard_normal((bodies, size, size))
+    C = C + C.transpose(0, 2, 1)
+    monkeypatch.setattr(delassus_sum, "WORK_A_PIECE", 1)
+    monkeypatch.setattr(delassus_sum, "np", SlowZeros())
+    W = DelassusSum(H, body, column, bodies, 3)
+    W.add(0, C, np.arange(bodies))
+    found, expected = W.matrix(), H.toarray().T @ sp.block_diag(list(C)).toarray() @ H.toarray()
+    np.testing.assert_allclose(found.toarray() if sp.issparse(found) else found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+MADE_TWICE = """
+import functools, os, time
+
+class Slow(functools.cached_property):
+    def __get__(self, instance, owner=None):
+        if instance is None or self.attrname in instance.__dict__:
+            return self if instance is None else instance.__dict__[self.attrname]
+        time.sleep(0.002)
+        value = self.func(instance)
+        if self.attrname in instance.__dict__:
+            with open(os.environ["MADE_TWICE"], "a") as log:
+                print(type(instance).__qualname__, self.attrname, file=log)
+        instance.__dict__[self.attrname] = value
+        return value
+
+functools.cached_property = Slow
+"""
+
+
+def test_no_property_is_made_twice_by_two_threads(tmp_path: Path) -> None:
+    """However long they take: the wall's steps on three threads with its files beside them. Who adds to such a value would lose it."""
+    (tmp_path / "sitecustomize.py").write_text(MADE_TWICE)
+    log = tmp_path / "twice.txt"
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "FCSIM_THREADS": "3", "PYTHONPATH": path, "MADE_TWICE": str(log)}
+    given = ["--set", "steps=4", "--export-every", "1", "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "fcsim", "run", str(ROOT / "cases" / "masonry_wall"), *given]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, cwd=ROOT)
+    assert ended.returncode == 0, ended.stderr[-2000:]
+    assert not log.exists(), log.read_text()
 
 
 @pytest.mark.parametrize(("solver", "limit"), [("NSN-AC", 30), ("ADMM", 60), ("NSGS-AC", 15), ("auto", 0)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from itertools import pairwise
 from typing import Any
 
@@ -13,7 +12,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear import storage
 from fcsim.linear.factors import mirror
-from fcsim.problem import delassus_sum
 from fcsim.problem._delassus_kernels import alike_in_contacts, union_of_neighbours
 from fcsim.problem.delassus_sum import DelassusSum
 
@@ -102,28 +100,3 @@ def test_mirror(size: int) -> None:
     upper = np.triu(A)
     mirror(A)
     assert_array_equal(A, upper + np.triu(upper, 1).T)
-
-
-def test_threads_that_begin_at_once_add_to_one_sum(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whose entries are made slowly, as in memory that the system has to find first: else a thread made its own and lost what it held."""
-
-    class Slow:
-        def __getattr__(self, name: str) -> Any:
-            return getattr(np, name)
-
-        def zeros(self, *arguments: Any) -> np.ndarray:
-            time.sleep(0.05)
-            return np.zeros(*arguments)
-
-    rng, bodies, size = np.random.default_rng(0), 8, 6
-    H = sp.csc_array(sp.block_diag([rng.standard_normal((size, 6)) for _ in range(bodies)]))
-    body, column = np.divmod(np.arange(bodies * size), size)
-    C = rng.standard_normal((bodies, size, size))
-    C = C + C.transpose(0, 2, 1)
-    monkeypatch.setattr(delassus_sum, "WORK_A_PIECE", 1)
-    monkeypatch.setattr(delassus_sum, "np", Slow())
-    monkeypatch.setenv("FCSIM_THREADS", "4")
-    W = DelassusSum(H, body, column, bodies, 3)
-    W.add(0, C, np.arange(bodies))
-    expected = H.toarray().T @ sp.block_diag(list(C)).toarray() @ H.toarray()
-    assert_allclose(dense(W.matrix()), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
