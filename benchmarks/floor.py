@@ -30,7 +30,7 @@ from rich.table import Table
 
 from fcsim.linear.fronts import MultifrontalCholesky
 from fcsim.linear.late.late_rows import source_of
-from fcsim.problem.by_bodies.shares import BodiesShares
+from fcsim.problem.bodies.late import LateSum
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.newton.systems import condensed, remainder
@@ -110,8 +110,8 @@ class Count:
             return wider
 
         def counted_product(this: Any, x: np.ndarray) -> np.ndarray:
-            if isinstance(source := source_of(this._W), BodiesShares):
-                self._read("compliances, for products with W,", source.work.bytes)
+            if isinstance(source := source_of(this._W), LateSum):
+                self._read("compliances, for products with W,", source.shares.work.bytes)
             else:
                 blocks = this._W.data if sp.issparse(this._W) else this._W
                 self._read("W", blocks.nbytes * np.count_nonzero(x) / len(x))  # contacts where x is zero are left out

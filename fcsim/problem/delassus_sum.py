@@ -31,6 +31,7 @@ class DelassusSum:
         H = H.tocsc()
         self._m, self._axes = H.shape[1], tuple(range(dimension))
         self.nc = nc = self._m // dimension
+        self.bodies: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
         self.bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
         starts, columns = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
         if self._m > storage.SPARSE_FROM:

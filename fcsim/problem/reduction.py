@@ -21,10 +21,12 @@ from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.linear import storage
 from fcsim.linear.factors import DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
+from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
 from fcsim.problem._delassus_kernels import alike_in_contacts
 from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
+from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.problem.delassus import diagonal_blocks, own_compliance
 from fcsim.problem.delassus_sum import DelassusSum
@@ -249,9 +251,14 @@ class Reduction:
         """The local form W, q, mu."""
         p = self.problem
         W = self.delassus(p.dimension)
-        make = None if p.G is not None else self.factor.shares(self._H, p.dimension)
-        shares = None if make is None else KnownShares(W, make)
-        return LocalProblem(W, self.q, p.mu, dimension=p.dimension, motion=_motion(p, W), shares=shares)
+        return LocalProblem(W, self.q, p.mu, dimension=p.dimension, motion=_motion(p, W), shares=self._shares(W))
+
+    def _shares(self, W: Matrix) -> KnownShares | None:
+        """The bodies' shares of W: those that it is made of where its entries are made late."""
+        if isinstance(source := source_of(W), LateSum):
+            return KnownShares(W, lambda: source.shares)
+        make = None if self.problem.G is not None else self.factor.shares(self._H, self.problem.dimension)
+        return None if make is None else KnownShares(W, make)
 
     @limited_threads()
     def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:

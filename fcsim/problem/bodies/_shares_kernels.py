@@ -1,4 +1,8 @@
-"""Loops over pairs of a body and a contact, compiled by numba."""
+"""Products and parts of W = sum of h C h^T by bodies, compiled.
+
+first, contacts, begins, unknowns, weights: h by pairs of a body and a contact, as in `_delassus_kernels`; in the plane the third weights
+are zero, and vectors and blocks have three rows a contact all the same.
+"""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -22,6 +26,24 @@ def sides_of_pairs(first, contacts, bodies, side):
 
 
 @njit(cache=True)
+def pairs_of_contacts(first, contacts, nc):
+    """Return starts (nc + 1,), pairs and bodies: those of contact a from starts[a] on, bodies ascending."""
+    starts = np.zeros(nc + 1, dtype=np.int64)
+    for a in contacts:
+        starts[a + 1] += 1
+    for a in range(nc):
+        starts[a + 1] += starts[a]
+    pairs, bodies = np.empty(len(contacts), dtype=np.int64), np.empty(len(contacts), dtype=np.int64)
+    free = starts[:-1].copy()
+    for b in range(len(first) - 1):
+        for p in range(first[b], first[b + 1]):
+            i = free[contacts[p]]
+            free[contacts[p]] += 1
+            pairs[i], bodies[i] = p, b
+    return starts, pairs, bodies
+
+
+@njit(cache=True)
 def add_modes(first, contacts, begins, unknowns, weights, begin, kind, L, side, G):
     """Write h L of the bodies begin, begin + 1, ... with the motions L[kind[0]], L[kind[1]], ... (n, k) to G (nc, d, 2 k), zero before."""
     d, k = G.shape[1], L.shape[2]
@@ -37,39 +59,91 @@ def add_modes(first, contacts, begins, unknowns, weights, begin, kind, L, side, 
 
 
 @njit(cache=True, nogil=True)
-def gather_forces(first, contacts, begins, unknowns, weights, bodies, x, forces):
-    """Add h^T x of `bodies` (nb,) to forces (nb, n), for x (nc, d)."""
-    d = x.shape[1]
-    for i in range(len(bodies)):
-        own = forces[i]
-        for p in range(first[bodies[i]], first[bodies[i] + 1]):
-            r = x[contacts[p]]
+def gather_forces(first, contacts, begins, unknowns, weights, row, begin, end, x, forces):
+    """Add h^T x, for x (3 nc,), of the bodies begin, ..., end - 1 to forces: those of body b stand from row[b] on."""
+    for b in range(begin, end):
+        own = forces[row[b] :]
+        for p in range(first[b], first[b + 1]):
+            a = 3 * contacts[p]
+            x0, x1, x2 = x[a], x[a + 1], x[a + 2]
+            if x0 == 0.0 and x1 == 0.0 and x2 == 0.0:
+                continue
             for e in range(begins[p], begins[p + 1]):
-                total = weights[e, 0] * r[0]
-                for j in range(1, d):
-                    total += weights[e, j] * r[j]
-                own[unknowns[e]] += total
+                own[unknowns[e]] += weights[e, 0] * x0 + weights[e, 1] * x1 + weights[e, 2] * x2
 
 
 @njit(cache=True, nogil=True)
-def spread_velocities(first, contacts, begins, unknowns, weights, bodies, velocities, of_pairs):
-    """Write h v of `bodies` (nb,), v their rows of velocities (nb, n), to of_pairs (pairs, d), zero before."""
-    d = of_pairs.shape[1]
-    for i in range(len(bodies)):
-        own = velocities[i]
-        for p in range(first[bodies[i]], first[bodies[i] + 1]):
+def spread_velocities(begins, unknowns, weights, starts, pairs, rows, begin, end, velocities, u):
+    """Add h v of the contacts begin, ..., end - 1 to u (3 nc,), the velocities v of their bodies from `rows` on; starts, pairs: see
+    `pairs_of_contacts`."""
+    for a in range(begin, end):
+        for i in range(starts[a], starts[a + 1]):
+            v, p = velocities[rows[i] :], pairs[i]
+            u0, u1, u2 = 0.0, 0.0, 0.0
             for e in range(begins[p], begins[p + 1]):
-                v = own[unknowns[e]]
-                for j in range(d):
-                    of_pairs[p, j] += weights[e, j] * v
+                value = v[unknowns[e]]
+                u0 += weights[e, 0] * value
+                u1 += weights[e, 1] * value
+                u2 += weights[e, 2] * value
+            u[3 * a] += u0
+            u[3 * a + 1] += u1
+            u[3 * a + 2] += u2
 
 
-@njit(cache=True)
-def sum_of_pairs(pairs, of_pairs):
-    """u (nc, d): the sum of of_pairs over the pairs (nc, 2) of each contact, -1 for none."""
-    u = np.zeros((len(pairs), of_pairs.shape[1]))
-    for a in range(len(pairs)):
-        for s in range(2):
-            if pairs[a, s] >= 0:
-                u[a] += of_pairs[pairs[a, s]]
-    return u
+@njit(cache=True, nogil=True)
+def diagonal_of_shares(first, contacts, begins, unknowns, weights, begin, C, kind, blocks):
+    """Add the contacts' own blocks of h C h^T, the lower triangle mirrored, to blocks (nc, 3, 3)."""
+    for b in range(len(kind)):
+        own = C[kind[b]]
+        for p in range(first[begin + b], first[begin + b + 1]):
+            block = blocks[contacts[p]]
+            for e in range(begins[p], begins[p + 1]):
+                row = own[unknowns[e]]
+                s0, s1, s2 = 0.0, 0.0, 0.0
+                for f in range(begins[p], begins[p + 1]):
+                    value = row[unknowns[f]]
+                    s0 += value * weights[f, 0]
+                    s1 += value * weights[f, 1]
+                    s2 += value * weights[f, 2]
+                w0, w1, w2 = weights[e, 0], weights[e, 1], weights[e, 2]
+                block[0, 0] += w0 * s0
+                block[1, 0] += w1 * s0
+                block[1, 1] += w1 * s1
+                block[2, 0] += w2 * s0
+                block[2, 1] += w2 * s1
+                block[2, 2] += w2 * s2
+    for block in blocks:
+        block[0, 1], block[0, 2], block[1, 2] = block[1, 0], block[2, 0], block[2, 1]
+
+
+@njit(cache=True, nogil=True)
+def rows_of_shares(first, contacts, begins, unknowns, weights, begin, C, kind, wanted, place, values):
+    """Add h C h^T of the contacts a with wanted[a] >= 0 as rows and b with place[b] >= 0 as columns to `values`."""
+    n = C.shape[1]
+    rows = np.empty((3, n))
+    for b in range(len(kind)):
+        own = C[kind[b]]
+        for p in range(first[begin + b], first[begin + b + 1]):
+            at = 3 * wanted[contacts[p]]
+            if at < 0:
+                continue
+            rows[:] = 0
+            for e in range(begins[p], begins[p + 1]):
+                source = own[unknowns[e]]
+                for i in range(3):
+                    row, w = rows[i], weights[e, i]
+                    for j in range(n):
+                        row[j] += w * source[j]
+            row0, row1, row2 = rows[0], rows[1], rows[2]
+            for q in range(first[begin + b], first[begin + b + 1]):
+                column = 3 * place[contacts[q]]
+                if column < 0:
+                    continue
+                for e in range(begins[q], begins[q + 1]):
+                    j = unknowns[e]
+                    x, y, z = row0[j], row1[j], row2[j]
+                    for i in range(3):
+                        w = weights[e, i]
+                        values[at, column + i] += x * w
+                        values[at + 1, column + i] += y * w
+                        values[at + 2, column + i] += z * w

@@ -1,4 +1,4 @@
-"""Products with W body by body, h C (h^T x), in the place of W's block rows: bodies that share C are columns of one product of matrices.
+"""Products with W body by body, h C (h^T x), in the place of W's block rows: bodies that share C are rows of one product of matrices.
 
 C of one part serves all its bodies from the cache; W's block rows, hundreds of megabytes for a wall of many hundred bricks, come from
 memory.
@@ -6,46 +6,91 @@ memory.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.problem.bodies._shares_kernels import gather_forces, spread_velocities, sum_of_pairs
+from fcsim.problem.bodies._shares_kernels import gather_forces, pairs_of_contacts, spread_velocities
 from fcsim.problem.bodies.shares import BodyShares
-from fcsim.threads import pieces, side_by_side
+from fcsim.threads import pieces, pieces_by_work, side_by_side
 
-OPERATIONS_A_PIECE = 2_000_000
-"""Of products with a compliance that one thread takes: a tenth of a millisecond."""
+OPERATIONS_A_PIECE = 4_000_000
+"""Of products with compliances that one thread takes, as of other products of matrices."""
+CACHED = 250_000
+"""Entries of C up to which a core's own cache holds it, so that each piece may read all of it for some bodies; of larger ones each piece
+reads some columns, for all bodies."""
+WEIGHTS_A_PIECE, CONTACTS_A_PIECE = 100_000, 4000
+"""Entries of h, and contacts with some thirty of them, that one thread goes through in as much time."""
 
 
 class ShareProduct:
-    """x (m,) -> W x, body by body: h C (h^T x), bodies of one compliance together."""
+    """x, q -> W x + q, body by body: h C (h^T x), bodies of one compliance together. Its cuts follow from the sizes alone."""
 
-    def __init__(self, shares: BodyShares, side: IntArray) -> None:
-        """side (pairs,): see `BodyShares.bodies`."""
+    def __init__(self, shares: BodyShares) -> None:
         self._shares = shares
-        self._pairs = np.full((shares.nc, 2), -1)
-        self._pairs[shares.contacts, side] = np.arange(len(shares.contacts))
-        self._alike = []
-        for begin, C, kind in shares.runs:
-            for k in np.unique(kind):
-                self._alike.append((begin + np.flatnonzero(kind == k), C[k]))
+        row, end = np.zeros(shares.count, dtype=np.int64), 0
+        self._alike: list[tuple[int, int, FloatArray]] = []  # bodies' rows of numbers of one C, one after the other, and C
+        for bodies, C in _alike(shares):
+            n, begin = C.shape[-1], end
+            end += len(bodies) * n
+            row[bodies] = begin + n * np.arange(len(bodies))
+            self._alike.append((begin, end, C))
+        self._row, self._size = row, end
+        self._starts, self._pairs, bodies = pairs_of_contacts(shares.first, shares.contacts, shares.nc)
+        self._rows = row[bodies]
+        self._of_bodies = pieces_by_work(shares.begins[shares.first], WEIGHTS_A_PIECE)
+        self._of_contacts = pieces(shares.nc, CONTACTS_A_PIECE)
 
-    def __call__(self, x: FloatArray) -> FloatArray:
-        s, d = self._shares, self._shares.dimension
-        x = np.ascontiguousarray(x).reshape(-1, d)
-        of_pairs = np.zeros((len(s.contacts), d))
-        h = (s.first, s.contacts, s.begins, s.unknowns, s.weights)
-        cut = [(bodies[i:j], C) for bodies, C in self._alike for i, j in pieces(len(bodies), max(1, OPERATIONS_A_PIECE // (C.size or 1)))]
-        side_by_side([partial(_add_bodies, h, bodies, C, x, of_pairs) for bodies, C in cut])
-        return sum_of_pairs(self._pairs, of_pairs).ravel()
+    @property
+    def operations(self) -> int:
+        """Multiplications with entries of compliances in a product."""
+        return sum((end - begin) * C.shape[-1] for begin, end, C in self._alike)
+
+    def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
+        """W x + q (m,) for x and q (m,)."""
+        s = self._shares
+        x, u = s.by_three(x), s.by_three(q)
+        u = u.copy() if u is q else u
+        forces, velocities = np.zeros(self._size), np.empty(self._size)
+        h = (s.begins, s.unknowns, s.weights)
+        side_by_side([partial(gather_forces, s.first, s.contacts, *h, self._row, i, j, x, forces) for i, j in self._of_bodies])
+        products = list(self._products(forces, velocities))
+        if self.operations < 2 * OPERATIONS_A_PIECE:
+            for product in products:
+                product()
+        else:
+            side_by_side(products)
+        places = (self._starts, self._pairs, self._rows)
+        side_by_side([partial(spread_velocities, *h, *places, i, j, velocities, u) for i, j in self._of_contacts])
+        return s.by_dimension(u)
+
+    def _products(self, forces: FloatArray, velocities: FloatArray) -> Iterator[Callable[[], object]]:
+        """What writes C h^T x of all bodies to velocities, cut for threads."""
+        for begin, end, C in self._alike:
+            n = C.shape[-1]
+            Y, Z = forces[begin:end].reshape(-1, n), velocities[begin:end].reshape(-1, n)
+            if C.ndim == 2 and C.size > CACHED:
+                for i, j in pieces(n, max(1, OPERATIONS_A_PIECE // Y.size)):
+                    yield partial(np.matmul, Y, C[:, i:j], out=Z[:, i:j])
+                continue
+            for i, j in pieces(len(Y), max(1, OPERATIONS_A_PIECE // (n * n))):
+                if C.ndim == 2:
+                    yield partial(np.matmul, Y[i:j], C, out=Z[i:j])
+                else:
+                    yield partial(np.matmul, Y[i:j, None], C[i:j], out=Z[i:j, None])
 
 
-def _add_bodies(
-    h: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray], bodies: IntArray, C: FloatArray, x: FloatArray, of_pairs: FloatArray
-) -> None:
-    """Write h C h^T x of `bodies`, which share C, to their rows of of_pairs (pairs, d)."""
-    forces = np.zeros((len(bodies), len(C)))
-    gather_forces(*h, bodies, x, forces)
-    spread_velocities(*h, bodies, forces @ C, of_pairs)
+def _alike(shares: BodyShares) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Bodies and the C (n, n) that they share, or C (nb, n, n), one for each."""
+    for begin, C, kind in shares.runs:
+        if not C.shape[-1] or not len(kind):
+            continue
+        if len(C) == 1:
+            yield begin + np.arange(len(kind)), C[0]
+        elif len(C) == len(kind) and np.array_equal(np.sort(kind), np.arange(len(kind))):
+            yield begin + np.argsort(kind), C
+        else:
+            for k in np.unique(kind):  # the parts of a model, few of many bodies
+                yield begin + np.flatnonzero(kind == k), C[k]

@@ -1,4 +1,4 @@
-"""W = sum of h C h^T by bodies, where that is known beside W itself: what a preconditioner takes from the bodies behind W.
+"""W = sum of h C h^T by bodies, where that is known beside W itself: what products and a preconditioner take from the bodies behind W.
 
 C (k, k) is a body's compliance on those of its unknowns that contacts touch, h its part of H^T. Few motions make most of it: the rigid
 ones, which inertia alone resists, are thousands of times as compliant as the others, and some that strain a body as a whole come next.
@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.brief import brief
+from fcsim.linear.storage import REAL, Work
 from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem.bodies._shares_kernels import add_modes, sides_of_pairs
 
@@ -21,13 +22,16 @@ EIGEN_UP_TO, SWEEPS, MORE, NEGLIGIBLE = 24, 3, 6, 1e-14
 """Unknowns up to which C's eigenvectors are computed as they are; else iterations of a subspace, wider than what is asked for by MORE.
 Eigenvalues below NEGLIGIBLE of the largest are round-off."""
 
+Run = tuple[int, FloatArray, IntArray]
+"""What `DelassusSum.add` takes of symmetric C: (first body, C (c, k, k), which of them is whose (nb,)), of bodies one after the other."""
+
 
 @dataclass(frozen=True, eq=False)
 class BodyShares:
     """The shares of W, contact by contact.
 
-    first, contacts, begins, unknowns, weights: h as `entries_by_body` gives it; runs: (first body, C (c, k, k), which of them is
-    whose (nb,)) of bodies one after the other; nc: the number of contacts; dimension: d of a contact.
+    first, contacts, begins, unknowns, weights: h as `entries_by_body` gives it; runs: the compliances, bodies ascending; nc: the
+    number of contacts; dimension: d of a contact.
     """
 
     first: IntArray
@@ -35,7 +39,7 @@ class BodyShares:
     begins: IntArray
     unknowns: IntArray
     weights: FloatArray
-    runs: tuple[tuple[int, FloatArray, IntArray], ...]
+    runs: tuple[Run, ...]
     nc: int
     dimension: int
 
@@ -45,6 +49,28 @@ class BodyShares:
     def count(self) -> int:
         """The number of bodies."""
         return len(self.first) - 1
+
+    @property
+    def h(self) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
+        """first, contacts, begins, unknowns, weights."""
+        return self.first, self.contacts, self.begins, self.unknowns, self.weights
+
+    @property
+    def work(self) -> Work:
+        """Of a product with the compliances alone: flops, and bytes that are read."""
+        return sum((Work(flops=2 * len(kind) * C.shape[1] ** 2, bytes=REAL * C.size) for _, C, kind in self.runs), Work())
+
+    def by_three(self, x: FloatArray) -> FloatArray:
+        """x (m,) with three numbers a contact, as h has rows: x itself in 3D, zeros in the third place in the plane."""
+        if self.dimension == 3:
+            return np.ascontiguousarray(x)
+        wide = np.zeros((self.nc, 3))
+        wide[:, : self.dimension] = x.reshape(-1, self.dimension)
+        return wide.ravel()
+
+    def by_dimension(self, u: FloatArray) -> FloatArray:
+        """The first d of three numbers a contact, (m,)."""
+        return u if self.dimension == 3 else u.reshape(-1, 3)[:, : self.dimension].ravel()
 
     def bodies(self) -> tuple[IntArray, IntArray] | None:
         """The bodies (nc, 2) of each contact, ascending, -1 where it has one alone, and which of the two each pair of a body and a contact
@@ -104,9 +130,8 @@ class KnownShares:
         return replace(self, W=other) if self.W is W else None
 
 
-def shares_of(
-    H: sp.csc_array, body: IntArray, column: IntArray, count: int, dimension: int, runs: tuple[tuple[int, FloatArray, IntArray], ...]
-) -> BodyShares:
+def shares_of(H: sp.csc_array, body: IntArray, column: IntArray, count: int, dimension: int, runs: tuple[Run, ...]) -> BodyShares:
     """The shares of W = H^T A^-1 H; H, body, column and count as in `DelassusSum`."""
-    first, contacts, begins, unknowns, weights = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
-    return BodyShares(first, contacts, begins, unknowns, weights, runs, H.shape[1] // dimension, dimension)
+    h: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
+    h = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
+    return BodyShares(*h, runs, H.shape[1] // dimension, dimension)

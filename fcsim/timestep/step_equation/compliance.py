@@ -18,8 +18,8 @@ from fcsim.brief import brief
 from fcsim.linear.factors import Factor, factorise
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
 from fcsim.problem._delassus_kernels import entries_by_body
+from fcsim.problem.bodies.late import summed_late
 from fcsim.problem.bodies.shares import BodyShares, shares_of
-from fcsim.problem.by_bodies.shares import summed_late
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.distributed import DistributedDelassus, contact_layout
 from fcsim.threads import begun
@@ -237,7 +237,7 @@ class StepCompliance:
         model, H = self.factor.model, self._on_compliances(H)
         W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
         if late and model.shares is None:
-            return summed_late(W, list(self.factor.compliances(_rows_of(H))))
+            return summed_late(W, tuple(self.factor.compliances(_rows_of(H))))
         for first, compliances, kind in self.factor.compliances(_rows_of(H)):
             W.add(first, compliances, kind)
         if model.shares is not None:

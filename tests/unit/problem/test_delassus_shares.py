@@ -14,14 +14,17 @@ from fcsim.linear import storage
 from fcsim.linear.joints import joint_rows
 from fcsim.linear.late.late_rows import LateRows, in_blocks
 from fcsim.problem import Delassus, LocalProblem
-from fcsim.problem.by_bodies.shares import Share, summed_late
+from fcsim.problem.bodies import product as bodies_product
+from fcsim.problem.bodies.late import summed_late
+from fcsim.problem.bodies.product import ShareProduct
+from fcsim.problem.bodies.shares import BodyShares, Run
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.solvers.newton.systems.held import dense_part
 
 NC, SIZE, BODIES = 24, 9, 6
 
 
-def chain(kinds: list[int], seed: int = 3, d: int = 3) -> tuple[DelassusSum, list[Share], np.ndarray]:
+def chain(kinds: list[int], seed: int = 3, d: int = 3) -> tuple[DelassusSum, tuple[Run, ...], np.ndarray]:
     """Contacts between neighbours of a row of bodies: the sum, its shares in two groups, and W by dense products."""
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((max(kinds) + 1, SIZE, SIZE))
@@ -33,7 +36,7 @@ def chain(kinds: list[int], seed: int = 3, d: int = 3) -> tuple[DelassusSum, lis
             H[rows, d * a : d * a + d] = rng.standard_normal((5, d))
     W = DelassusSum(sp.csc_array(H), np.repeat(np.arange(BODIES), SIZE), np.tile(np.arange(SIZE), BODIES), BODIES, d)
     kind = np.array(kinds)
-    shares = [(0, C, kind[:4]), (4, C, kind[4:])]
+    shares = (0, C, kind[:4]), (4, C, kind[4:])
     return W, shares, H.T @ sp.block_diag([C[k] for k in kinds]).toarray() @ H
 
 
@@ -74,6 +77,22 @@ def test_products_blocks_and_parts_without_entries(kinds: list[int]) -> None:
     assert W._entries is not None
 
 
+@pytest.mark.parametrize("cached", [0, 10**9], ids=["by columns", "by bodies"])
+@pytest.mark.parametrize("d", [3, 2])
+@pytest.mark.parametrize("kinds", [[0] * BODIES, [0, 1, 1, 0, 1, 0], [3, 0, 5, 1, 4, 2]], ids=["one", "two", "one for each"])
+def test_products_however_they_are_cut(monkeypatch: pytest.MonkeyPatch, kinds: list[int], d: int, cached: int) -> None:
+    """One run of all bodies, as of one part, of two, and of bodies with compliances of their own."""
+    total, shares, expected = chain(kinds, d=d)
+    run = (0, shares[0][1], np.array(kinds))
+    x, q = np.random.default_rng(4).standard_normal((2, d * NC))
+    for name in ("OPERATIONS_A_PIECE", "WEIGHTS_A_PIECE", "CONTACTS_A_PIECE"):
+        monkeypatch.setattr(bodies_product, name, 1)
+    monkeypatch.setattr(bodies_product, "CACHED", cached)
+    product, before = ShareProduct(BodyShares(*total.bodies, (run,), NC, d)), q.copy()
+    assert_allclose(product.affine(x, q), expected @ x + q, rtol=0, atol=1e-13 * np.abs(expected).max() * NC)
+    assert_array_equal(q, before)
+
+
 def test_entries_are_those_of_the_sum_and_do_not_change_products() -> None:
     """Bits: a run that reads W for a file goes on as one that does not."""
     W, _ = late([0, 1, 1, 0, 1, 0])
@@ -108,7 +127,7 @@ def test_joints_are_found_without_entries() -> None:
 
 def test_entries_are_summed_at_once_where_bodies_cost_more(monkeypatch: pytest.MonkeyPatch) -> None:
     total, shares, expected = chain([0] * BODIES)
-    wide = [(begin, np.pad(C, ((0, 0), (0, 300), (0, 300))), kind) for begin, C, kind in shares]
+    wide = tuple((begin, np.pad(C, ((0, 0), (0, 300), (0, 300))), kind) for begin, C, kind in shares)
     W = summed_late(total, wide)
     assert not isinstance(W, LateRows)
     assert_allclose(W.toarray(), expected, rtol=0, atol=1e-12 * np.abs(expected).max())

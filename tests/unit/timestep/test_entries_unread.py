@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from fcsim.arrays import FloatArray
-from fcsim.problem.by_bodies.shares import BodiesShares
+from fcsim.linear.late.late_rows import source_of
+from fcsim.problem.bodies.late import LateSum
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.base import Status
@@ -18,16 +19,27 @@ WALL = Path(__file__).resolve().parents[3] / "cases" / "masonry_wall"
 def test_entries_are_summed_for_a_factor_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first loaded step factors W, the next ones go on with that factor."""
     sums: list[int] = []
-    entries, number = BodiesShares.entries, 1
+    entries, number = LateSum.entries, 1
 
-    def counted(shares: BodiesShares) -> FloatArray:
+    def counted(shares: LateSum) -> FloatArray:
         sums.append(number)
         return entries(shares)
 
-    monkeypatch.setattr(BodiesShares, "entries", counted)
+    monkeypatch.setattr(LateSum, "entries", counted)
     script = load_case(WALL)
     case = script.build(parse_parameters(script, {"steps": "8"}))
     for step in case.simulation:
         assert step.result.status is Status.SOLVED
         number = step.number + 1
     assert sums == [2]
+
+
+def test_what_preconditions_has_the_shares_that_w_is_made_of() -> None:
+    """They are not sorted by bodies a second time."""
+    script = load_case(WALL)
+    step = next(iter(script.build(parse_parameters(script, {"steps": "1"})).simulation))
+    operator = step.reduction.local.delassus
+    source = source_of(operator.W)
+    assert isinstance(source, LateSum)
+    assert operator.shares is not None
+    assert operator.shares.make() is source.shares

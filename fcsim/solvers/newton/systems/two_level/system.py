@@ -142,9 +142,12 @@ class TwoLevelSystem:
         return _Preconditioner(self._joints)
 
     @cached_property
-    def _product(self) -> ShareProduct:
-        assert self._bodies is not None
-        return ShareProduct(self._shares, self._bodies[1])
+    def _by_bodies(self) -> ShareProduct:
+        return ShareProduct(self._shares)
+
+    def _product(self, x: FloatArray) -> FloatArray:
+        """W x (m,)."""
+        return self._by_bodies.affine(x, np.zeros_like(x))
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float = 0.0) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) for rhs (nc, d); None where joints are too large or GMRES does not get there, and from then on.

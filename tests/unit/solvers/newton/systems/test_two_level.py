@@ -78,7 +78,7 @@ def test_the_shares_are_those_of_W() -> None:
     found = shares.bodies()
     assert found is not None
     Wx = rows.W @ x
-    assert_allclose(ShareProduct(shares, found[1])(x), Wx, atol=1e-13 * np.abs(Wx).max())
+    assert_allclose(ShareProduct(shares).affine(x, np.zeros_like(x)), Wx, atol=1e-13 * np.abs(Wx).max())
 
 
 def test_what_is_left_beside_the_compliant_motions_is_small_and_positive_semidefinite() -> None:
@@ -333,7 +333,7 @@ def test_the_shares_in_the_plane() -> None:
     assert_array_equal(found[0], [(own[0], own[1] if len(own) > 1 else -1) for own in pair])
     x = rng.standard_normal(10)
     W = H.T @ sla.block_diag(*C) @ H
-    assert_allclose(ShareProduct(shares, found[1])(x), W @ x, atol=1e-12 * np.abs(W).max())
+    assert_allclose(ShareProduct(shares).affine(x, 2 * x), W @ x + 2 * x, atol=1e-12 * np.abs(W).max())
     G = shares.modes(12, found[1])
     assert_allclose(
         np.einsum("aij,akj->aik", G, G), [W[2 * a : 2 * a + 2, 2 * a : 2 * a + 2] for a in range(5)], atol=1e-10 * np.abs(W).max()

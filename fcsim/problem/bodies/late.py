@@ -1,0 +1,70 @@
+"""W = sum of the bodies' shares h C h^T as a source of products, blocks and, when they are read, entries."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from fcsim.arrays import FloatArray, IntArray, Matrix
+from fcsim.linear.late.late_rows import LateRows
+from fcsim.linear.storage import REAL, REFERENCE, Work
+from fcsim.problem.bodies._shares_kernels import diagonal_of_shares, rows_of_shares
+from fcsim.problem.bodies.product import ShareProduct
+from fcsim.problem.bodies.shares import BodyShares, Run
+from fcsim.problem.delassus_sum import DelassusSum
+
+
+class LateSum:
+    """The shares of bodies with symmetric compliances, which are summed when entries are asked for: a `Source`."""
+
+    def __init__(self, sum_of: DelassusSum, shares: BodyShares) -> None:
+        """sum_of: nothing has been added to it; shares: of the same h."""
+        self._sum, self.shares = sum_of, shares
+
+    @cached_property
+    def _product(self) -> ShareProduct:
+        return ShareProduct(self.shares)
+
+    def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
+        """W x + q (m,)."""
+        return self._product.affine(x, q)
+
+    def diagonal_blocks(self) -> FloatArray:
+        """W_aa (nc, d, d)."""
+        blocks = np.zeros((self.shares.nc, 3, 3))
+        for run in self.shares.runs:
+            diagonal_of_shares(*self.shares.h, *run, blocks)
+        return blocks
+
+    def part(self, rows: IntArray, columns: IntArray) -> FloatArray:
+        """W of the contacts `rows` and `columns` (3 rows, 3 columns)."""
+        values, place = np.zeros((3 * len(rows), 3 * len(columns))), np.full(self.shares.nc, -1)
+        place[columns] = np.arange(len(columns))
+        wanted = np.full(self.shares.nc, -1)
+        wanted[rows] = np.arange(len(rows))
+        for run in self.shares.runs:
+            rows_of_shares(*self.shares.h, *run, wanted, place, values)
+        return values
+
+    def finite(self) -> bool:
+        """Whether all of h and C is finite."""
+        arrays = (self.shares.weights, *(C for _, C, _ in self.shares.runs))
+        return all(bool(np.isfinite(array.sum()) or np.isfinite(array).all()) for array in arrays)
+
+    def entries(self) -> FloatArray:
+        """The blocks (nnz, 3, 3) of W."""
+        for run in self.shares.runs:
+            self._sum.add(*run)
+        return self._sum.values.reshape(-1, 3, 3)
+
+
+def summed_late(sum_of: DelassusSum, runs: tuple[Run, ...]) -> Matrix:
+    """W, whose entries are summed when they are read where products by bodies cost less than with them, and W has blocks of (3, 3). The
+    order of sums, and so the last bits of products, follow from that alone."""
+    shares = BodyShares(*sum_of.bodies, runs, sum_of.nc, sum_of.dimension)
+    if sum_of.dense or sum_of.dimension != 3 or REFERENCE.seconds(shares.work) > REFERENCE.seconds(Work(bytes=REAL * sum_of.size)):
+        for run in runs:
+            sum_of.add(*run)
+        return sum_of.matrix()
+    return LateRows.of(LateSum(sum_of, shares), *sum_of.pattern, 3 * sum_of.nc, 3)

@@ -1,1 +1,0 @@
-"""W known by the bodies it is summed of."""
