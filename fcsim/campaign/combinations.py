@@ -59,10 +59,11 @@ def _short(value: float) -> str:
 
 
 def read_table_of_values(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file, whose header names parameters: one combination a row, empty lines left out."""
+    """The rows of a CSV file, whose header names parameters: one combination a row, empty lines and those that begin with # left out."""
     if not path.is_file():
         raise InputError(f"--table {path}: expected a CSV file, found none")
-    header, *rows = [[cell.strip() for cell in row] for row in read_rows(path) if any(cell.strip() for cell in row)] or [[]]
+    lines = [[cell.strip() for cell in row] for row in read_rows(path)]
+    header, *rows = [row for row in lines if any(row) and not row[0].startswith("#")] or [[]]
     if not rows or not all(header) or len(set(header)) != len(header):
         raise InputError(f"--table {path}: expected a header of different names and at least one row, got {','.join(header) or 'nothing'}")
     for number, row in enumerate(rows, 1):

@@ -70,7 +70,7 @@ def make_plan(
             parameters = cast(Mapping[str, object], asdict(parse_parameters(script, {**assignments, **values})))
         except InputError as error:
             raise InputError(f"combination {number} of {len(chosen)}: {error}") from None
-        name = _name({name: to_json(parameters[name]) for name in varied})
+        name = _name({name: _unsigned(to_json(parameters[name])) for name in varied})
         runs.setdefault(name, Planned(name, dict(values)))
     sources = {str(path.resolve()): sha256(path) for path in plugins}
     return Plan(
@@ -89,6 +89,13 @@ def _name(values: Mapping[str, Json]) -> str:
     readable = re.sub(r"[^\w.+=-]+", "-", "_".join(f"{name}={_shown(value)}" for name, value in values.items()), flags=re.ASCII)
     digest = hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
     return f"{readable[:NAME_LENGTH].lstrip('-.+=') or 'run'}-{digest[:8]}"
+
+
+def _unsigned(value: Json) -> Json:
+    """The value with 0.0 in place of -0.0."""
+    if isinstance(value, list):
+        return [_unsigned(entry) for entry in value]
+    return value + 0.0 if isinstance(value, float) else value
 
 
 def _shown(value: Json) -> str:

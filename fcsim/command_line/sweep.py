@@ -158,7 +158,7 @@ class _Shown:
 
 
 def _texts(values: Mapping[str, str]) -> str:
-    return ", ".join(f"{name}={value}" for name, value in values.items())
+    return ", ".join(f"{name}={cell(value)}" for name, value in values.items())
 
 
 def _how_far(place: Place) -> str:
@@ -183,13 +183,13 @@ def _print_results(plan: Plan, rows: Sequence[Row], directory: Path) -> None:
     table = [
         (
             str(number),
-            *(row.run.values.get(name, "") for name in plan.varied),
+            *(cell(row.run.values.get(name, "")) for name in plan.varied),
             row.record.status,
             *(_short(row.numbers.get(name)) for name in ("steps_done", "iterations", "largest_error", "seconds_of_steps")),
         )
         for number, row in enumerate(rows, 1)
     ]
-    print_table(header, table[:SHOWN_ROWS], title=f"{plan.case}: {len(rows)} runs")
+    print_table(header, table[:SHOWN_ROWS], title=f"{plan.case}: {len(rows)} {'run' if len(rows) == 1 else 'runs'}")
     if len(table) > SHOWN_ROWS:
         say(f"... and {len(table) - SHOWN_ROWS} more")
     failed = [row for row in rows if row.record.status != "finished"]

@@ -141,7 +141,8 @@ class Outputs:
         )
 
     def end(self, describe_end: Callable[[], None]) -> None:
-        """Write what is written last, the most important first: checkpoint, description, table with units; what was taken before them.
+        """Write what is written last: what was taken before, checkpoint, table with units, and then the description, so that a run that is
+        killed meanwhile is not said to have finished.
 
         On a full disk each is tried all the same. Raises the first error once all were.
         """
@@ -153,10 +154,10 @@ class Outputs:
             first = cast(Exception | None, writing.exception())
         if self._beside is not None:
             self._beside.shutdown()
-        for write in (self._table.close, self._last_checkpoint, describe_end, self._table_with_units):
+        for write in (self._table.close, self._last_checkpoint, self._table_with_units, describe_end):
             try:
                 write()
-            except OSError as error:
+            except (OSError, RuntimeError) as error:  # HDF5 has both where a disk is full
                 first = first or error
         if first is not None:
             raise first

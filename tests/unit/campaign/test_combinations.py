@@ -62,7 +62,7 @@ def test_names_that_come_twice_and_too_many_combinations_are_refused() -> None:
 
 def test_a_table_of_values(tmp_path: Path) -> None:
     path = tmp_path / "runs.csv"
-    path.write_text('\ufeffmu, divisions\n0.3,"8,4,4"\n\n 0.5 ,"4,2,2"\n', encoding="utf-8")
+    path.write_text('\ufeff# two walls\nmu, divisions\n0.3,"8,4,4"\n\n 0.5 ,"4,2,2"\n', encoding="utf-8")
     assert read_table_of_values(path) == [{"mu": "0.3", "divisions": "8,4,4"}, {"mu": "0.5", "divisions": "4,2,2"}]
 
 

@@ -96,6 +96,7 @@ def test_an_end_of_the_run_that_nobody_noted_counts(planned: Planned, tmp_path: 
 def test_values_written_otherwise_are_the_same_run_and_any_text_makes_a_folder(planned: Planned, tmp_path: Path) -> None:
     plan = planned("mu=0.5,0.50,5e-1,0.6", "size=1,2;3,4")
     assert len(plan.runs) == 4
+    assert len(planned("mu=0,-0,0.0,-0.0").runs) == 1
     odd = planned("how=a b,../../etc,é;x,$(rm),-f," + "y" * 300)
     assert len(odd.runs) == 2  # ; comes before , as a separator
     odd = planned("how=a b,a/b,../../etc,$(rm),-f,é,\x1b[0m," + "y" * 300)

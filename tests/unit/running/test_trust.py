@@ -13,6 +13,7 @@ import pytest
 from fcsim.command_line.main import main
 from fcsim.errors import InputError
 from fcsim.files import alone_in
+from fcsim.running import outputs
 from fcsim.running.case import Case, CaseScript, load_case
 from fcsim.running.description import SPARE, Description, read_description, write_description, write_end
 from fcsim.running.folder import open_run
@@ -269,6 +270,14 @@ def test_the_end_is_told_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.Monk
     assert (tmp_path / "run.json").stat().st_size == size > SPARE
     read = read_description(tmp_path)
     assert (read.status, read.steps_done) == ("failed", 7) and read.message.startswith("OSError: no space")
+
+
+def test_a_run_is_said_to_have_finished_when_all_is_written(case_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed before that it goes on; a sweep would take it for whole."""
+    said = []
+    monkeypatch.setattr(outputs, "write_hdf5", lambda *ignored: said.append(read_description(tmp_path / "out").status))
+    run_case(load_case(case_folder), {"steps": "1"}, tmp_path / "out", PLAIN)
+    assert said == ["running"] and read_description(tmp_path / "out").status == "finished"
 
 
 def test_vtk_files_from_elsewhere_are_not_read(run: Path, tmp_path: Path) -> None:
