@@ -54,6 +54,16 @@ def _to_the_disk(path: Path) -> None:
         os.close(descriptor)
 
 
+def refuse_unwritable(path: Path) -> None:
+    """InputError where no file can be written at `path`: no such folder, a folder itself, or one that lets nobody write."""
+    if path.is_dir():
+        raise InputError(f"{path}: expected a file to write, found a folder")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: expected an existing folder, {path.parent} is none")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise InputError(f"{path}: expected a folder that can be written to, {path.parent} cannot")
+
+
 def remove_partial_files(directory: Path) -> None:
     """Remove what writers that were killed left in a folder and its folders, whose lock the caller holds."""
     for folder, _, names in os.walk(directory):

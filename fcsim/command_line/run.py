@@ -134,6 +134,8 @@ def _print_summary(summary: Summary, directory: Path) -> None:
         say(note)
     if summary.message:
         say(summary.message)
-    say(f"results: {directory} (run.json, steps.csv, vtk/run.pvd for ParaView, fclib/)")
+    written = {"run.json": "", "steps.csv": "", "vtk/run.pvd": " for ParaView", "fclib/": ""}
+    there = [name + use for name, use in written.items() if (directory / name).exists()]
+    say(f"results: {directory} ({', '.join(there)})")
     if summary.converged:
         say(f"pictures, film and plots: fcsim render {directory}")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, positive, read_assignments
 from fcsim.command_line.terminal import say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
+from fcsim.files import refuse_unwritable
 from fcsim.version import __version__
 
 if TYPE_CHECKING:
@@ -33,6 +34,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         default="scaled",
         help="which error the tolerance is on: scaled, which does not depend on the units (default), or that of the tables",
     )
+    solve.add_argument(
+        "--floor",
+        type=float,
+        default=0.0,
+        metavar="VELOCITY",
+        help="what counts as rest (in statics a length): errors are relative to ||q|| or this, whichever is larger (default 0)",
+    )
     solve.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="an option of the solver")
     solve.add_argument("--start", choices=("zero", "guess", "solution"), default="zero", help="where to begin: r = 0, or as stored")
     solve.add_argument("--time-limit", type=float, default=float("inf"), metavar="SECONDS")
@@ -52,11 +60,14 @@ def _solve(options: argparse.Namespace) -> int:
         checked_tolerance(options.tol)
     positive("--time-limit", options.time_limit, infinite=True)
     overrides = solver_options(options.solver, options.assignments)
+    if options.write_solution is not None:
+        refuse_unwritable(options.write_solution)  # before a solve that may take long
     content = read_fclib(options.file)
     problem = content.problem
     start = _start(content, options.start)
     solved: Callable[..., Result] = solve  # which checks the overrides
-    result = solved(problem, options.solver, start, tol=options.tol, error=options.error, time_limit=options.time_limit, **overrides)
+    limits = {"tol": options.tol, "error": options.error, "floor": options.floor, "time_limit": options.time_limit}
+    result = solved(problem, options.solver, start, **limits, **overrides)
     if options.write_solution is not None:
         _write(options.write_solution, content, problem, result)
     if options.json:
@@ -135,6 +146,7 @@ def _answer(options: argparse.Namespace, content: FclibFile, problem: Problem, r
             "dimension": problem.dimension,
             "form": content.form,
             "checks": _finite(vars(result.checks)),
+            "message": result.message,
         }
     )
 

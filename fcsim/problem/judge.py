@@ -70,6 +70,28 @@ def outweighed(r: FloatArray, u: FloatArray, q: FloatArray, dimension: int, resi
     )
 
 
+ROUND_OFF = float(np.finfo(np.float64).eps)
+BLURRED = 0.1
+"""Share of the tolerance from which the error's own round-off is told."""
+
+
+def blurred(z: float, parts: float, scale: float, tol: float) -> str:
+    """What there is to say where round-off keeps the error from being known to `tol`, empty where it does not.
+
+    u is the sum of W r, of the size ||z|| of the scaled reactions, and of q, which in global form is itself a sum: parts = ||w|| +
+    ||H^T M^-1 f|| [velocity]. Nothing below their round-off is known of it, whatever the residual says; scale: what the error divides by.
+    """
+    known = relative(ROUND_OFF * (z + parts), scale)
+    if not known > BLURRED * tol:
+        return ""
+    if z > parts:
+        return f"reactions are {relative(z, scale):.0e} times what ||q|| asks for: by round-off the error is known to {known:.0e} alone"
+    return (
+        f"w and H^T M^-1 f cancel to ||q|| = {relative(scale, parts):.0e} of their size: by round-off the error is known to {known:.0e} "
+        "alone; if the bodies are at rest, give a floor, the velocity that counts as none"
+    )
+
+
 def error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, floor: float = 0.0) -> float:
     """Return the published error ||r - P_K(r - (u + g(u)))|| / max(||q||, floor), u = W r + q (eq. 13 of Acary, Brémond, Huber 2018).
 

@@ -13,7 +13,7 @@ from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem, Reduced, check, natural_map_residual
 from fcsim.problem.elimination import Elimination
-from fcsim.problem.judge import outweighed, relative
+from fcsim.problem.judge import blurred, outweighed, relative
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
@@ -120,6 +120,8 @@ def _judged(
         status = Status.SOLVED if deciding <= monitor.tol else Status.STAGNATED
     size = r, answer.u, given.q, given.dimension
     remark = outweighed(*size, residuals[ERRORS.index(error)], monitor.scale, monitor.floor) if status.solved else ""
+    z = float(np.linalg.norm(np.repeat(given.compliance, given.dimension) * r)) if status.solved else 0.0
+    known = blurred(z, _parts_of_q(given), monitor.scale, monitor.tol)
     return Result(
         r=r,
         u=answer.u,
@@ -134,10 +136,18 @@ def _judged(
         history=monitor.history,
         seconds={"reduction": clock[1] - clock[0], "solve": time.perf_counter() - clock[1]},
         method=solver,
-        message="; ".join(filter(None, (iterate.message, remark))),
+        message="; ".join(filter(None, (iterate.message, remark, known))),
         memory=monitor.memory,
         certificate=iterate.certificate if status is Status.INFEASIBLE else None,
     )
+
+
+def _parts_of_q(given: Reduced) -> float:
+    """||w|| + ||H^T M^-1 f|| of a global problem, ||q|| + ||V R^-1 s|| of a mixed one: what its q is a sum of; 0 where q is given."""
+    if not isinstance(given, Reduction | Elimination):
+        return 0.0
+    first = given.problem.w if isinstance(given, Reduction) else given.problem.q
+    return float(np.linalg.norm(first)) + float(np.linalg.norm(given.q - first))
 
 
 def _way(chosen: Method, solver: str, options: Options, given: Reduced) -> tuple[Run, LocalProblem | Reduced]:

@@ -110,12 +110,26 @@ def _solvers(options: argparse.Namespace) -> tuple[list[str], str]:
     return solvers_of(own, "none"), f"Siconos is absent: {options.siconos_python} cannot import siconos.numerics."
 
 
+def _refuse_foreign(folder: Path) -> None:
+    """InputError for a folder of other files, as of FCLIB files that were to be measured on: problems and tables would lie among them."""
+    if not folder.is_dir() or (folder / "bench.json").exists():
+        return
+    others = sorted(entry.name for entry in folder.iterdir() if entry.name != PROBLEMS and not entry.name.startswith("."))
+    if others:
+        few = ", ".join(others[:3]) + (", ..." if len(others) > 3 else "")
+        raise InputError(
+            f"{folder}: expected a folder for the leaderboard, a new one or its own, found other files ({few}); files to measure on "
+            f"are given by --fclib {shlex.quote(str(folder))}"
+        )
+
+
 def _problems(options: argparse.Namespace) -> tuple[list[Entry], dict[tuple[str, str], tuple[str, str, bool | None]], list[str]]:
     """The problems, the group of each by name and form as `groups` takes it, and notes on what is left out."""
     from fcsim.bench.families import FAMILIES
     from fcsim.bench.families.files import write_problems
     from fcsim.bench.problems import entries
 
+    _refuse_foreign(options.folder)
     families = _families(options.families)
     if not families and not options.fclib:
         raise InputError("--families none: expected --fclib DIR beside it, or families: there are no problems")

@@ -59,7 +59,9 @@ def levenberg_marquardt_turns(problem: LocalProblem, r: FloatArray, monitor: Mon
             return Iterate(r, Status.STAGNATED)
         r = r + steps[:, best]
         u = W @ r + problem.q
-        error = monitor.record(r, u)
+        before, error = error, monitor.record(r, u)
+        if not error <= max(GAIN * before, monitor.tol):  # by u from the problem's own equations, which round-off keeps from W r + q
+            return Iterate(r, Status.STAGNATED)
         yield
     return Iterate(r, Status.SOLVED)
 

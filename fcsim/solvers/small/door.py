@@ -15,7 +15,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.problem import Checks, LocalProblem
 from fcsim.problem.infeasible import certificate
-from fcsim.problem.judge import OUTWEIGHED, outweighed, relative
+from fcsim.problem.judge import BLURRED, OUTWEIGHED, ROUND_OFF, blurred, outweighed, relative
 from fcsim.solvers.automatic.stages import automatic
 from fcsim.solvers.base import Method, Result, Status
 from fcsim.solvers.gauss_seidel.sweeps import FULL_AT_LEAST_EVERY, GaussSeidelOptions, nsgs
@@ -89,9 +89,16 @@ def small(
     remark = ""
     if status.solved and (r is not None or not noted or rows[0, 1] * OUTWEIGHED <= tol):  # else r = 0 has an error that counts
         remark = outweighed(answer, u, q, problem.dimension, plain if error == "published" else scaled, scale, floor)
+    if status.solved and ROUND_OFF * r_size * W.diagonal().max() > BLURRED * tol * scale:
+        remark = "; ".join(filter(None, (remark, _blurred(problem, answer, scale, tol))))
     spent = time.perf_counter() - begun
     # a clock does not reach into compiled code: the seconds of the history are the sweeps' share
     history = [(int(at), spent * at / max(sweeps, 1), size) for at, size in rows[:noted].tolist()]
     seconds = {"reduction": 0.0, "solve": spent}
     found = Result(answer, u, None, status, deciding, *errors, sweeps, seconds, history, checks, solver, message=remark)
     return found if certified is None else replace(found, message=certified.message, certificate=certified)
+
+
+def _blurred(problem: LocalProblem, r: FloatArray, scale: float, tol: float) -> str:
+    """What `blurred` says of reactions r (m,)."""
+    return blurred(float(np.linalg.norm(np.repeat(problem.compliance, problem.dimension) * r)), 0.0, scale, tol)

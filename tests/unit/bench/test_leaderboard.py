@@ -154,3 +154,9 @@ def test_bad_input_is_named(arguments: list[Any], said: str, tmp_path: Path, cap
     assert leaderboard(folder, *small, *arguments) == 2
     assert said in capsys.readouterr().err
     assert not (folder / "results.csv").exists() and not list(tmp_path.rglob("*.hdf5"))
+
+
+def test_a_folder_of_files_is_not_taken_for_the_leaderboard(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = sorted(files.iterdir())
+    assert leaderboard(files, "--families", "rods", "--sizes", 2, "--seeds", 0) == 2
+    assert "--fclib" in capsys.readouterr().err and sorted(files.iterdir()) == before

@@ -12,8 +12,8 @@ import pytest
 
 from fcsim import __version__
 from fcsim.command_line.main import main
-from fcsim.export_fclib import read_fclib
-from fcsim.problem import GlobalProblem, natural_map_residual
+from fcsim.export_fclib import read_fclib, write_fclib
+from fcsim.problem import GlobalProblem, LocalProblem, natural_map_residual
 from fcsim.solvers import ALIASES, SOLVERS
 
 ROOT = Path(__file__).parents[3]
@@ -137,9 +137,22 @@ def test_unsolved_problem_has_code_one(problem_file: Path, capsys: pytest.Captur
     capsys.readouterr()
     assert main(["solve", str(problem_file), "--json", "--set", "max_iterations=0"]) == 1
     answer = json.loads(capsys.readouterr().out)
-    assert (answer["status"], answer["iterations"]) == ("MAX_ITERATIONS", 0)
+    assert (answer["status"], answer["iterations"], answer["message"]) == ("MAX_ITERATIONS", 0, "")
     assert main(["solve", str(problem_file), "--set", "max_iterations=0"]) == 1
     assert "maximum number of iterations reached" in capsys.readouterr().out
+
+
+def test_remarks_are_in_json_and_a_floor_says_what_is_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One mass far from closing outweighs one that falls; and with a floor far above ||q|| r = 0 is the answer."""
+    q = np.array([1e9, 0, 0, -1.0, 0.1, 0])
+    write_fclib(tmp_path / "far.hdf5", LocalProblem(np.eye(6), q, np.full(2, 0.5)))
+    assert main(["solve", str(tmp_path / "far.hdf5"), "--json"]) == 0
+    assert "outweigh" in json.loads(capsys.readouterr().out)["message"]
+    write_fclib(tmp_path / "rest.hdf5", LocalProblem(np.eye(3), np.array([-1e-12, 0, 0]), np.array([0.5])))
+    written = tmp_path / "solved.hdf5"
+    assert main(["solve", str(tmp_path / "rest.hdf5"), "--floor", "1e-3", "--write-solution", str(written)]) == 0
+    solution = read_fclib(written).solution
+    assert solution is not None and not solution.r.any()
 
 
 def test_written_solution_is_one(problem_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -170,6 +183,8 @@ def test_written_solution_is_one(problem_file: Path, tmp_path: Path, capsys: pyt
         (["--set", "max_iterations=many"], "expects a value of type int"),
         (["--set", "iterations=3"], "option 'iterations': expected one of"),
         (["--write-solution", "/nowhere/x.hdf5"], "expected an existing folder"),
+        (["--write-solution", "/"], "expected a file to write, found a folder"),
+        (["--floor", "-1"], "floor: expected a number >= 0"),
     ],
 )
 def test_solve_refuses(problem_file: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str) -> None:

@@ -259,3 +259,33 @@ def test_penetration_is_not_lost_beside_a_velocity_of_any_size() -> None:
     for name in ("auto", "NSGS-AC", "NSN-AC"):
         result = solve(LocalProblem(W, np.array([-0.05, -0.2, -0.1]), mu), name)
         assert not result.solved or result.u[0] > -1e-8
+
+
+@pytest.mark.parametrize("name", ["auto", "NSN-AC"])
+@pytest.mark.parametrize("nc", [2, 140])
+def test_reactions_whose_round_off_is_the_error_are_named(name: str, nc: int) -> None:
+    """Two contacts of one mass between jaws of a compliance c: r_N = 1 / c, and 2.2e-16 / c of ||q|| is lost in W r."""
+    for c, told in ((1e-9, True), (1e-4, False)):
+        W = np.eye(3 * nc)
+        W[0, 3] = W[3, 0] = -1.0
+        W[[0, 3], [0, 3]] = 1.0 + c
+        q = np.zeros(3 * nc)
+        q[[0, 3]] = -1.0
+        result = solve(LocalProblem(W, q, np.full(nc, 0.5)), name, tol=1e-8)
+        assert not result.solved or ("by round-off the error is known" in result.message) is told
+        assert result.solved or told
+        assert result.r[0] == pytest.approx(1 / c, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["auto", "LM", "NSN-AC", "ADMM"])
+def test_free_velocities_that_cancel_are_named_and_end(name: str) -> None:
+    """w = -H^T M^-1 f but for round-off, which is all that is left of q: methods end (auto went on for ever), and the floor is named."""
+    rng = np.random.default_rng(288)
+    H, M, f = rng.standard_normal((9, 6)) * 30, np.diag(rng.uniform(0.1, 10, 9)), rng.standard_normal(9)
+    q = np.array([-2.0, 0.7, -0.3, -1.0, 0.5, 0.4])
+    w = -H.T @ (f / np.diag(M)) + 1e-15 * q
+    problem = GlobalProblem(M, H, f, w, np.array([0.3, 0.0]))
+    result = solve(problem, name, tol=1e-8)
+    assert "cancel" in result.message and "floor" in result.message
+    assert solve(problem, name, tol=1e-8, floor=1e-3).solved
+    assert "cancel" not in solve(GlobalProblem(M, H, f, w + q, problem.mu), name, tol=1e-8).message

@@ -103,3 +103,12 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     found = levenberg_marquardt(problem, 1.1 * r, monitor, Options(max_iterations=50))
     assert found.status is Status.STAGNATED and monitor.iterations == 0
     assert_array_equal(found.r, 1.1 * r)
+
+
+def test_an_error_that_only_its_own_velocities_reach_ends_it() -> None:
+    """With u from other equations, 1e-3 of ||q|| from W r + q, steps that W calls solutions are none: it ends instead of going on."""
+    problem, r = stuck(3, slide=0.1)
+    away = 1e-3 * float(np.linalg.norm(problem.q)) * np.tile([-1.0, 0.0, 0.0], problem.nc) / np.sqrt(problem.nc)
+    monitor = Monitor(problem.q, problem.mu, 3, 1e-8, velocity=lambda r: problem.W @ r + problem.q + away)
+    found = levenberg_marquardt(problem, 1.01 * r, monitor, Options(max_iterations=1000))
+    assert found.status is Status.STAGNATED and monitor.iterations < 100
