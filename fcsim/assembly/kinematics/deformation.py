@@ -14,7 +14,7 @@ from fcsim.assembly.elements import quadrature
 from fcsim.assembly.forms.rotations import angle_of
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.frames import FloatingGroup, Frames
-from fcsim.assembly.kinematics.left_out import LeftOut
+from fcsim.assembly.kinematics.left_out import LeftOut, gradients
 from fcsim.brief import brief
 from fcsim.mesh.cell_type import CELL_TYPES, CellType
 
@@ -96,14 +96,7 @@ class _GroupMeasure:
         self._shortest = float(self._lengths.min())
 
     def _gradient(self, at: FloatArray, cells: IntArray) -> sp.csr_array:
-        """(nq nc d, nn): derivatives of nodal values by the points' coordinates at the places `at` (nq, d) of cells (nc, k)."""
-        reference = self._cell.gradient(at)
-        jacobian = np.einsum("cai,qaj->qcij", self._points[cells], reference)
-        gradient = np.einsum("qaj,qcji->qcia", reference, np.linalg.inv(jacobian))
-        nq, nc, d = gradient.shape[:3]
-        rows = np.broadcast_to(np.arange(nq * nc * d).reshape(nq, nc, d, 1), gradient.shape)
-        columns = np.broadcast_to(cells[None, :, None, :], gradient.shape)
-        return sp.csr_array((gradient.ravel(), (rows.ravel(), columns.ravel())), shape=(nq * nc * d, len(self._points)))
+        return gradients(self._cell, at, self._points, cells)
 
     def _displacement_gradient(self, operator: sp.csr_array, y: FloatArray) -> FloatArray:
         """d y_c / d X_i as (places, nb, c, i) for y (nb, nn, d)."""

@@ -19,13 +19,13 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.elasticity import elasticity_matrix
 from fcsim.assembly.groups import Group
 from fcsim.linear.factors import Factor, factorise
 from fcsim.linear.over_ranks.mumps import MumpsOverRanks
 from fcsim.linear.over_ranks.rows import RowsOverRanks
-from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.cell_type import CELL_TYPES, CellType
 from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import as_tensor
 from fcsim.mesh.region_parts import region_parts
@@ -40,7 +40,7 @@ SOFT = 1e-10
 
 class LeftOut:
     """Rotation of cells' middles and the energy that is left out, of bodies of one group; gradient (nq nc d, nn): derivatives of nodal
-    values at the points `CellType.inside` of all cells."""
+    values at the points `CellType.inside` of all cells, of `volume` (nq nc,) [m^3]."""
 
     def __init__(self, group: Group, gradient: sp.csr_array) -> None:
         self._group, self._gradient = group, gradient
@@ -61,16 +61,27 @@ class LeftOut:
     def _share(self, x: FloatArray, Q: FloatArray) -> float:
         group = self._group
         energy = 0.5 * float(x.ravel() @ (group.K @ x.ravel()))
-        turned = np.einsum("ki,nkl,lj->nij", group.rotation, Q, group.rotation)
-        stress = np.einsum("nijkl,nkl->nij", self._elasticity, turned) * self._volume[:, None, None]
-        whole = 0.5 * float(np.einsum("nij,nij->", stress, turned))
-        stress = np.einsum("ik,nkl,jl->nij", group.rotation, stress, group.rotation)
+        stress = self.stress(Q) * self.volume[:, None, None]
+        whole = 0.5 * float(np.einsum("nij,nij->", stress, Q))
         r = (self._gradient.T @ stress.transpose(0, 2, 1).reshape(-1, x.shape[1])).ravel()
         if group.axes_matrix is not None:
             r = group.axes_matrix @ r
         r = r[~group.driven]
         remains = whole - 0.5 * float(r @ self._factor.solve(r)) if r.size else whole
         return remains / energy if energy > 0 and remains > TAKEN_UP * whole else 0.0
+
+    def stress(self, strain: FloatArray) -> FloatArray:
+        """Stress (nq nc, d, d) [Pa] of strains at the points, both along the world's axes."""
+        R = self._group.rotation
+        turned = np.einsum("ki,nkl,lj->nij", R, strain, R)
+        own = np.einsum("nijkl,nkl->nij", self._elasticity[:, : len(R), : len(R)], turned)
+        return np.einsum("ik,nkl,jl->nij", R, own, R)
+
+    def mean_stress(self, strain: FloatArray) -> FloatArray:
+        """A third of the trace of the stress in space (nq nc,) [Pa], of plane bodies with what acts across their plane."""
+        R = self._group.rotation
+        trace: FloatArray = np.einsum("niikl,nkl->n", self._elasticity, np.einsum("ki,nkl,lj->nij", R, strain, R))
+        return trace / 3
 
     @cached_property
     def _factor(self) -> Factor:
@@ -82,7 +93,7 @@ class LeftOut:
         return factorise(sp.csr_array(K + sp.diags_array(SOFT * K.diagonal())))
 
     @cached_property
-    def _volume(self) -> FloatArray:
+    def volume(self) -> FloatArray:
         """Of the points (nq nc,) [m^3]: equal shares of the reference cell."""
         part = self._group.part
         cell = CELL_TYPES[part.cell_type]
@@ -93,18 +104,29 @@ class LeftOut:
 
     @cached_property
     def _elasticity(self) -> FloatArray:
-        """(nq nc, d, d, d, d) [Pa] in the part's axes."""
+        """(nq nc, 3, 3, d, d) [Pa] in the part's axes."""
         group, d = self._group, self._group.part.dimension
-        cells = np.empty((len(group.part.cells), d, d, d, d))
+        cells = np.empty((len(group.part.cells), 3, 3, d, d))
         if group.laws is not None:
             for law in group.laws.regions:
-                cells[law.numbers] = law.reference[:d, :d, :d, :d]
+                cells[law.numbers] = law.reference[..., :d, :d]
         elif isinstance(group.part.material, ByRegion):
             for region in region_parts(group.part):
-                cells[region.cells] = as_tensor(elasticity_matrix(region.part))[:d, :d, :d, :d]
+                cells[region.cells] = as_tensor(elasticity_matrix(region.part))[..., :d, :d]
         else:
-            cells[:] = as_tensor(elasticity_matrix(group.part))[:d, :d, :d, :d]
+            cells[:] = as_tensor(elasticity_matrix(group.part))[..., :d, :d]
         return np.concatenate([cells] * len(CELL_TYPES[group.part.cell_type].inside))
+
+
+def gradients(cell: CellType, at: FloatArray, points: FloatArray, cells: IntArray) -> sp.csr_array:
+    """(nq nc d, nn): derivatives of nodal values by the points' coordinates (nn, d) at the places `at` (nq, d) of cells (nc, k)."""
+    reference = cell.gradient(at)
+    jacobian = np.einsum("cai,qaj->qcij", points[cells], reference)
+    gradient = np.einsum("qaj,qcji->qcia", reference, np.linalg.inv(jacobian))
+    nq, nc, d = gradient.shape[:3]
+    rows = np.broadcast_to(np.arange(nq * nc * d).reshape(nq, nc, d, 1), gradient.shape)
+    columns = np.broadcast_to(cells[None, :, None, :], gradient.shape)
+    return sp.csr_array((gradient.ravel(), (rows.ravel(), columns.ravel())), shape=(nq * nc * d, len(points)))
 
 
 def _largest(strain: FloatArray) -> float:

@@ -29,6 +29,8 @@ def cylinders_with_cylinders(now: Placed, alert: float) -> Touch:
     cylinders, capsules = now.solids.of("cylinder"), now.solids.of("capsule")
     among = near_pairs_of(now, cylinders, cylinders, alert)
     mixed = near_pairs_of(now, cylinders, capsules, alert)
+    if not len(among[0]) and not len(mixed[0]):  # most looks of most scenes: none of what follows is free for no pairs
+        return _crossing_sides(now, *among, alert)
     a, b = np.concatenate([among[0], among[1]]), np.concatenate([among[1], among[0]])
     found = [
         _crossing_sides(now, np.concatenate([among[0], mixed[0]]), np.concatenate([among[1], mixed[1]]), alert),

@@ -9,8 +9,9 @@ from fcsim.timestep.regularisation.out_of_balance import out_of_balance
 from fcsim.timestep.remarks.coarse import coarse
 from fcsim.timestep.remarks.dented import dented
 from fcsim.timestep.remarks.driven_parts import driven_parts
+from fcsim.timestep.remarks.equilibria.buckled import Buckled
+from fcsim.timestep.remarks.equilibria.snapping import Snapping
 from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
-from fcsim.timestep.remarks.snapping import Snapping
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
 
@@ -20,11 +21,12 @@ class StepRemarks:
 
     def __init__(self, detection: Detection, steps: int) -> None:
         self._detection, self._steps, self._snapping, self._inertia = detection, steps, Snapping(), LumpedInertia()
+        self._buckled = Buckled()
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
         own = remarks(step.model, found, when, said) | self._snapping(step, when, said) | self._inertia(step, found, when, said)
-        own |= out_of_balance(step, self._steps, when, said)
+        own |= out_of_balance(step, self._steps, when, said) | self._buckled(step, found, self._steps, when, said)
         return (
             own
             | spinning(step, self._detection, when, said)

@@ -1,0 +1,1 @@
+"""What is said of equilibria: those that a body would leave, and those that it has left for another."""
