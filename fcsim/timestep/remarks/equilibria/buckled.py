@@ -107,7 +107,7 @@ def _pressed(model: Model, share: float, body: int) -> dict[str, str]:
 def _drawn(model: Model, share: float, body: int) -> dict[str, str]:
     if body < 0:
         return {}
-    large = f"holds it straight, so that what bends it across is too large by some {100 * share:.2g} %"
+    large = f"holds it straight, so that what bends it across is too large by some {100 * share:.0f} %"
     return {"drawn": f"the tension in body {model.deformable[body].name!r} {large}: {_KNOWS}"}
 
 
