@@ -48,7 +48,7 @@ def run_task(task: Task) -> tuple[str, str]:
 
 
 def _made(task: Task) -> Summary:
-    from fcsim.masonry.case import any_case
+    from fcsim.campaign.named_case import named_case
     from fcsim.running.description import FILE
     from fcsim.running.run import run_case
     from fcsim.runtime import limited_threads
@@ -61,7 +61,7 @@ def _made(task: Task) -> Summary:
     directory.parent.mkdir(parents=True, exist_ok=True)
     with limited_threads():
         return run_case(
-            any_case(task.script),
+            named_case(task.script),
             task.assignments,
             directory,
             task.options,

@@ -62,13 +62,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _run(options: argparse.Namespace) -> int:
-    from fcsim.masonry.case import any_case
+    from fcsim.campaign.named_case import named_case
     from fcsim.running.run import RunOptions, run_case
     from fcsim.solvers.plugins import load_plugins
 
     load_plugins(options.plugin)
     here = Path.cwd()  # a script may go elsewhere
-    script = any_case(options.case)
+    script = named_case(options.case)
     if options.parameters:
         _list_parameters(script)
         return EXIT_OK

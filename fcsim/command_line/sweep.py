@@ -82,13 +82,13 @@ LAUNCHER = "processes of this machine, an array of Slurm, or submitit's jobs on 
 
 def _sweep(options: argparse.Namespace) -> int:
     from fcsim.campaign.combinations import combinations, read_over, read_table_of_values
+    from fcsim.campaign.named_case import named_case
     from fcsim.campaign.plan import make_plan
     from fcsim.campaign.sweep import sweep
-    from fcsim.masonry.case import any_case
     from fcsim.solvers.plugins import load_plugins
 
     load_plugins(options.plugin)
-    script = any_case(options.case)
+    script = named_case(options.case)
     assignments = read_assignments(options.assignments)
     if options.tol is not None:
         checked_tolerance(options.tol)
