@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
@@ -32,6 +33,8 @@ COLD_RHO = 8.0
 """Factor on Newton's first rho from a cold start, where velocities say more than reactions (a fifth fewer iterations on walls)."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
+KEPT_UP_TO, TURN = 1000, 12
+"""Contacts up to which sweeps are NNCG from the beginning, its direction kept from turn to turn; how many turns their next is a part of."""
 OVERTAKEN = 0.1
 """Share of its own error below which Gauss-Seidel and proximal Newton take up another method's iterate."""
 ALPHA = 0.1
@@ -44,9 +47,21 @@ SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
 
 
+def kept(race: Race) -> bool:
+    """Whether sweeps are NNCG from the beginning, with one direction: on up to a thousand contacts from zero, not in joints."""
+    return race.problem.nc <= KEPT_UP_TO and race.joints is None and not race.warm
+
+
 def sweeps(race: Race, monitor: ShareOfMonitor) -> Turns:
     """Gauss-Seidel, then NNCG, by turns that grow with what was swept; where another method is well ahead, from its iterate."""
     rows = ContactRows.of(race.swept, ONE_CONTACT[SWEEPS.one_contact].rho)
+    if kept(race):
+        return conjugate_sweeps(race, monitor, rows)
+    return sweeps_anew(race, monitor, rows)
+
+
+def sweeps_anew(race: Race, monitor: ShareOfMonitor, rows: ContactRows) -> Turns:
+    """NSGS-AC for a probe, then NNCG that begins anew at each turn."""
     r = race.best_r()
     while True:
         turn = max(race.options.probe, monitor.iterations // 4)
@@ -57,6 +72,33 @@ def sweeps(race: Race, monitor: ShareOfMonitor) -> Turns:
             return iterate
         yield
         r = race.best_r() if race.best < OVERTAKEN * monitor.best else iterate.r
+
+
+def conjugate_sweeps(race: Race, monitor: ShareOfMonitor, rows: ContactRows) -> Turns:
+    """NNCG whose direction is kept from turn to turn, and lost only where it begins anew from an iterate that is well ahead."""
+    one, d, order = ONE_CONTACT[SWEEPS.one_contact], race.problem.dimension, np.arange(race.problem.nc)
+    frozen, most = np.zeros(len(order), dtype=np.int64), race.options.max_iterations
+    r, ahead = race.best_r(), True
+    while True:
+        if ahead:
+            reaction = embed_vector(race.best_r(), d)
+            start, direction, last = reaction.copy(), np.zeros_like(reaction), 0.0
+        turn = max(race.options.probe, monitor.iterations // TURN)
+        last, _, done = one.sweep_conjugate(
+            *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order, reaction, frozen),
+            *(start, direction, last, SWEEPS.local_tolerance, SWEEPS.local_iterations, SWEEPS.relaxation),
+            *(min(turn, most - monitor.iterations), monitor.tol),
+        )
+        monitor.iterations += done
+        r = reaction[:, :d].flatten()
+        error = monitor.record(r, rows.velocity(reaction)[:, :d].flatten())
+        if error <= monitor.tol:
+            return Iterate(r, Status.SOLVED)
+        status = Status.STAGNATED if last == 0.0 else monitor.stopped(error, most)
+        if status is not None:
+            return Iterate(r, status)
+        yield
+        ahead = race.best < OVERTAKEN * monitor.best
 
 
 def newton(race: Race, monitor: ShareOfMonitor) -> Turns:

@@ -98,6 +98,7 @@ class Stage:
     left           whether it is given up now, beside what it decides itself
     steady         whether its rate so far says something about what comes
     from_zero      whether it begins at r = 0, of error about 1, whatever the race has reached
+    opens          whether nobody else is asked to enter now, since it is about to arrive for less than asking and setting up would cost
     """
 
     name: str
@@ -109,6 +110,7 @@ class Stage:
     left: Callable[[Race, Runner], bool] = lambda race, runner: False
     steady: bool = False
     from_zero: bool = False
+    opens: Callable[[Race, Runner], bool] = lambda race, runner: False
 
 
 class Runner:
@@ -230,11 +232,12 @@ def run(race: Race, stages: Sequence[Stage]) -> Iterate:
     """Run the race until a method solves the problem, nobody is left in it, or the limits of time or iterations are reached."""
     last = Iterate(race.start, Status.STAGNATED)
     while True:
-        _enter(race, stages)
-        if not race.running():
-            return Iterate(race.best_r(), last.status)
         if race.monitor.iterations >= race.options.max_iterations:
             return Iterate(race.best_r(), Status.MAX_ITERATIONS)
+        if not any(runner.stage.opens(race, runner) for runner in race.running()):
+            _enter(race, stages)
+        if not race.running():
+            return Iterate(race.best_r(), last.status)
         runner = _next(race)
         runner.work(SLICE * race.spent())
         if runner.result is None and runner.stage.left(race, runner):

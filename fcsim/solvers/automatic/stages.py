@@ -27,12 +27,15 @@ from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.race import SLOWING, Race, RaceOptions, Runner, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.newton.systems._velocity_kernels import velocities_held
 
 FAR = 1e-3
 """Error above which ADMM is tried, and Newton takes long."""
 NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
 PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR = 30, 15
 """What Newton and proximal Newton need from errors above and below `FAR`, about, in iterations."""
+BELIEVED = 10
+"""Iterations of Newton whose cost the sweeps of a problem of few contacts spend before their rate is believed, as in `small.door`."""
 PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
@@ -99,10 +102,8 @@ def _singular_here(race: Race) -> bool:
     motion = race.problem.delassus.motion
     if motion is None or motion.own is not None:
         return False
-    r = race.best_r().reshape(race.problem.nc, -1)
-    sticking = np.linalg.norm(r[:, 1:], axis=1) < (1 - STICKING) * race.problem.mu * r[:, 0]
-    sliding = np.count_nonzero((r[:, 0] > 0) & ~sticking)
-    return int(r.shape[1] * np.count_nonzero(sticking) + sliding) > motion.M.shape[0]
+    held = velocities_held(race.best_r(), race.problem.mu, 1 - STICKING, race.problem.dimension)
+    return int(held) > motion.M.shape[0]
 
 
 def _newton(race: Race) -> float:
@@ -156,8 +157,19 @@ def _enter_splitting(race: Race) -> bool:
         return False
     if _splitting_first(race):
         return True
+    if _proximal_before_splitting(race):
+        return False
     cost, share = SLOWING * _swept(race), race.options.splitting
     return cost > race.prices.least_splitting(share) and cost > race.prices.splitting(share)
+
+
+def _proximal_before_splitting(race: Race) -> bool:
+    """Whether proximal Newton has still to show what it does before ADMM enters: where it eliminates in the bodies' velocities, which takes
+    no longer than 20 to 30 of ADMM's iterations, few of which get on where bodies move."""
+    if race.joints is not None or not race.prices.in_velocities or "proximal Newton" in race.options.without:
+        return False
+    runner = race.runners.get("proximal Newton")
+    return runner is None or (runner.result is None and _at_first(race, runner))
 
 
 def _on_track(race: Race, runner: Runner) -> bool:
@@ -168,6 +180,16 @@ def _on_track(race: Race, runner: Runner) -> bool:
     if runner.decades() < runner.monitor.iterations // _share(race):
         return False
     return race.joints is not None or runner.monitor.iterations < 0.5 * _share(race) or runner.gain(1 / 3) > 1.0
+
+
+def _opening(race: Race, runner: Runner) -> bool:
+    """Whether the sweeps go on before anyone else is asked: they have not yet cost as much as the iterations of Newton after which their
+    rate is believed, or will cost no more than Newton from here, whose elimination is not counted, since that takes time of its own."""
+    if not methods.kept(race) or len(race.runners) > 1:
+        return False
+    prices = race.prices
+    newton = prices.least_in_velocities if prices.in_velocities else prices.least(_closed(race))
+    return runner.spent < BELIEVED * newton or runner.needs() < (PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR) * newton
 
 
 def _enter_sweeps(race: Race) -> bool:
@@ -188,6 +210,11 @@ def _enter_proximal(race: Race) -> bool:
     if not race.over("Newton"):
         return _singular_here(race) and _dearer_than_proximal(race, _swept(race))
     return race.warm or race.joints is not None or _dearer_than_proximal(race, _swept(race))
+
+
+def _at_first(race: Race, runner: Runner) -> bool:
+    """Whether proximal Newton is in those of its iterations that are its own."""
+    return runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades()
 
 
 def _enter_fresh_start(race: Race) -> bool:
@@ -218,17 +245,19 @@ def _plateau(race: Race, runner: Runner) -> bool:
 STAGES: tuple[Stage, ...] = (
     Stage(
         "sweeps",
-        "Gauss-Seidel (NSGS-AC). Enters at once; after Newton or ADMM from a warm start and where contacts come in joints. "
-        "Left where two thirds of its sweeps made the error no tenth smaller.",
+        "Gauss-Seidel (NSGS-AC, then NNCG; NNCG alone up to 1000 contacts). Enters at once; after Newton or ADMM from a warm start and "
+        "where contacts come in joints. Left where two thirds of its sweeps made the error no tenth smaller.",
         enters=_enter_sweeps,
         turns=methods.sweeps,
         price=lambda race: race.prices.sweep,
         left=_plateau,
+        opens=_opening,
         steady=True,
     ),
     Stage(
         "splitting",
-        "ADMM. Enters far from a solution where the sweeps need more than its factor costs, in joints where Newton costs more. "
+        "ADMM. Enters far from a solution where the sweeps need more than its factor costs, in joints where Newton costs more; after "
+        "proximal Newton's first iterations where that is in the bodies' velocities. "
         "Goes on alone as long as each share of iterations brings the error down tenfold.",
         enters=_enter_splitting,
         turns=methods.splitting,
@@ -254,7 +283,7 @@ STAGES: tuple[Stage, ...] = (
         enters=_enter_proximal,
         turns=methods.proximal,
         price=lambda race: race.prices.proximal(_closed(race)),
-        alone=lambda race, runner: runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades(),
+        alone=_at_first,
     ),
     Stage(
         "fresh start",

@@ -21,6 +21,7 @@ from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.interface import NewtonSystem
+from fcsim.solvers.proximal.in_velocities import NewtonInVelocities, newton_here
 from fcsim.solvers.proximal.options import ProximalOptions
 
 
@@ -70,7 +71,7 @@ def _internal(problem: LocalProblem, options: ProximalOptions) -> Inside:
     internal = replace(internal, options=override(internal.options, dict(options.internal_options)))
     own = internal.options
     if internal.run is newton and isinstance(own, NewtonOptions):
-        return RegularisedNewton(problem, own)
+        return NewtonInVelocities(problem, own) if newton_here(problem, own) else RegularisedNewton(problem, own)
     return AnyMethod(problem, internal)
 
 

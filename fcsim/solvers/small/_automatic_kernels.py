@@ -2,7 +2,7 @@
 
 Prices are those of `automatic.costs`: the rates of its reference machine, so that runs repeat bit by bit. Sweeps go on as long as at their
 rate they arrive for less than Newton would take; Newton as long as it brings the error down as it does where it arrives; then each spends
-what the other has spent. Errors are those of `problem._judge_kernels`, penetrations' too.
+what the other has spent. Errors are those of `problem._judge_kernels`, those of penetrations too.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

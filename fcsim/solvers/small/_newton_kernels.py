@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fcsim.linear.block_factors._dense_kernels import affine, solve_dense
 from fcsim.problem._judge_kernels import squared_natural_residual
 from fcsim.solvers.newton._formulation_kernels import adapted_rho, disk_equations, split_compliances
 from fcsim.solvers.newton.systems._direct_kernels import active_matrix
 from fcsim.solvers.proximal.options import FORGOTTEN, PROXIMAL_NEWTON, RISE
 from fcsim.solvers.proximal.steps import INEXACT, MOST_ALPHA, RUNAWAY, SUFFICIENT
-from fcsim.solvers.small._dense_kernels import affine, solve_dense
 
 ALPHA, SIGMA, EASY, LEAST_ALPHA = PROXIMAL_NEWTON.alpha, PROXIMAL_NEWTON.sigma, PROXIMAL_NEWTON.easy, PROXIMAL_NEWTON.alpha_least
 ACCURACY = 1.0 / PROXIMAL_NEWTON.internal_error_ratio

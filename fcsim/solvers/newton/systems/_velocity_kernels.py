@@ -1,4 +1,4 @@
-"""The contacts' own equations, and adding their shares h^T K h to a matrix of the bodies' velocities; compiled."""
+"""What contacts touch of the bodies' velocities, their own equations, and adding their shares h^T K h to a matrix of those; compiled."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -121,3 +121,101 @@ def add_shares_to_rows(values, places, h, K):
                 for l in range(d):
                     total += own[l, i] * Kh[l, j]
                 values[to[j]] += total
+
+
+@njit(cache=True)
+def by_contacts(starts, columns, values, d, n):
+    """H^T (m, n) by contacts: the unknowns (nc, k) that each touches, in rising order and filled up with -1, and h (nc, d, k) on them."""
+    nc = (len(starts) - 1) // d
+    seen, largest = np.full(n, -1), 0
+    for a in range(nc):
+        count = 0
+        for e in range(starts[d * a], starts[d * (a + 1)]):
+            if seen[columns[e]] != a:
+                seen[columns[e]] = a
+                count += 1
+        largest = max(largest, count)
+    unknowns, h = np.full((nc, largest), -1), np.zeros((nc, d, largest))
+    place = np.empty(n, dtype=np.int64)
+    seen[:] = -1
+    for a in range(nc):
+        count = 0
+        for e in range(starts[d * a], starts[d * (a + 1)]):
+            if seen[columns[e]] != a:
+                seen[columns[e]] = a
+                unknowns[a, count] = columns[e]
+                count += 1
+        unknowns[a, :count].sort()
+        for j in range(count):
+            place[unknowns[a, j]] = j
+        for i in range(d):
+            for e in range(starts[d * a + i], starts[d * a + i + 1]):
+                h[a, i, place[columns[e]]] += values[e]
+    return unknowns, h
+
+
+@njit(cache=True)
+def graph_of(unknowns, starts, columns, values, n):
+    """Sorted rows (n + 1,), columns and values of M, given by rows (`starts`, `columns`, `values`), in the pattern of M + H K H^T and I.
+
+    unknowns (nc, k): those of each contact, -1 where it has fewer. Entries of M that are stored twice are added.
+    """
+    nc, k = unknowns.shape
+    count = np.zeros(n + 1, dtype=np.int64)
+    for a in range(nc):
+        for j in range(k):
+            if unknowns[a, j] < 0:
+                break
+            count[unknowns[a, j] + 1] += 1
+    first = np.cumsum(count)
+    contacts, following = np.empty(first[n], dtype=np.int64), first[:-1].copy()
+    for a in range(nc):
+        for j in range(k):
+            if unknowns[a, j] < 0:
+                break
+            contacts[following[unknowns[a, j]]] = a
+            following[unknowns[a, j]] += 1
+    most = n + len(columns)
+    for i in range(n):
+        most += min(n, k * (first[i + 1] - first[i]))
+    indptr, indices, mass = np.zeros(n + 1, dtype=np.int64), np.empty(most, dtype=np.int64), np.zeros(most)
+    seen, end = np.full(n, -1), 0
+    for i in range(n):
+        begin = end
+        seen[i], indices[end] = i, i
+        end += 1
+        for e in range(first[i], first[i + 1]):
+            for j in range(k):
+                b = unknowns[contacts[e], j]
+                if b < 0:
+                    break
+                if seen[b] != i:
+                    seen[b], indices[end] = i, b
+                    end += 1
+        for e in range(starts[i], starts[i + 1]):
+            if seen[columns[e]] != i and values[e] != 0.0:
+                seen[columns[e]], indices[end] = i, columns[e]
+                end += 1
+        row = indices[begin:end]
+        row.sort()
+        for e in range(starts[i], starts[i + 1]):
+            if values[e] != 0.0:
+                mass[begin + np.searchsorted(row, columns[e])] += values[e]
+        indptr[i + 1] = end
+    return indptr, indices[:end].copy(), mass[:end].copy()
+
+
+@njit(cache=True)
+def velocities_held(r, mu, sticking, d):
+    """Velocities that contacts with reactions r (m,) hold: all of their own where they stick, the normal one where they slide.
+
+    sticking: share of the cone's radius up to which a contact is said to stick.
+    """
+    held = 0
+    for a in range(len(mu)):
+        if r[d * a] > 0.0:
+            square = 0.0
+            for i in range(1, d):
+                square += r[d * a + i] * r[d * a + i]
+            held += d if np.sqrt(square) < sticking * mu[a] * r[d * a] else 1
+    return held

@@ -12,17 +12,27 @@ saddle-point matrix of the global form (see `kkt`), which the regularisation all
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear import storage
+from fcsim.linear.block_factors._lu_kernels import taking_part
 from fcsim.linear.block_factors.analysis import Analysis
 from fcsim.linear.block_factors.lu import BlockLU
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem import Delassus
 from fcsim.problem.motion import Motion
-from fcsim.solvers.newton.systems._velocity_kernels import add_shares, add_shares_to_rows, contacts_eliminated, places
+from fcsim.solvers.newton.systems._velocity_kernels import (
+    add_shares,
+    add_shares_to_rows,
+    by_contacts,
+    contacts_eliminated,
+    graph_of,
+    places,
+)
 
 SPARSE_STEPS = 50
 """Small steps of what the sparse elimination takes beside its operations."""
@@ -40,34 +50,27 @@ class Bodies:
     def __init__(self, motion: Motion, dimension: int) -> None:
         HT, d = motion.HT, dimension
         m, n = HT.shape
-        self.HT, self.H, self.own = HT, sp.csr_array(HT.T), np.zeros(m) if motion.own is None else motion.own
-        row = np.repeat(np.arange(m), np.diff(HT.indptr))
-        pairs, place = np.unique((row // d) * n + HT.indices, return_inverse=True)
-        contact = pairs // n
-        count = np.bincount(contact, minlength=m // d)
-        position = np.arange(len(pairs)) - (np.cumsum(count) - count)[contact]
-        shape = m // d, int(count.max(initial=0))
-        self.unknowns: IntArray = np.full(shape, -1)
-        self.unknowns[contact, position] = pairs % n
-        self.h = np.zeros((shape[0], d, shape[1]))
-        np.add.at(self.h, (row // d, row % d, position[place]), HT.data)
+        self.HT, self.own = HT, np.zeros(m) if motion.own is None else motion.own
+        self.unknowns: IntArray
+        self.unknowns, self.h = by_contacts(HT.indptr, HT.indices, HT.data, d, n)
         self.flops, self.mass = 2 / 3 * n**3, None
-        touching = sp.csr_array((np.ones(len(pairs)), (contact, pairs % n)), shape=(m // d, n))
-        M = sp.csr_array(motion.M, copy=True)
-        M.sum_duplicates()
-        M.eliminate_zeros()  # which the pattern's sum would leave out
-        graph = sp.csr_array(touching.T @ touching + abs(M) + sp.eye_array(n))
-        if not storage.eliminated_dense(n, graph.nnz, SPARSE_STEPS):
-            graph.sort_indices()
-            self.analysis = Analysis(sp.bsr_array(graph, blocksize=(1, 1)))
-            indptr, indices = self.analysis.indptr, self.analysis.indices
-            self.flops = IRREGULAR * self.analysis.flops
-            self.places = places(indptr, indices, self.unknowns)
-            key = np.repeat(np.arange(n), np.diff(indptr)) * n + indices
-            own = np.repeat(np.arange(n), np.diff(M.indptr)) * n + M.indices
-            self.values = np.bincount(np.searchsorted(key, own), M.data, minlength=len(indices))  # of M, in the pattern
-        else:
-            self.mass = motion.M.toarray()
+        M = motion.M
+        if storage.eliminated_dense(n, 0, SPARSE_STEPS):  # whatever the pattern
+            self.mass = M.toarray()
+            return
+        indptr, indices, values = graph_of(self.unknowns, M.indptr, M.indices, M.data, n)
+        if storage.eliminated_dense(n, len(indices), SPARSE_STEPS):
+            self.mass = M.toarray()
+            return
+        self.analysis = Analysis(sp.bsr_array((np.ones((len(indices), 1, 1)), indices, indptr), shape=(n, n)))
+        self.flops = IRREGULAR * self.analysis.flops
+        self.places = places(self.analysis.indptr, self.analysis.indices, self.unknowns)
+        self.values = values  # of M, in the pattern
+
+    @cached_property
+    def H(self) -> sp.csr_array:
+        """H (n, m) by rows."""
+        return sp.csr_array(self.HT.T)
 
     @property
     def places_count(self) -> int:
@@ -83,6 +86,19 @@ class Bodies:
         values = self.values.copy()
         add_shares_to_rows(values, self.places, self.h, K)
         return BlockLU(self.analysis, values.reshape(-1, 1, 1)).solve(right)
+
+    def arrays(self) -> tuple[object, ...]:
+        """What compiled iterations read, and where they put their factors: see `newton_in_velocities`."""
+        n, none = self.HT.shape[1], np.empty(0, dtype=np.int64)
+        if self.mass is not None:
+            mass, masses, places = self.mass, np.empty(0), np.empty((0, 0, 0), dtype=np.int64)
+            return self.unknowns, self.h, n, mass, places, masses, *(none,) * 11, masses, none
+        analysis = self.analysis
+        order, front, starts, rows, _ = analysis.fronts
+        number, width, border, offsets = taking_part(order, front, starts, rows, np.ones(n, dtype=bool), 1)
+        pattern = analysis.indptr, analysis.indices, analysis.mirror, order, front, starts, rows, number, width, border, offsets
+        values, pivots = np.empty(offsets[-1]), np.empty(n, dtype=np.int64)
+        return self.unknowns, self.h, n, np.empty((0, 0)), self.places, self.values, *pattern, values, pivots
 
 
 def bodies_of(operator: Delassus) -> Bodies:

@@ -136,3 +136,18 @@ def test_one_methods_own_end_is_not_that_of_the_race(own: Status) -> None:
         return Iterate(np.zeros(3), own)
 
     assert race([replace(method("ends", stuck), turns=turns)])[0].status is Status.STAGNATED
+
+
+def test_who_opens_is_alone_until_it_says_so() -> None:
+    """Nobody else is asked to enter as long as the first one's opening lasts, and others enter right after that."""
+    asked = []
+
+    def enters(race: Race) -> bool:
+        asked.append(race.runners["first"].monitor.iterations)
+        return asked[-1] > 0
+
+    first = replace(method("first", stuck), opens=lambda race, runner: runner.monitor.iterations < 7)
+    iterate, _ = race([first, replace(method("second", lambda k: 0.1**k), enters=enters)])
+    assert iterate.status is Status.SOLVED
+    assert asked[:2] == [0, 7]  # when the race begins, before anyone has; then after the opening
+    assert len(asked) == 2

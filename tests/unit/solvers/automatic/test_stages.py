@@ -7,15 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.bench.families import problems
 from fcsim.errors import InputError
-from fcsim.problem import LocalProblem
+from fcsim.problem import Delassus, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
 from fcsim.solvers.automatic import stages
+from fcsim.solvers.automatic.race import Race, ShareOfMonitor, Stage
 from fcsim.solvers.automatic.stages import STAGES
+from fcsim.solvers.turns import Turns
+
+
+def local(family: str, size: int, seed: int) -> LocalProblem:
+    """A problem of a family in local form, made anew."""
+    made = problems(family, size, seed)
+    return made if isinstance(made, LocalProblem) else reduce(made).local
 
 
 def chain(nc: int, d: int) -> np.ndarray:
@@ -134,3 +142,42 @@ def test_admm_goes_on_alone_where_bodies_come_to_rest(monkeypatch: pytest.Monkey
     monkeypatch.setattr(stages, "TO_REST", np.inf)
     blind = solve(p, "auto")
     assert blind.solved and seeing.iterations < blind.iterations
+
+
+def test_sweeps_of_few_contacts_are_nncg_in_one_go() -> None:
+    """Their direction goes on from turn to turn: as many sweeps as NNCG needs whose error is looked at as often, up to a turn."""
+    p = local("spheres", 300, 201)
+    kept = solve(p, "auto", without=tuple(stage.name for stage in STAGES if stage.name != "sweeps"), tol=1e-9)
+    alone = solve(p, "NNCG", tol=1e-9, error_evaluation="full", error_frequency=1)
+    assert kept.solved and alone.solved
+    assert alone.iterations <= kept.iterations <= alone.iterations + 20 + alone.iterations // 12
+    assert_allclose(kept.u, alone.u, rtol=0, atol=1e-6 * np.abs(p.q).max())
+
+
+@pytest.mark.parametrize("family", ["disks", "spheres"])
+def test_nothing_is_set_up_while_sweeps_arrive(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stages that are not entered count no elimination: problems of 250 contacts that some hundred sweeps solve."""
+
+    def refused(*_: object) -> None:
+        raise AssertionError("an elimination was counted")
+
+    monkeypatch.setattr(Delassus, "analysis", property(refused))
+    result = solve(local(family, 300, 7), "auto", tol=1e-4)
+    assert result.solved and result.iterations > 20
+
+
+def test_proximal_newton_in_velocities_comes_before_admm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wall of 270 contacts and 27 bodies: where both are asked for, Newton in 162 velocities shows first what it does."""
+    entered = []
+
+    def noted(stage: Stage) -> Stage:
+        def turns(race: Race, monitor: ShareOfMonitor) -> Turns:
+            entered.append(stage.name)
+            return stage.turns(race, monitor)
+
+        return replace(stage, turns=turns)
+
+    monkeypatch.setattr("fcsim.solvers.automatic.stages.STAGES", tuple(noted(stage) for stage in STAGES))
+    result = solve(local("walls", 300, 201), "auto")
+    assert result.solved
+    assert entered[:2] == ["sweeps", "proximal Newton"]

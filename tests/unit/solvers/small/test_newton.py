@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fcsim.bench.families import FAMILIES, problems
+from fcsim.linear.block_factors._dense_kernels import affine, solve_dense
 from fcsim.problem import LocalProblem, error, scaled_error
 from fcsim.problem.reduction import reduced
 from fcsim.solvers import Memory, Status, method, solve
 from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.systems.direct import DenseSystem
 from fcsim.solvers.small import door
-from fcsim.solvers.small._dense_kernels import affine, solve_dense
 from fcsim.solvers.small._newton_kernels import newton_step, proximal_newton
 
 
