@@ -118,6 +118,19 @@ def coarse() -> str:
     return said(build_model([Body("block", part)], supports=[held], loads=[pulled]), scheme=QuasiStatic(1.0), steps=1)
 
 
+def shaken(h: float) -> str:
+    """Of a floor that swings 50 times a second."""
+    floor = [Support("floor", ("y", "z", "rx", "ry", "rz")), Support("floor", ("x",), velocity=lambda t: 0.5 * np.sin(100 * np.pi * t))]
+    return said(scene(supports=floor), scheme=Theta(h=h))
+
+
+def column() -> str:
+    """A clamped column, fifty times as high as thick, under twice the load that buckles it, pi^2 E I / (4 H^2)."""
+    part = brick("block", (0.02, 0.02, 1.0), (1, 1, 20), STONE, elements="Q1-enhanced")
+    held, pressed = Support("block", ("x", "y", "z"), "z-"), Traction("block", "z+", (0.0, 0.0, -2 * np.pi**2 * STONE.E * 0.02**2 / 48))
+    return said(build_model([Body("block", part)], supports=[held], loads=[pressed]), scheme=QuasiStatic(1.0), steps=1)
+
+
 # title of the page's entry: the mistake, and what the answer says of the mend
 MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
     "Gravity points upwards": (lambda: said(scene(gravity=lambda t: (0, 0, 9.81)), steps=1), "Downwards its last component is negative"),
@@ -134,6 +147,8 @@ MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
     "The mesh has no volume cells": (lambda: surface_mesh(Path()), "expected volume cells"),
     "A 2D mesh among bodies in space": (flat, "expected all in 2D or all in 3D, got 'sheet' in 2D and 'floor' in 3D"),
     "Steps that are too long": (lambda: said(scene(), scheme=Theta(h=0.2), steps=1), "choose h below"),
+    "A load that is faster than the steps": (lambda: shaken(0.02), "choose h below a tenth of its period"),
+    "A column of linear material that would buckle": (column, "saint_venant_kirchhoff(E, nu, density), of finite strain, does"),
     "h is 0 or negative": (lambda: Theta(h=-1e-3), "h: expected a number > 0"),
     "The number of steps is no whole number": (lambda: said(scene(), steps=10.5), "steps: expected a whole number"),  # type: ignore[arg-type]
     "A support moves more than is meant": (
@@ -188,6 +203,7 @@ def test_a_mistake_is_answered(title: str, tmp_path: Path, monkeypatch: pytest.M
 
 def test_what_is_right_is_not_remarked_on() -> None:
     assert said(scene()) == ""
+    assert shaken(0.002) == ""
     units = 1e3  # mm, t, s: MPa
     bodies = [
         rigid_box("floor", size=(1000.0, 400.0, 100.0), centre=(100.0, 50.0, -50.0), mass=1e-3),

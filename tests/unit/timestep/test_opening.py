@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fcsim.assembly.loads import Traction
 from fcsim.assembly.model import build_model
-from fcsim.assembly.supports import Support
+from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
@@ -19,6 +20,7 @@ from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from fcsim.running.case import load_case
 from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.remarks.undersampled import undersampled
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest
 from fcsim.timestep.theta import Theta
@@ -167,3 +169,35 @@ def test_a_hinge_in_space_that_contact_locks() -> None:
     assert not said(Hinge("along", "one", "two", ((0.9, 0.0, 0.0), (1.1, 0.0, 0.0))))  # the axis of both
     assert said(Ball("ball", "one", "two", (1.0, 0.0, 0.0)))
     assert said(Ball("ball", "one", "two", (1.0, 0.0, 0.05)))  # opens upwards, but not to the side
+
+
+@pytest.mark.parametrize(("steps_a_period", "named"), [(0.5, True), (1.0, True), (2.0, True), (5.0, False), (20.0, False)])
+@pytest.mark.parametrize("what", ["gravity", "traction", "velocity", "displacement", "rotation"])
+def test_what_goes_up_and_down_within_steps(what: str, steps_a_period: float, named: bool) -> None:
+    """Sampled at its steps a sine of one or two steps a period is no motion; switches, pulses and what grows are none."""
+    h, held = 0.01, [Support("base", ("y", "z", "ry", "rz"))]
+
+    def swings(t: float) -> float:
+        return float(np.sin(2 * np.pi * t / (steps_a_period * h)))
+
+    functions = {
+        "wave": swings,
+        "switch": lambda t: float(t > 0.2 * h),
+        "pulse": lambda t: np.exp(-((t / h - 5.3) ** 2)),
+        "grows": lambda t: t**2,
+    }
+    for name, f in functions.items():
+        gravity = (lambda t, f=f: (0.0, 0.0, -f(t))) if what == "gravity" else None
+        loads = [Traction("block", "x+", (1.0, 0.0, 0.0), factor=f)] if what == "traction" else []
+        given: dict[str, Any] = {what: f} if what in ("velocity", "displacement") else {}
+        supports = (
+            [*held, Support("base", ("x", "rx"), **given)] if what != "rotation" else [DrivenRotation("base", f, (0, 0, 0), (0, 0, 1))]
+        )
+        if what == "rotation" and name == "pulse":
+            continue  # an angle begins at 0
+        block = Body("block", brick("block", (0.2, 0.1, 0.1), (1, 1, 1), Material(1e9, 0.2, 2000.0)))
+        base = rigid_box("base", (1.0, 1.0, 0.1), (0.1, 0.05, -0.05), 100.0)
+        model = build_model([block, base], supports=supports, loads=loads, gravity=gravity)
+        found = [text for text in undersampled(model, Theta(h), 0.0, 20) if "goes up and down within steps" in text]
+        assert len(found) == (name == "wave" and named)
+        assert not list(undersampled(model, QuasiStatic(h), 0.0, 20))
