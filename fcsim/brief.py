@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 LONGEST, IN_ALL = 60, 800
 """Characters of one field, and of all."""
+_ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]+")
 
 
 def brief(value: DataclassInstance) -> str:
@@ -29,6 +31,11 @@ def brief(value: DataclassInstance) -> str:
             parts.append("...")
             break
     return f"{type(value).__name__}({', '.join(parts)})"
+
+
+def of_any_process(text: str) -> str:
+    """What a value shows of itself without the addresses in memory of functions and objects in it, which no other process has."""
+    return _ADDRESS.sub("", text)
 
 
 def _shown(value: object) -> str:

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
+from fcsim.brief import of_any_process
 from fcsim.running.case import Case, CaseScript, History, Sensor
 from fcsim.running.description import FORMAT, Bound, Column, Description, HistoryPlot, Plots
 from fcsim.running.resume import model_digest
@@ -40,7 +41,7 @@ def describe(
         description=case.description,
         parameters=asdict(parameters),
         assignments=dict(assignments),
-        scheme=repr(simulation.scheme),
+        scheme=of_any_process(repr(simulation.scheme)),
         notes=(*simulation.notes, *ignored(simulation)),
         h=simulation.scheme.h,
         steps=simulation.steps,

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fcsim.assembly.model import Model
+from fcsim.brief import of_any_process
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import ELEMENTS
 from fcsim.mesh.part import Body
@@ -48,8 +49,11 @@ def changes(stored: Description, now: Description) -> list[str]:
             how = "is read now" if before is None else "is not read now" if after is None else "has changed"
             found.append(f"{path} {how}")
     for name in ("model", "scheme", "h", "solver", "tol"):
-        if getattr(stored, name) != getattr(now, name):
-            found.append("the model's mesh has changed" if name == "model" else f"{name} was {getattr(stored, name)}")
+        before, after = getattr(stored, name), getattr(now, name)
+        if name == "scheme":  # earlier versions wrote where a law's function was
+            before, after = of_any_process(before), of_any_process(after)
+        if before != after:
+            found.append("the model's mesh has changed" if name == "model" else f"{name} was {before}")
     for name in sorted({*stored.versions, *now.versions}):
         before, after = stored.versions.get(name, "absent"), now.versions.get(name, "absent")
         if before != after:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fcsim.brief import of_any_process
 from fcsim.ranks import world
 from fcsim.records import json_text
 from fcsim.running.case import Case
@@ -22,7 +23,7 @@ def same_case(case: Case, description: Description) -> None:
     ranks.same("the case as it is described", (json_text(description).encode(),))
     texts = [repr([sensor.column for sensor in case.sensors]), repr(simulation.scheme), repr(simulation.solver)]
     numbers = [model.reference, model.driven_dofs, initial.x, initial.v, model.load(initial.t)]
-    ranks.same("the case's numbers", [text.encode() for text in texts] + [np.ascontiguousarray(array) for array in numbers])
+    ranks.same("the case's numbers", [of_any_process(text).encode() for text in texts] + [np.ascontiguousarray(array) for array in numbers])
 
 
 def shared_work() -> tuple[RankWork, ...]:

@@ -14,6 +14,7 @@ from fcsim.problem import Followed
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
+from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
 
 
 class NewtonSpace(Protocol):
@@ -61,7 +62,7 @@ class LocalSpace:
         self.exact = True
 
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
-        if isinstance(self._system, CondensedSystem):
+        if isinstance(self._system, CondensedSystem | SystemOverRanks):
             self._system.needed = self.needed
         self._dr, self._Wdr = self._system.solve(A, B, -F)
         return self._dr, self._Wdr

@@ -86,6 +86,21 @@ def test_a_run_over_ranks_writes_what_one_process_writes(
         assert all(np.array_equal(one[name][()], other[name][()]) for name in ("x", "v"))
 
 
+def test_a_law_with_a_function_runs_and_is_resumed_in_other_processes(run: Callable[..., Ended], case_folder: Path, tmp_path: Path) -> None:
+    """A function shows where it is in memory, which is another place in each process."""
+    script = case_folder / "two_blocks.py"
+    text = script.read_text(encoding="utf-8").replace(
+        "Theta(1e-3)", "Theta(1e-3, law=Gap(friction=lambda sliding: 0.3 + 0 * sliding.slip))"
+    )
+    assert "lambda sliding" in text
+    script.write_text(text.replace("import numpy as np", "import numpy as np\nfrom fcsim import Gap", 1), encoding="utf-8")
+    begun = run(2, case_folder, "--steps", "2")
+    assert begun.code == 0, begun.err
+    assert "lambda" in open_run(tmp_path / "out").description.scheme
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "out"), "--resume", "--steps", "3", "--quiet"]) == 0
+    assert open_run(tmp_path / "out").description.steps_done == 3
+
+
 def test_a_rank_that_raises_ends_all(run: Callable[..., Ended], case_folder: Path, tmp_path: Path) -> None:
     begin = time.monotonic()
     ended = run(2, spoiled(case_folder, "raise ZeroDivisionError('of this rank')"), timeout=90)

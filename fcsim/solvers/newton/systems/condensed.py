@@ -158,7 +158,7 @@ class CondensedSystem:
         large = border > BORDER_UP_TO
         found = None
         if self._preconditioned is not None and (large or self._preconditioned.blocks is not None) and self._symmetric:
-            found = self._preconditioned.solve(A, B, rhs)
+            found = self._preconditioned.solve(A, B, rhs, self.needed)
             if found is not None:
                 return found
         if not large and (settled or self._rows is None) and self._symmetric:

@@ -20,6 +20,7 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Delassus
 from fcsim.problem.distributed import DistributedDelassus, DistributedFactor
 from fcsim.solvers.memory import Kept
+from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.preconditioned import SHIFTS, JointVelocities, PreconditionedSystem, starts_of_runs
 
@@ -103,6 +104,7 @@ class SystemOverRanks:
         self.operator, self._W, self._make_whole = operator, W, whole
         self._preconditioned = PreconditionedSystem(W.matvec, partial(blocks_over_ranks, W), None if kept is None else kept.blocks)
         self._whole: NewtonSystem | None = None
+        self.needed = 0.0  # the factor by which Newton's residual has still to fall; 0: not known
 
     def left(self, identity: IntArray) -> KeptBlocks | None:
         """What serves the next W of these contacts, None where there is nothing."""
@@ -114,10 +116,13 @@ class SystemOverRanks:
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
         if self._preconditioned.pays and not len(self._W.layout.free):
-            found = self._preconditioned.solve(A, B, rhs)
+            found = self._preconditioned.solve(A, B, rhs, self.needed)
             if found is not None:
                 return found
-        return self._of_all().solve(A, B, rhs)
+        whole = self._of_all()
+        if isinstance(whole, CondensedSystem):
+            whole.needed = self.needed
+        return whole.solve(A, B, rhs)
 
     def _of_all(self) -> NewtonSystem:
         if self._whole is None:

@@ -33,8 +33,10 @@ from fcsim.linear.joints import BlockRows
 from fcsim.linear.krylov import gmres
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 
-ACCURACY = 1e-4
-"""Defect relative to the right-hand side: a defect of 1e-2 in the velocities of sticking contacts is large in reactions, and opens some."""
+ACCURACY, SAFETY = 1e-4, 0.3
+"""Defect relative to the right-hand side: a defect of 1e-2 in the velocities of sticking contacts is large in reactions, and opens some.
+Where Newton's residual is near the tolerance a defect of SAFETY times what is left is enough (R. S. Dembo, S. C. Eisenstat, T. Steihaug,
+SIAM J. Numer. Anal. 19, 1982)."""
 ITERATIONS, ENOUGH = 80, 0.3
 """Iterations of GMRES, and the defect that must be reached by then: far from a solution, where much slides, Newton's method goes on with
 less than ACCURACY."""
@@ -133,22 +135,26 @@ class PreconditionedSystem[Made: Blocks]:
         self._product, self._make, self.blocks, self._earlier = product, make, blocks, blocks is not None
         self.pays = True
 
-    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr (m,) for rhs (nc, d); None where that does not pay."""
+    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float = 0.0) -> tuple[FloatArray, FloatArray] | None:
+        """dr and W dr (m,) for rhs (nc, d); None where that does not pay.
+
+        needed: the factor by which Newton's residual has still to fall, 0: not known. Less is not asked of the defect.
+        """
+        accuracy = max(ACCURACY, min(ENOUGH, SAFETY * needed))
         if self.blocks is not None:
-            found = self._step(self.blocks, A, B, rhs)
+            found = self._step(self.blocks, A, B, rhs, accuracy)
             if found is not None:
                 return found
         if self.pays and (self.blocks is None or self._earlier):
             self._earlier, self.blocks = False, None  # the old one makes room for the new
             self.blocks = self._make()
-            found = None if self.blocks is None else self._step(self.blocks, A, B, rhs)
+            found = None if self.blocks is None else self._step(self.blocks, A, B, rhs, accuracy)
             if found is not None:
                 return found
         self.pays = self.blocks is not None
         return None
 
-    def _step(self, blocks: Made, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def _step(self, blocks: Made, A: FloatArray, B: FloatArray, rhs: FloatArray, accuracy: float) -> tuple[FloatArray, FloatArray] | None:
         shape = rhs.shape
         images: list[FloatArray] = []  # W times the steps
 
@@ -162,7 +168,7 @@ class PreconditionedSystem[Made: Blocks]:
         except SingularMatrix:
             return None
         size = float(np.linalg.norm(rhs))
-        found = gmres(product, precondition, rhs.ravel(), ACCURACY * size, ITERATIONS, ITERATIONS, ENOUGH * size)
+        found = gmres(product, precondition, rhs.ravel(), accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size)
         if found is None:
             return None
         dr, y = found

@@ -18,7 +18,7 @@ from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.newton.systems import condensed, preconditioned
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
-from fcsim.solvers.newton.systems.preconditioned import ACCURACY, StiffnessBlocks, stiffness_blocks, system_of_joints
+from fcsim.solvers.newton.systems.preconditioned import ACCURACY, SAFETY, StiffnessBlocks, stiffness_blocks, system_of_joints
 from tests.unit.linear.test_fronts import linearisation, wall
 
 CASE = Path(__file__).resolve().parents[5] / "cases" / "masonry_wall"
@@ -41,6 +41,25 @@ def test_the_step_has_the_defect_asked_for(d: int, open_share: float) -> None:
     dr, Wdr = found
     assert np.linalg.norm(matrix(W, A, B) @ dr - rhs.ravel()) <= 1.001 * ACCURACY * np.linalg.norm(rhs)
     assert_allclose(Wdr, W @ dr, atol=1e-10 * np.abs(Wdr).max())
+
+
+def test_near_the_solution_less_is_asked_for() -> None:
+    """A share of what Newton's residual has still to fall, by as many iterations fewer."""
+    rng, d = np.random.default_rng(0), 3
+    W, joint = wall(4, 5, 7, d, 1)
+    A, B = linearisation(len(joint), d, rng, 0.3)
+    B, rhs = 0.2 * B, rng.standard_normal((len(joint), d))
+    system, products = system_of_joints(BlockRows(W, d)), []
+    inner = system._product
+    system._product = lambda x: products.append(0) or inner(x)  # type: ignore[func-returns-value,method-assign]
+    counts = []
+    for needed in (0.0, 0.1):
+        products.clear()
+        found = system.solve(A, B, rhs, needed)
+        assert found is not None
+        counts.append(len(products))
+    assert np.linalg.norm(matrix(W, A, B) @ found[0] - rhs.ravel()) <= 1.001 * SAFETY * 0.1 * np.linalg.norm(rhs)
+    assert counts[1] < counts[0]
 
 
 def test_where_all_stick_one_iteration_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
