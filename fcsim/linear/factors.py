@@ -103,6 +103,12 @@ class DenseLU:
         if info != 0:
             raise SingularMatrix(f"matrix of size {len(A)} is singular: zero pivot {info}")
 
+    @property
+    def sign(self) -> int:
+        """Of the determinant: 1 or -1."""
+        turned = np.count_nonzero(self._lu.diagonal() < 0) + np.count_nonzero(self._pivots != np.arange(len(self._pivots)))
+        return -1 if turned % 2 else 1
+
     def solve(self, rhs: FloatArray) -> FloatArray:
         solution: FloatArray = self._getrs(self._lu, self._pivots, rhs)[0]
         return solution

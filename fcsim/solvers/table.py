@@ -33,6 +33,7 @@ from fcsim.solvers.newton.kkt import newton_global, newton_mixed
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.proximal.options import PROXIMAL_NEWTON, ProximalOptions
+from fcsim.solvers.proximal.path_steps import PathOptions, proximal_path
 from fcsim.solvers.proximal.steps import proximal_point
 from fcsim.solvers.rolling.automatic import rolling_automatic
 from fcsim.solvers.rolling.newton import rolling_newton, rolling_proximal
@@ -132,6 +133,12 @@ SOLVERS: dict[str, Method] = {
         PROXIMAL_NEWTON,
         "proximal point",
         "Rockafellar 1976; Acary, Brémond, Huber 2018; metric of the contacts' compliances: fcsim",
+    ),
+    "PROX-PATH": Method(
+        proximal_path,
+        PathOptions(),
+        "proximal point",
+        "Rockafellar 1976; Katzenelson 1965; Kojima, Saigal 1981 (paths by pieces); for friction: fcsim",
     ),
     "LM": Method(
         levenberg_marquardt,

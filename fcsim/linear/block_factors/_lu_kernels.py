@@ -208,6 +208,21 @@ def factorise(indptr, indices, mirror, blocks, order, first, starts, rows, numbe
     return True
 
 
+@njit(cache=True)
+def sign(own, border, offsets, values, pivots, d):
+    """Of the determinant: that of the pivots' product, turned by each exchange of rows."""
+    found, done = 1, 0
+    for s in range(len(own)):
+        n1, n = d * own[s], d * (own[s] + border[s])
+        for k in range(n1):
+            if values[offsets[s] + k * n + k] < 0:
+                found = -found
+            if pivots[done + k] != k:
+                found = -found
+        done += n1
+    return found
+
+
 @njit(cache=True, fastmath={"contract", "reassoc"})
 def solve(order, first, starts, rows, number, own, border, offsets, values, pivots, d, rhs):
     """Return x (nc d,) of L U x = rhs (nc d,), zero for contacts that take no part."""

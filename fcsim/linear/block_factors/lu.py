@@ -35,6 +35,12 @@ class BlockLU:
         if not kernels.factorise(analysis.indptr, analysis.indices, analysis.mirror, blocks, *self._fronts):
             raise SingularMatrix(f"a front of a matrix of {len(pivots)} unknowns is singular")
 
+    @property
+    def sign(self) -> int:
+        """Of the determinant: 1 or -1."""
+        _, _, _, _, _, own, border, offsets, values, pivots = self._fronts
+        return int(kernels.sign(own, border, offsets, values, pivots, self._dimension))
+
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return A^-1 rhs (m,), zero for contacts that are not active, for rhs (m,), of which their part is not read."""
         return kernels.solve(*self._fronts, self._dimension, np.ascontiguousarray(rhs))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from fcsim.solvers.newton.iterations import local_turns
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt_turns
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.proximal.options import PROXIMAL_NEWTON
+from fcsim.solvers.proximal.path_steps import PathOptions, path_turns
 from fcsim.solvers.proximal.steps import proximal_turns
 from fcsim.solvers.turns import Turns
 from fcsim.solvers.variational.admm import AdmmOptions, split_turns
@@ -42,6 +44,7 @@ ALPHA = 0.1
 itself on its way to that error (measured on piles of a thousand boxes). Noise on W needs the large one."""
 
 SWEEPS = GaussSeidelOptions()
+PATHS = PathOptions()
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT, longest=LONGEST)
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
@@ -130,10 +133,25 @@ def splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
     """Proximal Newton from the best iterate; where another method is well ahead, from its iterate."""
-    while True:
+
+    def begin() -> Turns:
         alpha = min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(race.best))) if race.prices.in_velocities else PROXIMAL_NEWTON.alpha
         options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations, alpha=alpha)
-        run = proximal_turns(race.problem, race.best_r(), monitor, options)
+        return proximal_turns(race.problem, race.best_r(), monitor, options)
+
+    return _overtaken(race, monitor, begin)
+
+
+def paths(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """PROX-PATH's proximal steps along paths from the best iterate; where another method is well ahead, from its iterate."""
+    options = replace(PATHS, max_iterations=race.options.max_iterations)
+    return _overtaken(race, monitor, lambda: path_turns(race.problem, race.best_r(), monitor, options))
+
+
+def _overtaken(race: Race, monitor: ShareOfMonitor, begin: Callable[[], Turns]) -> Turns:
+    """What `begin` makes, made anew where another method is well ahead."""
+    while True:
+        run = begin()
         behind = False
         while not behind:
             try:

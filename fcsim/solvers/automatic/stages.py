@@ -47,6 +47,8 @@ FRESH_COST, FRESH_SHARE = 20, 3.0
 FRESH_ALONE, FRESH_DECADE = 10, 5
 """Iterations that a fresh start which arrives needs at first, and for each tenfold (it took 36 to 42 for 8 decades on four of five problems
 that it solved); one that is behind is given up, since those that were hardly ever arrived."""
+PATHS_AFTER = 60
+"""Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed."""
 PROOF_SHARE = 4.0
 """Times what a proof costs that others may spend before it goes first: where there is a solution that costs a quarter more at the most."""
 TO_REST = 1.4
@@ -217,6 +219,14 @@ def _at_first(race: Race, runner: Runner) -> bool:
     return runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades()
 
 
+def _enter_paths(race: Race) -> bool:
+    """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do."""
+    runner = race.runners.get("proximal Newton")
+    if runner is None or not race.prices.in_velocities or not _singular_here(race):
+        return False
+    return runner.result is not None or runner.monitor.iterations >= PATHS_AFTER
+
+
 def _enter_fresh_start(race: Race) -> bool:
     """Proximal Newton is at an end, or the second half of its iterations made the error no tenth smaller; nobody is about to arrive."""
     runner = race.runners.get("proximal Newton")
@@ -284,6 +294,15 @@ STAGES: tuple[Stage, ...] = (
         turns=methods.proximal,
         price=lambda race: race.prices.proximal(_closed(race)),
         alone=_at_first,
+    ),
+    Stage(
+        "paths",
+        "PROX-PATH. Enters after 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold more "
+        "velocities than the bodies have. Works alone.",
+        enters=_enter_paths,
+        turns=methods.paths,
+        price=lambda race: race.prices.piece,
+        alone=lambda race, runner: True,
     ),
     Stage(
         "fresh start",

@@ -12,6 +12,7 @@ saddle-point matrix of the global form (see `kkt`), which the regularisation all
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -79,13 +80,19 @@ class Bodies:
 
     def solve(self, K: FloatArray, right: FloatArray) -> FloatArray:
         """(M + H diag(K) H^T)^-1 right (n,), K (nc, d, d); raises SingularMatrix."""
+        return self.factored(K)[0](right)
+
+    def factored(self, K: FloatArray) -> tuple[Callable[[FloatArray], FloatArray], int]:
+        """What multiplies (n,) by (M + H diag(K) H^T)^-1, K (nc, d, d), and the sign of the determinant; raises SingularMatrix."""
         if self.mass is not None:
             S = self.mass.copy()
             add_shares(S, self.unknowns, self.h, K)
-            return DenseLU(S.T, overwrite=True).solve_transposed(right)
+            dense = DenseLU(S.T, overwrite=True)
+            return dense.solve_transposed, dense.sign
         values = self.values.copy()
         add_shares_to_rows(values, self.places, self.h, K)
-        return BlockLU(self.analysis, values.reshape(-1, 1, 1)).solve(right)
+        factor = BlockLU(self.analysis, values.reshape(-1, 1, 1))
+        return factor.solve, factor.sign
 
     def arrays(self) -> tuple[object, ...]:
         """What compiled iterations read, and where they put their factors: see `newton_in_velocities`."""

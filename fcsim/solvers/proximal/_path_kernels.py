@@ -1,0 +1,130 @@
+"""The contacts' own law behind a regularisation and where a straight path leaves its pieces, compiled; see `path`.
+
+z (nc, d) = c - rho u: what the reaction would be if the contact stuck. Statuses: 0 open, 1 sticking, 2 sliding.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+AT_REST = 1e-12
+"""Share of the largest reaction up to which a contact begins open."""
+AT_LIMIT = 1e-10
+"""Share of the friction's limit next to it from which on a contact begins as sliding."""
+
+
+@njit(cache=True)
+def _squared(z):
+    """||z_T||^2 of z (d,)."""
+    total = 0.0
+    for i in range(1, len(z)):
+        total += z[i] * z[i]
+    return total
+
+
+@njit(cache=True)
+def statuses(z, mu):
+    """Of each contact (nc,)."""
+    found = np.zeros(len(mu), dtype=np.int64)
+    for a in range(len(mu)):
+        if z[a, 0] > 0:
+            limit = mu[a] * z[a, 0]
+            found[a] = 1 if mu[a] > 0 and _squared(z[a]) <= limit * limit else 2
+    return found
+
+
+@njit(cache=True)
+def law(z, mu, rho, status):
+    """r (nc, d) and K = rho dr/dz (nc, d, d) with these statuses (nc,): 0; z; (z_N, mu z_N z_T / ||z_T||)."""
+    nc, d = z.shape
+    r, K = np.zeros((nc, d)), np.zeros((nc, d, d))
+    for a in range(nc):
+        if status[a] == 0:
+            continue
+        r[a, 0] = z[a, 0]
+        K[a, 0, 0] = rho[a]
+        if status[a] == 1:
+            for i in range(1, d):
+                r[a, i] = z[a, i]
+                K[a, i, i] = rho[a]
+            continue
+        size = np.sqrt(_squared(z[a]))
+        if size == 0.0:
+            continue
+        share = mu[a] * z[a, 0] / size
+        for i in range(1, d):
+            t = z[a, i] / size
+            r[a, i] = share * z[a, i]
+            K[a, i, 0] = rho[a] * mu[a] * t
+            for j in range(1, d):
+                K[a, i, j] = rho[a] * share * ((1.0 if i == j else 0.0) - t * z[a, j] / size)
+    return r, K
+
+
+@njit(cache=True)
+def beginning(r, u, mu, rho):
+    """z (nc, d) that belongs to reactions r and velocities u (nc, d), both nearly those of a solution, and statuses (nc,).
+
+    Open contacts keep their velocity, sliding ones their speed; what sticks is at rest.
+    """
+    nc, d = r.shape
+    z, status = r.copy(), np.zeros(nc, dtype=np.int64)
+    least = AT_REST * np.abs(r[:, 0]).max() if nc > 0 else 0.0
+    for a in range(nc):
+        if r[a, 0] <= least:
+            for i in range(d):
+                z[a, i] = -rho[a] * u[a, i]
+            z[a, 0] = min(z[a, 0], 0.0)
+            continue
+        size, limit = np.sqrt(_squared(r[a])), mu[a] * r[a, 0]
+        if size < (1 - AT_LIMIT) * limit:
+            status[a] = 1
+            continue
+        status[a] = 2
+        speed = np.sqrt(_squared(u[a]))
+        for i in range(1, d):
+            z[a, i] = (limit + rho[a] * speed) * r[a, i] / size if size > 0 else -rho[a] * u[a, i]
+    return z, status
+
+
+@njit(cache=True)
+def end_of_piece(z, dz, mu, status, turn):
+    """How far along dz (nc, d) the first contact leaves its status: (length, contact, its next status).
+
+    Contact -1: none before the direction of one that slides has turned by `turn`, or none at all where the length is infinite.
+    """
+    least, which, following = np.inf, -1, -1
+    for a in range(len(mu)):
+        t, to, m = np.inf, -1, mu[a]
+        if status[a] == 0:
+            if dz[a, 0] > 0:
+                t, to = max(-z[a, 0] / dz[a, 0], 0.0), 2
+        else:
+            if dz[a, 0] < 0:
+                t, to = max(-z[a, 0] / dz[a, 0], 0.0), 0
+            if m > 0:  # ||z_T||^2 - (mu z_N)^2 = A t^2 + 2 B t + C, of which the sign is to change
+                A, C = _squared(dz[a]) - m * m * dz[a, 0] ** 2, _squared(z[a]) - m * m * z[a, 0] ** 2
+                B = -m * m * z[a, 0] * dz[a, 0]
+                for i in range(1, z.shape[1]):
+                    B += z[a, i] * dz[a, i]
+                if status[a] == 2:
+                    A, B, C = -A, -B, -C
+                C = min(C, 0.0)
+                root = B * B - A * C
+                if root >= 0:
+                    crossing = np.inf
+                    if B > 0:
+                        crossing = -C / (B + np.sqrt(root))
+                    elif A > 0:
+                        crossing = (np.sqrt(root) - B) / A
+                    if crossing < t:
+                        t, to = crossing, 3 - status[a]
+        if t < least:
+            least, which, following = t, a, to
+        if status[a] == 2 and z.shape[1] == 3:
+            across = abs(z[a, 1] * dz[a, 2] - z[a, 2] * dz[a, 1])
+            if across > 0 and turn * _squared(z[a]) < least * across:
+                least, which, following = turn * _squared(z[a]) / across, -1, -1
+    return least, which, following

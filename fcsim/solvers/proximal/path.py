@@ -1,0 +1,106 @@
+"""One regularised problem, by Newton's method or along a path whose end is its solution.
+
+With the centre c and rho_a = 1 / (alpha D_a) a contact's reaction follows from its velocity alone: r = P(z), z = c - rho u, where P is
+zero for z_N <= 0, z inside the friction cone, and (z_N, mu z_N z_T / ||z_T||) beside it. What is left is
+
+    F(r) = P(c - rho (W r + q)) - r = 0,    (1 + K W) dr = F,  K = rho dP/dz,
+
+piecewise smooth: a piece has the contacts' statuses. Newton's method jumps from piece to piece and may do so for ever. The path does not:
+w (m,) is what u would have to change by for the start to be a solution, and along
+
+    P(c - rho (W r + q + (1 - t) w)) = r,    t from 0 to 1,
+
+one contact after the other changes its status. Which way t goes in a piece is said by the sign of det(1 + K W): where that turns, the path
+folds and t falls. So it ends where the determinant is positive, as it is at the one solution of a large alpha. In a piece z is taken for
+linear in t; what that leaves is carried along and vanishes towards t = 1.
+
+Sources: J. Katzenelson, Bell Syst. Tech. J. 44, 1965 (piecewise linear equations along their pieces); M. Kojima, R. Saigal, Math. Program.
+21, 1981 (determinants); R. T. Rockafellar, SIAM J. Control Optim. 14, 1976 (regularisation). Its use for friction is our own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.linear.factors import SingularMatrix
+from fcsim.solvers.base import Monitor
+from fcsim.solvers.proximal import _path_kernels as kernels
+from fcsim.solvers.proximal.pieces import Pieces
+
+TURN = 1.0
+"""Tangent of the angle that a sliding contact's z_T may turn by in a step."""
+BACK = -0.5
+"""t below which a path is given up."""
+RUNAWAY = 1e4
+"""Growth of what Newton's method leaves at which it is given up."""
+LEAST_REST = 1e-3
+"""Least 1 - t by which the rest is divided: what is left of the path is not that short."""
+
+
+@dataclass(frozen=True)
+class Regularised:
+    """The problem of one centre and alpha: z = c - rho (W r + q); all (nc, d) but rho, mu (nc,)."""
+
+    pieces: Pieces
+    q: FloatArray
+    mu: FloatArray
+    rho: FloatArray
+    monitor: Monitor
+
+    def rest(self, F: FloatArray) -> float:
+        """||W F|| relative to what the error divides by: the velocities that F stands for."""
+        return float(np.linalg.norm(self.pieces.product(F))) / (self.monitor.scale or 1.0)
+
+    def newton(self, z: FloatArray, r: FloatArray, target: float, most: int) -> FloatArray | None:
+        """P(z) of the solution to a rest of target, by Newton's method from z = c - rho (W r + q); None after so many iterations."""
+        first = np.inf
+        for k in range(most + 1):
+            found, K = kernels.law(z, self.mu, self.rho, kernels.statuses(z, self.mu))
+            rest = self.rest(found - r)
+            if rest <= target:
+                return found
+            first = min(first, rest)
+            if k == most or not rest < RUNAWAY * first or self.monitor.out_of_time():
+                return None
+            try:
+                self.pieces.factor(K)
+            except SingularMatrix:
+                return None
+            dr, du = self.pieces.solve(found - r)
+            r, z = r + dr, z - self.rho[:, None] * du  # not from u anew, of which a last bit is many of z
+            self.monitor.iterations += 1
+        return None
+
+    def follow(self, z: FloatArray, status: IntArray, w: FloatArray, most: int) -> tuple[FloatArray, FloatArray] | None:
+        """(z, r) at the end of the path from a solution for q + w, with z there and its statuses; None where that is not met within so
+        many pieces, or is lost."""
+        pieces, mu, rho, status, t = self.pieces, self.mu, self.rho, status.copy(), 0.0
+        found, K = kernels.law(z, mu, rho, status)
+        r, contact = found, -1
+        for _ in range(most):
+            try:
+                if contact < 0:
+                    pieces.factor(K)
+                else:
+                    pieces.change(contact, K)
+            except SingularMatrix:
+                return None
+            self.monitor.iterations += 1
+            way = pieces.sign
+            right = way * np.einsum("aij,aj->ai", pieces.K, w) + (found - r) / max(1.0 - t, LEAST_REST)
+            dr, du = pieces.solve(right)
+            dz = -rho[:, None] * (du - way * w)
+            length, contact, to = kernels.end_of_piece(z, dz, mu, status, TURN)
+            if way > 0 and t + length >= 1:
+                return z + (1 - t) * dz, r + (1 - t) * dr
+            t += way * length
+            if not BACK < t < np.inf or self.monitor.out_of_time():
+                return None
+            r, z = r + length * dr, z + length * dz
+            if contact >= 0:
+                status[contact] = to
+            found, K = kernels.law(z, mu, rho, status)
+        return None

@@ -1,0 +1,133 @@
+"""The proximal point algorithm whose inner problems are solved along paths where Newton's method does not find their solution.
+
+Rigid bodies that slide on more points than they need have solutions to which proximal steps do not contract as long as alpha is above some
+modes of friction (r_k+1 of alpha / (alpha - lambda), lambda > 0), while with alpha below them Newton's method cycles. So alpha falls
+tenfold at every step, and where Newton's method does not arrive, the solution is followed from one status to the next (`path`); only where
+that is lost too alpha rises.
+
+Sources: as in `path` and `steps`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
+from fcsim.problem import LocalProblem
+from fcsim.solvers.base import Iterate, Monitor, Options, Status
+from fcsim.solvers.proximal import _path_kernels as kernels
+from fcsim.solvers.proximal.options import PROXIMAL_NEWTON
+from fcsim.solvers.proximal.path import Regularised
+from fcsim.solvers.proximal.pieces import pieces_of
+from fcsim.solvers.proximal.steps import proximal_turns
+from fcsim.solvers.turns import Turns, to_the_end
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathOptions(Options):
+    """max_iterations counts eliminations: Newton's iterations and pieces of paths alike.
+
+    before        iterations of PROX-NEWTON before the first path
+    newton        Newton's iterations before a path is followed
+    pieces        pieces after which a path is given up
+    alpha         first regularisation over the error of the start, at most alpha_most; D is the contacts' compliances
+    alpha_least   regularisation that it does not fall below
+    fall, rise    by which alpha is divided after a step, multiplied where a path was lost
+    patience      steps and lost paths without a better error before giving up
+    """
+
+    max_iterations: int = 10_000
+    before: int = 60
+    newton: int = 10
+    pieces: int = 200
+    alpha: float = 1.0
+    alpha_least: float = 1e-8
+    alpha_most: float = 1e-2
+    fall: float = 10.0
+    rise: float = 30.0
+    patience: int = 40
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("alpha", "alpha_least", "alpha_most"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"option {name}: expected a number > 0, got {getattr(self, name)}")
+        for name in ("fall", "rise"):
+            if not getattr(self, name) > 1:
+                raise InputError(f"option {name}: expected a number > 1, got {getattr(self, name)}")
+        for name, least in (("before", 0), ("newton", 1), ("pieces", 0), ("patience", 1)):
+            if getattr(self, name) < least:
+                raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
+
+
+ROOT = 0.1
+"""PROX-NEWTON's first alpha over the root of the error."""
+INNER, NEAREST = 0.1, 1e-4
+"""Residual of an inner problem over the best error, and at most."""
+MOST_ALPHA = 1e6
+"""Regularisation beyond which a step is no step."""
+LEAST_GAIN = 0.99
+"""Factor that a better error takes off the best one, or it counts as waiting."""
+
+
+def proximal_path(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: PathOptions) -> Iterate:
+    """PROX-NEWTON for `before` iterations from r (m,), then proximal steps along paths."""
+    error = monitor.record(r, problem.W @ r + problem.q)
+    if options.before and error > monitor.tol and np.isfinite(error):
+        alpha, most = min(PROXIMAL_NEWTON.alpha, ROOT * float(np.sqrt(error))), min(options.before, options.max_iterations)
+        iterate = to_the_end(proximal_turns(problem, r, monitor, replace(PROXIMAL_NEWTON, alpha=alpha, max_iterations=most)))
+        if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
+            return iterate
+        r = iterate.r if monitor.best_r is None else monitor.best_r
+    return to_the_end(path_turns(problem, r, monitor, options))
+
+
+def path_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: PathOptions) -> Turns:
+    """Proximal steps along paths from r (m,), by turns of one step each."""
+    shape = problem.nc, problem.dimension
+    W, q, mu, operator = problem.W, problem.q.reshape(shape), problem.mu, problem.delassus
+    u = W @ r + problem.q
+    error = monitor.record(r, u)
+    alpha, pieces = min(options.alpha * error, options.alpha_most), pieces_of(operator)
+    best, least, waited = r, error, 0
+    while not error <= monitor.tol:
+        status = monitor.stopped(error, options.max_iterations)
+        if status is None and (waited >= options.patience or alpha > MOST_ALPHA):
+            status = Status.STAGNATED
+        if status is not None:
+            return Iterate(best, status)
+        alpha = max(alpha, options.alpha_least)
+        inner = Regularised(pieces, q, mu, 1.0 / (alpha * operator.compliance), monitor)
+        found = _solved(inner, r.reshape(shape), u.reshape(shape), max(INNER * monitor.tol, min(INNER * least, NEAREST)), options)
+        waited += 1
+        if found is None:
+            alpha *= options.rise
+        else:
+            alpha /= options.fall
+            r = found.ravel()
+            u = W @ r + problem.q
+            error = monitor.record(r, u)
+            if error < LEAST_GAIN * least:
+                waited = 0
+            if error < least:
+                best, least = r, error
+        yield
+    return Iterate(r, Status.SOLVED)
+
+
+def _solved(inner: Regularised, r: FloatArray, u: FloatArray, target: float, options: PathOptions) -> FloatArray | None:
+    """The reactions (nc, d) of the inner problem around r, u the velocities there; None where its solution was not found."""
+    z, status = kernels.beginning(r, u, inner.mu, inner.rho)
+    centre, _ = kernels.law(z, inner.mu, inner.rho, status)
+    free = centre - inner.rho[:, None] * (inner.pieces.product(centre) + inner.q)
+    budget = options.max_iterations - inner.monitor.iterations
+    found = inner.newton(free, centre, target, min(options.newton, budget))
+    budget = options.max_iterations - inner.monitor.iterations
+    if found is None and options.pieces and budget > 0:
+        end = inner.follow(z, status, (free - z) / inner.rho[:, None], min(options.pieces, budget))
+        if end is not None:
+            found = inner.newton(*end, target, max(0, min(options.newton, options.max_iterations - inner.monitor.iterations)))
+    return found

@@ -1,0 +1,140 @@
+"""The linear systems (1 + K W) dr = rhs of the pieces of a path, K (nc, d, d) of which changes at one contact from piece to piece.
+
+Source: W. W. Hager, SIAM Review 31, 1989 (the inverse of a matrix that was changed by one of low rank: Sherman, Morrison, Woodbury).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.linear.factors import DenseLU
+from fcsim.problem import Delassus
+from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
+from fcsim.solvers.newton.systems.velocity import bodies_of
+
+
+class Pieces(Protocol):
+    """K (nc, d, d): what is solved with; sign: of det(1 + K W). `factor` and `change` raise SingularMatrix."""
+
+    K: FloatArray
+    sign: int
+
+    def factor(self, K: FloatArray) -> None:
+        """Take K (nc, d, d)."""
+        ...
+
+    def change(self, contact: int, K: FloatArray) -> None:
+        """Take K (nc, d, d), of which only what this contact has differs by much."""
+        ...
+
+    def solve(self, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(dr, W dr), each (nc, d), for rhs (nc, d)."""
+        ...
+
+    def product(self, r: FloatArray) -> FloatArray:
+        """W r (nc, d)."""
+        ...
+
+
+def pieces_of(operator: Delassus) -> Pieces:
+    """In the velocities of bodies with few degrees of freedom, else in the reactions of the contacts that are not open."""
+    rigid = operator.motion is not None and operator.motion.own is None
+    return InVelocities(operator) if rigid and eliminated_in_velocities(operator) else InReactions(operator)
+
+
+MOST_CHANGED = 12
+"""Contacts that are changed before the matrix is factored anew: an elimination costs about twenty solutions with its factor."""
+
+
+class InVelocities:
+    """(M + H K H^T) dv = H rhs and dr = rhs - K H^T dv for W = H^T M^-1 H; both determinants have one sign (Sylvester).
+
+    With the factor of K_0 and J_0 = M + H K_0 H^T, Z = J_0^-1 H_c of the contacts c that were changed, and C = K_c - K_0c,
+
+        dv = y - Z C (1 + H_c^T Z C)^-1 H_c^T y,    y = J_0^-1 H rhs.
+    """
+
+    def __init__(self, operator: Delassus) -> None:
+        self._bodies, self._shape = bodies_of(operator), (operator.nc, operator.dimension)
+        self._inverse_mass, _ = self._bodies.factored(np.zeros((*self._shape, operator.dimension)))
+        self.K, self.sign = np.empty(0), 1
+
+    def factor(self, K: FloatArray) -> None:
+        self.K, self._before = K.copy(), K
+        self._inverse, self._first = self._bodies.factored(K)
+        self.sign, self._changed = self._first, np.empty(0, dtype=np.int64)
+        self._small: DenseLU | None = None
+        self._Z = np.empty((self._bodies.HT.shape[1], 0))
+
+    def change(self, contact: int, K: FloatArray) -> None:
+        bodies, d = self._bodies, self._shape[1]
+        if contact not in self._changed:
+            if len(self._changed) == MOST_CHANGED:
+                self.factor(K)
+                return
+            columns = np.zeros((d, len(self._Z)))
+            known = bodies.unknowns[contact] >= 0
+            columns[:, bodies.unknowns[contact, known]] = bodies.h[contact][:, known]
+            self._Z = np.column_stack([self._Z, *(self._inverse(column) for column in columns)])
+            self._changed = np.append(self._changed, contact)
+        self.K[contact] = K[contact]
+        C = self.K[self._changed] - self._before[self._changed]
+        self._ZC = np.matmul(self._Z.reshape(len(self._Z), -1, 1, d), C)[:, :, 0].reshape(self._Z.shape)
+        small = self._small = DenseLU(self._at_changed(self._ZC) + np.eye(self._ZC.shape[1]))
+        self.sign = self._first * small.sign
+
+    def _at_changed(self, v: FloatArray) -> FloatArray:
+        """H_c^T v (d changed, ...) for v (n, ...); unknowns that a contact lacks have zeros in h."""
+        h, places = self._bodies.h[self._changed], self._bodies.unknowns[self._changed]
+        found: FloatArray = np.matmul(h, v[places].reshape(*places.shape, -1)).reshape(-1, *v.shape[1:])
+        return found
+
+    def solve(self, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        bodies = self._bodies
+        dv = self._inverse(bodies.H @ rhs.ravel())
+        if self._small is not None:
+            dv = dv - self._ZC @ self._small.solve(self._at_changed(dv))
+        Wdr = (bodies.HT @ dv).reshape(self._shape)
+        return rhs - np.einsum("aij,aj->ai", self.K, Wdr), Wdr
+
+    def product(self, r: FloatArray) -> FloatArray:
+        product: FloatArray = self._bodies.HT @ self._inverse_mass(self._bodies.H @ r.ravel())
+        return product.reshape(self._shape)
+
+
+class InReactions:
+    """Dense LU of the rows and columns of contacts whose K is not zero; the others' dr is rhs."""
+
+    def __init__(self, operator: Delassus) -> None:
+        self._operator, self._shape = operator, (operator.nc, operator.dimension)
+        W = operator.W
+        self._W = W if isinstance(W, np.ndarray) else W.toarray()
+        self.K, self.sign = np.empty(0), 1
+
+    def factor(self, K: FloatArray) -> None:
+        self.K = K
+        nc, d = self._shape
+        closed = np.flatnonzero(K[:, 0, 0])
+        self._closed = (d * closed[:, None] + np.arange(d)).ravel()
+        rows = self._W[self._closed].reshape(len(closed), d, nc * d)
+        self._KW = np.einsum("aij,ajm->aim", K[closed], rows).reshape(-1, nc * d)
+        self._factor = DenseLU(self._KW[:, self._closed] + np.eye(len(self._closed)), overwrite=True) if len(closed) else None
+        self.sign = 1 if self._factor is None else self._factor.sign
+
+    def change(self, contact: int, K: FloatArray) -> None:
+        self.factor(K)
+
+    def solve(self, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        dr = rhs.ravel().copy()
+        if self._factor is not None:
+            others = dr.copy()
+            others[self._closed] = 0.0
+            dr[self._closed] = self._factor.solve(dr[self._closed] - self._KW @ others)
+        return dr.reshape(self._shape), self.product(dr)
+
+    def product(self, r: FloatArray) -> FloatArray:
+        product: FloatArray = self._operator @ r.ravel()
+        return product.reshape(self._shape)

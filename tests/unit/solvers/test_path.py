@@ -1,0 +1,179 @@
+"""PROX-PATH: the law by velocities, the pieces of a path and their ends, folds, and problems on which proximal Newton stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+import scipy.sparse as sp
+from numpy.testing import assert_allclose, assert_array_equal
+
+from fcsim.bench.families import problems
+from fcsim.errors import InputError
+from fcsim.linear import storage
+from fcsim.linear.factors import DenseLU
+from fcsim.problem import Delassus, LocalProblem, scaled_error
+from fcsim.problem.motion import Motion
+from fcsim.problem.reduction import reduce
+from fcsim.solvers import Status, solve
+from fcsim.solvers.base import Monitor
+from fcsim.solvers.proximal import _path_kernels as kernels
+from fcsim.solvers.proximal import pieces as pieces_module
+from fcsim.solvers.proximal.path import Regularised
+from fcsim.solvers.proximal.pieces import InReactions, InVelocities, Pieces
+
+OPEN, STICK, SLIP = 0, 1, 2
+
+
+def operator(d: int, nc: int, n: int, seed: int) -> Delassus:
+    """W = H^T M^-1 H of rank n < m, every contact on some of the unknowns."""
+    rng = np.random.default_rng(seed)
+    H = rng.standard_normal((n, d * nc)) * np.repeat(rng.random((n, nc)) < 0.5, d, axis=1)
+    M = sla.block_diag(*(x @ x.T + np.eye(2) for x in rng.standard_normal((n // 2, 2, 2))))
+    W = H.T @ np.linalg.solve(M, H)
+    return Delassus(W, d, None, Motion(sp.csr_array(H.T), sp.csr_array(M), W))
+
+
+def states(nc: int, d: int, rng: np.random.Generator) -> np.ndarray:
+    """z of contacts of all statuses."""
+    z = rng.standard_normal((nc, d))
+    z[:, 0] = np.abs(z[:, 0]) * rng.choice([-1, 1, 3], nc)
+    return z
+
+
+def whole(K: np.ndarray, W: np.ndarray) -> np.ndarray:
+    """1 + K W."""
+    return np.eye(len(W)) + sla.block_diag(*K) @ W
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_law_is_coulombs_and_its_derivative_that_of_differences(d: int) -> None:
+    """What a spring of stiffness rho leaves of the velocity, (r - z) / rho, is 0 along the normal, or r is; ||r_T|| <= mu r_N."""
+    rng = np.random.default_rng(3)
+    nc = 40
+    z, mu, rho = states(nc, d, rng), rng.choice([0.0, 0.3, 2.0], nc), np.exp(rng.standard_normal(nc))
+    status = kernels.statuses(z, mu)
+    assert set(status) == {OPEN, STICK, SLIP}
+    r, K = kernels.law(z, mu, rho, status)
+    left = (r - z) / rho[:, None]  # what the spring leaves of the velocity
+    closed = r[:, 0] > 0
+    assert np.all(left[~closed, 0] >= 0) and not r[~closed].any()
+    assert_allclose(left[closed, 0], 0, atol=1e-14)
+    size, limit = np.linalg.norm(r[:, 1:], axis=1), mu * r[:, 0]
+    assert np.all(size <= limit * (1 + 1e-14))
+    power = np.einsum("ai,ai->a", r[:, 1:], left[:, 1:])
+    assert_allclose(power[closed], -(limit * np.linalg.norm(left[:, 1:], axis=1))[closed], atol=1e-13)
+    for k in range(d):
+        step = np.zeros(d)
+        step[k] = 1e-7
+        difference = (kernels.law(z + step, mu, rho, status)[0] - kernels.law(z - step, mu, rho, status)[0]) / 2e-7
+        assert_allclose(K[:, :, k], rho[:, None] * difference, atol=1e-6)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_end_of_a_piece_is_where_the_first_status_changes(d: int) -> None:
+    """Against the statuses of many points along the way."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        z, dz, mu = states(5, d, rng), rng.standard_normal((5, d)), rng.choice([0.3, 1.0], 5)
+        status = kernels.statuses(z, mu)
+        length, contact, to = kernels.end_of_piece(z, dz, mu, status, np.inf)
+        along = np.linspace(0, min(length, 1e3) * (1 - 1e-9), 300)
+        assert all(np.array_equal(kernels.statuses(z + t * dz, mu), status) for t in along)
+        if np.isfinite(length):
+            following = status.copy()
+            following[contact] = to
+            assert_array_equal(kernels.statuses(z + length * (1 + 1e-7) * dz, mu), following)
+
+
+def test_a_sliding_contact_turns_by_so_much() -> None:
+    z, dz = np.array([[1.0, 5.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+    length, contact, _ = kernels.end_of_piece(z, dz, np.array([0.5]), np.array([SLIP]), 0.2)
+    assert contact == -1
+    assert_allclose(length, 0.2 * 5.0)
+
+
+@pytest.mark.parametrize("kind", [InVelocities, InReactions])
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("d", [2, 3])
+def test_pieces_solve_what_they_say(d: int, sparse: bool, kind: type[Pieces], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also after changes at contacts, the same one again and more than are kept; and with the sign of the determinant."""
+    if sparse:
+        monkeypatch.setattr(storage, "DENSE_UP_TO", 0)
+    monkeypatch.setattr(pieces_module, "MOST_CHANGED", 3)
+    nc, signs = 20, set()
+    for seed in range(6):
+        rng, W = np.random.default_rng(seed), operator(d, nc, 12, seed)
+        system = kind(W)  # type: ignore[call-arg]
+        mu, rho, z = np.full(nc, 5.0), np.full(nc, 30.0), states(nc, d, rng)
+        K = kernels.law(z, mu, rho, kernels.statuses(z, mu))[1]
+        system.factor(K)
+        for contact in (-1, 0, 4, 4, 7, 9, 0, 11, 3):
+            if contact >= 0:
+                z[contact] = states(1, d, rng)
+                K = kernels.law(z, mu, rho, kernels.statuses(z, mu))[1]
+                system.change(contact, K)
+            assert_array_equal(system.K, K)
+            rhs = rng.standard_normal((nc, d))
+            dr, Wdr = system.solve(rhs)
+            matrix = whole(K, W.W)
+            assert_allclose(dr.ravel(), np.linalg.solve(matrix, rhs.ravel()), rtol=1e-6, atol=1e-7)
+            assert_allclose(Wdr.ravel(), W.W @ dr.ravel(), rtol=1e-6, atol=1e-7)
+            assert_allclose(system.product(rhs).ravel(), W.W @ rhs.ravel(), atol=1e-10)
+            assert system.sign == np.sign(np.linalg.det(matrix))
+            signs.add(system.sign)
+    assert signs == {-1, 1}
+
+
+def test_the_sign_of_a_dense_determinant() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        A = rng.standard_normal((5, 5))
+        assert DenseLU(A).sign == np.sign(np.linalg.det(A))
+
+
+@pytest.mark.parametrize("kind", [InVelocities, InReactions])
+def test_the_end_of_a_path_solves_the_regularised_problem(kind: type[Pieces]) -> None:
+    """From velocities that are wrong by as much as they are large; the answer is put in the law itself."""
+    d, nc = 3, 20
+    reached = 0
+    for seed in range(10):
+        rng, W = np.random.default_rng(seed), operator(d, nc, 12, seed)
+        q, mu, rho = rng.standard_normal((nc, d)), np.full(nc, 0.6), np.full(nc, 10.0)
+        monitor = Monitor(q.ravel(), mu, d, 1e-10)
+        inner = Regularised(kind(W), q, mu, rho, monitor)  # type: ignore[call-arg]
+        z = states(nc, d, rng)
+        status = kernels.statuses(z, mu)
+        r = kernels.law(z, mu, rho, status)[0]
+        free = -rho[:, None] * (inner.pieces.product(r) + q)
+        end = inner.follow(z, status, (free - z) / rho[:, None], 500)
+        if end is None:
+            continue
+        found = inner.newton(*end, 1e-12, 5)
+        assert found is not None
+        u = (W.W @ found.ravel()).reshape(nc, d) + q
+        z = -rho[:, None] * u
+        assert_allclose(kernels.law(z, mu, rho, kernels.statuses(z, mu))[0], found, atol=1e-9)
+        reached += 1
+    assert reached >= 8
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_rigid_bodies_of_the_families(d: int) -> None:
+    """Walls and towers of rigid blocks on more contacts than they need, and a pile without bodies behind W."""
+    for family in ("walls" if d == 3 else "walls-2D", "towers", "rocks") if d == 3 else ("walls-2D", "disks"):
+        given = problems(family, 60, 3)
+        p = given if isinstance(given, LocalProblem) else reduce(given).local
+        result = solve(p, "PROX-PATH", tol=1e-8)
+        assert result.solved and scaled_error(p, result.r) <= 1e-8
+    bare = LocalProblem(p.W, p.q, p.mu, dimension=p.dimension)
+    assert solve(bare, "PROX-PATH", tol=1e-8, before=0).solved
+
+
+def test_limits_and_options() -> None:
+    given = problems("towers", 60, 3)
+    few = solve(given, "PROX-PATH", tol=1e-12, max_iterations=12, before=5)
+    assert few.status is Status.MAX_ITERATIONS and few.iterations <= 13
+    for name, value in (("alpha", 0.0), ("fall", 1.0), ("pieces", -1), ("newton", 0)):
+        with pytest.raises(InputError, match=name):
+            solve(given, "PROX-PATH", **{name: value})
