@@ -23,11 +23,11 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
+from fcsim.solvers.automatic.closed import closed, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.race import SLOWING, Race, RaceOptions, Runner, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
-from fcsim.solvers.newton.systems._velocity_kernels import velocities_held
 
 FAR = 1e-3
 """Error above which ADMM is tried, and Newton takes long."""
@@ -58,8 +58,6 @@ STUCK = 100
 """Iterations of proximal Newton after which it may be stuck."""
 SETTLED = 10
 """Times `probe` sweeps after which a last quarter that made the error no tenth smaller says that they are at an end."""
-STICKING = 1e-6
-"""Share of the friction cone next to its surface where a contact is not said to stick."""
 PLATEAU = 50
 """Times `probe` sweeps after which Gauss-Seidel may be given up, where the last two thirds made the error no tenth smaller."""
 
@@ -76,16 +74,11 @@ class AutomaticOptions(RaceOptions):
                 raise InputError(f"option without: expected names of {', '.join(known)}, got {name!r}")
 
 
-def _closed(race: Race) -> int:
-    """Contact unknowns whose reaction is not zero at the best iterate."""
-    return race.problem.dimension * int(np.count_nonzero(race.best_r().reshape(race.problem.nc, -1)[:, 0]))
-
-
 def _dearer_than_newton(race: Race, cost: float, from_far: int = NEWTON_FROM_FAR, from_near: int = NEWTON_FROM_NEAR) -> bool:
     """Whether this costs more than Newton from here; the elimination is counted only where that decides."""
     iterations = from_far if race.best > FAR else from_near
-    closed = _closed(race)
-    return cost > iterations * race.prices.least(closed) and cost > iterations * race.prices.newton(closed)
+    held = closed(race)
+    return cost > iterations * race.prices.least(held) and cost > iterations * race.prices.newton(held)
 
 
 def _dearer_than_proximal(race: Race, cost: float) -> bool:
@@ -96,21 +89,9 @@ def _dearer_than_proximal(race: Race, cost: float) -> bool:
     return cost > iterations * race.prices.least_in_velocities and cost > iterations * race.prices.proximal(0)
 
 
-def _singular_here(race: Race) -> bool:
-    """Whether Newton's matrix is sure to be singular here, since the closed contacts hold more velocities than the bodies have.
-
-    A sticking contact holds all of its velocity, a sliding one its normal one at least.
-    """
-    motion = race.problem.delassus.motion
-    if motion is None or motion.own is not None:
-        return False
-    held = velocities_held(race.best_r(), race.problem.mu, 1 - STICKING, race.problem.dimension)
-    return int(held) > motion.M.shape[0]
-
-
 def _newton(race: Race) -> float:
     """The price of an iteration of Newton from here."""
-    return race.prices.newton(_closed(race))
+    return race.prices.newton(closed(race))
 
 
 def _swept(race: Race) -> float:
@@ -131,7 +112,7 @@ def _share(race: Race) -> int:
 
 def newton_first(race: Race) -> bool:
     """Whether Newton is the first stage."""
-    if not race.options.patience or _singular_here(race):
+    if not race.options.patience or singular_here(race):
         return False
     return race.joints is not None or (race.warm and not _sweeps_are_cheap(race))
 
@@ -141,8 +122,8 @@ def _sweeps_are_cheap(race: Race) -> bool:
     if "sweeps" in race.options.without or not sp.issparse(race.problem.W):
         return False
     probe = race.options.probe * race.prices.sweep
-    closed = _closed(race)
-    return probe < race.prices.least(closed) or probe < race.prices.newton(closed)
+    held = closed(race)
+    return probe < race.prices.least(held) or probe < race.prices.newton(held)
 
 
 def _splitting_first(race: Race) -> bool:
@@ -190,7 +171,7 @@ def _opening(race: Race, runner: Runner) -> bool:
     if not methods.kept(race) or len(race.runners) > 1:
         return False
     prices = race.prices
-    newton = prices.least_in_velocities if prices.in_velocities else prices.least(_closed(race))
+    newton = prices.least_in_velocities if prices.in_velocities else prices.least(closed(race))
     return runner.spent < BELIEVED * newton or runner.needs() < (PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR) * newton
 
 
@@ -199,7 +180,7 @@ def _enter_sweeps(race: Race) -> bool:
 
 
 def _enter_newton(race: Race) -> bool:
-    if not race.options.patience or _singular_here(race):
+    if not race.options.patience or singular_here(race):
         return False
     if _splitting_first(race):
         return race.over("splitting")
@@ -207,10 +188,10 @@ def _enter_newton(race: Race) -> bool:
 
 
 def _enter_proximal(race: Race) -> bool:
-    if race.over("sweeps") and (race.over("Newton") or _singular_here(race)):
+    if race.over("sweeps") and (race.over("Newton") or singular_here(race)):
         return True
     if not race.over("Newton"):
-        return _singular_here(race) and _dearer_than_proximal(race, _swept(race))
+        return singular_here(race) and _dearer_than_proximal(race, _swept(race))
     return race.warm or race.joints is not None or _dearer_than_proximal(race, _swept(race))
 
 
@@ -222,7 +203,7 @@ def _at_first(race: Race, runner: Runner) -> bool:
 def _enter_paths(race: Race) -> bool:
     """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do."""
     runner = race.runners.get("proximal Newton")
-    if runner is None or not race.prices.in_velocities or not _singular_here(race):
+    if runner is None or not race.prices.in_velocities or not singular_here(race):
         return False
     return runner.result is not None or runner.monitor.iterations >= PATHS_AFTER
 
@@ -241,7 +222,7 @@ def _enter_fresh_start(race: Race) -> bool:
 def _enter_least_squares(race: Race) -> bool:
     """After proximal Newton, or where that has long made the error no tenth smaller and would go on, and as much was spent as an iteration
     costs."""
-    if race.best > FAR or (race.running() and race.spent() < race.prices.least_squares(_closed(race))):
+    if race.best > FAR or (race.running() and race.spent() < race.prices.least_squares(closed(race))):
         return False
     runner = race.runners.get("proximal Newton")
     stuck = runner is not None and runner.monitor.iterations > STUCK and runner.gain(0.5) < 1 / 0.9
@@ -292,7 +273,7 @@ STAGES: tuple[Stage, ...] = (
         "Enters after Newton. A regular W at each step, for problems where W is rank deficient. Its first iterations are alone.",
         enters=_enter_proximal,
         turns=methods.proximal,
-        price=lambda race: race.prices.proximal(_closed(race)),
+        price=lambda race: race.prices.proximal(closed(race)),
         alone=_at_first,
     ),
     Stage(
@@ -310,7 +291,7 @@ STAGES: tuple[Stage, ...] = (
         "left as soon as it needs more iterations for a tenfold than those that arrive.",
         enters=_enter_fresh_start,
         turns=methods.fresh_start,
-        price=lambda race: race.prices.proximal(_closed(race)),
+        price=lambda race: race.prices.proximal(closed(race)),
         alone=lambda race, runner: True,
         left=lambda race, runner: runner.monitor.iterations >= FRESH_ALONE + FRESH_DECADE * runner.decades(),
         from_zero=True,
@@ -330,7 +311,7 @@ STAGES: tuple[Stage, ...] = (
         "none, or one that is nearly none.",
         enters=_enter_least_squares,
         turns=methods.least_squares,
-        price=lambda race: race.prices.least_squares(_closed(race)),
+        price=lambda race: race.prices.least_squares(closed(race)),
     ),
 )
 
