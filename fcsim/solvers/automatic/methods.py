@@ -46,6 +46,7 @@ itself on its way to that error (measured on piles of a thousand boxes). Noise o
 SWEEPS = GaussSeidelOptions()
 PATHS = PathOptions()
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT, longest=LONGEST)
+FISCHER_BURMEISTER = NewtonOptions(formulation="FB", rho="spectral norm")
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
 
@@ -167,6 +168,22 @@ def fresh_start(race: Race, monitor: ShareOfMonitor) -> Turns:
     """Proximal Newton from zero, never from another's iterate: that of sweeps brings self-stress along, which may stay."""
     options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
     return proximal_turns(race.problem, np.zeros(race.problem.m), monitor, options)
+
+
+def fischer_burmeister(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """NSN-FB-NLS from the best iterate, then from zero: half the iterations of what it may spend each."""
+    each = last_iterations(race) // 2
+    for r in (race.best_r(), np.zeros(race.problem.m)):
+        options = replace(FISCHER_BURMEISTER, max_iterations=monitor.iterations + each)
+        iterate = yield from local_turns(race.problem, r, monitor, options, once=True)
+        if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
+            break
+    return iterate
+
+
+def last_iterations(race: Race) -> int:
+    """Iterations of Newton on all contacts that cost half of what all have spent, 400 at most."""
+    return min(400, int(0.5 * race.spent() / race.prices.newton(0)))
 
 
 def least_squares(race: Race, monitor: ShareOfMonitor) -> Turns:

@@ -54,6 +54,8 @@ PROOF_SHARE = 4.0
 TO_REST = 1.4
 """Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
 is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
+LAST = 40
+"""Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
 STUCK = 100
 """Iterations of proximal Newton after which it may be stuck."""
 SETTLED = 10
@@ -312,6 +314,14 @@ STAGES: tuple[Stage, ...] = (
         enters=_enter_least_squares,
         turns=methods.least_squares,
         price=lambda race: race.prices.least_squares(closed(race)),
+    ),
+    Stage(
+        "Fischer-Burmeister",
+        "NSN-FB-NLS from the best iterate, then from zero. Enters where all others are at their end, for half of what they have spent: for "
+        "solutions at which contacts touch without a reaction or are about to slide, where reactions are not unique.",
+        enters=lambda race: not race.running() and race.over("proximal Newton") and methods.last_iterations(race) >= LAST,
+        turns=methods.fischer_burmeister,
+        price=lambda race: race.prices.newton(0),
     ),
 )
 
