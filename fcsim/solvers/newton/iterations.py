@@ -195,6 +195,7 @@ def newton_turns(
             return Iterate(r, status)
         u = space.u.reshape(shape)
         F, A, B = formulation(u if expected is None else expected, r.reshape(shape), mu, rho)
+        space.foreseen = expected is not None
         if expected is not None:
             F, expected = F + np.einsum("aij,aj->ai", A, u - expected), None
         value = 0.5 * float(np.sum(F * F))

@@ -66,7 +66,7 @@ class GlobalSpace:
         self._H, self._HT = sp.csr_array(p.H), sp.csr_array(p.H.T)
         self._saddle = _SaddleMatrix(p)
         self._factor: Factor | None = None
-        self._r, self.needed = r, 0.0
+        self._r, self.needed, self.foreseen = r, 0.0, False
         self._v, self.multiplier = reduction.velocity(r)
         self.recompute()
 
@@ -108,7 +108,7 @@ class MixedSpace:
 
     def __init__(self, elimination: Elimination, r: FloatArray) -> None:
         p = self._problem = elimination.problem
-        self.needed = 0.0
+        self.needed, self.foreseen = 0.0, False
         self._r, self._l = r, elimination.multiplier(r)
         self._sparse = sp.issparse(p.W)
         kind = sp.csr_array if self._sparse else np.asarray

@@ -27,6 +27,9 @@ class NewtonSpace(Protocol):
     needed: float
     """The factor by which the error has still to fall, of which an iterative solver of the step may make use."""
 
+    foreseen: bool
+    """Whether the step's equations have the statuses that the last solution had, of which most will hold."""
+
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (dr, du) with A du + B dr = -F; raises SingularMatrix."""
         ...
@@ -53,7 +56,7 @@ class LocalSpace:
 
     def __init__(self, system: NewtonSystem, q: FloatArray, r: FloatArray) -> None:
         self._system, self._q, self._r = system, q, r
-        self._moves, self.needed = 0, 0.0
+        self._moves, self.needed, self.foreseen = 0, 0.0, False
         self.recompute()
 
     def recompute(self) -> None:
@@ -64,6 +67,8 @@ class LocalSpace:
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         if isinstance(self._system, CondensedSystem | SystemOverRanks):
             self._system.needed = self.needed
+        if isinstance(self._system, CondensedSystem):
+            self._system.foreseen = self.foreseen
         self._dr, self._Wdr = self._system.solve(A, B, -F)
         return self._dr, self._Wdr
 

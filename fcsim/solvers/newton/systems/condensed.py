@@ -29,7 +29,7 @@ from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
 from fcsim.solvers.newton.systems.preconditioned import StiffnessBlocks, system_of_joints
 from fcsim.solvers.newton.systems.remainder import Factored, Remainder, split_known
-from fcsim.solvers.newton.systems.two_level.system import TwoLevelSystem
+from fcsim.solvers.newton.systems.two_level.system import Preconditioner, TwoLevelSystem
 
 FORCING = 1e-2
 """Defect, relative to the right-hand side, at which a Newton step by an earlier W's factor is accepted."""
@@ -49,9 +49,9 @@ BORDER_UP_TO = 2e9
 `preconditioned`)."""
 CORRECTIONS = 8
 """Iterations of GMRES with an earlier W's factor before factoring anew."""
-TWO_LEVEL_FROM, BORDER_BESIDE = 20_000, 1e9
-"""Contact unknowns (a hundred bricks) from which systems of a W whose bodies are known are solved without any factor of W (`two_level`) as
-long as statuses are not settled, or where the border would have so many bytes: a wall of 192 bricks takes less with its border then."""
+TWO_LEVEL_FROM = 20_000
+"""Contact unknowns (a hundred bricks) from which systems of a W whose bodies are known are solved without any factor of W (`two_level`)
+where GMRES gets there; below it a border on a factor takes less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class KeptCondensation(Kept):
     """What serves the next W: the condensation, as a preconditioner, the analysis, and which choices had to be made.
 
     status (nc,): 0 open, 1 sliding, 3 sticking in the last step; pattern: None where contacts do not come in joints; blocks: in the place
-    of a condensation whose border would be too large.
+    of a condensation whose border would be too large, and two_level where nothing of W is factored.
     """
 
     condensation: Condensation | None
@@ -78,6 +78,7 @@ class KeptCondensation(Kept):
     holds_sliding: bool
     pattern: Pattern | None
     blocks: StiffnessBlocks | None = None
+    two_level: Preconditioner | None = None
 
 
 class CondensedSystem:
@@ -88,8 +89,7 @@ class CondensedSystem:
     joints the factor is multifrontal, else dense. Large factors and columns are kept in single precision, and those of an earlier W serve
     the next: they are then the preconditioner of GMRES on the true system. Where that does not pay all is factored anew, in double
     precision if that was not it. Where contacts come in joints and the border would be too large, W's factor and the joints' own stiffness
-    precondition (`PreconditionedSystem`). A large W of known bodies is not factored then, nor as long
-    as statuses change, where GMRES gets there (`TwoLevelSystem`).
+    precondition (`PreconditionedSystem`). A large W of known bodies is not factored where GMRES gets there without (`TwoLevelSystem`).
     """
 
     def __init__(self, operator: Delassus, kept: KeptCondensation | None = None) -> None:
@@ -104,9 +104,11 @@ class CondensedSystem:
         self._status: IntArray | None = None  # of the contacts at the last step
         self._condensation: Condensation | None = None
         self._preconditioned = None if self._rows is None else system_of_joints(self._rows, None if kept is None else kept.blocks)
-        self.needed = 0.0  # the factor by which Newton's residual has still to fall; 0: not known
+        self.needed, self.foreseen = 0.0, False  # as in `NewtonSpace`; 0: not known
         known = operator.shares if operator.shift is None and operator.size >= TWO_LEVEL_FROM else None
-        self._two_level = None if known is None or self._rows is None else TwoLevelSystem(self._rows, known)
+        self._two_level = (
+            None if known is None or self._rows is None else TwoLevelSystem(self._rows, known, None if kept is None else kept.two_level)
+        )
         if kept is not None:
             self._dtype, self._holds_sliding, self._status = kept.dtype, kept.holds_sliding, kept.status
             self._condensation = None if kept.condensation is None else replace(kept.condensation, earlier=True)
@@ -120,7 +122,8 @@ class CondensedSystem:
         if (self._condensation is None and blocks is None and self._two_level is None) or self._status is None:
             return None
         pattern = None if self._rows is None else self._rows.pattern
-        return KeptCondensation(identity, self._condensation, self._status, self._dtype, self._holds_sliding, pattern, blocks)
+        two_level = None if self._two_level is None else self._two_level.left
+        return KeptCondensation(identity, self._condensation, self._status, self._dtype, self._holds_sliding, pattern, blocks, two_level)
 
     def _product(self, x: FloatArray) -> FloatArray:
         """W x (m,)."""
@@ -146,8 +149,8 @@ class CondensedSystem:
         settled = self._settled(closed, sticking)
         columns, rows = (self._d * np.count_nonzero(contacts) for contacts in (closed & ~sticking, closed))
         border = columns * rows * np.dtype(self._dtype).itemsize
-        if self._two_level is not None and (not settled or border > BORDER_BESIDE):
-            found = self._two_level.solve(A, B, rhs, self.needed)
+        if self._two_level is not None:
+            found = self._two_level.solve(A, B, rhs, self.needed, self.foreseen)
             if found is not None:
                 return found
         if self._condensation is not None and not _outgrown(self._condensation, self._holds_sliding, closed, sticking):

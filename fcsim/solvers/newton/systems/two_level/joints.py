@@ -27,13 +27,12 @@ class Joints:
 
     def __init__(self, rows: BlockRows, shares: BodyShares, bodies: IntArray, side: IntArray) -> None:
         """bodies, side: those of `shares`."""
-        self.d = d = rows.blocks.shape[1]
+        self.d = d = shares.dimension
         self.count = shares.count
-        pair, joint = np.unique(bodies, axis=0, return_inverse=True)
-        joint = joint.reshape(-1)
+        number, joint = np.unique(numbers_of_pairs(bodies, shares.count), return_inverse=True)
         self.order = np.argsort(joint, kind="stable")
         position = np.argsort(self.order)
-        self.cuts = _ends(np.bincount(joint, minlength=len(pair)))
+        self.cuts = _ends(np.bincount(joint, minlength=len(number)))
         self.begins, self.wide = kernels.with_neighbours(
             shares.first, shares.contacts, shares.begins, shares.unknowns, _unknowns(shares), position, self.cuts, JOINT_UP_TO
         )
@@ -42,14 +41,15 @@ class Joints:
         self.modes = G, self.bodies, self.body_begins, self.listed
         self.G32 = G.astype(np.float32)
         sizes, inner, listed = np.diff(self.begins), np.diff(self.cuts), np.diff(self.body_begins)
-        own = np.sum(pair >= 0, axis=1)
+        own = np.sum(bodies[self.order[self.cuts[:-1]]] >= 0, axis=1)
         self.starts, self.Q_starts = _ends((d * sizes) ** 2), _ends(d * d * sizes * inner)
         self.T_starts, self.place_begins = _ends(own * listed * MOTIONS**2), _ends(own * listed)
         self.E = np.empty(self.starts[-1], dtype=np.float32)
         given = (rows.indptr, rows.indices, rows.blocks, self.order, position, (self.begins, self.wide), self.modes, self.starts)
         self.ranges = pieces_by_work(self.starts, WORK_A_PIECE)
         side_by_side([partial(kernels.joint_blocks, *given, begin, end, self.E) for begin, end in self.ranges])
-        diagonal = rows.W.diagonal().reshape(-1, d)[self.order] - np.einsum("aij,aij->ai", G, G)
+        self.diagonal_of_W = rows.W.diagonal().reshape(-1, d)
+        diagonal = self.diagonal_of_W[self.order] - np.einsum("aij,aij->ai", G, G)
         self.shift = SHIFT * float(np.abs(diagonal).mean())
         # the coarse matrix by blocks: of all joints' (own body, body), and the diagonal
         joint_of = np.repeat(np.arange(len(own)), own * listed)
@@ -62,6 +62,11 @@ class Joints:
         places = places.reshape(-1)
         self.places, self.diagonal = places[: len(row)], places[2 * len(row) :]
         self.coarse_columns, self.coarse_begins = key % self.count, np.searchsorted(key, self.count * np.arange(self.count + 1))
+
+
+def numbers_of_pairs(bodies: IntArray, count: int) -> IntArray:
+    """One number (nc,) for each pair of `count` bodies (nc, 2), -1 for none, ascending as the pairs are."""
+    return (bodies[:, 0] + 1) * (count + 1) + bodies[:, 1] + 1
 
 
 def _ends(sizes: IntArray) -> IntArray:

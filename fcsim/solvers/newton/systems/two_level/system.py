@@ -19,8 +19,8 @@ residual contains: reactions that W hardly resists are large in dr and count for
 which that residual has still to fall (R. S. Dembo, S. C. Eisenstat, T. Steihaug, SIAM J. Numer. Anal. 19, 1982). Rows are scaled by the
 contacts' own compliances before: what an adapting rho does to them counts neither in a defect nor as a change of A.
 
-Of Newton's iterations with one W, a joint's Q is computed anew where A or B of one of its contacts has changed by more than CHANGED: P is
-that of A and B with these changes.
+A joint's Q is computed anew where A or B of one of its contacts has changed by more than CHANGED: P is that of A and B with these changes.
+So it goes from iteration to iteration and, with E and G of the earlier W, from step to step, where entries of W need not be summed at all.
 
 Sources: C. Farhat, F.-X. Roux, Int. J. Numer. Methods Eng. 32, 1991 (rigid motions as the coarse problem of interface forces); X.-C. Cai,
 M. Sarkis, SIAM J. Sci. Comput. 21, 1999 (restricted additive Schwarz); N. Spillane, D. J. Rixen, Int. J. Numer. Methods Eng. 95, 2013
@@ -30,26 +30,29 @@ coarse matrix is our own.
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
 from fcsim.linear.krylov import gmres
 from fcsim.problem.bodies.product import ShareProduct
-from fcsim.problem.bodies.shares import KnownShares
+from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
-from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints
+from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
 from fcsim.threads import pieces_by_work, side_by_side
 
-ACCURACY, CLOSE, SAFETY = 1e-2, 1e-3, 0.3
+ACCURACY, CLOSE, FORESEEN, SAFETY = 1e-2, 1e-3, 1e-5, 0.1
 """Defect relative to the right-hand side, as reactions and, near a solution, in Newton's residual. As reactions 1e-3 takes twice the
-iterations of GMRES for as many of Newton's. Where that residual is near the tolerance a defect of SAFETY times what is left is enough."""
+iterations of GMRES for as many of Newton's. FORESEEN: in the residual, of a step's first system, which has the last step's statuses: most
+of them hold, and what is left of a defect opens and releases others. With 1e-2 as reactions steps of walls take twice the iterations of
+both. Where Newton's residual is near the tolerance a defect of SAFETY times what is left is enough."""
 NEAR = 3e-4
 """Factor by which Newton's residual has still to fall from which the defect is measured in it. As reactions to the end, steps of walls take
 as many iterations of Newton's, the late ones two to three times GMRES'; in the residual from the beginning one or two more of Newton's."""
@@ -58,18 +61,25 @@ CHANGED = 0.05
 ITERATIONS, ENOUGH = 200, 0.3
 """Iterations of GMRES, and the defect that must be reached by then: far from a solution, where much slides, Newton's method goes on with
 less than ACCURACY."""
+LASTS = 10
+"""Steps that what was made of one W serves: W changes by 1e-4 from step to step."""
 ENTRIES_A_PIECE = 300_000
 """Entries of joints' blocks that one thread multiplies."""
 
 
-class _Preconditioner:
+class Preconditioner:
     """x (m,) -> P^-1 x, of one W for A and B that change; SingularMatrix where a joint or the bodies' motions are singular."""
 
     def __init__(self, joints: Joints) -> None:
-        self._joints = joints
+        self._joints, self._steps = joints, 0
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q; by the order of the joints
         self._Q, self._T = np.empty(joints.Q_starts[-1], dtype=np.float32), np.empty(joints.T_starts[-1])
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
+
+    @property
+    def earlier(self) -> bool:
+        """Whether it was made of the W of an earlier step."""
+        return self._steps > 0
 
     def update(self, A: FloatArray, B: FloatArray) -> None:
         """Make it the one of A and B, but for changes up to CHANGED."""
@@ -88,6 +98,21 @@ class _Preconditioner:
         kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
         coarse = BlockRows(sp.bsr_array((S, joints.coarse_columns, joints.coarse_begins), shape=(n * k, n * k)), k)
         self._coarse = Multifrontal(coarse, np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k)), np.ones(n, dtype=bool))
+
+    def following(self, shares: BodyShares, bodies: IntArray, diagonal: FloatArray) -> Preconditioner | None:
+        """The same for the W of a later step, a value of its own; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly
+        those that it was made for, or where that is long ago."""
+        joints = self._joints
+        if self._steps >= LASTS or joints.count != shares.count or diagonal.shape != joints.diagonal_of_W.shape:
+            return None
+        if np.any(joints.bodies != bodies[joints.order]):
+            return None
+        if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
+            return None
+        other = copy(self)
+        other._A, other._B, other._Q, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._T))
+        other._steps += 1
+        return other
 
     def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
         """Take over A and B of contacts that have changed; which joints have one of these among theirs or their neighbours."""
@@ -120,26 +145,27 @@ class _Preconditioner:
 class TwoLevelSystem:
     """Solves (A W + B) dr = rhs for one W, the sum of the bodies' shares."""
 
-    def __init__(self, rows: BlockRows, known: KnownShares) -> None:
-        """known: the shares of the matrix of `rows`."""
-        self._rows, self._shares = rows, known.make()
+    def __init__(self, rows: BlockRows, known: KnownShares, kept: Preconditioner | None = None) -> None:
+        """known: the shares of the matrix of `rows`; kept: what the system of an earlier W of the same contacts has left."""
+        self._rows, self._shares, self._kept = rows, known.make(), kept
+        self._precondition: Preconditioner | None = None
         self._bodies = self._shares.bodies()
-        self.pays = self._bodies is not None and int(np.unique(self._bodies[0], axis=0, return_counts=True)[1].max()) <= JOINT_UP_TO
+        self.pays = self._bodies is not None and _largest_joint(self._bodies[0], self._shares.count) <= JOINT_UP_TO
+
+    @property
+    def left(self) -> Preconditioner | None:
+        """What serves the next W of these contacts; None where none was made, or where it did not pay."""
+        return self._precondition if self.pays else None
 
     @cached_property
-    def _joints(self) -> Joints:
+    def _diagonal(self) -> FloatArray:
+        """The diagonal of W (nc, d)."""
+        diagonal: FloatArray = self._rows.W.diagonal().reshape(-1, self._shares.dimension)
+        return diagonal
+
+    def _anew(self) -> Preconditioner:
         assert self._bodies is not None
-        return Joints(self._rows, self._shares, *self._bodies)
-
-    @cached_property
-    def _compliance(self) -> FloatArray:
-        """tr W_aa / d (nc,)."""
-        compliance: FloatArray = self._rows.W.diagonal().reshape(-1, self._joints.d).mean(1)
-        return compliance
-
-    @cached_property
-    def _precondition(self) -> _Preconditioner:
-        return _Preconditioner(self._joints)
+        return Preconditioner(Joints(self._rows, self._shares, *self._bodies))
 
     @cached_property
     def _by_bodies(self) -> ShareProduct:
@@ -149,19 +175,35 @@ class TwoLevelSystem:
         """W x (m,)."""
         return self._by_bodies.affine(x, np.zeros_like(x))
 
-    def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float = 0.0) -> tuple[FloatArray, FloatArray] | None:
+    def solve(
+        self, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float = 0.0, foreseen: bool = False
+    ) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) for rhs (nc, d); None where joints are too large or GMRES does not get there, and from then on.
 
         needed: the factor by which Newton's residual has still to fall, 0: not known. Less is not asked of the defect.
         """
         if not self.pays:
             return None
-        shape, precondition = rhs.shape, self._precondition
         A, B, rhs = self._scaled(A, B, rhs)
+        found = None
+        if self._precondition is None and self._kept is not None and self._bodies is not None:
+            self._precondition = self._kept.following(self._shares, self._bodies[0], self._diagonal)
+        if self._precondition is not None:
+            found = self._by(self._precondition, A, B, rhs, needed, foreseen=foreseen)
+        if found is None and (self._precondition is None or self._precondition.earlier):
+            self._precondition = self._anew()
+            found = self._by(self._precondition, A, B, rhs, needed, foreseen=foreseen)
+        self.pays = found is not None
+        return None if found is None else (found, self._product(found))
+
+    def _by(
+        self, precondition: Preconditioner, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float, *, foreseen: bool
+    ) -> FloatArray | None:
+        """dr (m,) by GMRES with this preconditioner; None where that does not get there."""
+        shape = rhs.shape
         try:
             precondition.update(A, B)
         except SingularMatrix:
-            self.pays = False
             return None
 
         def product(x: FloatArray) -> FloatArray:
@@ -170,23 +212,25 @@ class TwoLevelSystem:
         def as_reactions(x: FloatArray) -> FloatArray:
             return precondition(product(x))
 
-        near = needed >= NEAR
+        near = foreseen or needed >= NEAR
         given = rhs.ravel() if near else precondition(rhs.ravel())
         size = float(np.linalg.norm(given))
-        accuracy = max(CLOSE if near else ACCURACY, min(ENOUGH, SAFETY * needed))
+        accuracy = max(FORESEEN if foreseen else CLOSE if near else ACCURACY, min(ENOUGH, SAFETY * needed))
         way = (product, precondition) if near else (as_reactions, _itself)
         found = gmres(*way, given, accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size)
-        if found is None:
-            self.pays = False
-            return None
-        return found[0], self._product(found[0])
+        return None if found is None else found[0]
 
     def _scaled(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """A, B (nc, d, d) and rhs (nc, d) with rows of one size whatever rho is: as reactions, by the contacts' own compliances."""
-        size = np.abs(A).max(2) * self._compliance[:, None] + np.abs(B).max(2)
+        size = np.abs(A).max(2) * self._diagonal.mean(1)[:, None] + np.abs(B).max(2)
         size[:, 1:] = size[:, 1:].max(1, keepdims=True)  # both tangential rows alike
         scale = 1 / np.where(size > 0, size, 1.0)
         return A * scale[:, :, None], B * scale[:, :, None], rhs * scale
+
+
+def _largest_joint(bodies: IntArray, count: int) -> int:
+    """The most contacts (nc, 2) that one pair of `count` bodies has."""
+    return int(np.unique(numbers_of_pairs(bodies, count), return_counts=True)[1].max(initial=0))
 
 
 def _itself(x: FloatArray) -> FloatArray:

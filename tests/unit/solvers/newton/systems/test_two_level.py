@@ -130,7 +130,7 @@ def test_one_joint_is_solved_by_the_preconditioner_itself() -> None:
     assert found is not None
     scale = float(np.diag(W).mean())
     A, B = linearisation(nc, scale)
-    P = two_level._Preconditioner(Joints(BlockRows(W, 3), shares, *found))
+    P = two_level.Preconditioner(Joints(BlockRows(W, 3), shares, *found))
     P.update(A, B)
     x = rng.standard_normal(3 * nc)
     J = sla.block_diag(*A) @ W + sla.block_diag(*B)
@@ -147,7 +147,7 @@ def test_of_changed_contacts_the_joints_with_them_are_computed_anew() -> None:
     A, B = linearisation(nc, 1.0)
     A /= scale
     x = np.random.default_rng(0).standard_normal(3 * nc)
-    P, anew = two_level._Preconditioner(joints), two_level._Preconditioner(joints)
+    P, anew = two_level.Preconditioner(joints), two_level.Preconditioner(joints)
     P.update(A, B)
     first = P(x)
     P.update(A * (1 + 0.5 * two_level.CHANGED), B)
@@ -158,6 +158,52 @@ def test_of_changed_contacts_the_joints_with_them_are_computed_anew() -> None:
     anew.update(A, B)
     assert np.any(P(x) != first)
     assert_array_equal(P(x), anew(x))
+
+
+def test_what_is_kept_serves_the_next_W_and_only_a_near_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kept: nothing is made anew, the answer is that of the new W; not of a W with other diagonals, nor for ever."""
+    _, rows, known = shares_and_rows(step_of("3", "3.5"))
+    nc = len(rows.indptr) - 1
+    A, B = linearisation(nc, float(rows.W.diagonal().mean()))
+    rhs = np.random.default_rng(2).standard_normal((nc, 3))
+    first = TwoLevelSystem(rows, known)
+    assert first.left is None
+    assert first.solve(A, B, rhs) is not None
+    kept = first.left
+    assert kept is not None
+    before = kept(rhs.ravel())
+
+    def scaled(factor: float) -> tuple[BlockRows, KnownShares]:
+        """The same wall of other compliances."""
+        s = known.make()
+        other = BlockRows(sp.bsr_array(rows.W * factor), 3)
+        runs = tuple((begin, factor * C, kind) for begin, C, kind in s.runs)
+        return other, KnownShares(other.W, lambda: replace(s, runs=runs))
+
+    made: list[int] = []
+    anew = two_level.Joints
+
+    def counted(*arguments: object) -> Joints:
+        made.append(1)
+        return anew(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(two_level, "Joints", counted)
+    for factor, times in ((1.02, 0), (2.0, 1)):
+        near, of_near = scaled(factor)
+        following = TwoLevelSystem(near, of_near, kept)
+        A2, B2 = linearisation(nc, float(near.W.diagonal().mean()))
+        A2[:5], B2[:5] = 0, np.eye(3)  # other statuses
+        found = following.solve(A2, B2, rhs, foreseen=True)
+        assert found is not None
+        assert len(made) == times
+        J = sla.block_diag(*A2) @ near.W.toarray() + sla.block_diag(*B2)
+        assert np.linalg.norm(J @ found[0] - rhs.ravel()) <= 20 * two_level.FORESEEN * np.linalg.norm(rhs)
+        assert_array_equal(kept(rhs.ravel()), before)  # what is in a memory is not changed
+    own = (known.make(), known.make().bodies()[0], rows.W.diagonal().reshape(nc, 3))  # type: ignore[index]
+    later = kept
+    for _ in range(two_level.LASTS):
+        assert (later := later.following(*own)) is not None  # type: ignore[assignment]
+    assert later.following(*own) is None
 
 
 @pytest.mark.parametrize("needed", [0.2, 1.0])
@@ -254,7 +300,6 @@ from fcsim.solvers.newton.systems import choice, condensed
 from fcsim.solvers.newton.systems.two_level import joints, system
 from test_two_level import walls
 condensed.TWO_LEVEL_FROM = choice.TWO_LEVEL_FROM = 1
-condensed.BORDER_BESIDE = 0
 system.ENTRIES_A_PIECE = joints.WORK_A_PIECE = 20_000
 with limited_threads():  # as in a run: what stands between steps is made by BLAS too
     for step in walls(1e-6, courses="6", blocks="7.5", steps="3"):
@@ -283,7 +328,6 @@ def test_whole_steps_have_the_same_bits_on_any_number_of_threads() -> None:
 def test_a_run_whose_systems_this_way_does_not_solve_goes_on_by_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     """GMRES that gives up at once: the steps are those of the ways that are left, to the tolerance."""
     reactions = []
-    monkeypatch.setattr(condensed, "BORDER_BESIDE", 0)
     monkeypatch.setattr(two_level, "ITERATIONS", 1)
     monkeypatch.setattr(two_level, "ENOUGH", 0.0)
     failed = []
@@ -310,7 +354,6 @@ def test_steps_of_a_wall_are_those_with_a_border(monkeypatch: pytest.MonkeyPatch
     reactions = []
     for least in (10**9, 1):
         monkeypatch.setattr(condensed, "TWO_LEVEL_FROM", least)
-        monkeypatch.setattr(condensed, "BORDER_BESIDE", 0)
         steps = list(walls())
         assert all(step.result.error <= 1e-9 for step in steps)
         reactions.append(steps[-1].result.r)
