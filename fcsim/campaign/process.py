@@ -18,7 +18,7 @@ from typing import IO
 
 from fcsim.apart.reading import with_our_modules
 from fcsim.bench.workers.killable import resident
-from fcsim.campaign.record import CRASHED, INTERRUPTED, MEMORY_LIMIT, STATUSES, TIME_LIMIT, Limits, Place, Record, stands
+from fcsim.campaign.record import CRASHED, FINISHED, INTERRUPTED, MEMORY_LIMIT, STATUSES, TIME_LIMIT, Limits, Place, Record, stands
 from fcsim.memory import readable
 from fcsim.running.outputs import RunOptions
 from fcsim.runtime import THREAD_VARIABLES
@@ -54,7 +54,7 @@ class Task:
 def make_run(task: Task, stop: threading.Event | None = None) -> Record:
     """Make a run, or go on with it, and note how it ended.
 
-    Where another process is at it (a job that outlived its sweep), its end is waited for. A process above its memory limit is killed at
+    Where another process is at it (a job that outlived its sweep), its end is waited for; what it finished since is not made again. A process above its memory limit is killed at
     once, since it grows; at its time limit, and once `stop` is set, it is asked to write its checkpoint first. Raises OSError where log or
     record cannot be written.
     """
@@ -63,7 +63,7 @@ def make_run(task: Task, stop: threading.Event | None = None) -> Record:
         folder.mkdir(parents=True, exist_ok=True)
     with place.log.open("a", encoding="utf-8") as log:
         waited, known = _waited(log, stop), place.known()
-        if _set(stop) or (waited and stands(known, task.limits)):
+        if _set(stop) or known.status == FINISHED or (waited and stands(known, task.limits)):
             return known
         for left in place.record.parent.glob(f".{glob.escape(place.name)}.*.partial*"):  # by a process that was killed as it wrote
             left.unlink(missing_ok=True)

@@ -208,6 +208,13 @@ def test_a_run_that_another_process_makes_is_waited_for(planned: Planned, tmp_pa
     assert place.known().message == "by the other process" and not place.run.exists()
 
 
+def test_what_another_process_has_finished_meanwhile_is_not_made_again(planned: Planned, tmp_path: Path) -> None:
+    """A job that outlived its sweep, and ended after the next one had looked and before that one's job began."""
+    plan, out = planned("how=well"), tmp_path / "out"
+    sweep(plan, out)
+    assert make_run(Task(str(out), plan.runs[0].name, plan.script, {})).status == "finished" and starts(out) == 1
+
+
 def test_a_full_disk_ends_the_sweep_with_an_error_and_no_process_left(
     planned: Planned, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
