@@ -54,9 +54,9 @@ class Task:
 def make_run(task: Task, stop: threading.Event | None = None) -> Record:
     """Make a run, or go on with it, and note how it ended.
 
-    Where another process is at it (a job that outlived its sweep), its end is waited for; what it finished since is not made again. A process above its memory limit is killed at
-    once, since it grows; at its time limit, and once `stop` is set, it is asked to write its checkpoint first. Raises OSError where log or
-    record cannot be written.
+    Where another process is at it (a job that outlived its sweep), its end is waited for; what it finished since is not made again. A
+    process above its memory limit is killed at once, since it grows; at its time limit, and once `stop` is set, it is asked to write its
+    checkpoint first. Raises OSError where log or record cannot be written.
     """
     place = task.place
     for folder in (place.log.parent, place.record.parent):
