@@ -27,6 +27,7 @@ from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.left_out import LeftOut, gradients
 from fcsim.linear.factors import Factor, SingularMatrix, factorise, probes
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.material.law import PAIR
 
 DENSE_UP_TO = 100
 """Unknowns up to which all eigenvalues are computed at once."""
@@ -55,7 +56,8 @@ class Stress(NamedTuple):
 
 
 class Prestress:
-    """Of bodies of one group of linear material that supports hold, each by displacements x (nn, d) [m] along the world's axes."""
+    """Of bodies of one group of small strain that supports hold, each by displacements x (nn, d) [m] along the world's axes. K of laws of
+    points is that at their beginning."""
 
     def __init__(self, group: Group) -> None:
         self._group, cell = group, CELL_TYPES[group.part.cell_type]
@@ -69,6 +71,15 @@ class Prestress:
         strain = 0.5 * (H + H.transpose(0, 2, 1))
         mean = self._material.mean_stress(strain)
         return Stress(self._material.stress(strain) - mean[:, None, None] * np.eye(d), mean)
+
+    def of_cells(self, stress: FloatArray) -> Stress:
+        """At the same points, from what a law of points gives for each cell (nc, 6) [Pa] in the part's axes: xx, yy, zz, xy, yz, zx."""
+        R, d = self._group.rotation, len(self._group.rotation)
+        mean = stress[:, :3].sum(axis=1) / 3
+        own = stress[:, PAIR][:, :d, :d]
+        beside = np.einsum("ik,nkl,jl->nij", R, own, R) - mean[:, None, None] * np.eye(d)
+        times = len(self._material.volume) // len(stress)
+        return Stress(np.tile(beside, (times, 1, 1)), np.tile(mean, times))
 
     @cached_property
     def bears(self) -> float:

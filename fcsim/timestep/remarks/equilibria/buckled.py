@@ -29,7 +29,7 @@ STRAINED = 1e-7
 class Buckled:
     """The remarks on deformable bodies under pressure or tension: call it with the steps in turn.
 
-    Bodies of linear material, which know nothing of that (`fcsim.assembly.kinematics.prestress`), in steps 1, 4, 16, ... and the last: the
+    Bodies of small rotations, which know nothing of that (`fcsim.assembly.kinematics.prestress`), in steps 1, 4, 16, ... and the last: the
     one that is nearest to buckling, the one that tension holds straight most; in dynamics where they hardly move. In statics bodies of laws
     of points whose last tangent had lost its definiteness: whether it is definite where contacts hold them; if not, the equilibrium is one
     that they would leave. In both, contacts that press do not give way along their normals, and those that stick not at all. Bodies that
@@ -56,14 +56,15 @@ class Buckled:
 
     def _of_small_rotations(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         model, pressed, drawn = step.model, (NAMED, -1), (NAMED, -1)
+        of_laws = _of_laws(step)
         for group in model.groups:
             own = [int(b) for b in group.members if b not in (self._free or ()) and found.strain[b] > STRAINED]
-            if group.laws is not None or group.over_ranks or not own:
+            if (group.laws is not None and group.rotates) or group.over_ranks or not own:
                 continue
             prestress = self._prestress.setdefault(id(group), Prestress(group))
             for body in own:
                 x = _displacement(step, group, body)
-                stress = prestress.stress(x)
+                stress = prestress.stress(x) if group.laws is None else prestress.of_cells(of_laws[body])
                 if stress.largest <= NAMED * prestress.bears:
                     continue
                 firm = _firm(step, body)
@@ -109,6 +110,15 @@ def _drawn(model: Model, share: float, body: int) -> dict[str, str]:
         return {}
     large = f"holds it straight, so that what bends it across is too large by some {100 * share:.0f} %"
     return {"drawn": f"the tension in body {model.deformable[body].name!r} {large}: {_KNOWS}"}
+
+
+def _of_laws(step: Step) -> dict[int, FloatArray]:
+    """Stresses (nc, 6) [Pa] of the bodies of laws of points whose rotation strains them, by their numbers."""
+    model = step.model
+    if all(group.laws is None or group.rotates for group in model.groups):
+        return {}
+    found = model.nonlinear.at_cells(step.state.x, step.state.internal, step.state.t)
+    return {int(b): inner.stress[k] for group, inner, _ in found if not group.rotates for k, b in enumerate(group.members)}
 
 
 def _still(step: Step) -> bool:
