@@ -13,6 +13,7 @@ from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Velocity
 from fcsim.errors import InputError
 from fcsim.linkage import Ball, Hinge, Linkage, without_contact_of
 from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
@@ -21,6 +22,7 @@ from fcsim.mesh.part import Body
 from fcsim.running.case import load_case
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.remarks.undersampled import undersampled
+from fcsim.timestep.remarks.unlikely import restitution_of_points
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest
 from fcsim.timestep.theta import Theta
@@ -201,3 +203,20 @@ def test_what_goes_up_and_down_within_steps(what: str, steps_a_period: float, na
         found = [text for text in undersampled(model, Theta(h), 0.0, 20) if "goes up and down within steps" in text]
         assert len(found) == (name == "wave" and named)
         assert not list(undersampled(model, QuasiStatic(h), 0.0, 20))
+
+
+@pytest.mark.parametrize(("E", "h", "e", "held", "named"), [
+    (1e7, 1e-3, 0.8, False, True),
+    (1e7, 1e-5, 0.8, False, True),
+    (1e7, 1e-3, 0.0, False, False),
+    (1e10, 1e-3, 0.8, False, False),
+    (1e7, 1e-3, 0.8, True, False),
+])  # fmt: skip
+def test_restitution_of_bodies_that_swing(E: float, h: float, e: float, held: bool, named: bool) -> None:
+    """A block of 0.1 m, through which sound takes 1 ms or 0.03 ms."""
+    block = Body("block", brick("block", (0.1, 0.1, 0.1), (1, 1, 1), Material(E, 0.2, 1000.0)))
+    base = rigid_box("base", (1.0, 1.0, 0.1), (0.05, 0.05, -0.05), 1.0)
+    supports = [Support("base", ALL), *([Support("block", ("x",), "x-")] if held else [])]
+    found = list(restitution_of_points(build_model([block, base], supports=supports), Theta(h, law=Velocity(e))))
+    assert len(found) == named
+    assert not named or "of body 'block', through which sound takes 0.001" in found[0]
