@@ -169,12 +169,13 @@ def _on_track(race: Race, runner: Runner) -> bool:
 
 def _opening(race: Race, runner: Runner) -> bool:
     """Whether the sweeps go on before anyone else is asked: they have not yet cost as much as the iterations of Newton after which their
-    rate is believed, or will cost no more than Newton from here, whose elimination is not counted, since that takes time of its own."""
+    rate is believed, or all of them will cost no more than Newton from here, whose elimination is not counted, which takes time itself."""
     if not methods.kept(race) or len(race.runners) > 1:
         return False
     prices = race.prices
     newton = prices.least_in_velocities if prices.in_velocities else prices.least(closed(race))
-    return runner.spent < BELIEVED * newton or runner.needs() < (PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR) * newton
+    whole = (PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR) * newton
+    return runner.spent < BELIEVED * newton or runner.spent + runner.needs() < whole
 
 
 def _enter_sweeps(race: Race) -> bool:
