@@ -97,6 +97,8 @@ def _fclib(options: argparse.Namespace) -> int:
 
     from fcsim.export_fclib import read_fclib
     from fcsim.problem import GlobalProblem, Judge, LocalProblem
+    from fcsim.problem.rolling import GlobalRollingProblem
+    from fcsim.solvers.solve_rolling import rolling_errors
 
     content = read_fclib(options.file)
     problem = content.problem
@@ -124,6 +126,9 @@ def _fclib(options: argparse.Namespace) -> int:
         if isinstance(problem, GlobalProblem | LocalProblem):
             judge = Judge(problem)
             stated += f", error {judge.scaled_error(content.solution.r):.3e} (published: {judge.error(content.solution.r):.3e})"
+        elif isinstance(problem, GlobalRollingProblem):
+            scaled, published = rolling_errors(problem, content.solution.r)
+            stated += f", error {scaled:.3e} (published: {published:.3e})"
         say(f"  solution     {stated}")
     if content.guesses:
         say(f"  guesses      {len(content.guesses)}")

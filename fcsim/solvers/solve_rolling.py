@@ -128,6 +128,17 @@ def solve_rolling(
     )
 
 
+def rolling_errors(problem: GlobalRollingProblem, r: FloatArray) -> tuple[float, float]:
+    """The scaled and the published error of reactions r (m,), as `solve_rolling` states them; `SingularMatrix` where M is singular."""
+    given = reduce_rolling(problem)
+    u = given.scale * given.answer(r).u
+    scaled, published = (
+        RollingMonitor(given, 1e-8, name == "published", floor=0.0, time_limit=float("inf"), start=0.0).error(r / given.scale, u)
+        for name in ERRORS
+    )
+    return scaled, published
+
+
 def _run(run: Run, local: LocalRollingProblem, r: FloatArray, monitor: Monitor, options: Options) -> Iterate:
     zero = np.zeros_like(r)
     if monitor.error(zero, local.q) <= monitor.tol:

@@ -12,8 +12,9 @@ import pytest
 
 from fcsim import __version__
 from fcsim.command_line.main import main
-from fcsim.export_fclib import read_fclib, write_fclib
+from fcsim.export_fclib import Solution, read_fclib, write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem, natural_map_residual
+from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import ALIASES, SOLVERS
 
 ROOT = Path(__file__).parents[3]
@@ -254,3 +255,18 @@ def test_an_option_that_the_case_has_no_parameter_for_is_named(tmp_path: Path, c
         assert main(["run", str(script), option, value, "--out", str(tmp_path / "out")]) == 2
         expected = f"fcsim: {option} {value}: case mine has no parameter {option[2:]} that it could set, but steps;"
         assert expected in capsys.readouterr().err
+
+
+def test_a_stored_solution_with_rolling_friction_is_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A sphere dropped on a plane: r_N = 1 stops a unit mass; half of that leaves half of its velocity, of which errors are shares."""
+    H = np.zeros((6, 5))
+    H[:3, :3] = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
+    H[3:5, 3:] = np.eye(2)
+    problem = GlobalRollingProblem(np.eye(6), H, np.array([0, 0, -1.0, 0, 0, 0]), np.zeros(5), np.array([0.5]), np.array([0.1]))
+    for share, error in ((1.0, "0.000e+00"), (0.5, "5.000e-01")):
+        r = np.array([share, 0, 0, 0, 0])
+        u = np.array([share - 1.0, 0, 0, 0, 0])
+        v = np.array([0, 0, share - 1.0, 0, 0, 0])
+        path = write_fclib(tmp_path / f"{share}.hdf5", problem, solution=Solution(u, r, v))
+        assert main(["info", str(path)]) == 0
+        assert f"solution     stored, error {error} (published: {error})" in capsys.readouterr().out
