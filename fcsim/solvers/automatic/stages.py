@@ -204,9 +204,10 @@ def _at_first(race: Race, runner: Runner) -> bool:
 
 
 def _enter_paths(race: Race) -> bool:
-    """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do."""
+    """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
+    there is nothing to arrive at goes first."""
     runner = race.runners.get("proximal Newton")
-    if runner is None or not race.prices.in_velocities or not singular_here(race):
+    if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities or not singular_here(race):
         return False
     return runner.result is not None or runner.monitor.iterations >= PATHS_AFTER
 

@@ -48,7 +48,7 @@ class PathOptions(Options):
     alpha_most: float = 1e-2
     fall: float = 10.0
     rise: float = 30.0
-    patience: int = 40
+    patience: int = 150
 
     def __post_init__(self) -> None:
         super().__post_init__()
