@@ -35,6 +35,7 @@ METHODS = {
     "anderson": r"r \leftarrow S(r) - \sum_j \gamma_j\,\Delta S(r_j),\quad \gamma = \arg\min \|f - \textstyle\sum_j \gamma_j\,\Delta f_j\|,\quad f = S(r) - r,\quad S\ \text{a sweep}",
     "nsgsv": r"r = W^{-1}(u - q)\quad\text{swept over the contacts' velocities}\ u_a",
     "proximal_point": r"r_{k+1}\ \text{solves}\quad u = (W + \alpha D)\,r + q - \alpha D\,r_k,\quad K^* \ni u + g(u) \perp r \in K",
+    "proximal_path": r"P\left(c - \rho\,(W r + q + (1 - t)\,w)\right) = r,\quad t\ \text{from}\ 0\ \text{to}\ 1,\quad c \leftarrow r,\ \alpha = 1/(\rho D)\ \text{falls}",
     "levenberg_marquardt": r"\Delta r = -D^{1/2}(J^T J + \lambda^2 I)^{-1} J^T F,\quad J = \frac{dF}{dr} D^{1/2}",
     "hybrid": "",
     "fixed_point": PROJECTION,
@@ -73,7 +74,11 @@ def in_words(method):
     if method.run.__name__ == "newton":
         return f"rho: {options.rho}; line search: {options.line_search}."
     if method.run.__name__ == "automatic":
-        return "Sweeps, ADMM, Newton, proximal Newton and a proof race; who works next is decided by counted costs."
+        return "Sweeps, ADMM, Newton, proximal Newton, paths and a proof race; who works next is decided by counted costs."
+    if method.run.__name__ == "proximal_path":
+        return (
+            "Newton's method takes each proximal problem; where it fails, the solution is followed from one contact's status to the next."
+        )
     if method.run.__name__ == "hybrid":
         stages = " then ".join(
             f"{stage.options.max_iterations} iterations of {stage.run.__name__}" for stage in options.first + options.stages

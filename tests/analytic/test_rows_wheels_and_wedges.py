@@ -40,7 +40,8 @@ def run(model: Model, mu: object, h: float, steps: int, velocities: dict[str, Se
         v[first : first + len(velocity)] = velocity
     done = list(Simulation(model, Everything(model, mu), Theta(h), steps, initial=State(0.0, start.x, v)))  # type: ignore[arg-type]
     for step in done:
-        assert step.ledger.created <= 1e-3 * step.ledger.supplied + 1e-9, step.number
+        known = 5e-9  # J: impulses of 0.1 to 0.4 N s at velocities known to 1e-8 m/s
+        assert step.ledger.created <= 1e-3 * step.ledger.supplied + known, step.number
     return done
 
 
