@@ -73,15 +73,51 @@ def library_threads() -> int | None:
     return None if any(os.environ.get(name) for name in THREAD_VARIABLES) else 1
 
 
+def _lock_over_forks() -> threading.Lock:
+    """A lock that no fork takes along closed: the thread that would open it is not in the child."""
+    lock = threading.Lock()
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(before=lock.acquire, after_in_parent=lock.release, after_in_child=lock.release)
+    return lock
+
+
+class _Limits:
+    """Numbers of threads that blocks found, whose they are while one lasts: each block lowers, the last to end restores."""
+
+    def __init__(self) -> None:
+        self._lock = _lock_over_forks()
+        self._blocks = 0
+        self._before: dict[int, tuple[LibController, int]] = {}
+
+    def begin(self, allowed: int) -> None:
+        with self._lock:
+            self._blocks += 1
+            for pool in _thread_pools(tuple(name in sys.modules for name in _BRINGS_LIBRARIES)):
+                if (now := pool.get_num_threads()) not in (allowed, None):
+                    self._before.setdefault(id(pool), (pool, now))
+                    pool.set_num_threads(allowed)
+
+    def end(self) -> None:
+        with self._lock:
+            self._blocks -= 1
+            if not self._blocks:
+                for pool, number in self._before.values():
+                    pool.set_num_threads(number)
+                self._before.clear()
+
+
+_limits = _Limits()
+
+
 class limited_threads(ContextDecorator):
     """BLAS and OpenMP on `library_threads` within the block, on as many as before after it; some microseconds where they are so already.
 
     A class, since a generator's context costs as much as a sweep of a small problem. The number belongs to the process: other threads of
-    the program see it as long as the block lasts.
+    the program see it as long as the block lasts. Blocks may nest, and several threads may be in one: the limit holds until the last ends.
     """
 
     def __init__(self) -> None:
-        self._before: list[tuple[LibController, int]] = []
+        self._began = False
 
     def _recreate_cm(self) -> limited_threads:
         """A block of its own for each call of what is decorated: calls may nest."""
@@ -90,16 +126,13 @@ class limited_threads(ContextDecorator):
     def __enter__(self) -> None:
         threads()  # which refuses a wrong number
         allowed = library_threads()
-        if allowed is None:
-            return
-        for pool in _thread_pools(tuple(name in sys.modules for name in _BRINGS_LIBRARIES)):
-            if (now := pool.get_num_threads()) not in (allowed, None):
-                self._before.append((pool, now))
-                pool.set_num_threads(allowed)
+        if allowed is not None:
+            _limits.begin(allowed)
+            self._began = True
 
     def __exit__(self, *_: object) -> None:
-        for pool, number in self._before:
-            pool.set_num_threads(number)
+        if self._began:
+            _limits.end()
 
 
 def writable_caches() -> None:
@@ -149,23 +182,48 @@ ISOLATED = "-P"
 """Of Python: no modules from the working directory."""
 
 
+class _Away:
+    """The working directory while blocks last within which it is `ELSEWHERE`: the first to begin leaves it, the last to end returns."""
+
+    def __init__(self) -> None:
+        self._lock = _lock_over_forks()
+        self._blocks = 0
+        self._here: int | None = None
+
+    def begin(self) -> None:
+        with self._lock:
+            if not self._blocks:
+                try:
+                    self._here = os.open(os.curdir, getattr(os, "O_PATH", os.O_RDONLY))
+                except OSError:  # removed, or not to be read: nothing can come from it
+                    self._here = None
+                else:
+                    os.chdir(ELSEWHERE)
+            self._blocks += 1
+
+    def end(self) -> None:
+        with self._lock:
+            self._blocks -= 1
+            if not self._blocks and self._here is not None:
+                os.fchdir(self._here)
+                os.close(self._here)
+                self._here = None
+
+
+_away = _Away()
+
+
 @contextmanager
 def without_local_options() -> Iterator[None]:
     """Load libraries, and have them read their options, as if the working directory held nothing; the user's own, in HOME, count.
 
-    The directory is the process's: other threads see the change for as long as the block lasts.
+    The directory is the process's: other threads see the change for as long as the block lasts. Several threads may be in one.
     """
+    _away.begin()
     try:
-        here = os.open(os.curdir, getattr(os, "O_PATH", os.O_RDONLY))
-    except OSError:  # removed, or not to be read: nothing can come from it
-        yield
-        return
-    try:
-        os.chdir(ELSEWHERE)
         yield
     finally:
-        os.fchdir(here)
-        os.close(here)
+        _away.end()
 
 
 def load_numba_alone() -> None:
@@ -175,6 +233,7 @@ def load_numba_alone() -> None:
             import_module("numba")
 
 
+@cache  # the working directory is left once, not at every call
 def _import(name: str) -> ModuleType:
     with without_local_options():
         module = _import_in_order(name)

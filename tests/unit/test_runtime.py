@@ -86,6 +86,55 @@ def test_threads_are_limited_while_fcsim_computes() -> None:
     assert blas_threads(OMP_NUM_THREADS="2", OPENBLAS_NUM_THREADS="2") == (2, 2, 2)
 
 
+SIDE_BY_SIDE = """
+import os
+import threading
+import scipy.linalg
+from threadpoolctl import threadpool_info
+from fcsim.runtime import limited_threads, without_local_options
+
+def now():
+    return max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+
+def both(block, seen):
+    first_in, second_in, first_out = (threading.Event() for _ in range(3))
+    def first():
+        with block():
+            first_in.set()
+            second_in.wait(20)
+        first_out.set()
+    def second():
+        first_in.wait(20)
+        with block():
+            second_in.set()
+            first_out.wait(20)
+            print(seen())
+    workers = [threading.Thread(target=work) for work in (first, second)]
+    [worker.start() for worker in workers]
+    [worker.join() for worker in workers]
+    print(seen())
+
+print(now())
+both(limited_threads, now)
+both(without_local_options, os.getcwd)
+"""
+"""Two threads of a program in one kind of block at the same time, of which the first to come is the first to leave; what each sees then."""
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="BLAS has one thread anyway")
+def test_blocks_of_two_threads_end_with_the_last(tmp_path: Path) -> None:
+    """The first took the limit away from the second, whose last bits changed; the second left the process in the root directory."""
+    known = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS") and name != "FCSIM_THREADS"}
+    known["PYTHONPATH"] = str(Path(__file__).parents[2])
+    found = subprocess.run(
+        [sys.executable, "-c", SIDE_BY_SIDE], cwd=tmp_path, env=known, capture_output=True, text=True, check=True, timeout=120
+    )
+    before, within, after, away, back = found.stdout.split()
+    assert int(before) > 1
+    assert (within, after) == ("1", before)
+    assert (away, back) == ("/", str(tmp_path))
+
+
 def test_threads_that_are_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FCSIM_THREADS", "many")
     threads.cache_clear()
