@@ -79,7 +79,7 @@ def _show(case: Case, step: Step) -> None:
     if step.substeps > 1:
         _say(f"step {step.number}: cut into {step.substeps} parts")
     elif step.fell_back:
-        _say(f"step {step.number}: fallback chain used ({'; '.join(f'{a.solver} from {a.start}: {a.status}' for a in step.attempts)})")
+        _say(f"step {step.number}: fallback chain used ({'; '.join(f'{a.way}: {a.status}' for a in step.attempts)})")
 
 
 def _say(text: str) -> None:

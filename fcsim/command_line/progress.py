@@ -31,7 +31,8 @@ def show_step(bar: Bar, steps: int, step: Step) -> None:
     if step.substeps > 1:
         bar.say(f"step {step.number}: cut into {step.substeps} parts")
     elif step.fell_back:
-        tried = "; ".join(f"{a.solver} from {a.start}: {a.status}" for a in step.attempts)
+        tried = "; ".join(f"{a.way}: {a.status}" for a in step.attempts)
         bar.say(f"step {step.number}: fallback chain used ({tried})")
-    text = f"{len(step.contacts)} contacts, {step.result.iterations} iterations, error {step.result.error:.1e}"
+    found, done = len(step.contacts), step.iterations
+    text = f"{found} contact{'' if found == 1 else 's'}, {done} iteration{'' if done == 1 else 's'}, error {step.result.error:.1e}"
     bar.update(step.number, steps, text)

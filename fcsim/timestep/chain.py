@@ -1,4 +1,4 @@
-"""The solver of a step and what follows when it does not converge."""
+"""The solver of a step, what follows when it does not converge, and what was tried."""
 
 from __future__ import annotations
 
@@ -15,10 +15,66 @@ from fcsim.problem.rolling import RollingReduction
 from fcsim.solvers import SOLVERS, Memory, Result, Status, method, solve
 from fcsim.solvers.base import choice, override
 from fcsim.solvers.solve_rolling import solve_rolling
-from fcsim.timestep.step import Attempt, Lead
 
 OF_NEWTON = 1e-9
 """The tolerance of problems within Newton's method on nonlinear bodies, where the settings' is larger."""
+
+ONE_LOOP = "one loop"
+"""Where an attempt started, see `Attempt`."""
+
+LEARNED, LEADS = 3, 25
+"""After so many solves in a row that the same later link had to answer, it begins the chain, for so many solves."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One link of the fallback chain: the solver, where it started ("previous steps" or "zero") and how it ended. `ONE_LOOP`: turning
+    bodies and contacts in one loop from the previous steps, which the chain follows where that does not arrive.
+
+    share: the part of the step that was attempted, 1 or, where the step was cut, 1/2, 1/4, ...; tol: the error asked for; leads: it began
+    the chain because the steps before needed it, see `Lead`
+    """
+
+    solver: str
+    start: str
+    status: str
+    error: float
+    iterations: int
+    share: float
+    tol: float
+    leads: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.way}: {self.status}, error {self.error:.2e}"
+
+    @property
+    def way(self) -> str:
+        """Solver and start in words."""
+        return f"{self.solver} {'in' if self.start == ONE_LOOP else 'from'} {self.start}"
+
+
+@dataclass(frozen=True)
+class Lead:
+    """Which solver begins the chain instead of the settings' own, learned from the steps before.
+
+    solver  the link that has worked where the first one did not, `streak` times in a row; it leads for `steps` more steps
+    """
+
+    solver: str = ""
+    streak: int = 0
+    steps: int = 0
+
+    def after(self, first: str, worked: str) -> Lead:
+        """The lead after a solve in which `first` began and `worked` had the answer."""
+        if self.steps > 1:
+            return Lead(self.solver, self.streak, self.steps - 1) if worked == self.solver else Lead()
+        if self.steps or worked == first:
+            return Lead()
+        streak = self.streak + 1 if worked == self.solver else 1
+        return Lead(worked, streak, LEADS if streak == LEARNED else 0)
+
+
+NOBODY = Lead()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,7 +24,7 @@ from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
 from fcsim.timestep.beginning.first_half import passes, refuse_going_through
 from fcsim.timestep.beginning.impact import remark, struck
-from fcsim.timestep.chain import Clock, SolverSettings, not_converged
+from fcsim.timestep.chain import Attempt, Clock, SolverSettings, not_converged
 from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
@@ -37,7 +37,7 @@ from fcsim.timestep.remarks.opening import opening_remarks
 from fcsim.timestep.remarks.same_on_all_ranks import same_on_all_ranks
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, at_rest, refuse_misplaced, updated
-from fcsim.timestep.step import Attempt, Moment, Step
+from fcsim.timestep.step import Moment, Step
 from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past

@@ -1,4 +1,4 @@
-"""A finished step, what was tried for it, and the moment it leaves for the next."""
+"""A finished step and the moment it leaves for the next."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from fcsim.problem import GlobalProblem, contact_status
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import Result, Status
+from fcsim.timestep.chain import NOBODY, ONE_LOOP, Attempt, Lead
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.energy import UNWRITTEN, Acting, Energy, Ledger
 from fcsim.timestep.links.linked import Linked
@@ -33,27 +34,6 @@ from fcsim.witness import Overlap
 
 if TYPE_CHECKING:
     from dolfinx.fem import Function
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One link of the fallback chain: the solver, where it started ("previous steps" or "zero") and how it ended.
-
-    share: the part of the step that was attempted, 1 or, where the step was cut, 1/2, 1/4, ...; tol: the error asked for; leads: it began
-    the chain because the steps before needed it, see `Lead`
-    """
-
-    solver: str
-    start: str
-    status: str
-    error: float
-    iterations: int
-    share: float
-    tol: float
-    leads: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.solver} from {self.start}: {self.status}, error {self.error:.2e}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,33 +58,8 @@ class Linearised:
     __repr__ = brief
 
 
-@dataclass(frozen=True)
-class Lead:
-    """Which solver begins the chain instead of the settings' own, learned from the steps before.
-
-    solver  the link that has worked where the first one did not, `streak` times in a row; it leads for `steps` more steps
-    """
-
-    solver: str = ""
-    streak: int = 0
-    steps: int = 0
-
-    def after(self, first: str, worked: str) -> Lead:
-        """The lead after a solve in which `first` began and `worked` had the answer."""
-        if self.steps > 1:
-            return Lead(self.solver, self.streak, self.steps - 1) if worked == self.solver else Lead()
-        if self.steps or worked == first:
-            return Lead()
-        streak = self.streak + 1 if worked == self.solver else 1
-        return Lead(worked, streak, LEADS if streak == LEARNED else 0)
-
-
-NOBODY = Lead()
 AT_LIMIT = 1e-6
 """Share by which a moment that is at its limit may be below."""
-
-LEARNED, LEADS = 3, 25
-"""After so many solves in a row that the same later link had to answer, it begins the chain, for so many solves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +165,8 @@ class Step:
 
     @property
     def fell_back(self) -> bool:
-        """Whether some link of the solver chain failed."""
-        return any(a.status != Status.SOLVED.value for a in self.attempts)
+        """Whether some link of the solver chain failed; one loop that the settings left open is a way to try first, not a link."""
+        return any(a.status != Status.SOLVED.value and a.start != ONE_LOOP for a in self.attempts)
 
     @property
     def iterations(self) -> int:

@@ -30,12 +30,13 @@ from fcsim.contact_detection import Detection
 from fcsim.contact_law.proportions import Proportions
 from fcsim.linkage import Linkage
 from fcsim.timestep.beginning.agreement import forbids, held_at_once, without_contacts
+from fcsim.timestep.chain import NOBODY
 from fcsim.timestep.encounter import Encounter, encounter
 from fcsim.timestep.energy import Acting, Energy, contact_work, momentum
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step import NOBODY, Moment
+from fcsim.timestep.step import Moment
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.look_ahead import BORNE, ROUNDS, looked_ahead

@@ -10,9 +10,9 @@ from fcsim.assembly.floating import FAINT, floating, proposed_eta
 from fcsim.assembly.model import Model
 from fcsim.mesh.material.by_region import AnyMaterial, ByRegion
 from fcsim.mesh.material.law import PointLaw
+from fcsim.timestep.chain import Attempt
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Scheme
-from fcsim.timestep.step import Attempt
 
 HIDDEN = 1e-3
 """Of the proposed eta: below it round-off hides the mass of a body that only contact holds."""

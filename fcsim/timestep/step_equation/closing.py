@@ -6,10 +6,10 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
+from fcsim.timestep.chain import Attempt
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Attempt
 
 CLOSED = 1e-10
 """Of the model's size: how far a link may be from closed at the end of a step."""

@@ -17,11 +17,12 @@ from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import Memory, Result
+from fcsim.timestep.chain import Lead
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Lead, Linearised
+from fcsim.timestep.step import Linearised
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning, leaning
 from fcsim.timestep.step_equation.linearisation import Linearisation

@@ -34,9 +34,9 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
-from fcsim.timestep.chain import Clock, SolverSettings, solve_chain
+from fcsim.timestep.chain import Attempt, Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
-from fcsim.timestep.step import Attempt, Linearised
+from fcsim.timestep.step import Linearised
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE

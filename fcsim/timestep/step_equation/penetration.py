@@ -11,10 +11,10 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Everything
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.sweep import bounded
+from fcsim.timestep.chain import Attempt
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Attempt
 from fcsim.timestep.step_equation.look_ahead import moves
 from fcsim.timestep.step_equation.loops.lost_contacts import Lost, lost
 

@@ -15,10 +15,9 @@ from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
 from fcsim.solvers import Method, method
 from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.timestep.chain import Clock, SolverSettings, solve_chain, solve_rolling_chain
+from fcsim.timestep.chain import Attempt, Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.expected_motion import with_motion
-from fcsim.timestep.step import Attempt
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE

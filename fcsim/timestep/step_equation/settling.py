@@ -17,9 +17,8 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.contact_law.law import Demand, Implicit, Variables
-from fcsim.timestep.chain import Clock, SolverSettings
+from fcsim.timestep.chain import Attempt, Clock, SolverSettings
 from fcsim.timestep.encounter import Anew, Encounter
-from fcsim.timestep.step import Attempt
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.loops.mixing import Mixing
 from fcsim.timestep.step_equation.loops.turning_links import turning_links

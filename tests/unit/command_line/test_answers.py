@@ -92,8 +92,8 @@ from fcsim.command_line.progress import progress
 class Simulation(list):
     steps = 2
 def step(number):
-    result = SimpleNamespace(iterations=1, error=1e-9)
-    return SimpleNamespace(number=number, remarks=(), substeps=1, fell_back=False, contacts=(), result=result)
+    result = SimpleNamespace(error=1e-9)
+    return SimpleNamespace(number=number, remarks=(), substeps=1, fell_back=False, contacts=(), iterations=1, result=result)
 print([found.number for found in progress(Simulation([step(1), step(2)]))])
 """
 

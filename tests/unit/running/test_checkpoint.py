@@ -15,9 +15,10 @@ from numpy.testing import assert_array_equal
 from fcsim.contact_law.law import Variables
 from fcsim.errors import InputError
 from fcsim.running.checkpoint import MEMORIES, content_digest, read_checkpoint, write_checkpoint
+from fcsim.timestep.chain import Lead
 from fcsim.timestep.energy import Ledger
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Lead, Moment
+from fcsim.timestep.step import Moment
 from fcsim.timestep.warm_start import Reactions
 
 

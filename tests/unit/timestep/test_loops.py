@@ -20,15 +20,15 @@ from fcsim.mesh.blocks import rectangle, rigid_rectangle
 from fcsim.mesh.material import neo_hooke
 from fcsim.problem import GlobalProblem, scaled_error
 from fcsim.problem.reduction import Reduction, reduced
-from fcsim.solvers import Memory, solve
+from fcsim.solvers import Memory, Result, Status, solve
 from fcsim.solvers.automatic.pause import Pause
-from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.chain import Attempt, SolverSettings
 from fcsim.timestep.expected_motion import expected_motion, with_motion
 from fcsim.timestep.limits import Limits
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State
-from fcsim.timestep.step import Attempt, Step
+from fcsim.timestep.step import Step
 from fcsim.timestep.step_equation.equation import Equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.loops.one_loop import FollowedLoad, solve_followed
@@ -287,6 +287,20 @@ def test_reactions_without_forces_of_finite_numbers_have_no_answer() -> None:
     assert not problem.settled and np.all(np.isfinite(problem.reduction.q))
     problem.answer(np.zeros(len(problem.q)))
     assert problem.settled
+
+
+@pytest.mark.parametrize(("loop", "failed"), [("auto", False), ("one", True)])
+def test_one_loop_that_nobody_asked_for_is_no_link_of_the_chain(monkeypatch: pytest.MonkeyPatch, loop: str, failed: bool) -> None:
+    """Where it does not arrive the settings' solver goes on from the same reactions: a failure only of what was asked for."""
+
+    def diverges(*args: Any, **options: Any) -> Result:
+        return replace(solve(*args, **options), status=Status.DIVERGED)
+
+    monkeypatch.setattr("fcsim.timestep.step_equation.loops.one_loop.solve", diverges)
+    touching = next(step for step in thrown.__wrapped__(loop) if step.problem.nc)
+    first, second, *_ = touching.attempts
+    assert first.status == "diverged" and second.status == "solved"
+    assert ("in one loop: diverged" in str(first)) is not failed and touching.fell_back is failed
 
 
 def test_error_of_the_one_loop_is_that_of_the_problem_it_ends_with() -> None:

@@ -21,10 +21,10 @@ from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from fcsim.solvers import SOLVERS, Status
 from fcsim.solvers.base import Iterate
-from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.chain import LEADS, LEARNED, NOBODY, Lead, SolverSettings
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest
-from fcsim.timestep.step import LEADS, LEARNED, NOBODY, Lead, Moment
+from fcsim.timestep.step import Moment
 from fcsim.timestep.theta import Theta
 from fcsim.timestep.warm_start import Reactions
 

@@ -17,8 +17,7 @@ from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
 from fcsim.solvers.newton.one_iteration import one_iteration
 from fcsim.solvers.solve import solve_by
-from fcsim.timestep.chain import SolverSettings
-from fcsim.timestep.step import Attempt
+from fcsim.timestep.chain import Attempt, SolverSettings
 from fcsim.timestep.step_equation.equation import Equation
 
 ITERATIONS = 20

@@ -18,8 +18,7 @@ from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem, natural
 from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory, Result, method, solve
-from fcsim.timestep.chain import SolverSettings
-from fcsim.timestep.step import Attempt
+from fcsim.timestep.chain import ONE_LOOP, Attempt, SolverSettings
 from fcsim.timestep.step_equation.equation import Equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
 
@@ -135,5 +134,6 @@ def solve_followed(
     within = result.solved and problem.settled and result.error <= tol
     status = result.status.value if within or not result.solved else "did not settle"
     if result.solved or result.iterations:  # `auto` that would not begin with Newton has done nothing
-        attempts.append(Attempt(settings.name, "previous steps", status, result.error, result.iterations, share, tol))
+        start = ONE_LOOP if settings.loop == "auto" else "previous steps"
+        attempts.append(Attempt(settings.name, start, status, result.error, result.iterations, share, tol))
     return (replace(result, memory=None) if within else None), result.memory
