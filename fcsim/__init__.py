@@ -1,4 +1,4 @@
-"""fcsim: frictional contact between deformable bodies, from mesh to FCLIB file.
+"""fcsim: frictional contact between deformable and rigid bodies, from mesh to FCLIB file.
 
 The public names are loaded when first used, so that the core (FCLIB files, solvers) needs neither dolfinx nor gmsh nor PETSc.
 """

@@ -212,7 +212,12 @@ class GlobalForm:
 
 @dataclass(frozen=True, eq=False)
 class GlobalProblem(GlobalForm):
-    """M (n, n), H (n, m), f (n,), w (m,), mu (nc,), optionally G (n, p) and b (p,); m = dimension * nc."""
+    """The global problem: find v, r with M v = H r + f, u = H^T v + w, K* ∋ u + g(u) ⊥ r ∈ K.
+
+    M (n, n), H (n, m), f (n,), w (m,), friction mu (nc,), optionally the equality constraints G^T v + b = 0, G (n, p), b (p,);
+    m = dimension * nc, rows of a contact: normal, then tangents. Units: this module's head. InputError: shapes that do not fit, numbers
+    that are not finite or not real.
+    """
 
     M: Matrix
     H: Matrix
@@ -239,8 +244,10 @@ class GlobalProblem(GlobalForm):
 
 @dataclass(frozen=True, eq=False)
 class LocalProblem:
-    """W (m, m), q (m,), mu (nc,), optionally V (m, p), R (p, p) and s (p,); m = dimension * nc.
+    """The local problem: find r with u = W r + q, K* ∋ u + g(u) ⊥ r ∈ K, g(u) = mu ||u_T|| N.
 
+    W (m, m), q (m,), friction mu (nc,), optionally V (m, p), R (p, p) and s (p,): u = W r + V l + q, V^T r + R l + s = 0;
+    m = dimension * nc, rows of a contact: normal, then tangents. InputError: shapes that do not fit, numbers that are not finite or not real.
     motion: W = H^T M^-1 H where few degrees of freedom are behind it; it shortens elimination and changes no answer. shares: W as the
     sum of the bodies' shares, where that is known: it preconditions.
     """

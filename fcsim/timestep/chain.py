@@ -83,12 +83,16 @@ class SolverSettings:
 
     The chain of a step: `name` from the previous steps' reactions (see `warm_start`), `name` from zero, then each of `fallback` from
     zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. A link that had to answer three times in a
-    row begins the next 25 chains, see `Lead`; `Step.attempts` says what was tried. loop: how a step with turning or nonlinear bodies goes
-    to its answer: "sequence", friction problems that are solved one after the other; "one", one linearisation of the bodies an iteration of
-    the contacts, with the nonsmooth Newton methods (see `one_loop`, `newton_loop`), and with `auto` where it begins with one; "auto": the
-    quicker one, turning bodies in one loop,
-    nonlinear ones by the sequence. floor [m/s; quasi-statics: m]: see
-    `fcsim.problem.error`.
+    row begins the next 25 chains, see `Lead`; `Step.attempts` says what was tried.
+
+    name       of the table of solvers, `fcsim.SOLVERS`; options: those of the method, by name
+    tol        on the scaled error of each step's problem; floor [m/s; quasi-statics: m]: see `fcsim.problem.error`
+    fallback   names that follow, see above; (): none
+    loop       how a step with turning or nonlinear bodies goes to its answer: "sequence", friction problems that are solved one after the
+               other; "one", one linearisation of the bodies an iteration of the contacts, with the nonsmooth Newton methods (see
+               `one_loop`, `newton_loop`), and with `auto` where it begins with one; "auto": turning bodies in one loop, nonlinear ones by the sequence
+
+    InputError: an unknown solver, option or loop.
     """
 
     name: str = "auto"

@@ -41,7 +41,11 @@ from fcsim.timestep.step_equation.end_velocity import end_velocity
 
 @dataclass(frozen=True)
 class GeneralisedAlpha(Dynamic):
-    """h [s] the step, 0 <= rho <= 1 the spectral radius at infinite frequency, law: see `fcsim.contact_law`."""
+    """The nonsmooth generalised-alpha scheme for dynamics: second order, high frequencies damped as far as wished.
+
+    h [s] the step; 0 <= rho <= 1 the spectral radius at infinite frequency: 1 damps nothing, 0 most; law: see `fcsim.contact_law`.
+    Equations and sources: this module's head. InputError: h or rho out of range.
+    """
 
     rho: float = 0.8
     law: Law = field(default_factory=Gap)

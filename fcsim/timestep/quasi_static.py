@@ -23,7 +23,11 @@ from fcsim.timestep.state import State
 
 @dataclass(frozen=True)
 class QuasiStatic:
-    """h [s] the step of the load's time; eta >= 0 the mass regularisation (dimensionless); law: see `fcsim.contact_law`."""
+    """Quasi-statics by load steps: (K + eta/h^2 M) dx = H r + F(t + h) - K x; r are forces [N], dx increments [m].
+
+    h [s] the step of the load's time; eta >= 0 the mass regularisation (dimensionless), which a run says where it carries a body;
+    law: see `fcsim.contact_law`. InputError: h or eta out of range.
+    """
 
     h: float
     eta: float = 0.0

@@ -30,7 +30,11 @@ from fcsim.timestep.step_equation.end_velocity import end_velocity
 
 @dataclass(frozen=True)
 class Theta(Dynamic):
-    """h [s] the step, 0 < theta <= 1, law: see `fcsim.contact_law`."""
+    """The scheme of Moreau and Jean for dynamics: x+ = x + h (theta v+ + (1 - theta) v), impulses r over the step [N s].
+
+    h [s] the step; 0 < theta <= 1: 1/2 keeps energy, more damps what swings within a step; law: see `fcsim.contact_law`.
+    Equations and sources: this module's head. InputError: h or theta out of range.
+    """
 
     theta: float = 0.5
     law: Law = field(default_factory=Gap)

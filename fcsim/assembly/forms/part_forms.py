@@ -126,5 +126,5 @@ def _kept(part: Part) -> Discretisation:
 
 
 def forms_of(part: Part) -> PartForms:
-    """The forms of a part."""
+    """The UFL forms of a part on its own dolfinx mesh, and their matrices and vectors in its numbering: see `PartForms`."""
     return PartForms(part, _kept(part))
