@@ -247,7 +247,8 @@ class LocalProblem:
     """The local problem: find r with u = W r + q, K* ∋ u + g(u) ⊥ r ∈ K, g(u) = mu ||u_T|| N.
 
     W (m, m), q (m,), friction mu (nc,), optionally V (m, p), R (p, p) and s (p,): u = W r + V l + q, V^T r + R l + s = 0;
-    m = dimension * nc, rows of a contact: normal, then tangents. InputError: shapes that do not fit, numbers that are not finite or not real.
+    m = dimension * nc, rows of a contact: normal, then tangents. InputError: shapes that do not fit, numbers that are not finite or
+    not real.
     motion: W = H^T M^-1 H where few degrees of freedom are behind it; it shortens elimination and changes no answer. shares: W as the
     sum of the bodies' shares, where that is known: it preconditions.
     """

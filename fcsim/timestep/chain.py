@@ -90,7 +90,8 @@ class SolverSettings:
     fallback   names that follow, see above; (): none
     loop       how a step with turning or nonlinear bodies goes to its answer: "sequence", friction problems that are solved one after the
                other; "one", one linearisation of the bodies an iteration of the contacts, with the nonsmooth Newton methods (see
-               `one_loop`, `newton_loop`), and with `auto` where it begins with one; "auto": turning bodies in one loop, nonlinear ones by the sequence
+               `one_loop`, `newton_loop`), and with `auto` where it begins with one; "auto": turning bodies in one loop, nonlinear
+               ones by the sequence
 
     InputError: an unknown solver, option or loop.
     """
