@@ -247,7 +247,8 @@ def test_mistakes_with_a_runs_folder(case_folder: Path, tmp_path: Path, capsys: 
 
 def test_remarks_reach_run_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Friction in per cent and forgotten damping, by the command line: said, and kept among the notes."""
-    (tmp_path / "mine.py").write_text(GOOD.replace("        beta=1e-3,\n", ""), encoding="utf-8")
+    undamped = GOOD.replace("        beta=1e-3,\n", "").replace("theta: float = 0.6", "theta: float = 0.5")
+    (tmp_path / "mine.py").write_text(undamped, encoding="utf-8")
     assert (
         main(["run", str(tmp_path / "mine.py"), "--out", str(tmp_path / "out"), "--vtk-every", "0", "--steps", "1", "--set", "mu=40"]) == 0
     )
