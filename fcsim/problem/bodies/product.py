@@ -83,14 +83,21 @@ class ShareProduct:
 
 
 def _alike(shares: BodyShares) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Bodies and the C (n, n) that they share, or C (nb, n, n), one for each."""
+    """Bodies and the C (n, n) that they share, or C (nb, n, n), one for each; runs of one array, of which others' bodies stand between
+    where ranks share W, are taken together."""
+    runs: dict[int, tuple[FloatArray, list[IntArray], list[IntArray]]] = {}
     for begin, C, kind in shares.runs:
+        _, bodies, kinds = runs.setdefault(id(C), (C, [], []))
+        bodies.append(begin + np.arange(len(kind)))
+        kinds.append(kind)
+    for C, every_bodies, every_kind in runs.values():
+        bodies, kind = np.concatenate(every_bodies), np.concatenate(every_kind)
         if not C.shape[-1] or not len(kind):
             continue
         if len(C) == 1:
-            yield begin + np.arange(len(kind)), C[0]
+            yield bodies, C[0]
         elif len(C) == len(kind) and np.array_equal(np.sort(kind), np.arange(len(kind))):
-            yield begin + np.argsort(kind), C
+            yield bodies[np.argsort(kind)], C
         else:
             for k in np.unique(kind):  # the parts of a model, few of many bodies
-                yield begin + np.flatnonzero(kind == k), C[k]
+                yield bodies[kind == k], C[k]

@@ -11,12 +11,15 @@ from scipy.sparse.linalg import LinearOperator
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief
 from fcsim.linear.block_rows import product_by_rows
+from fcsim.linear.late.late_rows import LateRows, source_of
+from fcsim.problem.distributed.bodies import BodiesOverRanks
 from fcsim.problem.distributed.factor import DistributedFactor
 from fcsim.problem.distributed.layout import ContactLayout
 
 
 class DistributedDelassus(LinearOperator):
-    """W (m, m), symmetric; rows: this rank's share by block rows (bsr, sorted) on its own contacts.
+    """W (m, m), symmetric; rows: this rank's share by block rows (bsr, sorted) on its own contacts; bodies: those behind it, None where
+    that is not known.
 
     All ranks ask for the same at the same time. Products, diagonal blocks and the factor of W + rho I are what there is of it; `whole` is
     the matrix itself, on every rank, for who needs that.
@@ -24,17 +27,23 @@ class DistributedDelassus(LinearOperator):
 
     __repr__ = brief
 
-    def __init__(self, layout: ContactLayout, rows: sp.bsr_array) -> None:
+    def __init__(self, layout: ContactLayout, rows: sp.bsr_array, bodies: BodiesOverRanks | None = None) -> None:
         size = layout.nc * layout.dimension
         super().__init__(np.float64, (size, size))
-        self.layout, self.rows = layout, rows
+        self.layout, self.rows, self.bodies = layout, rows, bodies
 
     def _matvec(self, x: FloatArray) -> FloatArray:
         layout = self.layout
         with layout.together("product with W"):
-            x = np.ascontiguousarray(x.ravel()[layout.own_unknowns])
-            own = product_by_rows(self.rows, np.zeros_like(x), x) if layout.dimension == 3 else self.rows @ x
+            own = self.own_product(np.ascontiguousarray(x.ravel()[layout.own_unknowns]))
         return layout.summed(own)
+
+    def own_product(self, x: FloatArray) -> FloatArray:
+        """This rank's share times x (k d,), both on its own contacts."""
+        if isinstance(self.rows, LateRows):
+            return self.rows.affine(x, np.zeros_like(x))
+        Wx: FloatArray = product_by_rows(self.rows, np.zeros_like(x), x) if self.layout.dimension == 3 else self.rows @ x
+        return Wx
 
     def _rmatvec(self, x: FloatArray) -> FloatArray:
         return self._matvec(x)
@@ -46,10 +55,14 @@ class DistributedDelassus(LinearOperator):
     @cached_property
     def _diagonal_blocks(self) -> FloatArray:
         layout, d = self.layout, self.layout.dimension
-        row = np.repeat(np.arange(len(layout.own)), np.diff(self.rows.indptr))
-        on = np.flatnonzero(row == self.rows.indices)
-        own = np.zeros((len(layout.own), d, d))
-        own[row[on]] = self.rows.data[on]
+        with layout.together("diagonal of W"):
+            if (source := source_of(self.rows)) is not None:
+                own = source.diagonal_blocks()
+            else:
+                row = np.repeat(np.arange(len(layout.own)), np.diff(self.rows.indptr))
+                on = np.flatnonzero(row == self.rows.indices)
+                own = np.zeros((len(layout.own), d, d))
+                own[row[on]] = self.rows.data[on]
         return np.stack([layout.summed(own[:, i].ravel()).reshape(-1, d) for i in range(d)], axis=1)
 
     def diagonal(self) -> FloatArray:

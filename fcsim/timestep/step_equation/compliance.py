@@ -16,12 +16,13 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.brief import brief
 from fcsim.linear.factors import Factor, factorise
+from fcsim.linear.late.late_rows import in_blocks
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
 from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem.bodies.late import summed_late
 from fcsim.problem.bodies.shares import BodyShares, shares_of
 from fcsim.problem.delassus_sum import DelassusSum
-from fcsim.problem.distributed import DistributedDelassus, contact_layout
+from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus, contact_layout
 from fcsim.threads import begun
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning
@@ -251,7 +252,9 @@ class StepCompliance:
             return None
         H, (body, column), rank = self._on_compliances(H), self.factor.places, self.factor.ranks()
         nc, count = H.shape[1] // dimension, len(rank)
-        first, contacts = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)[:2]
+        h: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
+        h = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
+        first, contacts = h[:2]
         layout = contact_layout(shares.world, first, contacts, rank, nc, dimension)
         entries = np.sum(np.diff(first) ** 2) * dimension**2
         if entries < self.over_ranks_from or not all(len(some) for some in layout.contacts):
@@ -261,10 +264,9 @@ class StepCompliance:
         with shares.world.together("W"):
             own = np.where(body >= 0, np.where(rank == shares.world.number, np.arange(count), -1)[body], -1)
             W = DelassusSum(H[:, layout.own_unknowns], own, column, count, dimension)
-            for begin, compliances, kind in self.factor.compliances(_rows_of(H)):
-                W.add(begin, compliances, kind)
-            rows = sp.bsr_array(W.matrix(), blocksize=(dimension, dimension))
-        return cast(Matrix, DistributedDelassus(layout, rows))
+            runs = tuple(self.factor.compliances(_rows_of(H)))
+            rows = in_blocks(summed_late(W, runs), dimension)
+        return cast(Matrix, DistributedDelassus(layout, rows, BodiesOverRanks(*h, runs, rank, nc)))
 
     def _on_compliances(self, H: sp.csc_array) -> sp.csc_array:
         """H on the dofs (n_dofs,), in the axes of the bodies' compliances."""
