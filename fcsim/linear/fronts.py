@@ -122,13 +122,6 @@ class Multifrontal:
         F21[:] = self._getrs(lu, own, F21.T, overwrite_b=True)[0].T
         F22 -= F21 @ F12
 
-    @property
-    def fronts(self) -> Iterator[tuple[slice, IntArray, NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]]:
-        """Each front's own unknowns, its border's, ascending, and by rows F11^-1, F21 F11^-1 and F12."""
-        for own, border, lu, pivots, left, right in self._fronts:
-            inverse = self._getrs(lu, pivots, np.eye(len(lu), dtype=self._dtype), trans=1)[0]
-            yield own, border, inverse, left, right
-
     def solve(self, rhs: FloatArray) -> NDArray[np.floating]:
         """Return x (k, d) of the active contacts for rhs (k, d), both in the order of `contacts`."""
         x = rhs.astype(self._dtype).ravel()

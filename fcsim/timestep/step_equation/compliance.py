@@ -87,13 +87,13 @@ class StepCompliance:
         return sp.csr_array(sp.block_diag([matrix, sp.diags_array(1 / self.joint[self._soft])], format="csr"))
 
     def problem_matrix(self) -> Matrix:
-        """M of the problem, known by its products alone where ranks have a body together, made when it is read where bodies turn."""
+        """M of the problem: known by its products alone where ranks have a body together, made when it is read where materials are linear."""
         factor = self.factor
         if self.bent is not None or self.leaning is not None or self.joint is not None:
             return self.matrix()
         if factor.over_ranks:
             return cast(Matrix, ImplicitMatrix(self.unknowns, factor.product, factor.matrix))
-        if factor.rotation is not None and not factor.nonlinear_groups:
+        if not factor.nonlinear_groups:
             return cast(Matrix, LateMatrix(self.unknowns, factor.product, factor.matrix))
         return self.matrix()
 

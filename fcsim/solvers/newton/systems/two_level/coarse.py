@@ -1,30 +1,48 @@
-"""The coarse matrix of the two-level preconditioner, factored once and solved with many times by a kernel that goes through its fronts."""
+"""The coarse matrix of the two-level preconditioner: analysed once, factored for each A and B, solved with in each iteration."""
 
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.linear.fronts import Multifrontal
-from fcsim.linear.joints import BlockRows
-from fcsim.solvers.newton.systems.two_level._coarse_kernels import solve_fronts
+from fcsim.linear.elimination_tree import elimination_tree
+from fcsim.linear.factors import SingularMatrix
+from fcsim.solvers.newton.systems.two_level._coarse_kernels import eliminate, solve_fronts
+
+PADDING = 0.15
+"""Share of zeros in a front."""
+
+
+class CoarsePattern:
+    """Where S (n k, n k) has blocks (k, k), and the order of its elimination: columns (blocks,), ascending, those of row i from begins[i]
+    on, a symmetric pattern with the diagonal."""
+
+    def __init__(self, columns: IntArray, begins: IntArray) -> None:
+        self.columns, self.begins = columns, begins
+        n = len(begins) - 1
+        row = np.repeat(np.arange(n), np.diff(begins))
+        self.diagonal = np.flatnonzero(row == columns)
+        self.mirror = np.searchsorted(row * n + columns, columns * n + row)
+        tree = elimination_tree(begins, columns, PADDING)
+        self.tree = (tree.order, tree.first, tree.starts, tree.rows)
+        self.sizes = np.stack([np.diff(tree.first), np.diff(tree.starts)], axis=1)
 
 
 class CoarseFactor:
-    """S^-1 of a sparse S (n k, n k): LU by fronts in double precision, of which sweeps read the matrices in single precision."""
+    """S^-1 by fronts: eliminated in double precision, kept and read in single precision."""
 
-    def __init__(self, blocks: FloatArray, columns: IntArray, begins: IntArray) -> None:
-        """blocks (nb, k, k): those of row i from begins[i] on, in ascending `columns`, a symmetric pattern with the diagonal;
-        SingularMatrix where a front is singular."""
-        n, k = len(begins) - 1, blocks.shape[1]
-        rows = BlockRows(sp.bsr_array((blocks, columns, begins), shape=(n * k, n * k)), k)
-        factor = Multifrontal(rows, np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k)), np.ones(n, dtype=bool))
-        self._order, fronts = factor.contacts, list(factor.fronts)
-        parts = [part.ravel() for _, _, inverse, F21, F12 in fronts for part in (F21, inverse, F12)]
-        self._values = np.concatenate([np.empty(0), *parts], dtype=np.float32)
-        self._sizes = np.array([(own.stop - own.start, len(border)) for own, border, *_ in fronts], dtype=np.int64).reshape(-1, 2)
-        self._borders = np.concatenate([np.empty(0, dtype=np.int64), *(border for _, border, *_ in fronts)])
+    def __init__(self, pattern: CoarsePattern, S: FloatArray) -> None:
+        """S (blocks, k, k): the blocks in the pattern's order; SingularMatrix where a front is singular."""
+        k = S.shape[1]
+        self._order, _, _, rows = pattern.tree
+        self._sizes = k * pattern.sizes
+        self._borders = (k * rows[:, None] + np.arange(k)).ravel()
+        own, border = self._sizes.T
+        self._values = np.empty(int(np.sum(own * (own + 2 * border))), dtype=np.float32)
+        try:
+            eliminate(pattern.tree, pattern.begins, pattern.columns, pattern.mirror, S, self._values)
+        except np.linalg.LinAlgError:
+            raise SingularMatrix("the bodies' motions on their joints are singular") from None
 
     def solve(self, c: FloatArray) -> FloatArray:
         """S^-1 c (n, k) in single precision."""

@@ -14,6 +14,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.problem.bodies.shares import EIGEN_UP_TO, compliant_motions
 from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Needed
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
+from fcsim.solvers.newton.systems.two_level.coarse import CoarsePattern
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as own_kernels
 from fcsim.threads import pieces_by_work, side_by_side
@@ -94,8 +95,8 @@ class OwnJoints:
         keys = np.unique(np.concatenate([row * count + column, column * count + row]))
         counts = world.gathered(np.array([len(keys)]), np.ones(world.size, dtype=np.int64))
         key = np.unique(np.concatenate([world.gathered(keys, counts), np.arange(count) * (count + 1)]))  # a symmetric pattern
-        self.places, self.diagonal = np.searchsorted(key, row * count + column), np.searchsorted(key, np.arange(count) * (count + 1))
-        self.coarse_columns, self.coarse_begins = key % count, np.searchsorted(key, count * np.arange(count + 1))
+        self.places = np.searchsorted(key, row * count + column)
+        self.coarse = CoarsePattern(key % count, np.searchsorted(key, count * np.arange(count + 1)))
 
 
 def parts_by_joints(W: DistributedDelassus, behind: BodiesOverRanks, bodies: IntArray) -> ContactParts:

@@ -39,7 +39,7 @@ class PreconditionerOverRanks:
         joints, k = self.joints, MOTIONS
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
         out = (self._Q, joints.Q_starts, self._T, joints.T_starts)
-        S = np.zeros((len(joints.coarse_columns), k, k))
+        S = np.zeros((len(joints.coarse.columns), k, k))
         with self._layout.together("joints of A W + B"):
             changed = self._changed(A[joints.order], B[joints.order])
             which = [i + np.flatnonzero(changed[i:j]) for i, j in joints.ranges]
@@ -50,8 +50,8 @@ class PreconditionerOverRanks:
             kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
             self._A32 = self._A.astype(np.float32)
         joints.parts.world.summed("motions of bodies on joints", S.ravel())
-        S[joints.diagonal] += np.eye(k)
-        self._coarse = CoarseFactor(S, joints.coarse_columns, joints.coarse_begins)
+        S[joints.coarse.diagonal] += np.eye(k)
+        self._coarse = CoarseFactor(joints.coarse, S)
 
     def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
         """As in `Preconditioner`."""
@@ -83,15 +83,10 @@ class PreconditionerOverRanks:
         return z
 
     def __call__(self, x: FloatArray) -> FloatArray:
-        joints, together = self.joints, self._layout.together
+        joints = self.joints
         own = x.reshape(-1, joints.d).astype(np.float32)
-        x = np.concatenate([own, joints.needed.of(own)])
-        with together("joints"):
-            c = np.zeros((joints.count, MOTIONS), dtype=np.float32)
-            kernels.restrict(joints.G32[: len(own)], joints.bodies[: len(own)], self._joint_by_joint(x), c)
-        c = joints.parts.summed(c.ravel()).reshape(c.shape)
-        with together("motions"):
-            rest = np.empty_like(x)
-            kernels.less_motions(self._A32, joints.G32, joints.bodies, self._coarse.solve(c), x, rest)
-            step = self._joint_by_joint(rest).astype(np.float64)
-        return step.ravel()
+        x, c = np.concatenate([own, joints.needed.of(own)]), np.zeros((joints.count, MOTIONS), dtype=np.float32)
+        kernels.restrict(joints.G32[: len(own)], joints.bodies[: len(own)], self._joint_by_joint(x), c)
+        c, rest = joints.parts.summed(c.ravel()).reshape(c.shape), np.empty_like(x)
+        kernels.less_motions(self._A32, joints.G32, joints.bodies, self._coarse.solve(c), x, rest)
+        return self._joint_by_joint(rest).astype(np.float64).ravel()

@@ -87,7 +87,11 @@ class TwoLevelOverRanks:
 
 
 class ProductByParts:
-    """x (k, d) -> W x (k, d), both the parts of the ranks: each multiplies with the shares of its own bodies."""
+    """x (k, d) -> W x (k, d), both the parts of the ranks: each multiplies with the shares of its own bodies.
+
+    Ranks do not ask one another about errors before they exchange what they have, as elsewhere: nothing but a lack of memory ends a
+    product, or an application of the preconditioner, on one rank, and then that rank, and the others with it.
+    """
 
     def __init__(self, W: DistributedDelassus, parts: ContactParts) -> None:
         self._W, self._own = W, parts.own
@@ -102,8 +106,7 @@ class ProductByParts:
         wide = np.empty((len(self._mine) + len(self._foreign), x.shape[1]))
         wide[self._foreign] = self._needed.of(x)
         wide[self._mine] = x[self._of_mine]
-        with self._W.layout.together("product with W by parts"):
-            image = self._W.own_product(wide.ravel()).reshape(wide.shape)
+        image = self._W.own_product(wide.ravel()).reshape(wide.shape)
         own = np.zeros_like(x)
         own[self._of_mine] = image[self._mine]
         self._needed.to_owners(own, image[self._foreign])
