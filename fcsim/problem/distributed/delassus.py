@@ -75,10 +75,9 @@ class DistributedDelassus(LinearOperator):
         world = self.layout.world
         return int(world.gathered(np.array([float(self.rows.nnz)]), np.ones(world.size, dtype=np.int64)).sum())
 
-    def factor(self, rho: float, *, rough: bool = False) -> DistributedFactor:
-        """The factor of W + rho I; SingularMatrix, on all ranks, where that is not positive definite. rough: in single precision, for a
-        preconditioner."""
-        return DistributedFactor(self.layout, self.rows, rho, None if rough else self.matvec)
+    def factor(self, rho: float) -> DistributedFactor:
+        """The factor of W + rho I; SingularMatrix, on all ranks, where that is not positive definite."""
+        return DistributedFactor(self.layout, self.rows, rho, self.matvec)
 
     @cached_property
     def whole(self) -> sp.bsr_array:

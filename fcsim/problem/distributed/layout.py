@@ -96,16 +96,6 @@ class ContactLayout:
         everything = self.world.gathered(own, self._counts_at_interface)
         return np.bincount(self._everyones_at_interface, everything, self.dimension * len(self.interface))
 
-    def at_interface_of_ranks(self, own: IntArray) -> IntArray:
-        """What each rank has (size, k) on the k contacts of the interface, -1 where it does not know them; own: this rank's, on those of
-        its contacts that are `at_interface`."""
-        counts = self._counts_at_interface // self.dimension
-        everything = np.split(self.world.gathered(own, counts), np.cumsum(counts)[:-1])
-        given = np.full((self.world.size, len(self.interface)), -1)
-        for rank, numbers in enumerate(everything):
-            given[rank, self.interface_unknowns_of(rank)[:: self.dimension] // self.dimension] = numbers
-        return given
-
     @cached_property
     def _everyones_inner(self) -> IntArray:
         inner = [contacts[self._owners[contacts] == 1] for contacts in self.contacts]

@@ -87,7 +87,7 @@ class StepCompliance:
         return sp.csr_array(sp.block_diag([matrix, sp.diags_array(1 / self.joint[self._soft])], format="csr"))
 
     def problem_matrix(self) -> Matrix:
-        """M of the problem: known by its products alone where ranks have a body together, made when it is read where materials are linear."""
+        """M of the problem: its products alone where ranks have a body together, made when it is read where materials are linear."""
         factor = self.factor
         if self.bent is not None or self.leaning is not None or self.joint is not None:
             return self.matrix()

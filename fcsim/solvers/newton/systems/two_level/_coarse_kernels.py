@@ -25,7 +25,7 @@ def eliminate(tree, indptr, indices, mirror, S, values):
         place[order[i]] = i
     fronts = len(first) - 1
     waiting, begin_of_waiting, count = np.empty(fronts, dtype=np.int64), np.zeros(fronts + 1, dtype=np.int64), 0
-    stack = np.empty(1)  # complements of fronts whose parents are to come, one after the other
+    stack = np.empty(1, dtype=S.dtype)  # complements of fronts whose parents are to come, one after the other
     for f in range(fronts):
         border = rows[starts[f] : starts[f + 1]]
         own, wide = first[f + 1] - first[f], first[f + 1] - first[f] + len(border)
@@ -33,7 +33,7 @@ def eliminate(tree, indptr, indices, mirror, S, values):
             local[first[f] + i] = i
         for i in range(len(border)):
             local[border[i]] = own + i
-        F = np.zeros((wide * k, wide * k))
+        F = np.zeros((wide * k, wide * k), dtype=S.dtype)
         for i in range(own):
             row = order[first[f] + i]
             for e in range(indptr[row], indptr[row + 1]):
@@ -65,7 +65,7 @@ def eliminate(tree, indptr, indices, mirror, S, values):
             waiting[count] = f
             begin, end = begin_of_waiting[count], begin_of_waiting[count] + b * b
             if end > len(stack):
-                stack = np.concatenate((stack, np.empty(end)))
+                stack = np.concatenate((stack, np.empty(end, dtype=S.dtype)))
             stack[begin:end] = (F[n:, n:] - np.dot(left, right)).ravel()
             count += 1
             begin_of_waiting[count] = end

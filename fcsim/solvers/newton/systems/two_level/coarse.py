@@ -29,7 +29,7 @@ class CoarsePattern:
 
 
 class CoarseFactor:
-    """S^-1 by fronts: eliminated in double precision, kept and read in single precision."""
+    """S^-1 by fronts, in double precision: beside the stiffness of joints, inertia is round-off in single precision."""
 
     def __init__(self, pattern: CoarsePattern, S: FloatArray) -> None:
         """S (blocks, k, k): the blocks in the pattern's order; SingularMatrix where a front is singular."""
@@ -38,16 +38,16 @@ class CoarseFactor:
         self._sizes = k * pattern.sizes
         self._borders = (k * rows[:, None] + np.arange(k)).ravel()
         own, border = self._sizes.T
-        self._values = np.empty(int(np.sum(own * (own + 2 * border))), dtype=np.float32)
+        self._values = np.empty(int(np.sum(own * (own + 2 * border))))
         try:
             eliminate(pattern.tree, pattern.begins, pattern.columns, pattern.mirror, S, self._values)
         except np.linalg.LinAlgError:
             raise SingularMatrix("the bodies' motions on their joints are singular") from None
 
     def solve(self, c: FloatArray) -> FloatArray:
-        """S^-1 c (n, k) in single precision."""
-        x = c[self._order].astype(np.float32).ravel()
+        """S^-1 c (n, k)."""
+        x = c[self._order].astype(np.float64).ravel()
         solve_fronts(self._values, self._sizes, self._borders, x)
-        solution = np.empty(c.shape, dtype=np.float32)
+        solution = np.empty_like(c)
         solution[self._order] = x.reshape(c.shape)
         return solution

@@ -87,4 +87,3 @@ def joint_blocks_of_bodies(pairs, bodies, h, compliances, joints, listing, start
                     for q in range(d):
                         a, b = (i * d + p) * n * d + j * d + q, starts[k]
                         E[b + a] = block[i, p, j, q] if j <= i else block[j, q, i, p]
-
