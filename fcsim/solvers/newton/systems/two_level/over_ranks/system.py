@@ -94,21 +94,20 @@ class ProductByParts:
     """
 
     def __init__(self, W: DistributedDelassus, parts: ContactParts) -> None:
-        self._W, self._own = W, parts.own
-        contacts, foreign = W.layout.own, parts.owner[W.layout.own] != parts.world.number
+        self._W, contacts = W, W.layout.own
+        self._foreign = np.flatnonzero(parts.owner[contacts] != parts.world.number)
         place = np.empty(W.layout.nc, dtype=np.int64)
         place[parts.own] = np.arange(len(parts.own))
-        self._mine, self._foreign = np.flatnonzero(~foreign), np.flatnonzero(foreign)
-        self._of_mine = place[contacts[self._mine]]
+        place[contacts[self._foreign]] = len(parts.own) + np.arange(len(self._foreign))
+        self._place = place[contacts]  # of the contacts of this rank's bodies, in its part and after it those of others
+        place[contacts] = np.arange(len(contacts))
+        self._own = place[parts.own]
         self._needed = Needed(parts, contacts[self._foreign])
 
     def __call__(self, x: FloatArray) -> FloatArray:
-        wide = np.empty((len(self._mine) + len(self._foreign), x.shape[1]))
-        wide[self._foreign] = self._needed.of(x)
-        wide[self._mine] = x[self._of_mine]
+        wide = np.concatenate([x, self._needed.of(x)]).take(self._place, axis=0)
         image = self._W.own_product(wide.ravel()).reshape(wide.shape)
-        own = np.zeros_like(x)
-        own[self._of_mine] = image[self._mine]
+        own: FloatArray = image.take(self._own, axis=0)
         self._needed.to_owners(own, image[self._foreign])
         return own
 
