@@ -111,5 +111,6 @@ class ContactLayout:
 
 def contact_layout(ranks: World, first: IntArray, contacts: IntArray, rank: IntArray, nc: int, dimension: int) -> ContactLayout:
     """The layout where body b, of the rank rank[b], is on contacts[first[b]:first[b + 1]]."""
-    of_pair = np.repeat(rank, np.diff(first))
-    return ContactLayout(ranks, [np.unique(contacts[of_pair == number]) for number in range(ranks.size)], nc, dimension)
+    known = np.zeros((ranks.size, nc), dtype=bool)
+    known[np.repeat(rank, np.diff(first)), contacts] = True
+    return ContactLayout(ranks, [np.flatnonzero(some) for some in known], nc, dimension)

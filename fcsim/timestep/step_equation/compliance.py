@@ -259,7 +259,9 @@ class StepCompliance:
         entries = np.sum(np.diff(first) ** 2) * dimension**2
         if entries < self.over_ranks_from or not all(len(some) for some in layout.contacts):
             return None
-        if self.over_ranks_elastic and len(np.unique(contacts[: first[len(self.factor.model.deformable)]])) < nc:
+        elastic = np.zeros(nc, dtype=bool)
+        elastic[contacts[: first[len(self.factor.model.deformable)]]] = True
+        if self.over_ranks_elastic and not elastic.all():
             return None
         with shares.world.together("W"):
             own = np.where(body >= 0, np.where(rank == shares.world.number, np.arange(count), -1)[body], -1)

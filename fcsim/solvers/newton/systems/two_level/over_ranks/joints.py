@@ -14,9 +14,9 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.problem.bodies.shares import EIGEN_UP_TO, compliant_motions
 from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Needed
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
-from fcsim.solvers.newton.systems.two_level.coarse import CoarsePattern
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as own_kernels
+from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarsePattern
 from fcsim.threads import pieces_by_work, side_by_side
 
 
@@ -42,7 +42,7 @@ class OwnJoints:
             G = self.modes[0]
             left = self.diagonal_of_W[self.order[own]] - np.einsum("aij,aij->ai", G[own], G[own])
         self.shift = SHIFT * float(parts.summed(np.array([np.abs(left).sum()]))[0]) / self.diagonal_of_W.size
-        self._find_coarse()
+        self._find_coarse(behind.rank)
 
     def _find(self, behind: BodiesOverRanks, sizes: IntArray, bodies: IntArray) -> None:
         """The joints, their neighbours and bodies; sizes (bodies,): as in `with_neighbours`."""
@@ -82,8 +82,8 @@ class OwnJoints:
         self.ranges = pieces_by_work(self.starts, WORK_A_PIECE)
         side_by_side([partial(own_kernels.joint_blocks_of_bodies, *given, begin, end, self.E) for begin, end in self.ranges])
 
-    def _find_coarse(self) -> None:
-        """The coarse matrix by blocks, of all ranks' joints: their (own body, body), and the diagonal."""
+    def _find_coarse(self, rank: IntArray) -> None:
+        """The coarse matrix by blocks, of all ranks' joints: their (own body, body), and the diagonal; rank (bodies,): whose each is."""
         world, count = self.parts.world, self.count
         listed = np.diff(self.body_begins)
         number = np.sum(self.bodies[self.cuts[:-1]] >= 0, axis=1) * listed
@@ -96,7 +96,7 @@ class OwnJoints:
         counts = world.gathered(np.array([len(keys)]), np.ones(world.size, dtype=np.int64))
         key = np.unique(np.concatenate([world.gathered(keys, counts), np.arange(count) * (count + 1)]))  # a symmetric pattern
         self.places = np.searchsorted(key, row * count + column)
-        self.coarse = CoarsePattern(key % count, np.searchsorted(key, count * np.arange(count + 1)))
+        self.coarse = CoarsePattern(key % count, np.searchsorted(key, count * np.arange(count + 1)), rank, world)
 
 
 def parts_by_joints(W: DistributedDelassus, behind: BodiesOverRanks, bodies: IntArray) -> ContactParts:

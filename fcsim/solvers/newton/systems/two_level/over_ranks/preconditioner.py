@@ -12,8 +12,8 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem.distributed import ContactLayout
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
-from fcsim.solvers.newton.systems.two_level.coarse import CoarseFactor
 from fcsim.solvers.newton.systems.two_level.joints import MOTIONS
+from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarseFactor
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints
 from fcsim.solvers.newton.systems.two_level.system import CHANGED, ENTRIES_A_PIECE, LASTS
 from fcsim.threads import pieces_by_work, side_by_side
