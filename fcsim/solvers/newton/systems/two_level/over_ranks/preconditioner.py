@@ -75,18 +75,18 @@ class PreconditionerOverRanks:
         other._steps += 1
         return other
 
-    def _joint_by_joint(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
+    def _joint_by_joint(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Q x on this rank's contacts, x on them and on those that it needs."""
         joints, z = self.joints, np.empty((len(self.joints.parts.own), self.joints.d), dtype=np.float32)
         given = (self._Q, joints.Q_starts, joints.cuts, joints.begins, joints.wide)
         side_by_side([partial(kernels.solve_joints, *given, begin, end, x, z) for begin, end in self._ranges])
         return z
 
-    def __call__(self, x: FloatArray) -> FloatArray:
+    def __call__(self, x: FloatArray) -> NDArray[np.float32]:
         joints = self.joints
         own = x.reshape(-1, joints.d).astype(np.float32)
         x, c = np.concatenate([own, joints.needed.of(own)]), np.zeros((joints.count, MOTIONS), dtype=np.float32)
         kernels.restrict(joints.G32[: len(own)], joints.bodies[: len(own)], self._joint_by_joint(x), c)
         c, rest = joints.parts.summed(c.ravel()).reshape(c.shape), np.empty_like(x)
         kernels.less_motions(self._A32, joints.G32, joints.bodies, self._coarse.solve(c), x, rest)
-        return self._joint_by_joint(rest).astype(np.float64).ravel()
+        return self._joint_by_joint(rest).ravel()

@@ -72,14 +72,15 @@ class TwoLevelOverRanks:
             return image.ravel()
 
         def as_reactions(x: FloatArray) -> FloatArray:
-            return precondition(product(x))
+            return precondition(product(x)).astype(np.float64)
 
         near, accuracy = asked(needed, foreseen=foreseen)
         given = rhs[parts.own].ravel()
         if near:
             found = gmres_over_ranks(product, precondition, given, parts.summed, accuracy, ITERATIONS, ENOUGH)
         else:
-            found = gmres_over_ranks(as_reactions, _itself, precondition(given), parts.summed, accuracy, ITERATIONS, ENOUGH)
+            reactions = precondition(given).astype(np.float64)
+            found = gmres_over_ranks(as_reactions, None, reactions, parts.summed, accuracy, ITERATIONS, ENOUGH)
         if found is None:
             return None
         step = found.reshape(-1, shape[1])
@@ -110,8 +111,3 @@ class ProductByParts:
         own: FloatArray = image.take(self._own, axis=0)
         self._needed.to_owners(own, image[self._foreign])
         return own
-
-
-def _itself(x: FloatArray) -> FloatArray:
-    """GMRES' preconditioner where the system is preconditioned already."""
-    return x
