@@ -87,11 +87,11 @@ def _alike(shares: BodyShares) -> Iterator[tuple[IntArray, FloatArray]]:
     where ranks share W, are taken together."""
     runs: dict[int, tuple[FloatArray, list[IntArray], list[IntArray]]] = {}
     for begin, C, kind in shares.runs:
-        _, bodies, kinds = runs.setdefault(id(C), (C, [], []))
-        bodies.append(begin + np.arange(len(kind)))
-        kinds.append(kind)
-    for C, every_bodies, every_kind in runs.values():
-        bodies, kind = np.concatenate(every_bodies), np.concatenate(every_kind)
+        _, some_bodies, some_kinds = runs.setdefault(id(C), (C, [], []))
+        some_bodies.append(begin + np.arange(len(kind)))
+        some_kinds.append(kind)
+    for C, some_bodies, some_kinds in runs.values():
+        bodies, kind = np.concatenate(some_bodies), np.concatenate(some_kinds)
         if not C.shape[-1] or not len(kind):
             continue
         if len(C) == 1:

@@ -77,7 +77,14 @@ class DistributedDelassus(LinearOperator):
 
     def factor(self, rho: float) -> DistributedFactor:
         """The factor of W + rho I; SingularMatrix, on all ranks, where that is not positive definite."""
-        return DistributedFactor(self.layout, self.rows, rho, self.matvec)
+        return DistributedFactor(self.layout, self._own_blocks, rho, self.matvec)
+
+    def _own_blocks(self) -> sp.bsr_array:
+        """`rows` with entries, which nobody needs any more once they are factored."""
+        source = source_of(self.rows)
+        if source is None:
+            return self.rows
+        return sp.bsr_array((source.entries(), self.rows.indices, self.rows.indptr), shape=self.rows.shape)
 
     @cached_property
     def whole(self) -> sp.bsr_array:
@@ -85,10 +92,11 @@ class DistributedDelassus(LinearOperator):
         layout, d = self.layout, self.layout.dimension
         world, own = layout.world, layout.own
         with layout.together("all of W"):
-            row = np.repeat(own, np.diff(self.rows.indptr))
+            rows = self._own_blocks()
+            row = np.repeat(own, np.diff(rows.indptr))
         counts = world.gathered(np.array([float(len(row))]), np.ones(world.size, dtype=np.int64)).astype(np.int64)
-        place = world.gathered(row * layout.nc + own[self.rows.indices], counts)
-        blocks = world.gathered(self.rows.data.ravel(), counts * d * d).reshape(-1, d, d)
+        place = world.gathered(row * layout.nc + own[rows.indices], counts)
+        blocks = world.gathered(rows.data.ravel(), counts * d * d).reshape(-1, d, d)
         places, number = np.unique(place, return_inverse=True)
         data = np.zeros((len(places), d, d))
         begin = 0

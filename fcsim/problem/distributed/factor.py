@@ -34,11 +34,13 @@ class DistributedFactor:
 
     name = "multifrontal Cholesky over ranks"
 
-    def __init__(self, layout: ContactLayout, rows: sp.bsr_array, rho: float, product: Callable[[FloatArray], FloatArray]) -> None:
-        """rows: as in `DistributedDelassus`; product: x -> W x for x (m,)."""
+    def __init__(
+        self, layout: ContactLayout, rows: Callable[[], sp.bsr_array], rho: float, product: Callable[[FloatArray], FloatArray]
+    ) -> None:
+        """rows: what makes those of `DistributedDelassus`; product: x -> W x for x (m,)."""
         self.layout, self._rho, self.exact = layout, rho, False
         with layout.together("analysis of W"):
-            analysed = BlockRows(rows, layout.dimension, last=layout.at_interface)
+            analysed = BlockRows(rows(), layout.dimension, last=layout.at_interface)
         try:
             self._factorise(analysed, np.float32)
             x = probes(layout.nc * layout.dimension)[0]

@@ -31,10 +31,10 @@ class ContactParts:
         x[self.order] = self.world.gathered(part.ravel(), d * np.diff(self.begins)).reshape(-1, d)
         return x
 
-    def summed(self, values: NDArray[np.floating]) -> FloatArray:
+    def summed[T: np.floating](self, values: NDArray[T]) -> NDArray[T]:
         """The sum over the ranks of values (k,), of as many on each."""
         size = self.world.size
-        total: FloatArray = self.world.gathered(values, np.full(size, len(values))).reshape(size, -1).sum(axis=0)
+        total: NDArray[T] = self.world.gathered(values, np.full(size, len(values))).reshape(size, -1).sum(axis=0)
         return total
 
 
@@ -59,7 +59,7 @@ class Needed:
         self._for_me = np.flatnonzero(owner[everyones] == world.number)  # of what others have on contacts of this rank
         self._own = place[everyones[self._for_me]]
 
-    def of(self, part: NDArray[np.floating]) -> NDArray[np.floating]:
+    def of[T: np.floating](self, part: NDArray[T]) -> NDArray[T]:
         """x (k, d) on the contacts that are needed, from each rank's part of it."""
         d = part.shape[1]
         given = self._parts.world.gathered(part[self._sent].ravel(), d * self._counts_of_owners)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as sla
+from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear.block_rows import dofs_of
@@ -70,14 +71,16 @@ class CoarseFactor:
             except np.linalg.LinAlgError:
                 raise SingularMatrix("the bodies' motions on their joints are singular") from None
         world.summed("motions of bodies between ranks", T.ravel())
-        self._lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0), 0)
+        self._lu: FloatArray
+        self._pivots: IntArray
+        self._lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0, dtype=np.int64), 0)
         if info > 0:
             raise SingularMatrix("the bodies' motions on their joints are singular")
         self._fronts = self._values, k * pattern.sizes, k * pattern.firsts, dofs_of(pattern.borders, k)
         self._unknowns = [dofs_of(places, k) for places in pattern.by_rank]
         self._of_top = dofs_of(pattern.places, k)
 
-    def solve(self, c: FloatArray) -> FloatArray:
+    def solve[T: np.floating](self, c: NDArray[T]) -> NDArray[T]:
         """S^-1 c (n, k), on all ranks."""
         pattern, world = self._pattern, self._pattern.world
         order, own = pattern.tree[0], self._unknowns[world.number]

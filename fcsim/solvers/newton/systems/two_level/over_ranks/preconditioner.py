@@ -85,8 +85,8 @@ class PreconditionerOverRanks:
     def __call__(self, x: FloatArray) -> NDArray[np.float32]:
         joints = self.joints
         own = x.reshape(-1, joints.d).astype(np.float32)
-        x, c = np.concatenate([own, joints.needed.of(own)]), np.zeros((joints.count, MOTIONS), dtype=np.float32)
-        kernels.restrict(joints.G32[: len(own)], joints.bodies[: len(own)], self._joint_by_joint(x), c)
-        c, rest = joints.parts.summed(c.ravel()).reshape(c.shape), np.empty_like(x)
-        kernels.less_motions(self._A32, joints.G32, joints.bodies, self._coarse.solve(c), x, rest)
+        wide, c = np.concatenate([own, joints.needed.of(own)]), np.zeros((joints.count, MOTIONS), dtype=np.float32)
+        kernels.restrict(joints.G32[: len(own)], joints.bodies[: len(own)], self._joint_by_joint(wide), c)
+        c, rest = joints.parts.summed(c.ravel()).reshape(c.shape), np.empty_like(wide)
+        kernels.less_motions(self._A32, joints.G32, joints.bodies, self._coarse.solve(c), wide, rest)
         return self._joint_by_joint(rest).ravel()
