@@ -14,7 +14,7 @@ GROWTH = 32
 """Vectors by which the basis grows."""
 CANCELLED = 0.1
 """What Gram-Schmidt leaves of a vector's length where it is taken once more: classical Gram-Schmidt loses in orthogonality what that
-cancels, and a target of 1e-5 asks for five digits."""
+cancels."""
 
 
 def gmres_over_ranks(
@@ -67,11 +67,9 @@ def gmres_over_ranks(
         g[j], g[j + 1] = c[j] * g[j], -s[j] * g[j]
         left = abs(float(g[j + 1]))
         if left <= accuracy * beta or (j + 1 == limit and left <= enough * beta):
-            y = np.linalg.solve(R[: j + 1, : j + 1], g[: j + 1])
-            if precondition is None:
-                return basis.times(y)
-            x = np.zeros_like(rhs)  # from the very steps that A was applied to: single precision is large in what A makes of it
-            for weight, step in zip(y, steps, strict=True):
+            y, x = np.linalg.solve(R[: j + 1, : j + 1], g[: j + 1]), np.zeros_like(rhs)
+            # from the very steps that A was applied to: what single precision rounds of them is large in what A makes of it
+            for weight, step in zip(y, basis if precondition is None else steps, strict=True):
                 x += weight * step
             return x
         if size == 0:
@@ -81,33 +79,39 @@ def gmres_over_ranks(
 
 
 class _Basis:
-    """V (j, k): vectors of which each rank has a part, in blocks, so that nothing is moved where it grows."""
+    """V (j, k): vectors of which each rank has a part, in single precision, in which the preconditioner takes them: half of what an
+    iteration reads. In blocks, so that nothing is moved where it grows."""
 
     def __init__(self, size: int) -> None:
         self._size, self._count = size, 0
-        self._blocks: list[FloatArray] = []
+        self._blocks: list[NDArray[np.float32]] = []
 
     def append(self, v: FloatArray) -> None:
         if self._count == GROWTH * len(self._blocks):
-            self._blocks.append(np.empty((GROWTH, self._size)))
+            self._blocks.append(np.empty((GROWTH, self._size), dtype=np.float32))
         self._blocks[-1][self._count % GROWTH] = v
         self._count += 1
 
     @property
     def last(self) -> FloatArray:
-        return self._blocks[-1][(self._count - 1) % GROWTH]
+        return self._blocks[-1][(self._count - 1) % GROWTH].astype(np.float64)
 
-    def _parts(self) -> Iterator[FloatArray]:
+    def __iter__(self) -> Iterator[NDArray[np.float32]]:
+        for part in self._parts():
+            yield from part
+
+    def _parts(self) -> Iterator[NDArray[np.float32]]:
         for k, block in enumerate(self._blocks):
             yield block[: self._count - k * GROWTH]
 
     def along(self, w: FloatArray) -> FloatArray:
         """V w (j,)."""
-        return np.concatenate([part @ w for part in self._parts()])
+        given = w.astype(np.float32)
+        return np.concatenate([part @ given for part in self._parts()]).astype(np.float64)
 
     def times(self, y: FloatArray) -> FloatArray:
         """V^T y (k,)."""
-        total = np.zeros(self._size)
+        total, given = np.zeros(self._size), y.astype(np.float32)
         for k, part in enumerate(self._parts()):
-            total += y[k * GROWTH : k * GROWTH + len(part)] @ part
+            total += given[k * GROWTH : k * GROWTH + len(part)] @ part
         return total
