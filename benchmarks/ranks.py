@@ -106,7 +106,8 @@ def measure(bricks: int, steps: int, tol: float, solver: str, *, parts: bool) ->
         begin = time.perf_counter(), time.process_time()
         for step in replace(simulation, solver=settings):
             now = time.perf_counter(), time.process_time()
-            rows.append((step.result.iterations, now[0] - begin[0], now[1] - begin[1], step.seconds["solve"]))
+            exchanges = 0 if world is None else world.exchanges
+            rows.append((step.result.iterations, now[0] - begin[0], now[1] - begin[1], step.seconds["solve"], exchanges))
             begin = now
         number, sent = (0, 0) if world is None else (world.number, world.bytes)
         found: dict[str, Any] = {"rows": rows, "sent": sent, "peak_GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
@@ -165,7 +166,11 @@ def scaling(bricks: int, ranks: list[int], steps: int, tol: float, solver: str) 
     for heading in (
         "ranks",
         "step 2 [s]",
+        "processor [s]",
         "steps [s]",
+        "each [s]",
+        "processor [s]",
+        "exchanges",
         "iterations",
         "solve an\niteration [ms]",
         "processor an\niteration [ms]",
@@ -175,9 +180,12 @@ def scaling(bricks: int, ranks: list[int], steps: int, tol: float, solver: str) 
         table.add_column(heading, justify="right")
     for count in ranks:
         found = run(bricks, count, steps, tol, solver, parts=False)
-        rows = np.array([one["rows"] for one in found])  # (ranks, steps, 4)
+        rows = np.array([one["rows"] for one in found])  # (ranks, steps, 5)
         later, iterations = rows[:, 2:], rows[0, 2:, 0].sum()
-        cells = [f"{rows[:, 1, 1].max():.1f}", f"{later[:, :, 1].sum(axis=1).max():.1f}", f"{iterations:.0f}"]
+        clock, processor = (later[:, :, k].sum(axis=1).max() for k in (1, 2))
+        cells = [f"{rows[:, 1, 1].max():.1f}", f"{rows[:, 1, 2].max():.1f}", f"{clock:.2f}"]
+        cells += [" ".join(f"{x:.2f}" for x in later[:, :, 1].max(axis=0)), f"{processor:.2f}"]
+        cells += [f"{rows[0, -1, 4] - rows[0, 1, 4]:.0f}", f"{iterations:.0f}"]
         cells += [
             f"{1e3 * later[:, :, 3].sum(axis=1).max() / iterations:.1f}",
             f"{1e3 * later[:, :, 2].sum(axis=1).max() / iterations:.1f}",

@@ -228,11 +228,11 @@ class MultifrontalCholesky:
         return x
 
 
-def inverse_blocks(factor: MultifrontalCholesky, cuts: IntArray, beyond: NDArray[np.floating] | None = None) -> NDArray[np.floating]:
+def inverse_blocks(factor: MultifrontalCholesky, cuts: IntArray) -> NDArray[np.floating]:
     """The diagonal blocks of Z = (L L^T)^-1 in the factor's precision, one after the other, each by rows, without Z.
 
     cuts (blocks + 1,): the unknown at which each block begins, in the factor's order, and their number; no block lies in two fronts.
-    beyond: Z on the unknowns that are `left`, in their order; None where there are none.
+    No contact is left.
     With a front's own unknowns o, its border b and G = L_bo L_oo^-1,
 
         Z_bo = -Z_bb G,        Z_oo = (L_oo L_oo^T)^-1 + G^T Z_bb G,
@@ -249,10 +249,7 @@ def inverse_blocks(factor: MultifrontalCholesky, cuts: IntArray, beyond: NDArray
     trsm, gemm = sla.blas.get_blas_funcs(("trsm", "gemm"), dtype=dtype)
     potri = sla.lapack.get_lapack_funcs("potri", dtype=dtype)
     first = np.array([own.start for own, _, _, _ in fronts], dtype=np.int64)
-    end = fronts[-1][0].stop if fronts else 0  # borders from there on are left, and have no parent
-    parent = [
-        int(np.searchsorted(first, border[0], side="right")) - 1 if len(border) and border[0] < end else -1 for _, border, _, _ in fronts
-    ]
+    parent = [int(np.searchsorted(first, border[0], side="right")) - 1 if len(border) else -1 for _, border, _, _ in fronts]
     children = np.bincount([p for p in parent if p >= 0], minlength=len(fronts))
     known: dict[int, NDArray[np.floating]] = {}  # Z on own and border of the fronts whose children have not all had it
     for f in range(len(fronts) - 1, -1, -1):
@@ -268,9 +265,6 @@ def inverse_blocks(factor: MultifrontalCholesky, cuts: IntArray, beyond: NDArray
             children[p] -= 1
             if not children[p]:
                 del known[p]
-        elif len(border):
-            assert beyond is not None  # whoever leaves some has them
-            Z_bb = beyond[np.ix_(border - end, border - end)]
         if len(border):
             G = trsm(1.0, L, L_bo, side=1, lower=True)
             Z_bo = gemm(-1.0, Z_bb.T, G)  # Z_bb is symmetric, its transpose stands by columns

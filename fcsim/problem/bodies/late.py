@@ -53,10 +53,12 @@ class LateSum:
         return all(bool(np.isfinite(array.sum()) or np.isfinite(array).all()) for array in arrays)
 
     def entries(self) -> FloatArray:
-        """The blocks (nnz, 3, 3) of W."""
+        """The blocks (nnz, 3, 3) of W, summed anew each time: who wants them twice keeps them."""
         for run in self.shares.runs:
             self._sum.add(*run)
-        return self._sum.values.reshape(-1, 3, 3)
+        blocks: FloatArray = self._sum.values.reshape(-1, 3, 3)
+        del self._sum.values
+        return blocks
 
 
 def summed_late(sum_of: DelassusSum, runs: tuple[Run, ...]) -> Matrix:

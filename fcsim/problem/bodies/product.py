@@ -83,14 +83,21 @@ class ShareProduct:
 
 
 def _alike(shares: BodyShares) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Bodies and the C (n, n) that they share, or C (nb, n, n), one for each."""
+    """Bodies and the C (n, n) that they share, or C (nb, n, n), one for each; runs of one array, of which others' bodies stand between
+    where ranks share W, are taken together."""
+    runs: dict[int, tuple[FloatArray, list[IntArray], list[IntArray]]] = {}
     for begin, C, kind in shares.runs:
+        _, some_bodies, some_kinds = runs.setdefault(id(C), (C, [], []))
+        some_bodies.append(begin + np.arange(len(kind)))
+        some_kinds.append(kind)
+    for C, some_bodies, some_kinds in runs.values():
+        bodies, kind = np.concatenate(some_bodies), np.concatenate(some_kinds)
         if not C.shape[-1] or not len(kind):
             continue
         if len(C) == 1:
-            yield begin + np.arange(len(kind)), C[0]
+            yield bodies, C[0]
         elif len(C) == len(kind) and np.array_equal(np.sort(kind), np.arange(len(kind))):
-            yield begin + np.argsort(kind), C
+            yield bodies[np.argsort(kind)], C
         else:
             for k in np.unique(kind):  # the parts of a model, few of many bodies
-                yield begin + np.flatnonzero(kind == k), C[k]
+                yield bodies[kind == k], C[k]

@@ -11,12 +11,15 @@ from scipy.sparse.linalg import LinearOperator
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief
 from fcsim.linear.block_rows import product_by_rows
+from fcsim.linear.late.late_rows import LateRows, source_of
+from fcsim.problem.distributed.bodies import BodiesOverRanks
 from fcsim.problem.distributed.factor import DistributedFactor
 from fcsim.problem.distributed.layout import ContactLayout
 
 
 class DistributedDelassus(LinearOperator):
-    """W (m, m), symmetric; rows: this rank's share by block rows (bsr, sorted) on its own contacts.
+    """W (m, m), symmetric; rows: this rank's share by block rows (bsr, sorted) on its own contacts; bodies: those behind it, None where
+    that is not known.
 
     All ranks ask for the same at the same time. Products, diagonal blocks and the factor of W + rho I are what there is of it; `whole` is
     the matrix itself, on every rank, for who needs that.
@@ -24,17 +27,23 @@ class DistributedDelassus(LinearOperator):
 
     __repr__ = brief
 
-    def __init__(self, layout: ContactLayout, rows: sp.bsr_array) -> None:
+    def __init__(self, layout: ContactLayout, rows: sp.bsr_array, bodies: BodiesOverRanks | None = None) -> None:
         size = layout.nc * layout.dimension
         super().__init__(np.float64, (size, size))
-        self.layout, self.rows = layout, rows
+        self.layout, self.rows, self.bodies = layout, rows, bodies
 
     def _matvec(self, x: FloatArray) -> FloatArray:
         layout = self.layout
         with layout.together("product with W"):
-            x = np.ascontiguousarray(x.ravel()[layout.own_unknowns])
-            own = product_by_rows(self.rows, np.zeros_like(x), x) if layout.dimension == 3 else self.rows @ x
+            own = self.own_product(np.ascontiguousarray(x.ravel()[layout.own_unknowns]))
         return layout.summed(own)
+
+    def own_product(self, x: FloatArray) -> FloatArray:
+        """This rank's share times x (k d,), both on its own contacts."""
+        if isinstance(self.rows, LateRows):
+            return self.rows.affine(x, np.zeros_like(x))
+        Wx: FloatArray = product_by_rows(self.rows, np.zeros_like(x), x) if self.layout.dimension == 3 else self.rows @ x
+        return Wx
 
     def _rmatvec(self, x: FloatArray) -> FloatArray:
         return self._matvec(x)
@@ -46,10 +55,14 @@ class DistributedDelassus(LinearOperator):
     @cached_property
     def _diagonal_blocks(self) -> FloatArray:
         layout, d = self.layout, self.layout.dimension
-        row = np.repeat(np.arange(len(layout.own)), np.diff(self.rows.indptr))
-        on = np.flatnonzero(row == self.rows.indices)
-        own = np.zeros((len(layout.own), d, d))
-        own[row[on]] = self.rows.data[on]
+        with layout.together("diagonal of W"):
+            if (source := source_of(self.rows)) is not None:
+                own = source.diagonal_blocks()
+            else:
+                row = np.repeat(np.arange(len(layout.own)), np.diff(self.rows.indptr))
+                on = np.flatnonzero(row == self.rows.indices)
+                own = np.zeros((len(layout.own), d, d))
+                own[row[on]] = self.rows.data[on]
         return np.stack([layout.summed(own[:, i].ravel()).reshape(-1, d) for i in range(d)], axis=1)
 
     def diagonal(self) -> FloatArray:
@@ -62,10 +75,16 @@ class DistributedDelassus(LinearOperator):
         world = self.layout.world
         return int(world.gathered(np.array([float(self.rows.nnz)]), np.ones(world.size, dtype=np.int64)).sum())
 
-    def factor(self, rho: float, *, rough: bool = False) -> DistributedFactor:
-        """The factor of W + rho I; SingularMatrix, on all ranks, where that is not positive definite. rough: in single precision, for a
-        preconditioner."""
-        return DistributedFactor(self.layout, self.rows, rho, None if rough else self.matvec)
+    def factor(self, rho: float) -> DistributedFactor:
+        """The factor of W + rho I; SingularMatrix, on all ranks, where that is not positive definite."""
+        return DistributedFactor(self.layout, self._own_blocks, rho, self.matvec)
+
+    def _own_blocks(self) -> sp.bsr_array:
+        """`rows` with entries, which nobody needs any more once they are factored."""
+        source = source_of(self.rows)
+        if source is None:
+            return self.rows
+        return sp.bsr_array((source.entries(), self.rows.indices, self.rows.indptr), shape=self.rows.shape)
 
     @cached_property
     def whole(self) -> sp.bsr_array:
@@ -73,10 +92,11 @@ class DistributedDelassus(LinearOperator):
         layout, d = self.layout, self.layout.dimension
         world, own = layout.world, layout.own
         with layout.together("all of W"):
-            row = np.repeat(own, np.diff(self.rows.indptr))
+            rows = self._own_blocks()
+            row = np.repeat(own, np.diff(rows.indptr))
         counts = world.gathered(np.array([float(len(row))]), np.ones(world.size, dtype=np.int64)).astype(np.int64)
-        place = world.gathered(row * layout.nc + own[self.rows.indices], counts)
-        blocks = world.gathered(self.rows.data.ravel(), counts * d * d).reshape(-1, d, d)
+        place = world.gathered(row * layout.nc + own[rows.indices], counts)
+        blocks = world.gathered(rows.data.ravel(), counts * d * d).reshape(-1, d, d)
         places, number = np.unique(place, return_inverse=True)
         data = np.zeros((len(places), d, d))
         begin = 0

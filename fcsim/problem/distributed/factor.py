@@ -18,10 +18,10 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import DTypeLike, NDArray
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.factors import SingularMatrix, mirror, probes
-from fcsim.linear.fronts import MultifrontalCholesky, inverse_blocks
+from fcsim.linear.fronts import MultifrontalCholesky
 from fcsim.linear.joints import BlockRows
 from fcsim.problem.distributed.layout import ContactLayout
 
@@ -35,15 +35,12 @@ class DistributedFactor:
     name = "multifrontal Cholesky over ranks"
 
     def __init__(
-        self, layout: ContactLayout, rows: sp.bsr_array, rho: float, product: Callable[[FloatArray], FloatArray] | None = None
+        self, layout: ContactLayout, rows: Callable[[], sp.bsr_array], rho: float, product: Callable[[FloatArray], FloatArray]
     ) -> None:
-        """rows: as in `DistributedDelassus`; product: x -> W x for x (m,), None where single precision serves however near it comes."""
+        """rows: what makes those of `DistributedDelassus`; product: x -> W x for x (m,)."""
         self.layout, self._rho, self.exact = layout, rho, False
         with layout.together("analysis of W"):
-            analysed = BlockRows(rows, layout.dimension, last=layout.at_interface)
-        if product is None:
-            self._factorise(analysed, np.float32)
-            return
+            analysed = BlockRows(rows(), layout.dimension, last=layout.at_interface)
         try:
             self._factorise(analysed, np.float32)
             x = probes(layout.nc * layout.dimension)[0]
@@ -84,20 +81,6 @@ class DistributedFactor:
         units = np.zeros((len(complement), end - begin), dtype=dtype)
         units[np.arange(begin, end), np.arange(end - begin)] = 1
         return np.ascontiguousarray(sla.cho_solve(factor, units, overwrite_b=True, check_finite=False).T)
-
-    @property
-    def own(self) -> MultifrontalCholesky:
-        """The fronts of the contacts that this rank alone knows, which are numbered as `layout.own`."""
-        return self._own
-
-    def inverse_at_interface(self) -> NDArray[np.floating]:
-        """Z = (W + rho I)^-1 on the interface's unknowns (k, k), on every rank, in the factor's precision."""
-        k = int(self._rows_of_ranks.sum())
-        return self.layout.world.gathered(self._inverse.ravel(), self._rows_of_ranks * k).reshape(k, k)
-
-    def blocks_of_inverse(self, cuts: IntArray, at_interface: NDArray[np.floating]) -> NDArray[np.floating]:
-        """The diagonal blocks of Z on the contacts that this rank alone knows, as `inverse_blocks`, from Z on the interface (k, k)."""
-        return inverse_blocks(self._own, cuts, at_interface[np.ix_(self._left, self._left)])
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """(W + rho I)^-1 rhs (m,), to round-off where `exact`; of rhs only what is this rank's own, the interface's and `free` counts."""

@@ -96,16 +96,6 @@ class ContactLayout:
         everything = self.world.gathered(own, self._counts_at_interface)
         return np.bincount(self._everyones_at_interface, everything, self.dimension * len(self.interface))
 
-    def at_interface_of_ranks(self, own: IntArray) -> IntArray:
-        """What each rank has (size, k) on the k contacts of the interface, -1 where it does not know them; own: this rank's, on those of
-        its contacts that are `at_interface`."""
-        counts = self._counts_at_interface // self.dimension
-        everything = np.split(self.world.gathered(own, counts), np.cumsum(counts)[:-1])
-        given = np.full((self.world.size, len(self.interface)), -1)
-        for rank, numbers in enumerate(everything):
-            given[rank, self.interface_unknowns_of(rank)[:: self.dimension] // self.dimension] = numbers
-        return given
-
     @cached_property
     def _everyones_inner(self) -> IntArray:
         inner = [contacts[self._owners[contacts] == 1] for contacts in self.contacts]
@@ -121,5 +111,6 @@ class ContactLayout:
 
 def contact_layout(ranks: World, first: IntArray, contacts: IntArray, rank: IntArray, nc: int, dimension: int) -> ContactLayout:
     """The layout where body b, of the rank rank[b], is on contacts[first[b]:first[b + 1]]."""
-    of_pair = np.repeat(rank, np.diff(first))
-    return ContactLayout(ranks, [np.unique(contacts[of_pair == number]) for number in range(ranks.size)], nc, dimension)
+    known = np.zeros((ranks.size, nc), dtype=bool)
+    known[np.repeat(rank, np.diff(first)), contacts] = True
+    return ContactLayout(ranks, [np.flatnonzero(some) for some in known], nc, dimension)

@@ -15,5 +15,5 @@ To follow NSN-AC on a step of a wall, ten files, in this order:
 
 Beside these, `kkt` works on the global and the mixed form, `levenberg_marquardt` near what other methods reached, and
 systems/direct.py and systems/multifrontal.py solve where nothing is held, systems/preconditioned.py where the border would be too large,
-and systems/two_level where W is large and its bodies are known.
+and systems/two_level where W is large and its bodies are known, by systems/over_ranks.py where ranks of MPI have W together.
 """

@@ -27,7 +27,7 @@ from fcsim.solvers.newton.spaces import FollowingSpace, LocalSpace, NewtonSpace
 from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
 from fcsim.solvers.newton.systems.interface import NewtonSystem
-from fcsim.solvers.newton.systems.over_ranks import KeptBlocks, SystemOverRanks
+from fcsim.solvers.newton.systems.over_ranks import KeptPreconditioner, SystemOverRanks
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range
 from fcsim.solvers.turns import Turns, to_the_end
 
@@ -103,7 +103,7 @@ def local_turns(
     if iterate.status is Status.SOLVED and monitor.memory is not None and not once:
         monitor.memory = monitor.memory.having(LastVelocity(monitor.memory.identity, space.u.reshape(shape)))
     if monitor.memory is not None and isinstance(system, CondensedSystem | SystemOverRanks):
-        kind = KeptCondensation if isinstance(system, CondensedSystem) else KeptBlocks
+        kind = KeptCondensation if isinstance(system, CondensedSystem) else KeptPreconditioner
         left, memory = system.left(monitor.memory.identity), monitor.memory.without(kind)
         monitor.memory = memory if left is None else memory.having(left)
     return iterate

@@ -66,9 +66,7 @@ class LocalSpace:
 
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         if isinstance(self._system, CondensedSystem | SystemOverRanks):
-            self._system.needed = self.needed
-        if isinstance(self._system, CondensedSystem):
-            self._system.foreseen = self.foreseen
+            self._system.needed, self._system.foreseen = self.needed, self.foreseen
         self._dr, self._Wdr = self._system.solve(A, B, -F)
         return self._dr, self._Wdr
 

@@ -16,12 +16,13 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.brief import brief
 from fcsim.linear.factors import Factor, factorise
+from fcsim.linear.late.late_rows import in_blocks
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
 from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem.bodies.late import summed_late
 from fcsim.problem.bodies.shares import BodyShares, shares_of
 from fcsim.problem.delassus_sum import DelassusSum
-from fcsim.problem.distributed import DistributedDelassus, contact_layout
+from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus, contact_layout
 from fcsim.threads import begun
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning
@@ -86,13 +87,13 @@ class StepCompliance:
         return sp.csr_array(sp.block_diag([matrix, sp.diags_array(1 / self.joint[self._soft])], format="csr"))
 
     def problem_matrix(self) -> Matrix:
-        """M of the problem, known by its products alone where ranks have a body together, made when it is read where bodies turn."""
+        """M of the problem: its products alone where ranks have a body together, made when it is read where materials are linear."""
         factor = self.factor
         if self.bent is not None or self.leaning is not None or self.joint is not None:
             return self.matrix()
         if factor.over_ranks:
             return cast(Matrix, ImplicitMatrix(self.unknowns, factor.product, factor.matrix))
-        if factor.rotation is not None and not factor.nonlinear_groups:
+        if not factor.nonlinear_groups:
             return cast(Matrix, LateMatrix(self.unknowns, factor.product, factor.matrix))
         return self.matrix()
 
@@ -251,20 +252,23 @@ class StepCompliance:
             return None
         H, (body, column), rank = self._on_compliances(H), self.factor.places, self.factor.ranks()
         nc, count = H.shape[1] // dimension, len(rank)
-        first, contacts = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)[:2]
+        h: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
+        h = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
+        first, contacts = h[:2]
         layout = contact_layout(shares.world, first, contacts, rank, nc, dimension)
         entries = np.sum(np.diff(first) ** 2) * dimension**2
         if entries < self.over_ranks_from or not all(len(some) for some in layout.contacts):
             return None
-        if self.over_ranks_elastic and len(np.unique(contacts[: first[len(self.factor.model.deformable)]])) < nc:
+        elastic = np.zeros(nc, dtype=bool)
+        elastic[contacts[: first[len(self.factor.model.deformable)]]] = True
+        if self.over_ranks_elastic and not elastic.all():
             return None
         with shares.world.together("W"):
             own = np.where(body >= 0, np.where(rank == shares.world.number, np.arange(count), -1)[body], -1)
             W = DelassusSum(H[:, layout.own_unknowns], own, column, count, dimension)
-            for begin, compliances, kind in self.factor.compliances(_rows_of(H)):
-                W.add(begin, compliances, kind)
-            rows = sp.bsr_array(W.matrix(), blocksize=(dimension, dimension))
-        return cast(Matrix, DistributedDelassus(layout, rows))
+            runs = tuple(self.factor.compliances(_rows_of(H)))
+            rows = in_blocks(summed_late(W, runs), dimension)
+        return cast(Matrix, DistributedDelassus(layout, rows, BodiesOverRanks(*h, runs, rank, nc)))
 
     def _on_compliances(self, H: sp.csc_array) -> sp.csc_array:
         """H on the dofs (n_dofs,), in the axes of the bodies' compliances."""

@@ -32,24 +32,6 @@ def test_blocks_of_the_joints(d: int, precision: type, tolerance: float) -> None
     assert at == len(blocks)
 
 
-def test_blocks_beside_contacts_that_are_left() -> None:
-    """From Z on those that are not eliminated, as ranks have it of the contacts between them."""
-    d = 3
-    W, joint = wall(4, 5, 7, d, 1)
-    left = np.isin(joint, (3, 7, 12, 20))
-    factor = MultifrontalCholesky(BlockRows(W, d, last=left), np.ones(len(joint), dtype=bool), left=left)
-    inverse = np.linalg.inv(W.toarray())
-    beyond, unknowns = dofs_of(factor.left, d), dofs_of(factor.contacts, d)
-    assert len(beyond) == d * np.count_nonzero(left)
-    ends = np.flatnonzero(np.diff(joint[factor.contacts])) + 1
-    cuts = d * np.concatenate([[0], ends, [len(factor.contacts)]])
-    blocks = np.split(inverse_blocks(factor, cuts, inverse[np.ix_(beyond, beyond)]), np.cumsum(np.diff(cuts)[:-1] ** 2))
-    assert len(blocks) == len(cuts) - 1
-    for (begin, end), block in zip(pairwise(cuts), blocks, strict=True):
-        expected = inverse[np.ix_(unknowns[begin:end], unknowns[begin:end])]
-        assert_allclose(block.reshape(expected.shape), expected, atol=1e-11 * np.abs(inverse).max())
-
-
 def test_of_one_front() -> None:
     W, joint = wall(1, 2, 5, 3, 0)
     factor = MultifrontalCholesky(BlockRows(W, 3), np.ones(len(joint), dtype=bool))

@@ -93,9 +93,10 @@ def test_newton_over_ranks_needs_no_other_method(shared: Any, name: str, ranks: 
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_the_wall_stands_on_its_weight(shared: Any, ranks: int) -> None:
+@pytest.mark.parametrize("name", ["ADMM", "NSN-AC"])
+def test_the_wall_stands_on_its_weight(shared: Any, name: str, ranks: int) -> None:
     model = alone("ADMM")[0].reduction.factor.factor.model  # type: ignore[attr-defined]
     bricks = sum(np.prod(np.ptp(body.part.points, axis=0)) * body.part.material.density for body in model.deformable)
     weight = 9.81 * bricks + 30_000.0
-    for seen in shared(ranks)[0]["ADMM"][1:]:  # the whole weight acts from the step's beginning on
+    for seen in shared(ranks)[0][name][1:]:  # the whole weight acts from the step's beginning on
         assert seen["bottom_Rz"] - seen["inertia_z"] == pytest.approx(weight, rel=1e-9)

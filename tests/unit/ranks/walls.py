@@ -18,7 +18,7 @@ from fcsim.ranks import alone, sharing
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.solvers import SOLVERS
-from fcsim.solvers.newton.systems import over_ranks
+from fcsim.solvers.newton.systems.two_level.over_ranks.system import TwoLevelOverRanks
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
@@ -89,6 +89,6 @@ if __name__ == "__main__":
             SOLVERS[name] = replace(method, over_ranks_from=0.0)
         answer = {name: found(name, 3) for name in METHODS}
         # where GMRES does not get there on any rank, all go on with all of W
-        with mock.patch.object(over_ranks, "blocks_over_ranks", lambda W: None):
+        with mock.patch.object(TwoLevelOverRanks, "solve", lambda *arguments: None):
             answer["NSN-AC with all of W"] = found("NSN-AC", 3)
         Path(sys.argv[1], f"{ranks.number}.json").write_text(json.dumps(answer), encoding="utf-8")

@@ -13,7 +13,7 @@ from fcsim.solvers.newton.systems.condensed import TWO_LEVEL_FROM, CondensedSyst
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
-from fcsim.solvers.newton.systems.over_ranks import KeptBlocks, SystemOverRanks
+from fcsim.solvers.newton.systems.over_ranks import KeptPreconditioner, SystemOverRanks
 from fcsim.solvers.newton.systems.velocity import VelocitySystem
 
 SYSTEMS = ("dense", "condensed", "multifrontal", "sparse")
@@ -39,14 +39,14 @@ def newton_system(
     "auto": a W of bodies with few degrees of freedom, regularised or of joints with springs, is eliminated in their velocities. Else W is
     stored as its elimination asks for (`Delassus.stored`): where contacts come in joints and that saves most of the work, multifrontal
     LU, unless a memory keeps what condensed elimination leaves for the next steps (which uses the joints too), or its bodies are known and
-    it is large; where it is dense, condensed elimination where it may, dense LU else; otherwise sparse LU. A W over ranks is factored by
-    all of them (`SystemOverRanks`).
+    it is large; where it is dense, condensed elimination where it may, dense LU else; otherwise sparse LU. A W over ranks is solved
+    with by all of them (`SystemOverRanks`).
     """
     if isinstance(operator.W, DistributedDelassus):
         whole = partial(newton_system, linear=linear, condensing=condensing)
         if linear != "auto":
             return whole(Delassus(operator.W.whole, operator.dimension, operator.shift))
-        return SystemOverRanks(operator, whole, None if memory is None else memory.of_same_contacts(KeptBlocks))
+        return SystemOverRanks(operator, whole, None if memory is None else memory.of_same_contacts(KeptPreconditioner))
     kept = memory.of_same_contacts(KeptCondensation) if condensing and memory is not None else None
     if linear == "auto":
         if eliminated_in_velocities(operator) and _regular(operator):

@@ -150,7 +150,7 @@ class TwoLevelSystem:
         self._rows, self._shares, self._kept = rows, known.make(), kept
         self._precondition: Preconditioner | None = None
         self._bodies = self._shares.bodies()
-        self.pays = self._bodies is not None and _largest_joint(self._bodies[0], self._shares.count) <= JOINT_UP_TO
+        self.pays = self._bodies is not None and largest_joint(self._bodies[0], self._shares.count) <= JOINT_UP_TO
 
     @property
     def left(self) -> Preconditioner | None:
@@ -184,7 +184,7 @@ class TwoLevelSystem:
         """
         if not self.pays:
             return None
-        A, B, rhs = self._scaled(A, B, rhs)
+        A, B, rhs = with_equal_rows(A, B, rhs, self._diagonal)
         found = None
         if self._precondition is None and self._kept is not None and self._bodies is not None:
             self._precondition = self._kept.following(self._shares, self._bodies[0], self._diagonal)
@@ -212,23 +212,31 @@ class TwoLevelSystem:
         def as_reactions(x: FloatArray) -> FloatArray:
             return precondition(product(x))
 
-        near = foreseen or needed >= NEAR
+        near, accuracy = asked(needed, foreseen=foreseen)
         given = rhs.ravel() if near else precondition(rhs.ravel())
         size = float(np.linalg.norm(given))
-        accuracy = max(FORESEEN if foreseen else CLOSE if near else ACCURACY, min(ENOUGH, SAFETY * needed))
         way = (product, precondition) if near else (as_reactions, _itself)
         found = gmres(*way, given, accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size)
         return None if found is None else found[0]
 
-    def _scaled(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """A, B (nc, d, d) and rhs (nc, d) with rows of one size whatever rho is: as reactions, by the contacts' own compliances."""
-        size = np.abs(A).max(2) * self._diagonal.mean(1)[:, None] + np.abs(B).max(2)
-        size[:, 1:] = size[:, 1:].max(1, keepdims=True)  # both tangential rows alike
-        scale = 1 / np.where(size > 0, size, 1.0)
-        return A * scale[:, :, None], B * scale[:, :, None], rhs * scale
+
+def asked(needed: float, *, foreseen: bool) -> tuple[bool, float]:
+    """Whether a defect is measured in Newton's residual, else as reactions, and how small it has to be, relative to the right-hand side;
+    needed, foreseen: as in `TwoLevelSystem.solve`."""
+    near = foreseen or needed >= NEAR
+    return near, max(FORESEEN if foreseen else CLOSE if near else ACCURACY, min(ENOUGH, SAFETY * needed))
 
 
-def _largest_joint(bodies: IntArray, count: int) -> int:
+def with_equal_rows(A: FloatArray, B: FloatArray, rhs: FloatArray, diagonal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A, B (nc, d, d) and rhs (nc, d) with rows of one size whatever rho is: as reactions, by the contacts' own compliances, the diagonal
+    of W (nc, d)."""
+    size = np.abs(A).max(2) * diagonal.mean(1)[:, None] + np.abs(B).max(2)
+    size[:, 1:] = size[:, 1:].max(1, keepdims=True)  # both tangential rows alike
+    scale = 1 / np.where(size > 0, size, 1.0)
+    return A * scale[:, :, None], B * scale[:, :, None], rhs * scale
+
+
+def largest_joint(bodies: IntArray, count: int) -> int:
     """The most contacts (nc, 2) that one pair of `count` bodies has."""
     return int(np.unique(numbers_of_pairs(bodies, count), return_counts=True)[1].max(initial=0))
 

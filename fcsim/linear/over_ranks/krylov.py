@@ -1,0 +1,117 @@
+"""GMRES where each rank has a part of every vector: products of vectors are summed over the ranks, all else is their own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.arrays import FloatArray
+
+GROWTH = 32
+"""Vectors by which the basis grows."""
+CANCELLED = 0.1
+"""What Gram-Schmidt leaves of a vector's length where it is taken once more: classical Gram-Schmidt loses in orthogonality what that
+cancels."""
+
+
+def gmres_over_ranks(
+    product: Callable[[FloatArray], FloatArray],
+    precondition: Callable[[FloatArray], NDArray[np.floating]] | None,
+    rhs: FloatArray,
+    summed: Callable[[FloatArray], FloatArray],
+    accuracy: float,
+    limit: int,
+    enough: float,
+) -> FloatArray | None:
+    """Right-preconditioned GMRES for A x = rhs (k,) from x = 0, of which k are this rank's (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat.
+    Comput. 7, 1986), by classical Gram-Schmidt, twice where it cancels (J. W. Daniel, W. B. Gragg, L. Kaufman, G. W. Stewart, Math. Comp.
+    30, 1976): two sums over the ranks for a vector, whatever their number.
+
+    precondition: its answers are kept as they come, in single precision where they are; None: A is preconditioned already. summed: numbers
+    (j,) -> their sum over the ranks, the same bits on all. Return this rank's part of x with ||rhs - A x|| <= accuracy
+    ||rhs||, in the recurrence's norm, or after `limit` iterations with <= enough ||rhs||; None where they do not get there.
+    """
+    beta = math.sqrt(float(summed(np.array([rhs @ rhs]))[0]))
+    if beta == 0:
+        return np.zeros_like(rhs)
+    basis = _Basis(len(rhs))
+    basis.append(rhs / beta)
+    steps: list[NDArray[np.floating]] = []
+    R = np.zeros((limit, limit))  # of H = Q R, Q by Givens' rotations; c, s: theirs; g = Q^T beta e_1
+    c, s, g = np.zeros(limit), np.zeros(limit), np.zeros(limit + 1)
+    g[0] = beta
+    for j in range(limit):
+        if precondition is not None:
+            steps.append(precondition(basis.last))
+        w = product(basis.last if precondition is None else steps[-1].astype(np.float64, copy=False))
+        along = summed(np.append(basis.along(w), w @ w))
+        w -= basis.times(along[:-1])
+        size, column = math.sqrt(float(summed(np.array([w @ w]))[0])), R[:, j]
+        column[: j + 1] = along[:-1]
+        if not math.isfinite(size):
+            return None
+        if size < CANCELLED * math.sqrt(float(along[-1])):
+            again = summed(basis.along(w))
+            w -= basis.times(again)
+            column[: j + 1] += again
+            size = math.sqrt(float(summed(np.array([w @ w]))[0]))
+        for i in range(j):
+            column[i], column[i + 1] = c[i] * column[i] + s[i] * column[i + 1], c[i] * column[i + 1] - s[i] * column[i]
+        diagonal = math.hypot(column[j], size)
+        if diagonal == 0:
+            return None
+        c[j], s[j], column[j] = column[j] / diagonal, size / diagonal, diagonal
+        g[j], g[j + 1] = c[j] * g[j], -s[j] * g[j]
+        left = abs(float(g[j + 1]))
+        if left <= accuracy * beta or (j + 1 == limit and left <= enough * beta):
+            y, x = np.linalg.solve(R[: j + 1, : j + 1], g[: j + 1]), np.zeros_like(rhs)
+            # from the very steps that A was applied to: what single precision rounds of them is large in what A makes of it
+            for weight, step in zip(y, basis if precondition is None else steps, strict=True):
+                x += weight * step
+            return x
+        if size == 0:
+            return None
+        basis.append(w / size)
+    return None
+
+
+class _Basis:
+    """V (j, k): vectors of which each rank has a part, in single precision, in which the preconditioner takes them: half of what an
+    iteration reads. In blocks, so that nothing is moved where it grows."""
+
+    def __init__(self, size: int) -> None:
+        self._size, self._count = size, 0
+        self._blocks: list[NDArray[np.float32]] = []
+
+    def append(self, v: FloatArray) -> None:
+        if self._count == GROWTH * len(self._blocks):
+            self._blocks.append(np.empty((GROWTH, self._size), dtype=np.float32))
+        self._blocks[-1][self._count % GROWTH] = v
+        self._count += 1
+
+    @property
+    def last(self) -> FloatArray:
+        return self._blocks[-1][(self._count - 1) % GROWTH].astype(np.float64)
+
+    def __iter__(self) -> Iterator[NDArray[np.float32]]:
+        for part in self._parts():
+            yield from part
+
+    def _parts(self) -> Iterator[NDArray[np.float32]]:
+        for k, block in enumerate(self._blocks):
+            yield block[: self._count - k * GROWTH]
+
+    def along(self, w: FloatArray) -> FloatArray:
+        """V w (j,)."""
+        given = w.astype(np.float32)
+        return np.concatenate([part @ given for part in self._parts()]).astype(np.float64)
+
+    def times(self, y: FloatArray) -> FloatArray:
+        """V^T y (k,)."""
+        total, given = np.zeros(self._size), y.astype(np.float32)
+        for k, part in enumerate(self._parts()):
+            total += given[k * GROWTH : k * GROWTH + len(part)] @ part
+        return total

@@ -1,0 +1,104 @@
+"""The shares h C h^T of W behind a `DistributedDelassus`: h is known to all ranks, a body's C to its owner and to who asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.brief import brief
+from fcsim.problem.bodies._shares_kernels import sides_of_pairs
+from fcsim.problem.bodies.shares import Run
+from fcsim.ranks import World
+
+
+@dataclass(frozen=True, eq=False)
+class Compliances:
+    """Some bodies' compliances: those of body b are matrices[kind[b]], -1: not among them."""
+
+    matrices: tuple[FloatArray, ...]
+    kind: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class BodiesOverRanks:
+    """first, contacts, begins, unknowns, weights: h of all bodies and contacts, as in `BodyShares`; runs: the compliances of this rank's
+    bodies; rank (bodies,): whose each body is; nc: the number of contacts."""
+
+    first: IntArray
+    contacts: IntArray
+    begins: IntArray
+    unknowns: IntArray
+    weights: FloatArray
+    runs: tuple[Run, ...]
+    rank: IntArray
+    nc: int
+
+    __repr__ = brief
+
+    @property
+    def count(self) -> int:
+        """The number of bodies."""
+        return len(self.first) - 1
+
+    def sides(self) -> tuple[IntArray, IntArray] | None:
+        """The bodies (nc, 2) of each contact, ascending, -1 where it has one alone, and the pairs (nc, 2) of h that belong to them; None
+        where a contact has three."""
+        bodies, side = np.full((self.nc, 2), -1), np.empty(len(self.contacts), dtype=np.int64)
+        if not sides_of_pairs(self.first, self.contacts, bodies, side):
+            return None
+        pairs = np.full((self.nc, 2), -1)
+        pairs[self.contacts, side] = np.arange(len(side))
+        return bodies, pairs
+
+    def sizes(self, world: World) -> IntArray:
+        """The unknowns (bodies,) of each body's compliance."""
+        own, counts = np.flatnonzero(self.rank == world.number), np.bincount(self.rank, minlength=world.size)
+        known = np.zeros(self.count, dtype=np.int64)
+        for begin, C, kind in self.runs:
+            known[begin : begin + len(kind)] = C.shape[1]
+        sizes = np.empty(self.count, dtype=np.int64)
+        sizes[np.argsort(self.rank, kind="stable")] = world.gathered(known[own], counts)
+        return sizes
+
+    def compliances(self, world: World, wanted: BoolArray) -> Compliances:
+        """Those of the bodies (bodies,) that each rank wants, its own and others'."""
+        ones = np.ones(world.size, dtype=np.int64)
+        foreign = np.flatnonzero(wanted & (self.rank != world.number))
+        counts = world.gathered(np.array([len(foreign)]), ones)
+        asked = np.zeros(self.count, dtype=bool)
+        asked[world.gathered(foreign, counts)] = True
+        matrices, kind = [], np.full(self.count, -1)
+        for k, (bodies, own) in enumerate(self._own(wanted)):
+            kind[bodies] = k
+            matrices.append(own)
+        # what others ask for: (body, number of its matrix among those sent), sizes of matrices, entries
+        sent = list(self._own(asked))
+        numbers = [np.stack([bodies, np.full(len(bodies), k)], axis=1).ravel() for k, (bodies, _) in enumerate(sent)]
+        told = np.concatenate([np.empty(0, dtype=np.int64), *numbers])
+        sizes = np.array([len(C) for _, C in sent], dtype=np.int64)
+        entries = np.concatenate([np.empty(0), *(C.ravel() for _, C in sent)])
+        lengths = world.gathered(np.array([len(told), len(sizes), len(entries)]), 3 * ones).reshape(-1, 3)
+        told, sizes = world.gathered(told, lengths[:, 0]), world.gathered(sizes, lengths[:, 1])
+        entries = world.gathered(entries, lengths[:, 2])
+        first = np.repeat(np.cumsum(lengths[:, 1]) - lengths[:, 1], lengths[:, 0] // 2)  # the sender's first matrix
+        body, number = told.reshape(-1, 2)[:, 0], told.reshape(-1, 2)[:, 1] + first
+        mine = np.isin(body, foreign)
+        ends = np.cumsum(sizes**2)
+        for k in np.unique(number[mine]):
+            kind[body[mine & (number == k)]] = len(matrices)
+            matrices.append(entries[ends[k] - sizes[k] ** 2 : ends[k]].reshape(sizes[k], sizes[k]).copy())
+        return Compliances(tuple(matrices), kind)
+
+    def _own(self, wanted: BoolArray) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Of this rank's bodies among those wanted, the bodies that share a C (k, k), and this."""
+        known: dict[tuple[int, int], tuple[list[IntArray], FloatArray]] = {}
+        for begin, C, kind in self.runs:
+            on = np.flatnonzero(wanted[begin : begin + len(kind)])
+            for k in np.unique(kind[on]):
+                place = C[k].__array_interface__["data"][0], C.shape[1]  # runs of one part have the same matrix
+                known.setdefault(place, ([], C[k]))[0].append(begin + on[kind[on] == k])
+        for bodies, own in known.values():
+            yield np.concatenate(bodies), own

@@ -1,0 +1,118 @@
+"""The coarse matrix by fronts, compiled: its fronts are many and small, and what goes from kernel to kernel took longer than they do.
+
+tree: order, first, starts and rows of an `EliminationTree`, `which` of its fronts are meant, children before parents; values: of each of
+them, with own unknowns o and border b, F_bo F_oo^-1, then F_oo^-1 and F_ob, by rows.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from fcsim.linear._front_kernels import dot
+
+
+@njit(cache=True, nogil=True)
+def eliminate(tree, which, indptr, indices, mirror, S, top, values, T):
+    """Write the fronts of a matrix by blocks S (blocks, k, k) to `values`, and add what they leave on the rows top[place] >= 0, which none
+    of them has for its own, to T; raises LinAlgError where one is singular.
+
+    place: in the order of elimination; mirror (blocks,): the block in the place (j, i) of that in (i, j).
+    """
+    order, first, starts, rows = tree
+    k, n_rows, at = S.shape[1], len(order), 0
+    place, local = np.empty(n_rows, dtype=np.int64), np.full(n_rows, -1)
+    for i in range(n_rows):
+        place[order[i]] = i
+    waiting, begin_of_waiting, count = np.empty(len(which), dtype=np.int64), np.zeros(len(which) + 1, dtype=np.int64), 0
+    stack = np.empty(1)  # complements of fronts whose parents are to come, one after the other
+    for f in which:
+        border = rows[starts[f] : starts[f + 1]]
+        own = first[f + 1] - first[f]
+        for i in range(own):
+            local[first[f] + i] = i
+        for i in range(len(border)):
+            local[border[i]] = own + i
+        F = np.zeros(((own + len(border)) * k, (own + len(border)) * k))
+        for i in range(own):
+            row = order[first[f] + i]
+            for e in range(indptr[row], indptr[row + 1]):
+                j = local[place[indices[e]]]
+                if j >= 0:
+                    F[i * k : (i + 1) * k, j * k : (j + 1) * k] = S[e]
+                    if j >= own:
+                        F[j * k : (j + 1) * k, i * k : (i + 1) * k] = S[mirror[e]]
+        # in postorder a front's children are those that came last
+        while count and rows[starts[waiting[count - 1]]] < first[f + 1]:
+            count -= 1
+            below, begin = rows[starts[waiting[count]] : starts[waiting[count] + 1]], begin_of_waiting[count]
+            b = len(below) * k
+            extend_add(stack[begin : begin + b * b].reshape(b, b), local[below], k, F)
+        n, b = own * k, len(border) * k
+        inverse, right = np.linalg.inv(np.ascontiguousarray(F[:n, :n])), np.ascontiguousarray(F[:n, n:])
+        left = np.dot(np.ascontiguousarray(F[n:, :n]), inverse)
+        values[at : at + b * n] = left.ravel()
+        values[at + b * n : at + b * n + n * n] = inverse.ravel()
+        values[at + b * n + n * n : at + n * (n + 2 * b)] = right.ravel()
+        at += n * (n + 2 * b)
+        if b and top[border[0]] >= 0:  # and so are the others, which follow
+            extend_add(np.ascontiguousarray(F[n:, n:] - np.dot(left, right)), top[border], k, T)
+        elif b:
+            begin, end = begin_of_waiting[count], begin_of_waiting[count] + b * b
+            if end > len(stack):
+                stack = np.concatenate((stack, np.empty(end)))
+            stack[begin:end] = (F[n:, n:] - np.dot(left, right)).ravel()
+            waiting[count] = f
+            count += 1
+            begin_of_waiting[count] = end
+        for i in range(own):
+            local[first[f] + i] = -1
+        for i in range(len(border)):
+            local[border[i]] = -1
+
+
+@njit(cache=True, nogil=True)
+def extend_add(complement, to, k, F):
+    """Add the blocks (k, k) of a complement to the rows and columns `to` of F."""
+    for i in range(len(to)):
+        for p in range(k):
+            row, source = F[to[i] * k + p], complement[i * k + p]
+            for j in range(len(to)):
+                column = to[j] * k
+                for q in range(k):
+                    row[column + q] += source[j * k + q]
+
+
+@njit(cache=True, nogil=True)
+def forward(values, sizes, firsts, borders, x):
+    """Eliminate the fronts' own unknowns, from firsts[f] on, from x; sizes (fronts, 2): each front's own unknowns and its border's;
+    borders: the numbers of the latter, front after front."""
+    at, edge = 0, 0
+    for f in range(len(sizes)):
+        n, b = sizes[f]
+        own = x[firsts[f] : firsts[f] + n]
+        for i in range(b):
+            x[borders[edge + i]] -= dot(values[at + i * n : at + (i + 1) * n], own)
+        at, edge = at + n * (n + 2 * b), edge + b
+
+
+@njit(cache=True, nogil=True)
+def backward(values, sizes, firsts, borders, x):
+    """Solve for the fronts' own unknowns after `forward`, where x is known on what is not theirs."""
+    at, edge, most = len(values), len(borders), 1
+    for f in range(len(sizes)):
+        most = max(most, sizes[f, 0], sizes[f, 1])
+    gathered = np.empty(most)
+    for f in range(len(sizes) - 1, -1, -1):
+        n, b = sizes[f]
+        at, edge = at - n * (n + 2 * b), edge - b
+        own, inverse, right, above = x[firsts[f] : firsts[f] + n], at + b * n, at + b * n + n * n, gathered[:b]
+        for i in range(b):
+            above[i] = x[borders[edge + i]]
+        for i in range(n):
+            own[i] -= dot(values[right + i * b : right + (i + 1) * b], above)
+        below = gathered[:n]
+        for i in range(n):
+            below[i] = dot(values[inverse + i * n : inverse + (i + 1) * n], own)
+        own[:] = below

@@ -1,0 +1,99 @@
+"""The coarse matrix over ranks: each eliminates the motions of its own bodies, all what that leaves on the bodies between ranks.
+
+Bodies next to those of a higher rank separate the others of one rank from the others' (J. S. Przemieniecki, AIAA J. 1, 1963). What is left
+on these, a dense matrix T, is summed over the ranks and factored by all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.linear.block_rows import dofs_of
+from fcsim.linear.elimination_tree import elimination_tree
+from fcsim.linear.factors import SingularMatrix
+from fcsim.ranks import World
+from fcsim.solvers.newton.systems.two_level.over_ranks import _coarse_kernels as kernels
+
+PADDING = 0.15
+"""Share of zeros in a front."""
+
+
+class CoarsePattern:
+    """Where S (n k, n k) has blocks (k, k), in which order and by whom they are eliminated."""
+
+    def __init__(self, columns: IntArray, begins: IntArray, rank: IntArray, world: World) -> None:
+        """columns (blocks,): ascending, those of row i from begins[i] on, a symmetric pattern with the diagonal; rank (n,): whose each body
+        is."""
+        self.columns, self.begins, self.world = columns, begins, world
+        n = len(begins) - 1
+        row = np.repeat(np.arange(n), np.diff(begins))
+        self.diagonal = np.flatnonzero(row == columns)
+        self.mirror = np.searchsorted(row * n + columns, columns * n + row)
+        between = np.zeros(n, dtype=bool)
+        between[row[rank[row] < rank[columns]]] = True
+        tree = elimination_tree(begins, columns, PADDING, last=between)
+        self.tree = (tree.order, tree.first, tree.starts, tree.rows)
+        of_all = np.logical_or.reduceat(between[tree.order], tree.first[:-1])  # fronts with a body between ranks
+        owner = np.where(np.repeat(of_all, np.diff(tree.first)), world.size, rank[tree.order])  # by places
+        self.which = np.flatnonzero(owner[tree.first[:-1]] == world.number)
+        self.top = np.full(n, -1)
+        self.places = np.flatnonzero(owner == world.size)
+        self.top[self.places] = np.arange(len(self.places))
+        self.sizes = np.stack([np.diff(tree.first), np.diff(tree.starts)], axis=1)[self.which]
+        rows = [tree.rows[tree.starts[f] : tree.starts[f + 1]] for f in self.which]
+        self.firsts, self.borders = tree.first[self.which], np.concatenate([np.empty(0, dtype=np.int64), *rows])
+        self.by_rank = [np.flatnonzero(owner == number) for number in range(world.size)]  # places that a rank eliminates
+        number = self.top[np.argsort(tree.order)]
+        of_top = np.flatnonzero((number[row] >= 0) & (number[columns] >= 0))
+        self.blocks_of_top = of_top, number[row[of_top]], number[columns[of_top]]
+
+
+class CoarseFactor:
+    """S^-1 by fronts, in double precision: beside the stiffness of joints, inertia is round-off in single precision."""
+
+    def __init__(self, pattern: CoarsePattern, S: FloatArray) -> None:
+        """S (blocks, k, k): the blocks in the pattern's order; SingularMatrix, on all ranks, where a front is singular."""
+        self._pattern, self._k = pattern, S.shape[1]
+        world, k, most = pattern.world, S.shape[1], len(pattern.places)
+        own, border = k * pattern.sizes.T
+        self._values = np.empty(int(np.sum(own * (own + 2 * border))))
+        T = np.zeros((k * most, k * most))
+        with world.together("motions of bodies"):
+            if world.number == 0:
+                which, row, column = pattern.blocks_of_top
+                T.reshape(most, k, most, k)[row, :, column] = S[which]
+            try:
+                matrix = (pattern.begins, pattern.columns, pattern.mirror, S)
+                kernels.eliminate(pattern.tree, pattern.which, *matrix, pattern.top, self._values, T)
+            except np.linalg.LinAlgError:
+                raise SingularMatrix("the bodies' motions on their joints are singular") from None
+        world.summed("motions of bodies between ranks", T.ravel())
+        self._lu: FloatArray
+        self._pivots: IntArray
+        self._lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0, dtype=np.int64), 0)
+        if info > 0:
+            raise SingularMatrix("the bodies' motions on their joints are singular")
+        self._fronts = self._values, k * pattern.sizes, k * pattern.firsts, dofs_of(pattern.borders, k)
+        self._unknowns = [dofs_of(places, k) for places in pattern.by_rank]
+        self._of_top = dofs_of(pattern.places, k)
+
+    def solve[T: np.floating](self, c: NDArray[T]) -> NDArray[T]:
+        """S^-1 c (n, k), on all ranks."""
+        pattern, world = self._pattern, self._pattern.world
+        order, own = pattern.tree[0], self._unknowns[world.number]
+        x = c[order].astype(np.float64).ravel()
+        given = x[self._of_top]
+        x[self._of_top] = 0
+        kernels.forward(*self._fronts, x)
+        if len(given):
+            others = world.gathered(x[self._of_top], np.full(world.size, len(given))).reshape(world.size, -1).sum(axis=0)
+            x[self._of_top] = sla.lapack.dgetrs(self._lu, self._pivots, given + others, trans=1)[0]
+        kernels.backward(*self._fronts, x)
+        counts = np.array([len(unknowns) for unknowns in self._unknowns])
+        x[np.concatenate(self._unknowns)] = world.gathered(x[own], counts)
+        solution = np.empty_like(c)
+        solution[order] = x.reshape(c.shape)
+        return solution

@@ -1,0 +1,116 @@
+"""What a rank's part of the two-level preconditioner takes from W: its own joints with their neighbours, G and E of W = E + G G^T there.
+
+A joint between bodies of two ranks belongs to one of them, in turns. E comes from the bodies themselves, h (C - L L^T) h^T with L the
+compliant motions: of others' bodies a rank knows h, as of all, and asks their owners for C. No rank needs entries of W.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.problem.bodies.shares import EIGEN_UP_TO, compliant_motions
+from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Needed
+from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
+from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, numbers_of_pairs
+from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as own_kernels
+from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarsePattern
+from fcsim.threads import pieces_by_work, side_by_side
+
+
+class OwnJoints:
+    """The joints of this rank, as `Joints`. Contacts are numbered in the order of its joints, `parts.own`, and after them the neighbours
+    of others, which `needed` brings; order (k,): their numbers among all."""
+
+    def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, parts: ContactParts, bodies: IntArray, pairs: IntArray) -> None:
+        """bodies, pairs: those of `behind`; parts: contacts by joints, see `parts_by_joints`."""
+        world, layout = parts.world, W.layout
+        self.parts, self.d, self.count = parts, layout.dimension, behind.count
+        self.all_bodies, self.diagonal_of_W = bodies, W.diagonal().reshape(-1, self.d)
+        sizes = behind.sizes(world)
+        with layout.together("joints of a rank"):
+            self._find(behind, np.where(sizes > EIGEN_UP_TO, sizes, 0), bodies)
+            wanted = np.zeros(self.count, dtype=bool)
+            wanted[self.listed] = True
+        self.needed = Needed(parts, self.order[len(parts.own) :])
+        compliances = behind.compliances(world, wanted)
+        with layout.together("blocks of joints"):
+            self._fill(behind, compliances.matrices, compliances.kind, pairs)
+            own = slice(0, len(parts.own))
+            G = self.modes[0]
+            left = self.diagonal_of_W[self.order[own]] - np.einsum("aij,aij->ai", G[own], G[own])
+        self.shift = SHIFT * float(parts.summed(np.array([np.abs(left).sum()]))[0]) / self.diagonal_of_W.size
+        self._find_coarse(behind.rank)
+
+    def _find(self, behind: BodiesOverRanks, sizes: IntArray, bodies: IntArray) -> None:
+        """The joints, their neighbours and bodies; sizes (bodies,): as in `with_neighbours`."""
+        own = self.parts.own
+        others = np.setdiff1d(np.arange(behind.nc), own)
+        every, position = np.concatenate([own, others]), np.empty(behind.nc, dtype=np.int64)
+        position[every] = np.arange(behind.nc)
+        number = numbers_of_pairs(bodies[own], self.count)
+        self.cuts = np.concatenate([np.flatnonzero(np.diff(number, prepend=-1)), [len(own)]])
+        h = (behind.first, behind.contacts, behind.begins, behind.unknowns)
+        self.begins, wide = kernels.with_neighbours(*h, sizes, position, self.cuts, JOINT_UP_TO)
+        beyond = np.unique(wide[wide >= len(own)])
+        self.wide = np.where(wide < len(own), wide, len(own) + np.searchsorted(beyond, wide))
+        self.order = np.concatenate([own, every[beyond]])
+        self.bodies = bodies[self.order]
+        self.body_begins, self.listed = kernels.bodies_of_joints(self.begins, self.wide, self.bodies, self.count)
+
+    def _fill(self, behind: BodiesOverRanks, matrices: tuple[FloatArray, ...], kind: IntArray, pairs: IntArray) -> None:
+        """G and E from the bodies' compliances, matrices[kind[b]] that of body b."""
+        k, d = MOTIONS, self.d
+        motions = [compliant_motions(C, k) for C in matrices]
+        rows = np.array([len(C) for C in matrices], dtype=np.int64)
+        left = np.concatenate([np.empty(0), *((C - L @ L.T).ravel() for C, L in zip(matrices, motions, strict=True))])
+        G, pairs = np.zeros((len(self.order), d, 2 * k)), pairs[self.order]
+        h = (behind.begins, behind.unknowns, behind.weights)
+        L = np.concatenate([np.empty(0), *(own.ravel() for own in motions)])
+        own_kernels.modes_of_contacts(pairs, self.bodies, *h, L, _begins(k * rows, kind), G)
+        self.modes = G, self.bodies, self.body_begins, self.listed
+        self.G32 = G.astype(np.float32)
+        inner, sizes, listed = np.diff(self.cuts), np.diff(self.begins), np.diff(self.body_begins)
+        own = np.sum(self.bodies[self.cuts[:-1]] >= 0, axis=1)
+        self.starts, self.Q_starts = _ends((d * sizes) ** 2), _ends(d * d * sizes * inner)
+        self.T_starts = _ends(own * listed * k**2)
+        self.E = np.empty(self.starts[-1], dtype=np.float32)
+        compliances = (left, _begins(rows**2, kind), rows[kind] if len(rows) else kind)
+        given = (pairs, self.bodies, h, compliances, (self.begins, self.wide), (self.body_begins, self.listed), self.starts, d)
+        self.ranges = pieces_by_work(self.starts, WORK_A_PIECE)
+        side_by_side([partial(own_kernels.joint_blocks_of_bodies, *given, begin, end, self.E) for begin, end in self.ranges])
+
+    def _find_coarse(self, rank: IntArray) -> None:
+        """The coarse matrix by blocks, of all ranks' joints: their (own body, body), and the diagonal; rank (bodies,): whose each is."""
+        world, count = self.parts.world, self.count
+        listed = np.diff(self.body_begins)
+        number = np.sum(self.bodies[self.cuts[:-1]] >= 0, axis=1) * listed
+        self.place_begins = _ends(number)
+        joint = np.repeat(np.arange(len(number)), number)
+        e = np.arange(len(joint)) - self.place_begins[joint]
+        row = self.listed[self.body_begins[joint] + e // listed[joint]]
+        column = self.listed[self.body_begins[joint] + e % listed[joint]]
+        keys = np.unique(np.concatenate([row * count + column, column * count + row]))
+        counts = world.gathered(np.array([len(keys)]), np.ones(world.size, dtype=np.int64))
+        key = np.unique(np.concatenate([world.gathered(keys, counts), np.arange(count) * (count + 1)]))  # a symmetric pattern
+        self.places = np.searchsorted(key, row * count + column)
+        self.coarse = CoarsePattern(key % count, np.searchsorted(key, count * np.arange(count + 1)), rank, world)
+
+
+def parts_by_joints(W: DistributedDelassus, behind: BodiesOverRanks, bodies: IntArray) -> ContactParts:
+    """Contacts cut by joints; bodies (nc, 2): of each contact. A joint is of its body's rank, between two ranks of one and the other in
+    turns."""
+    rank = behind.rank[bodies]
+    between = (bodies[:, 1] >= 0) & (bodies.sum(axis=1) % 2 == 1)
+    return ContactParts(W.layout.world, np.where(between, rank[:, 1], rank[:, 0]), numbers_of_pairs(bodies, behind.count))
+
+
+def _begins(sizes: IntArray, kind: IntArray) -> IntArray:
+    """Where the matrix kind[b] of each body begins among matrices of these sizes, one after the other."""
+    return _ends(sizes)[kind]
+
+
+def _ends(sizes: IntArray) -> IntArray:
+    return np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes)])

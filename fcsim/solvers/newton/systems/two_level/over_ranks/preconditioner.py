@@ -1,0 +1,92 @@
+"""The two-level preconditioner whose joints are shared by ranks: Q by each rank's own, motions summed, the coarse matrix on all."""
+
+from __future__ import annotations
+
+from copy import copy
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem.distributed import ContactLayout
+from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
+from fcsim.solvers.newton.systems.two_level.joints import MOTIONS
+from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarseFactor
+from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints
+from fcsim.solvers.newton.systems.two_level.system import CHANGED, ENTRIES_A_PIECE, LASTS
+from fcsim.threads import pieces_by_work, side_by_side
+
+
+class PreconditionerOverRanks:
+    """x -> P^-1 x as `Preconditioner`, both this rank's parts (k d,) by contacts of its own joints; SingularMatrix, on all ranks, where a
+    joint of one or the bodies' motions are singular."""
+
+    def __init__(self, joints: OwnJoints, layout: ContactLayout) -> None:
+        self.joints, self._layout, self._steps = joints, layout, 0
+        self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q, by the joints' order
+        self._Q, self._T = np.empty(joints.Q_starts[-1], dtype=np.float32), np.empty(joints.T_starts[-1])
+        self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
+
+    @property
+    def earlier(self) -> bool:
+        """Whether it was made of the W of an earlier step."""
+        return self._steps > 0
+
+    def update(self, A: FloatArray, B: FloatArray) -> None:
+        """Make it the one of A and B (nc, d, d), but for changes up to CHANGED."""
+        joints, k = self.joints, MOTIONS
+        given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
+        out = (self._Q, joints.Q_starts, self._T, joints.T_starts)
+        S = np.zeros((len(joints.coarse.columns), k, k))
+        with self._layout.together("joints of A W + B"):
+            changed = self._changed(A[joints.order], B[joints.order])
+            which = [i + np.flatnonzero(changed[i:j]) for i, j in joints.ranges]
+            try:
+                side_by_side([partial(kernels.invert_joints, *given, out, own) for own in which if len(own)])
+            except np.linalg.LinAlgError:
+                raise SingularMatrix("a joint's block is singular") from None
+            kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
+            self._A32 = self._A.astype(np.float32)
+        joints.parts.world.summed("motions of bodies on joints", S.ravel())
+        S[joints.coarse.diagonal] += np.eye(k)
+        self._coarse = CoarseFactor(joints.coarse, S)
+
+    def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
+        """As in `Preconditioner`."""
+        far = np.abs(A - self._A).max((1, 2)) <= CHANGED * np.abs(A).max((1, 2))
+        far = ~(far & (np.abs(B - self._B).max((1, 2)) <= CHANGED))  # at first nothing compares
+        self._A[far], self._B[far] = A[far], B[far]
+        joints = self.joints
+        if len(joints.begins) == 1:
+            return np.zeros(0, dtype=bool)
+        return np.logical_or.reduceat(far[joints.wide], joints.begins[:-1])
+
+    def following(self, bodies: IntArray, diagonal: FloatArray) -> PreconditionerOverRanks | None:
+        """The same for the W of a later step, as in `Preconditioner`."""
+        joints = self.joints
+        if self._steps >= LASTS or not np.array_equal(joints.all_bodies, bodies) or diagonal.shape != joints.diagonal_of_W.shape:
+            return None
+        if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
+            return None
+        other = copy(self)
+        other._A, other._B, other._Q, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._T))
+        other._steps += 1
+        return other
+
+    def _joint_by_joint(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Q x on this rank's contacts, x on them and on those that it needs."""
+        joints, z = self.joints, np.empty((len(self.joints.parts.own), self.joints.d), dtype=np.float32)
+        given = (self._Q, joints.Q_starts, joints.cuts, joints.begins, joints.wide)
+        side_by_side([partial(kernels.solve_joints, *given, begin, end, x, z) for begin, end in self._ranges])
+        return z
+
+    def __call__(self, x: FloatArray) -> NDArray[np.float32]:
+        joints = self.joints
+        own = x.reshape(-1, joints.d).astype(np.float32)
+        wide, c = np.concatenate([own, joints.needed.of(own)]), np.zeros((joints.count, MOTIONS), dtype=np.float32)
+        kernels.restrict(joints.G32[: len(own)], joints.bodies[: len(own)], self._joint_by_joint(wide), c)
+        c, rest = joints.parts.summed(c.ravel()).reshape(c.shape), np.empty_like(wide)
+        kernels.less_motions(self._A32, joints.G32, joints.bodies, self._coarse.solve(c), wide, rest)
+        return self._joint_by_joint(rest).ravel()

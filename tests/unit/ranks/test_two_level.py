@@ -1,0 +1,113 @@
+"""Newton's linear system that ranks solve together beside that of one process: the same products, preconditioner and solutions."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+import scipy.sparse as sp
+
+from fcsim.linear.joints import BlockRows
+from fcsim.solvers.newton.systems.two_level import system
+from fcsim.solvers.newton.systems.two_level.joints import Joints
+from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.walls import simulation
+from tests.unit.solvers.newton.systems.test_two_level import linearisation
+
+PROGRAM = Path(__file__).with_name("two_level.py")
+RANKS = (2, 3)
+
+
+@pytest.fixture(scope="module")
+def shared(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What each of so many ranks has."""
+
+    @cache
+    def of(ranks: int) -> list[dict[str, Any]]:
+        folder = tmp_path_factory.mktemp("ranks")
+        ended = mpiexec(ranks, PROGRAM, folder, timeout=280, env={"PYTHONPATH": str(Path(__file__).parents[3])})
+        assert ended.code == 0, ended.err
+        return [json.loads((folder / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(ranks)]
+
+    return of
+
+
+@cache
+def alone() -> tuple[sp.bsr_array, Joints]:
+    """W and its joints in one process."""
+    posed = iter(simulation("NSN-AC", 2)[0])
+    next(posed)
+    operator = next(posed).reduction.local.delassus
+    assert operator.shares is not None
+    shares = operator.shares.make()
+    found = shares.bodies()
+    assert found is not None
+    rows = BlockRows(operator.W, 3)
+    return sp.bsr_array(operator.W), Joints(rows, shares, *found)
+
+
+def given(W: sp.bsr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B and x as the ranks have them."""
+    nc = W.shape[0] // 3
+    return *linearisation(nc, float(W.diagonal().mean())), np.random.default_rng(2).standard_normal((nc, 3))
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+def test_each_joint_is_one_rank_s_and_so_is_its_memory(shared: Any, ranks: int) -> None:
+    _, joints = alone()
+    answers = shared(ranks)
+    assert sorted(np.concatenate([answer["own"] for answer in answers])) == list(range(len(joints.order)))
+    entries = [answer["entries"] for answer in answers]
+    assert sum(entries) == len(joints.E)  # with the same neighbours each
+    assert max(entries) <= 1.5 * len(joints.E) / ranks
+    joint = np.empty(len(joints.order), dtype=int)
+    joint[joints.order] = np.repeat(np.arange(len(joints.cuts) - 1), np.diff(joints.cuts))
+    owners = [set(joint[answer["own"]]) for answer in answers]
+    assert sum(map(len, owners)) == len(joints.cuts) - 1
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+def test_products_are_those_of_W(shared: Any, ranks: int) -> None:
+    W, _ = alone()
+    _, _, x = given(W)
+    for answer in shared(ranks):
+        assert np.linalg.norm(answer["product"] - W @ x.ravel()) <= 1e-13 * np.linalg.norm(W @ x.ravel())
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+def test_the_preconditioner_is_that_of_one_process(shared: Any, ranks: int) -> None:
+    """To single precision, in which it is computed; from it others follow as in one process, and leave it as it is."""
+    W, joints = alone()
+    A, B, x = given(W)
+    P = system.Preconditioner(joints)
+    P.update(A, B)
+    first = P(x.ravel())
+    A[::7], B[::7] = 0, np.eye(3)
+    P.update(A, B)
+    for answer in shared(ranks):
+        for name, expected in (("preconditioned", first), ("changed", P(x.ravel()))):
+            assert np.linalg.norm(answer[name] - expected) <= 1e-4 * np.linalg.norm(expected)
+        assert answer["before"] == answer["preconditioned"]
+        assert answer["refused"]
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+def test_the_solution_is_one_of_the_whole_system(shared: Any, ranks: int) -> None:
+    """Near a solution to the defect that is asked for, far from one to the accuracy of reactions; the same bits on all ranks."""
+    W, _ = alone()
+    A, B, x = given(W)
+    J = sla.block_diag(*A) @ W.toarray() + sla.block_diag(*B)
+    exact = np.linalg.solve(J, x.ravel())
+    answers = shared(ranks)
+    for (near, image), (far, _) in (answer["solved"] for answer in answers):
+        assert np.linalg.norm(J @ near - x.ravel()) <= 2 * system.SAFETY * 0.2 * np.linalg.norm(x)
+        assert np.linalg.norm(image - W @ near) <= 1e-13 * np.linalg.norm(np.abs(W) @ np.abs(near))
+        assert np.linalg.norm(far - exact) <= 10 * system.ACCURACY * np.linalg.norm(exact)
+    for answer in answers[1:]:
+        assert answer["solved"] == answers[0]["solved"]
+        assert answer["preconditioned"] == answers[0]["preconditioned"]

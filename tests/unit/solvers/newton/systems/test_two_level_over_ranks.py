@@ -1,0 +1,117 @@
+"""Kernels of the two-level system over ranks beside NumPy and the joints of one process; ranks themselves are in tests/unit/ranks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim.linear.elimination_tree import elimination_tree
+from fcsim.linear.over_ranks.krylov import gmres_over_ranks
+from fcsim.problem.bodies.shares import compliant_motions
+from fcsim.solvers.newton.systems.two_level.joints import MOTIONS, Joints
+from fcsim.solvers.newton.systems.two_level.over_ranks import _coarse_kernels as coarse
+from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as kernels
+from tests.unit.solvers.newton.systems.test_two_level import shares_and_rows, step_of
+
+
+def test_blocks_and_motions_of_joints_from_bodies_are_those_from_W() -> None:
+    """E = W - G G^T on each joint, by h (C - L L^T) h^T, to the single precision in which it is kept; G to the last digits."""
+    shares, rows, _ = shares_and_rows(step_of("3", "3.5"))
+    found = shares.bodies()
+    assert found is not None
+    joints = Joints(rows, shares, *found)
+    pairs = np.full((shares.nc, 2), -1)
+    pairs[shares.contacts, found[1]] = np.arange(len(found[1]))
+    matrices, kind = [], np.empty(shares.count, dtype=np.int64)
+    for begin, C, of_bodies in shares.runs:
+        kind[begin : begin + len(of_bodies)] = len(matrices) + of_bodies
+        matrices += list(C)
+    motions = [compliant_motions(C, MOTIONS) for C in matrices]
+    rest = [C - L @ L.T for C, L in zip(matrices, motions, strict=True)]
+    sizes = np.array([len(C) for C in matrices])
+    ends = np.concatenate([[0], np.cumsum(sizes**2)])
+    own, bodies, h = pairs[joints.order], joints.bodies, (shares.begins, shares.unknowns, shares.weights)
+    G = np.zeros((shares.nc, 3, 2 * MOTIONS))
+    L, places = np.concatenate([x.ravel() for x in motions]), np.concatenate([[0], np.cumsum(MOTIONS * sizes)])[kind]
+    kernels.modes_of_contacts(own, bodies, *h, L, places, G)
+    assert_allclose(G, joints.modes[0], atol=1e-13 * np.abs(G).max())
+    E = np.empty_like(joints.E)
+    compliances = (np.concatenate([x.ravel() for x in rest]), ends[kind], sizes[kind])
+    listing = (joints.body_begins, joints.listed)
+    last = len(joints.cuts) - 1
+    kernels.joint_blocks_of_bodies(own, bodies, h, compliances, (joints.begins, joints.wide), listing, joints.starts, 3, 0, last, E)
+    assert_allclose(E, joints.E, atol=1e-6 * np.abs(joints.E).max())
+
+
+def grid(rng: np.random.Generator, side: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Begins, columns and blocks (k, k) of an unsymmetric matrix on a grid of side x side, each with what is one step away."""
+    at = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), axis=-1).reshape(-1, 2)
+    near = np.abs(at[:, None] - at).sum(axis=2) <= 1
+    columns = np.flatnonzero(near.ravel()) % len(at)
+    begins = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
+    S = rng.standard_normal((len(columns), k, k))
+    S[np.repeat(np.arange(len(at)), np.diff(begins)) == columns] += 10 * np.eye(k)
+    return begins, columns, S
+
+
+def test_fronts_and_what_they_leave_solve_the_matrix() -> None:
+    """Two halves of a grid, each eliminated for itself, and T on the column between: together a dense solution."""
+    rng, side, k = np.random.default_rng(0), 7, 4
+    begins, columns, S = grid(rng, side, k)
+    n = side * side
+    row = np.repeat(np.arange(n), np.diff(begins))
+    dense = np.zeros((n, k, n, k))
+    dense[row, :, columns] = S
+    dense = dense.reshape(n * k, n * k)
+    mirror = np.searchsorted(row * n + columns, columns * n + row)
+    between = np.arange(n) // side == 3
+    tree = elimination_tree(begins, columns, 0.15, last=between)
+    of_top = np.logical_or.reduceat(between[tree.order], tree.first[:-1])
+    places = np.flatnonzero(np.repeat(of_top, np.diff(tree.first)))
+    top = np.full(n, -1)
+    top[places] = np.arange(len(places))
+    on_top = (places[:, None] * k + np.arange(k)).ravel()
+    order = (tree.order[:, None] * k + np.arange(k)).ravel()
+    T = dense[np.ix_(order[on_top], order[on_top])].copy()
+    c = rng.standard_normal(n * k)
+    x = c[order].copy()
+    halves = []
+    for low in (True, False):
+        mine = (tree.order[tree.first[:-1]] // side < 3) == low
+        which = np.flatnonzero(mine & ~of_top)
+        own, border = k * np.diff(tree.first)[which], k * np.diff(tree.starts)[which]
+        values = np.empty(np.sum(own * (own + 2 * border)))
+        given = (tree.order, tree.first, tree.starts, tree.rows)
+        coarse.eliminate(given, which, begins, columns, mirror, S, top, values, T)
+        borders = np.concatenate([tree.rows[tree.starts[f] : tree.starts[f + 1]] for f in which])
+        fronts = values, np.stack([own, border], axis=1), k * tree.first[which], (borders[:, None] * k + np.arange(k)).ravel()
+        coarse.forward(*fronts, x)
+        halves.append(fronts)
+    x[on_top] = np.linalg.solve(T, x[on_top])
+    for fronts in halves:
+        coarse.backward(*fronts, x)
+    solution = np.empty_like(x)
+    solution[order] = x
+    assert_allclose(dense @ solution, c, atol=1e-11)
+
+
+@pytest.mark.parametrize("accuracy", [1e-2, 1e-5])
+def test_gmres_gets_to_the_accuracy(accuracy: float) -> None:
+    """Of one rank, whose sums are its own; of several see tests/unit/ranks."""
+    rng = np.random.default_rng(1)
+    A = np.eye(60) + 0.1 * rng.standard_normal((60, 60))
+    b = rng.standard_normal(60)
+    x = gmres_over_ranks(lambda y: A @ y, lambda y: y, b, lambda sums: sums, accuracy, 60, 0.0)
+    assert x is not None
+    assert np.linalg.norm(A @ x - b) <= 1.001 * accuracy * np.linalg.norm(b)
+
+
+def test_gmres_gives_up_and_takes_what_is_enough() -> None:
+    A, b = np.diag(np.arange(1.0, 41.0)), np.ones(40)
+    arguments = (lambda y: A @ y, lambda y: y, b, lambda sums: sums, 1e-5, 5)
+    assert gmres_over_ranks(*arguments, 0.0) is None
+    x = gmres_over_ranks(*arguments, 0.5)
+    assert x is not None
+    assert np.linalg.norm(A @ x - b) <= 0.5 * np.linalg.norm(b)
+    assert_allclose(gmres_over_ranks(*arguments[:2], np.zeros(40), *arguments[3:], 0.0), 0.0)
