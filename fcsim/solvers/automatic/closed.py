@@ -26,3 +26,11 @@ def singular_here(race: Race) -> bool:
         return False
     held = velocities_held(race.best_r(), race.problem.mu, 1 - STICKING, race.problem.dimension)
     return int(held) > motion.M.shape[0]
+
+
+def faces(race: Race) -> bool:
+    """Whether faces of bodies hold one another: in 3D, the closed contacts hold more velocities than the bodies have.
+
+    Three and more points a face hold nine and more unknowns of two bodies' six velocities, an edge's two points in 2D four of three.
+    """
+    return race.problem.dimension == 3 and singular_here(race)

@@ -25,17 +25,11 @@ from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.closed import closed, singular_here
 from fcsim.solvers.automatic.costs import Prices
+from fcsim.solvers.automatic.expected import FAR, NEWTON, dearer_than_newton, dearer_than_proximal, opening
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.race import SLOWING, Race, RaceOptions, Runner, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
 
-FAR = 1e-3
-"""Error above which ADMM is tried, and Newton takes long."""
-NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
-PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR = 30, 15
-"""What Newton and proximal Newton need from errors above and below `FAR`, about, in iterations."""
-BELIEVED = 10
-"""Iterations of Newton whose cost the sweeps of a problem of few contacts spend before their rate is believed, as in `small.door`."""
 PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
@@ -74,21 +68,6 @@ class AutomaticOptions(RaceOptions):
         for name in self.without:
             if name not in known:
                 raise InputError(f"option without: expected names of {', '.join(known)}, got {name!r}")
-
-
-def _dearer_than_newton(race: Race, cost: float, from_far: int = NEWTON_FROM_FAR, from_near: int = NEWTON_FROM_NEAR) -> bool:
-    """Whether this costs more than Newton from here; the elimination is counted only where that decides."""
-    iterations = from_far if race.best > FAR else from_near
-    held = closed(race)
-    return cost > iterations * race.prices.least(held) and cost > iterations * race.prices.newton(held)
-
-
-def _dearer_than_proximal(race: Race, cost: float) -> bool:
-    """Whether this costs more than proximal Newton from here."""
-    if not race.prices.in_velocities:
-        return _dearer_than_newton(race, cost, PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR)
-    iterations = PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR
-    return cost > iterations * race.prices.least_in_velocities and cost > iterations * race.prices.proximal(0)
 
 
 def _newton(race: Race) -> float:
@@ -134,7 +113,7 @@ def _splitting_first(race: Race) -> bool:
         return False
     prices = race.prices
     newton = prices.newton(0)
-    return prices.splitting(JOINTS_SHARE) + NEWTON_FROM_NEAR * newton < 0.7 * NEWTON_FROM_FAR * newton
+    return prices.splitting(JOINTS_SHARE) + NEWTON.near * newton < 0.7 * NEWTON.far * newton
 
 
 def _enter_splitting(race: Race) -> bool:
@@ -150,11 +129,14 @@ def _enter_splitting(race: Race) -> bool:
 
 def _proximal_before_splitting(race: Race) -> bool:
     """Whether proximal Newton has still to show what it does before ADMM enters: where it eliminates in the bodies' velocities, which takes
-    no longer than 20 to 30 of ADMM's iterations, few of which get on where bodies move."""
+    no longer than 20 to 30 of ADMM's iterations, few of which get on where bodies move. Where joints hold more than the bodies' velocities
+    they often come to rest, for which ADMM is the cheaper one: there it waits for as much as its own first iterations cost."""
     if race.joints is not None or not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
     runner = race.runners.get("proximal Newton")
-    return runner is None or (runner.result is None and _at_first(race, runner))
+    if runner is None or runner.result is not None or not _at_first(race, runner):
+        return runner is None
+    return not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
 
 
 def _on_track(race: Race, runner: Runner) -> bool:
@@ -167,17 +149,6 @@ def _on_track(race: Race, runner: Runner) -> bool:
     return race.joints is not None or runner.monitor.iterations < 0.5 * _share(race) or runner.gain(1 / 3) > 1.0
 
 
-def _opening(race: Race, runner: Runner) -> bool:
-    """Whether the sweeps go on before anyone else is asked: they have not yet cost as much as the iterations of Newton after which their
-    rate is believed, or all of them will cost no more than Newton from here, whose elimination is not counted, which takes time itself."""
-    if not methods.kept(race) or len(race.runners) > 1:
-        return False
-    prices = race.prices
-    newton = prices.least_in_velocities if prices.in_velocities else prices.least(closed(race))
-    whole = (PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR) * newton
-    return runner.spent < BELIEVED * newton or runner.spent + runner.needs() < whole
-
-
 def _enter_sweeps(race: Race) -> bool:
     return race.over("Newton") or race.over("splitting") if newton_first(race) or _splitting_first(race) else True
 
@@ -187,15 +158,15 @@ def _enter_newton(race: Race) -> bool:
         return False
     if _splitting_first(race):
         return race.over("splitting")
-    return newton_first(race) or _dearer_than_newton(race, _swept(race))
+    return newton_first(race) or dearer_than_newton(race, _swept(race))
 
 
 def _enter_proximal(race: Race) -> bool:
     if race.over("sweeps") and (race.over("Newton") or singular_here(race)):
         return True
     if not race.over("Newton"):
-        return singular_here(race) and _dearer_than_proximal(race, _swept(race))
-    return race.warm or race.joints is not None or _dearer_than_proximal(race, _swept(race))
+        return singular_here(race) and dearer_than_proximal(race, _swept(race))
+    return race.warm or race.joints is not None or dearer_than_proximal(race, _swept(race))
 
 
 def _at_first(race: Race, runner: Runner) -> bool:
@@ -246,7 +217,7 @@ STAGES: tuple[Stage, ...] = (
         turns=methods.sweeps,
         price=lambda race: race.prices.sweep,
         left=_plateau,
-        opens=_opening,
+        opens=opening,
         steady=True,
     ),
     Stage(
