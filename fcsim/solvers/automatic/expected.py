@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, faces, singular_here
+from fcsim.solvers.automatic.closed import closed, edges, faces
 from fcsim.solvers.automatic.race import Race, Runner
 
 FAR = 1e-3
@@ -38,7 +38,7 @@ def proximal_newton(race: Race) -> Expected:
     """What proximal Newton is expected to need."""
     if faces(race):
         return FACES
-    return EDGES if singular_here(race) else LOOSE
+    return EDGES if edges(race) else LOOSE
 
 
 def dearer_than_newton(race: Race, cost: float, expected: Expected = NEWTON) -> bool:

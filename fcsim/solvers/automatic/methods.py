@@ -48,9 +48,9 @@ SWEEPS = GaussSeidelOptions()
 PATHS = PathOptions()
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT, longest=LONGEST)
 FISCHER_BURMEISTER = NewtonOptions(formulation="FB", rho="spectral norm")
-PROXIMAL_OF_FACES = replace(PROXIMAL_NEWTON, metric="identity", alpha=1e-3, sigma=5.0, easy=8)
-"""Proximal Newton's options after the first sweeps where faces of bodies hold one another, as those of PPA-NSN-AC: alpha falls faster, and
-what it weighs is one number for all (of 24 problems of walls, towers, boxes, twins to 1e-8 three quarters of the iterations)."""
+PROXIMAL_OF_FACES = replace(PROXIMAL_NEWTON, metric="identity", sigma=5.0, easy=8)
+"""Proximal Newton's options after the first sweeps where faces of bodies hold one another: as with PPA-NSN-AC, alpha falls faster, and one
+number for all contacts weighs it."""
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
 
@@ -167,12 +167,6 @@ def _overtaken(race: Race, monitor: ShareOfMonitor, begin: Callable[[], Turns]) 
                 return iterate
             yield
             behind = race.best < OVERTAKEN * monitor.best
-
-
-def fresh_start(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from zero, never from another's iterate: that of sweeps brings self-stress along, which may stay."""
-    options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
-    return proximal_turns(race.problem, np.zeros(race.problem.m), monitor, options)
 
 
 def fischer_burmeister(race: Race, monitor: ShareOfMonitor) -> Turns:

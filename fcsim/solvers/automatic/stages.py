@@ -34,13 +34,6 @@ PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
-FRESH, NEAR = 40, 1e-6
-"""Iterations of proximal Newton after which it may have begun in the wrong place, and the error below which it is not that."""
-FRESH_COST, FRESH_SHARE = 20, 3.0
-"""Iterations that a fresh start takes to show whether it gets on, about; how many times as much must have been spent before it may."""
-FRESH_ALONE, FRESH_DECADE = 10, 5
-"""Iterations that a fresh start which arrives needs at first, and for each tenfold (it took 36 to 42 for 8 decades on four of five problems
-that it solved); one that is behind is given up, since those that were hardly ever arrived."""
 PATHS_AFTER = 60
 """Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed."""
 PROOF_SHARE = 4.0
@@ -48,6 +41,9 @@ PROOF_SHARE = 4.0
 TO_REST = 1.4
 """Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
 is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
+RESTING = 120
+"""Iterations within which each tenfold fall of those velocities comes where ADMM is the quickest: 35 to 110 on six arches that stood after
+96 to 317; 220 on an arch and a wall that took it 8629 and 812."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
 STUCK = 100
@@ -136,13 +132,13 @@ def _proximal_before_splitting(race: Race) -> bool:
     runner = race.runners.get("proximal Newton")
     if runner is None or runner.result is not None or not _at_first(race, runner):
         return runner is None
-    return not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
+    return race.warm or not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
 
 
 def _on_track(race: Race, runner: Runner) -> bool:
     """Each share of iterations brought the error down tenfold, and the last third of them down at all (in joints it swings longer); or all
     comes to rest."""
-    if runner.rest(1 / 3) > TO_REST:
+    if runner.rest(1 / 3) > TO_REST and (race.joints is not None or RESTING * runner.slowed() >= runner.monitor.iterations):
         return True
     if runner.decades() < runner.monitor.iterations // _share(race):
         return False
@@ -181,17 +177,6 @@ def _enter_paths(race: Race) -> bool:
     if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities or not singular_here(race):
         return False
     return runner.result is not None or runner.monitor.iterations >= PATHS_AFTER
-
-
-def _enter_fresh_start(race: Race) -> bool:
-    """Proximal Newton is at an end, or the second half of its iterations made the error no tenth smaller; nobody is about to arrive."""
-    runner = race.runners.get("proximal Newton")
-    if runner is None or race.best <= NEAR:
-        return False
-    cost = FRESH_COST * runner.price
-    if race.spent() < FRESH_SHARE * cost or any(other.needs() <= SLOWING * cost for other in race.running()):
-        return False
-    return runner.result is not None or (runner.monitor.iterations >= FRESH and runner.gain(0.5) < 1 / 0.9)
 
 
 def _enter_least_squares(race: Race) -> bool:
@@ -259,17 +244,6 @@ STAGES: tuple[Stage, ...] = (
         turns=methods.paths,
         price=lambda race: race.prices.piece,
         alone=lambda race, runner: True,
-    ),
-    Stage(
-        "fresh start",
-        "Proximal Newton from zero. Enters where that from the best iterate does not get on and nobody is about to arrive. Works alone; "
-        "left as soon as it needs more iterations for a tenfold than those that arrive.",
-        enters=_enter_fresh_start,
-        turns=methods.fresh_start,
-        price=lambda race: race.prices.proximal(closed(race)),
-        alone=lambda race, runner: True,
-        left=lambda race, runner: runner.monitor.iterations >= FRESH_ALONE + FRESH_DECADE * runner.decades(),
-        from_zero=True,
     ),
     Stage(
         "proof",
