@@ -9,6 +9,7 @@ import numpy as np
 
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
+from fcsim.solvers.automatic.closed import faces
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel.conjugate import nncg
@@ -47,6 +48,9 @@ SWEEPS = GaussSeidelOptions()
 PATHS = PathOptions()
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT, longest=LONGEST)
 FISCHER_BURMEISTER = NewtonOptions(formulation="FB", rho="spectral norm")
+PROXIMAL_OF_FACES = replace(PROXIMAL_NEWTON, metric="identity", sigma=5.0, easy=8)
+"""Proximal Newton's options after the first sweeps where faces of bodies hold one another: as with PPA-NSN-AC, alpha falls faster, and one
+number for all contacts weighs it."""
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
 
@@ -136,8 +140,9 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
     """Proximal Newton from the best iterate; where another method is well ahead, from its iterate."""
 
     def begin() -> Turns:
-        alpha = min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(race.best))) if race.prices.in_velocities else PROXIMAL_NEWTON.alpha
-        options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations, alpha=alpha)
+        options = PROXIMAL_OF_FACES if race.prices.in_velocities and not race.warm and faces(race) else PROXIMAL_NEWTON
+        alpha = min(options.alpha, ALPHA * float(np.sqrt(race.best))) if race.prices.in_velocities else options.alpha
+        options = replace(options, max_iterations=race.options.max_iterations, alpha=alpha)
         return proximal_turns(race.problem, race.best_r(), monitor, options)
 
     return _overtaken(race, monitor, begin)
@@ -162,12 +167,6 @@ def _overtaken(race: Race, monitor: ShareOfMonitor, begin: Callable[[], Turns]) 
                 return iterate
             yield
             behind = race.best < OVERTAKEN * monitor.best
-
-
-def fresh_start(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from zero, never from another's iterate: that of sweeps brings self-stress along, which may stay."""
-    options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
-    return proximal_turns(race.problem, np.zeros(race.problem.m), monitor, options)
 
 
 def fischer_burmeister(race: Race, monitor: ShareOfMonitor) -> Turns:

@@ -97,7 +97,6 @@ class Stage:
     alone          whether it goes on alone now, though nothing predicts its arrival
     left           whether it is given up now, beside what it decides itself
     steady         whether its rate so far says something about what comes
-    from_zero      whether it begins at r = 0, of error about 1, whatever the race has reached
     opens          whether nobody else is asked to enter now, since it is about to arrive for less than asking and setting up would cost
     """
 
@@ -109,7 +108,6 @@ class Stage:
     alone: Callable[[Race, Runner], bool] = lambda race, runner: False
     left: Callable[[Race, Runner], bool] = lambda race, runner: False
     steady: bool = False
-    from_zero: bool = False
     opens: Callable[[Race, Runner], bool] = lambda race, runner: False
 
 
@@ -121,7 +119,7 @@ class Runner:
         self.price = stage.price(race)
         self._turns = stage.turns(race, self.monitor)
         self.result: Iterate | None = None
-        self._course = [(0.0, 1.0 if stage.from_zero else min(race.monitor.best, 1e3))]
+        self._course = [(0.0, min(race.monitor.best, 1e3))]
         self._speeds = [(0.0, float("inf"))]
 
     @property
@@ -155,6 +153,11 @@ class Runner:
     def rest(self, share: float) -> float:
         """Factor by which the last share of what it has spent brought the velocities that it believes in down."""
         return _fall(self._speeds, share)
+
+    def slowed(self) -> float:
+        """Powers of ten by which the velocities that it believes in have fallen since it first said any."""
+        known = [speed for _, speed in self._speeds if np.isfinite(speed)]
+        return float(np.log10(known[0] / max(known[-1], 1e-300))) if known and known[0] > 0 else 0.0
 
     def needs(self) -> float:
         """What it will spend until it arrives, at the rate of the second half of what it has spent; infinite where that made no better."""

@@ -25,28 +25,15 @@ from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.closed import closed, singular_here
 from fcsim.solvers.automatic.costs import Prices
+from fcsim.solvers.automatic.expected import FAR, NEWTON, dearer_than_newton, dearer_than_proximal, opening
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.race import SLOWING, Race, RaceOptions, Runner, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
 
-FAR = 1e-3
-"""Error above which ADMM is tried, and Newton takes long."""
-NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 20, 7
-PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR = 30, 15
-"""What Newton and proximal Newton need from errors above and below `FAR`, about, in iterations."""
-BELIEVED = 10
-"""Iterations of Newton whose cost the sweeps of a problem of few contacts spend before their rate is believed, as in `small.door`."""
 PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
-FRESH, NEAR = 40, 1e-6
-"""Iterations of proximal Newton after which it may have begun in the wrong place, and the error below which it is not that."""
-FRESH_COST, FRESH_SHARE = 20, 3.0
-"""Iterations that a fresh start takes to show whether it gets on, about; how many times as much must have been spent before it may."""
-FRESH_ALONE, FRESH_DECADE = 10, 5
-"""Iterations that a fresh start which arrives needs at first, and for each tenfold (it took 36 to 42 for 8 decades on four of five problems
-that it solved); one that is behind is given up, since those that were hardly ever arrived."""
 PATHS_AFTER = 60
 """Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed."""
 PROOF_SHARE = 4.0
@@ -54,6 +41,9 @@ PROOF_SHARE = 4.0
 TO_REST = 1.4
 """Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
 is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
+RESTING = 120
+"""Iterations within which each tenfold fall of those velocities comes where ADMM is the quickest: 35 to 110 on six arches that stood after
+96 to 317; 220 on an arch and a wall that took it 8629 and 812."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
 STUCK = 100
@@ -74,21 +64,6 @@ class AutomaticOptions(RaceOptions):
         for name in self.without:
             if name not in known:
                 raise InputError(f"option without: expected names of {', '.join(known)}, got {name!r}")
-
-
-def _dearer_than_newton(race: Race, cost: float, from_far: int = NEWTON_FROM_FAR, from_near: int = NEWTON_FROM_NEAR) -> bool:
-    """Whether this costs more than Newton from here; the elimination is counted only where that decides."""
-    iterations = from_far if race.best > FAR else from_near
-    held = closed(race)
-    return cost > iterations * race.prices.least(held) and cost > iterations * race.prices.newton(held)
-
-
-def _dearer_than_proximal(race: Race, cost: float) -> bool:
-    """Whether this costs more than proximal Newton from here."""
-    if not race.prices.in_velocities:
-        return _dearer_than_newton(race, cost, PROXIMAL_FROM_FAR, PROXIMAL_FROM_NEAR)
-    iterations = PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR
-    return cost > iterations * race.prices.least_in_velocities and cost > iterations * race.prices.proximal(0)
 
 
 def _newton(race: Race) -> float:
@@ -134,7 +109,7 @@ def _splitting_first(race: Race) -> bool:
         return False
     prices = race.prices
     newton = prices.newton(0)
-    return prices.splitting(JOINTS_SHARE) + NEWTON_FROM_NEAR * newton < 0.7 * NEWTON_FROM_FAR * newton
+    return prices.splitting(JOINTS_SHARE) + NEWTON.near * newton < 0.7 * NEWTON.far * newton
 
 
 def _enter_splitting(race: Race) -> bool:
@@ -150,32 +125,24 @@ def _enter_splitting(race: Race) -> bool:
 
 def _proximal_before_splitting(race: Race) -> bool:
     """Whether proximal Newton has still to show what it does before ADMM enters: where it eliminates in the bodies' velocities, which takes
-    no longer than 20 to 30 of ADMM's iterations, few of which get on where bodies move."""
+    no longer than 20 to 30 of ADMM's iterations, few of which get on where bodies move. Where joints hold more than the bodies' velocities
+    they often come to rest, for which ADMM is the cheaper one: there it waits for as much as its own first iterations cost."""
     if race.joints is not None or not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
     runner = race.runners.get("proximal Newton")
-    return runner is None or (runner.result is None and _at_first(race, runner))
+    if runner is None or runner.result is not None or not _at_first(race, runner):
+        return runner is None
+    return race.warm or not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
 
 
 def _on_track(race: Race, runner: Runner) -> bool:
     """Each share of iterations brought the error down tenfold, and the last third of them down at all (in joints it swings longer); or all
     comes to rest."""
-    if runner.rest(1 / 3) > TO_REST:
+    if runner.rest(1 / 3) > TO_REST and (race.joints is not None or RESTING * runner.slowed() >= runner.monitor.iterations):
         return True
     if runner.decades() < runner.monitor.iterations // _share(race):
         return False
     return race.joints is not None or runner.monitor.iterations < 0.5 * _share(race) or runner.gain(1 / 3) > 1.0
-
-
-def _opening(race: Race, runner: Runner) -> bool:
-    """Whether the sweeps go on before anyone else is asked: they have not yet cost as much as the iterations of Newton after which their
-    rate is believed, or all of them will cost no more than Newton from here, whose elimination is not counted, which takes time itself."""
-    if not methods.kept(race) or len(race.runners) > 1:
-        return False
-    prices = race.prices
-    newton = prices.least_in_velocities if prices.in_velocities else prices.least(closed(race))
-    whole = (PROXIMAL_FROM_FAR if race.best > FAR else PROXIMAL_FROM_NEAR) * newton
-    return runner.spent < BELIEVED * newton or runner.spent + runner.needs() < whole
 
 
 def _enter_sweeps(race: Race) -> bool:
@@ -187,15 +154,15 @@ def _enter_newton(race: Race) -> bool:
         return False
     if _splitting_first(race):
         return race.over("splitting")
-    return newton_first(race) or _dearer_than_newton(race, _swept(race))
+    return newton_first(race) or dearer_than_newton(race, _swept(race))
 
 
 def _enter_proximal(race: Race) -> bool:
     if race.over("sweeps") and (race.over("Newton") or singular_here(race)):
         return True
     if not race.over("Newton"):
-        return singular_here(race) and _dearer_than_proximal(race, _swept(race))
-    return race.warm or race.joints is not None or _dearer_than_proximal(race, _swept(race))
+        return singular_here(race) and dearer_than_proximal(race, _swept(race))
+    return race.warm or race.joints is not None or dearer_than_proximal(race, _swept(race))
 
 
 def _at_first(race: Race, runner: Runner) -> bool:
@@ -210,17 +177,6 @@ def _enter_paths(race: Race) -> bool:
     if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities or not singular_here(race):
         return False
     return runner.result is not None or runner.monitor.iterations >= PATHS_AFTER
-
-
-def _enter_fresh_start(race: Race) -> bool:
-    """Proximal Newton is at an end, or the second half of its iterations made the error no tenth smaller; nobody is about to arrive."""
-    runner = race.runners.get("proximal Newton")
-    if runner is None or race.best <= NEAR:
-        return False
-    cost = FRESH_COST * runner.price
-    if race.spent() < FRESH_SHARE * cost or any(other.needs() <= SLOWING * cost for other in race.running()):
-        return False
-    return runner.result is not None or (runner.monitor.iterations >= FRESH and runner.gain(0.5) < 1 / 0.9)
 
 
 def _enter_least_squares(race: Race) -> bool:
@@ -246,7 +202,7 @@ STAGES: tuple[Stage, ...] = (
         turns=methods.sweeps,
         price=lambda race: race.prices.sweep,
         left=_plateau,
-        opens=_opening,
+        opens=opening,
         steady=True,
     ),
     Stage(
@@ -288,17 +244,6 @@ STAGES: tuple[Stage, ...] = (
         turns=methods.paths,
         price=lambda race: race.prices.piece,
         alone=lambda race, runner: True,
-    ),
-    Stage(
-        "fresh start",
-        "Proximal Newton from zero. Enters where that from the best iterate does not get on and nobody is about to arrive. Works alone; "
-        "left as soon as it needs more iterations for a tenfold than those that arrive.",
-        enters=_enter_fresh_start,
-        turns=methods.fresh_start,
-        price=lambda race: race.prices.proximal(closed(race)),
-        alone=lambda race, runner: True,
-        left=lambda race, runner: runner.monitor.iterations >= FRESH_ALONE + FRESH_DECADE * runner.decades(),
-        from_zero=True,
     ),
     Stage(
         "proof",

@@ -39,6 +39,8 @@ NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 30, 15
 """Iterations that Newton needs from errors above and below `FAR`, about: what sweeps may still cost."""
 MANY, FEWER = 220, 1.5
 """Contact unknowns that bear from which Newton in so many times fewer velocities of the bodies, which the race has, is the quicker one."""
+MANY_AGAIN = 100
+"""The same once Newton has failed here: in velocities it does not mind a W of far more unknowns than those (contacts and their twins)."""
 STILL = 0.999
 """Factor by which sweeps between two errors bring an error above `FAR` down at least, or they are at an end."""
 NO_ANSWER_YET = 5
@@ -74,13 +76,14 @@ def bearing(r, d):
 
 
 @njit(cache=True, nogil=True)
-def newton_price(r, d, velocities):
+def newton_price(r, d, velocities, many):
     """Seconds of an iteration of Newton on the reference machine, and whether it is one of the race's, in the bodies' velocities.
 
-    An LU of the unknowns of the contacts that bear, or of the velocities with the race's small steps, and W read.
+    An LU of the unknowns of the contacts that bear, or of the velocities with the race's small steps, and W read. many: `MANY`, or
+    `MANY_AGAIN`.
     """
     closed = bearing(r, d)
-    elsewhere = closed > max(MANY, FEWER * velocities)
+    elsewhere = closed > max(many, FEWER * velocities)
     steps = RATES[2] * NEWTON_STEPS if elsewhere else 0.0
     size = velocities if elsewhere else closed
     return 2.0 / 3.0 * size**3 / RATES[0] + PASSES * REAL * len(r) ** 2 / RATES[1] + steps, elsewhere
@@ -144,7 +147,8 @@ def solve_automatically(
     sweeps, sweeping, inside, of_newton, turn, far = 0, True, done, 0.0, int(done > 0), done > 0
     course[0, 0], history[0, 0] = 0.0, done
     while True:
-        price, elsewhere = newton_price(best, d, velocities)
+        many = MANY if turn == 0 else MANY_AGAIN
+        price, elsewhere = newton_price(best, d, velocities, many)
         allowed = of_newton if turn else first * price
         while sweeping and not far and not least <= tol:
             change, _, swept = sweep_conjugate(
@@ -170,7 +174,7 @@ def solve_automatically(
             if least > FAR and looks > 2 and least > STILL * before:
                 break
             spent = sweep_price * sweeps
-            price, elsewhere = newton_price(best, d, velocities)
+            price, elsewhere = newton_price(best, d, velocities, many)
             patience = (NEWTON_FROM_FAR if least > FAR else NEWTON_FROM_NEAR) * price
             if spent > budget or (spent > allowed and sweep_price * sweeps_left(course, looks, tol) > patience):
                 break

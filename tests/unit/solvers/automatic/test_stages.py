@@ -15,8 +15,11 @@ from fcsim.problem import Delassus, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
 from fcsim.solvers.automatic import stages
+from fcsim.solvers.automatic.costs import Prices
+from fcsim.solvers.automatic.expected import EDGES, FACES, LOOSE, Expected, proximal_newton
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor, Stage
-from fcsim.solvers.automatic.stages import STAGES
+from fcsim.solvers.automatic.stages import STAGES, AutomaticOptions
+from fcsim.solvers.base import Monitor
 from fcsim.solvers.turns import Turns
 
 
@@ -181,3 +184,36 @@ def test_proximal_newton_in_velocities_comes_before_admm(monkeypatch: pytest.Mon
     result = solve(local("walls", 300, 201), "auto")
     assert result.solved
     assert entered[:2] == ["sweeps", "proximal Newton"]
+
+
+BODIES = (("walls", FACES), ("towers", FACES), ("boxes", FACES), ("walls-2D", EDGES), ("spheres", LOOSE), ("disks", LOOSE))
+
+
+@pytest.mark.parametrize(("family", "expected"), BODIES)
+def test_what_proximal_newton_is_expected_to_need_follows_from_what_contacts_hold(family: str, expected: Expected) -> None:
+    """Four points a face and two an edge hold more than the bodies' velocities, grains that touch in one point each do not."""
+    p = local(family, 300, 7).stored()
+    answer = solve(p, "auto", tol=1e-4)
+    monitor = Monitor(p.q, p.mu, p.dimension, 1e-8)
+    prices = Prices(p, p.delassus.entries, None)
+    race = Race(p, p, monitor, AutomaticOptions(), prices, False, None, answer.r)
+    assert answer.solved and proximal_newton(race) == expected
+
+
+def test_admm_waits_for_what_its_first_iterations_cost_where_bodies_may_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arch of 1006 contacts that stands: proximal Newton does not take all of the twenty iterations that are its own elsewhere."""
+    spent = []
+
+    def noted(stage: Stage) -> Stage:
+        def turns(race: Race, monitor: ShareOfMonitor) -> Turns:
+            if stage.name == "splitting":
+                newton = race.runners["proximal Newton"]
+                spent.append((newton.monitor.iterations, newton.spent / race.prices.splitting(race.options.splitting)))
+            return stage.turns(race, monitor)
+
+        return replace(stage, turns=turns)
+
+    monkeypatch.setattr("fcsim.solvers.automatic.stages.STAGES", tuple(noted(stage) for stage in STAGES))
+    assert solve(local("arches", 1000, 42), "auto").solved
+    (iterations, share), *others = spent
+    assert not others and share >= 1 and iterations < stages.PROXIMAL_ALONE

@@ -183,3 +183,13 @@ def test_sweeps_whose_error_stays_are_left(calls: list[Call]) -> None:
     by_the_door(reduced(problems("rods", 60, 3)).local, "auto")
     assert calls[0][3][:3, 0].tolist() == [0, door.AUTO_LOOK, 2 * door.AUTO_LOOK]
     assert calls[0][3][3, 0] - calls[0][3][2, 0] < 2 * door.AUTO_LOOK
+
+
+def test_where_newton_has_failed_the_race_takes_over_in_the_bodies_velocities(calls: list[Call]) -> None:
+    """104 contacts between boxes of 48 velocities, each with a twin: Newton from zero is not tried where those are known."""
+    p = reduced(problems("near-singular", 200, 501)).local
+    assert by_the_door(p, "auto") is None
+    known = calls[-1][1]
+    by_the_door(replace(p, motion=None), "auto")
+    assert p.motion is not None and p.motion.M.shape[0] == 48 and known < calls[-1][1]
+    assert solve(p, "auto").solved

@@ -1,0 +1,67 @@
+"""What Newton's methods are expected to need from where a race is, and whether what others still cost is more than that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fcsim.solvers.automatic import methods
+from fcsim.solvers.automatic.closed import closed, edges, faces
+from fcsim.solvers.automatic.race import Race, Runner
+
+FAR = 1e-3
+"""Error above which ADMM is tried, and Newton takes long."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Iterations: what a method needs, about, from errors above `FAR` and from below."""
+
+    far: float
+    near: float
+
+    def here(self, race: Race) -> float:
+        """From the race's best iterate."""
+        return self.far if race.best > FAR else self.near
+
+
+NEWTON = Expected(20, 7)
+LOOSE, EDGES, FACES = Expected(60, 30), Expected(30, 15), Expected(8, 4)
+"""Proximal Newton where bodies touch loosely, where edges of 2D bodies hold one another, and where faces do. In beds of grains it has to
+find out which contacts slide, for which it takes 30 to 400 iterations, and sweeps get on; a wall of bricks takes it 10 to 25, and sweeps
+hundreds for each tenfold, since four points a face share their load in many ways."""
+BELIEVED, BELIEVED_OF_FACES = 10, 2
+"""Iterations of Newton whose cost the sweeps of a problem of few contacts spend before their rate is believed, as in `small.door`; and
+where faces hold one another."""
+
+
+def proximal_newton(race: Race) -> Expected:
+    """What proximal Newton is expected to need."""
+    if faces(race):
+        return FACES
+    return EDGES if edges(race) else LOOSE
+
+
+def dearer_than_newton(race: Race, cost: float, expected: Expected = NEWTON) -> bool:
+    """Whether this costs more than Newton from here; the elimination is counted only where that decides."""
+    iterations, held = expected.here(race), closed(race)
+    return cost > iterations * race.prices.least(held) and cost > iterations * race.prices.newton(held)
+
+
+def dearer_than_proximal(race: Race, cost: float) -> bool:
+    """Whether this costs more than proximal Newton from here."""
+    expected = proximal_newton(race)
+    if not race.prices.in_velocities:
+        return dearer_than_newton(race, cost, expected)
+    iterations = expected.here(race)
+    return cost > iterations * race.prices.least_in_velocities and cost > iterations * race.prices.proximal(0)
+
+
+def opening(race: Race, runner: Runner) -> bool:
+    """Whether the sweeps go on before anyone else is asked: they have not yet cost as much as the iterations of Newton after which their
+    rate is believed, or all of them will cost no more than Newton from here, whose elimination is not counted, which takes time itself."""
+    if not methods.kept(race) or len(race.runners) > 1:
+        return False
+    prices = race.prices
+    newton = prices.least_in_velocities if prices.in_velocities else prices.least(closed(race))
+    believed = BELIEVED_OF_FACES if faces(race) else BELIEVED
+    return runner.spent < believed * newton or runner.spent + runner.needs() < proximal_newton(race).here(race) * newton
