@@ -13,11 +13,14 @@ and with Q in the place of (A E + B)^-1 the preconditioner is the inverse of A (
 I + G^T Q A G is the wall of bodies with k degrees of freedom each on joints as stiff as their contacts' status makes them: it carries what
 goes from body to body, so that iterations hardly grow with the number of bodies. It is sparse, and all that is factored as a whole.
 
-Far from a solution GMRES works on P^-1 (A W + B) dr = P^-1 rhs, whose defect is one of reactions: a defect of 1e-2 in velocities is
-large in reactions, and statuses follow from it. Near a solution it works on (A W + B) P^-1 x = rhs, whose defect is what Newton's next
-residual contains: reactions that W hardly resists are large in dr and count for nothing there. The accuracy follows from the factor by
-which that residual has still to fall (R. S. Dembo, S. C. Eisenstat, T. Steihaug, SIAM J. Numer. Anal. 19, 1982). Rows are scaled by the
-contacts' own compliances before: what an adapting rho does to them counts neither in a defect nor as a change of A.
+GMRES works on (A W + B) P^-1 x = rhs, whose defect is what Newton's next residual contains. Rows are scaled by the contacts' own
+compliances before: what an adapting rho does to them counts neither in a defect nor as a change of A. The accuracy follows from the factor
+by which that residual has still to fall (R. S. Dembo, S. C. Eisenstat, T. Steihaug, SIAM J. Numer. Anal. 19, 1982).
+
+GMRES ends before where the defect comes to a plateau. Reactions in a checkerboard over the contacts of joints, of one amplitude from joint
+to joint, move nothing but what is at the wall's ends: W resists them a million times less than a push on one contact. What is left of a
+defect in these motions takes ten times the iterations of all the rest, and reactions in them so large that they open and release contacts
+anywhere: Newton's method does better without.
 
 A joint's Q is computed anew where A or B of one of its contacts has changed by more than CHANGED: P is that of A and B with these changes.
 So it goes from iteration to iteration and, with E and G of the earlier W, from step to step, where entries of W need not be summed at all.
@@ -48,14 +51,12 @@ from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
 from fcsim.threads import pieces_by_work, side_by_side
 
-ACCURACY, CLOSE, FORESEEN, SAFETY = 1e-2, 1e-3, 1e-5, 0.1
-"""Defect relative to the right-hand side, as reactions and, near a solution, in Newton's residual. As reactions 1e-3 takes twice the
-iterations of GMRES for as many of Newton's. FORESEEN: in the residual, of a step's first system, which has the last step's statuses: most
-of them hold, and what is left of a defect opens and releases others. With 1e-2 as reactions steps of walls take twice the iterations of
-both. Where Newton's residual is near the tolerance a defect of SAFETY times what is left is enough."""
-NEAR = 3e-4
-"""Factor by which Newton's residual has still to fall from which the defect is measured in it. As reactions to the end, steps of walls take
-as many iterations of Newton's, the late ones two to three times GMRES'; in the residual from the beginning one or two more of Newton's."""
+ACCURACY, FORESEEN, SAFETY = 1e-3, 1e-5, 0.3
+"""Defect relative to the right-hand side: of a system; of a step's first one, which has the last step's statuses: most of them hold, and
+what is left of a defect opens and releases others; with 1e-4 steps of walls take a fifth more iterations. Where Newton's residual is near
+the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more."""
+PLATEAU = 0.2
+"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau."""
 CHANGED = 0.05
 """Change of a contact's A, relative to its largest entry, or of its B, up to which the joints' blocks stay."""
 ITERATIONS, ENOUGH = 200, 0.3
@@ -209,19 +210,14 @@ class TwoLevelSystem:
         def product(x: FloatArray) -> FloatArray:
             return apply_blocks(A, self._product(x).reshape(shape), B, x.reshape(shape)).ravel()
 
-        def as_reactions(x: FloatArray) -> FloatArray:
-            return precondition(product(x))
-
-        near = foreseen or needed >= NEAR
-        given = rhs.ravel() if near else precondition(rhs.ravel())
-        size = float(np.linalg.norm(given))
-        accuracy = max(FORESEEN if foreseen else CLOSE if near else ACCURACY, min(ENOUGH, SAFETY * needed))
-        way = (product, precondition) if near else (as_reactions, _itself)
-        found = gmres(*way, given, accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size)
+        size = float(np.linalg.norm(rhs))
+        accuracy = max(FORESEEN if foreseen else ACCURACY, min(ENOUGH, SAFETY * needed))
+        limits = accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size, PLATEAU * size
+        found = gmres(product, precondition, rhs.ravel(), *limits)
         return None if found is None else found[0]
 
     def _scaled(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """A, B (nc, d, d) and rhs (nc, d) with rows of one size whatever rho is: as reactions, by the contacts' own compliances."""
+        """A, B (nc, d, d) and rhs (nc, d) with rows of one size whatever rho is, as reactions, by the contacts' own compliances."""
         size = np.abs(A).max(2) * self._diagonal.mean(1)[:, None] + np.abs(B).max(2)
         size[:, 1:] = size[:, 1:].max(1, keepdims=True)  # both tangential rows alike
         scale = 1 / np.where(size > 0, size, 1.0)
@@ -231,8 +227,3 @@ class TwoLevelSystem:
 def _largest_joint(bodies: IntArray, count: int) -> int:
     """The most contacts (nc, 2) that one pair of `count` bodies has."""
     return int(np.unique(numbers_of_pairs(bodies, count), return_counts=True)[1].max(initial=0))
-
-
-def _itself(x: FloatArray) -> FloatArray:
-    """GMRES' preconditioner where the system is preconditioned already."""
-    return x
