@@ -98,7 +98,7 @@ class Preconditioner:
         S[joints.diagonal] = np.eye(k)
         kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
         coarse = BlockRows(sp.bsr_array((S, joints.coarse_columns, joints.coarse_begins), shape=(n * k, n * k)), k)
-        self._coarse = Multifrontal(coarse, np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k)), np.ones(n, dtype=bool))
+        self._coarse = Multifrontal(coarse, np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k)), np.ones(n, dtype=bool), np.float32)
 
     def following(self, shares: BodyShares, bodies: IntArray, diagonal: FloatArray) -> Preconditioner | None:
         """The same for the W of a later step, a value of its own; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly
@@ -135,7 +135,7 @@ class Preconditioner:
         c = np.zeros((joints.count, MOTIONS), dtype=np.float32)
         kernels.restrict(joints.G32, joints.bodies, self._joint_by_joint(x), c)
         order = self._coarse.contacts
-        c[order] = self._coarse.solve(c[order].astype(float))
+        c[order] = self._coarse.solve(c[order])
         rest = np.empty_like(x)
         kernels.less_motions(self._A32, joints.G32, joints.bodies, c, x, rest)
         step = np.empty(x.shape)
