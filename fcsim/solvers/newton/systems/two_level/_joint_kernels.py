@@ -261,3 +261,43 @@ def less_motions(A, G, bodies, c, x, out):
             for j in range(d):
                 total -= A[a, i, j] * u[j]
             out[a, i] = total
+
+
+@njit(cache=True)
+def normalised(A, B, rhs, compliance):
+    """(A c + B)^-1 times A, B (nc, d, d) and rhs (nc, d), contact by contact, for the compliances c (nc,): Gauss' elimination with pivots.
+
+    Where A c + B is singular A, B and rhs stay as they are.
+    """
+    nc, d = rhs.shape
+    A, B, rhs = A.copy(), B.copy(), rhs.copy()
+    rows = np.empty((d, 3 * d + 1))
+    for a in range(nc):
+        for i in range(d):
+            for j in range(d):
+                rows[i, j] = A[a, i, j] * compliance[a] + B[a, i, j]
+                rows[i, d + j], rows[i, 2 * d + j] = A[a, i, j], B[a, i, j]
+            rows[i, 3 * d] = rhs[a, i]
+        regular = True
+        for k in range(d):
+            best = k
+            for i in range(k + 1, d):
+                if abs(rows[i, k]) > abs(rows[best, k]):
+                    best = i
+            if rows[best, k] == 0:
+                regular = False
+                break
+            for j in range(k, 3 * d + 1):
+                rows[k, j], rows[best, j] = rows[best, j], rows[k, j]
+            for j in range(3 * d, k - 1, -1):
+                rows[k, j] /= rows[k, k]
+            for i in range(d):
+                if i != k and rows[i, k] != 0:
+                    for j in range(3 * d, k - 1, -1):
+                        rows[i, j] -= rows[i, k] * rows[k, j]
+        if regular:
+            for i in range(d):
+                for j in range(d):
+                    A[a, i, j], B[a, i, j] = rows[i, d + j], rows[i, 2 * d + j]
+                rhs[a, i] = rows[i, 3 * d]
+    return A, B, rhs

@@ -13,8 +13,9 @@ and with Q in the place of (A E + B)^-1 the preconditioner is the inverse of A (
 I + G^T Q A G is the wall of bodies with k degrees of freedom each on joints as stiff as their contacts' status makes them: it carries what
 goes from body to body, so that iterations hardly grow with the number of bodies. It is sparse, and all that is factored as a whole.
 
-GMRES works on (A W + B) P^-1 x = rhs, whose defect is what Newton's next residual contains. Rows are scaled by the contacts' own
-compliances before: what an adapting rho does to them counts neither in a defect nor as a change of A. The accuracy follows from the factor
+GMRES works on (A W + B) P^-1 x = rhs, whose defect is what Newton's next residual contains. Each contact's rows are multiplied by
+(A c + B)^-1 before, c its own compliance: they are then reactions, of contacts that slide too, and what an adapting rho does to them counts
+neither in a defect nor as a change of A and B. The accuracy follows from the factor
 by which that residual has still to fall (R. S. Dembo, S. C. Eisenstat, T. Steihaug, SIAM J. Numer. Anal. 19, 1982).
 
 GMRES ends before where the defect comes to a plateau. Reactions in a checkerboard over the contacts of joints, of one amplitude from joint
@@ -55,7 +56,7 @@ ACCURACY, FORESEEN, SAFETY = 1e-3, 1e-5, 0.3
 """Defect relative to the right-hand side: of a system; of a step's first one, which has the last step's statuses: most of them hold, and
 what is left of a defect opens and releases others; with 1e-4 steps of walls take a fifth more iterations. Where Newton's residual is near
 the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more."""
-PLATEAU = 0.2
+PLATEAU = 0.05
 """Defect, relative to the right-hand side, from which on GMRES ends on a plateau."""
 CHANGED = 0.05
 """Change of a contact's A, relative to its largest entry, or of its B, up to which the joints' blocks stay."""
@@ -84,7 +85,7 @@ class Preconditioner:
 
     def update(self, A: FloatArray, B: FloatArray) -> None:
         """Make it the one of A and B, but for changes up to CHANGED."""
-        joints, k, n = self._joints, MOTIONS, self._joints.count
+        joints = self._joints
         changed = self._changed(A[joints.order], B[joints.order])
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
         out = (self._Q, joints.Q_starts, self._T, joints.T_starts)
@@ -94,11 +95,17 @@ class Preconditioner:
         except np.linalg.LinAlgError:
             raise SingularMatrix("a joint's block is singular") from None
         self._A32 = self._A.astype(np.float32)
+        self._coarse = self._motions()
+
+    def _motions(self) -> Multifrontal:
+        """The factor of I + G^T Q A G."""
+        joints, k, n = self._joints, MOTIONS, self._joints.count
         S = np.zeros((len(joints.coarse_columns), k, k))
         S[joints.diagonal] = np.eye(k)
         kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
         coarse = BlockRows(sp.bsr_array((S, joints.coarse_columns, joints.coarse_begins), shape=(n * k, n * k)), k)
-        self._coarse = Multifrontal(coarse, np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k)), np.ones(n, dtype=bool), np.float32)
+        one, none = np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k))
+        return Multifrontal(coarse, one, none, np.ones(n, dtype=bool), np.float32)
 
     def following(self, shares: BodyShares, bodies: IntArray, diagonal: FloatArray) -> Preconditioner | None:
         """The same for the W of a later step, a value of its own; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly
@@ -185,7 +192,7 @@ class TwoLevelSystem:
         """
         if not self.pays:
             return None
-        A, B, rhs = self._scaled(A, B, rhs)
+        A, B, rhs = kernels.normalised(A, B, rhs, self._diagonal.mean(1))
         found = None
         if self._precondition is None and self._kept is not None and self._bodies is not None:
             self._precondition = self._kept.following(self._shares, self._bodies[0], self._diagonal)
@@ -215,13 +222,6 @@ class TwoLevelSystem:
         limits = accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size, PLATEAU * size
         found = gmres(product, precondition, rhs.ravel(), *limits)
         return None if found is None else found[0]
-
-    def _scaled(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """A, B (nc, d, d) and rhs (nc, d) with rows of one size whatever rho is, as reactions, by the contacts' own compliances."""
-        size = np.abs(A).max(2) * self._diagonal.mean(1)[:, None] + np.abs(B).max(2)
-        size[:, 1:] = size[:, 1:].max(1, keepdims=True)  # both tangential rows alike
-        scale = 1 / np.where(size > 0, size, 1.0)
-        return A * scale[:, :, None], B * scale[:, :, None], rhs * scale
 
 
 def _largest_joint(bodies: IntArray, count: int) -> int:

@@ -23,6 +23,7 @@ from fcsim.problem.bodies.shares import BodyShares, KnownShares, compliant_motio
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.newton.systems import condensed
+from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level import system as two_level
 from fcsim.solvers.newton.systems.two_level.joints import Joints
 from fcsim.solvers.newton.systems.two_level.system import TwoLevelSystem
@@ -237,6 +238,26 @@ def test_the_step_is_that_of_a_dense_solve(accuracy: float, near: float, monkeyp
     exact = np.linalg.solve(J, rhs.ravel())
     assert np.linalg.norm(found[0] - exact) <= near * np.linalg.norm(exact)
     assert_allclose(found[1], rows.W @ found[0], atol=1e-10 * np.abs(found[1]).max())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_rows_of_contacts_are_those_of_the_inverse_and_do_not_depend_on_rho(d: int) -> None:
+    """(A c + B)^-1 [A, B, rhs] as NumPy has it; rows multiplied by anything regular before give the same; singular ones stay."""
+    rng = np.random.default_rng(4)
+    A, B, rhs, c = rng.standard_normal((20, d, d)), rng.standard_normal((20, d, d)), rng.standard_normal((20, d)), rng.uniform(1, 2, 20)
+    A[0], B[1] = 0, 0
+    A[2, 0, 0] = B[2, 0, 0] = 0  # a pivot that is zero
+    A[3], B[3] = np.eye(d), -c[3] * np.eye(d)
+    found = kernels.normalised(A, B, rhs, c)
+    inverse = np.linalg.inv((A * c[:, None, None] + B)[np.arange(20) != 3])
+    for own, given in zip(found, (A, B, rhs[:, :, None]), strict=True):
+        assert_array_equal(own[3], given[3].reshape(own[3].shape))
+        others = np.delete(given, 3, axis=0)
+        assert_allclose(np.delete(own, 3, axis=0).reshape(others.shape), inverse @ others, rtol=1e-9, atol=1e-9)
+    T = rng.standard_normal((20, d, d)) + 3 * np.eye(d)
+    T[3] = np.eye(d)
+    for own, other in zip(found, kernels.normalised(T @ A, T @ B, np.einsum("aij,aj->ai", T, rhs), c), strict=True):
+        assert_allclose(other, own, rtol=1e-8, atol=1e-8)
 
 
 def test_iterations_do_not_grow_with_the_wall(monkeypatch: pytest.MonkeyPatch) -> None:
