@@ -7,7 +7,7 @@ which is what is asked here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -67,9 +67,17 @@ def gmres(
         flat = left <= plateau and j > FLAT_FOR and left > FLAT * defects[-1 - FLAT_FOR]
         if left <= target or flat or (j + 1 == limit and left <= enough):
             y = np.linalg.solve(R[: j + 1, : j + 1], g[: j + 1])
-            return np.tensordot(y, steps, 1), y
+            return combined(y, steps), y
         hopeless = j + 1 >= patience and np.log(left / beta) * HOPE * limit > np.log(target / beta) * (j + 1)
         if hopeless or size == 0:
             return None
         basis.append(w / size)
     return None
+
+
+def combined(y: FloatArray, vectors: Sequence[FloatArray]) -> FloatArray:
+    """sum of y_i times vector i (n,), without a copy of all of them."""
+    total = y[0] * vectors[0]
+    for factor, vector in zip(y[1:], vectors[1:], strict=True):
+        total += factor * vector
+    return total

@@ -44,7 +44,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
-from fcsim.linear.krylov import gmres
+from fcsim.linear.krylov import combined, gmres
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
@@ -75,7 +75,8 @@ class Preconditioner:
     def __init__(self, joints: Joints) -> None:
         self._joints, self._steps = joints, 0
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q; by the order of the joints
-        self._Q, self._T = np.empty(joints.Q_starts[-1], dtype=np.float32), np.empty(joints.T_starts[-1])
+        self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
+        self._T = np.empty(joints.T_starts[-1])
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
 
     @property
@@ -88,7 +89,7 @@ class Preconditioner:
         joints = self._joints
         changed = self._changed(A[joints.order], B[joints.order])
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
-        out = (self._Q, joints.Q_starts, self._T, joints.T_starts)
+        out = (self._Q, joints.Q_starts, self._V, joints.V_starts, self._T, joints.T_starts)
         which = [i + np.flatnonzero(changed[i:j]) for i, j in joints.ranges]
         try:
             side_by_side([partial(kernels.invert_joints, *given, out, own) for own in which if len(own)])
@@ -118,7 +119,7 @@ class Preconditioner:
         if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
             return None
         other = copy(self)
-        other._A, other._B, other._Q, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._T))
+        other._A, other._B, other._Q, other._V, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._V, self._T))
         other._steps += 1
         return other
 
@@ -140,7 +141,10 @@ class Preconditioner:
         joints = self._joints
         x = x.reshape(-1, joints.d)[joints.order].astype(np.float32)
         c = np.zeros((joints.count, MOTIONS), dtype=np.float32)
-        kernels.restrict(joints.G32, joints.bodies, self._joint_by_joint(x), c)
+        sums = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32)
+        given = (self._V, joints.V_starts, joints.begins, joints.wide)
+        side_by_side([partial(kernels.sum_joints, *given, begin, end, x, sums) for begin, end in self._ranges])
+        kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
         order = self._coarse.contacts
         c[order] = self._coarse.solve(c[order])
         rest = np.empty_like(x)
@@ -202,26 +206,31 @@ class TwoLevelSystem:
             self._precondition = self._anew()
             found = self._by(self._precondition, A, B, rhs, needed, foreseen=foreseen)
         self.pays = found is not None
-        return None if found is None else (found, self._product(found))
+        return found
 
     def _by(
         self, precondition: Preconditioner, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float, *, foreseen: bool
-    ) -> FloatArray | None:
-        """dr (m,) by GMRES with this preconditioner; None where that does not get there."""
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """dr and W dr (m,) by GMRES with this preconditioner; None where that does not get there."""
         shape = rhs.shape
+        images: list[FloatArray] = []  # W times the steps
         try:
             precondition.update(A, B)
         except SingularMatrix:
             return None
 
         def product(x: FloatArray) -> FloatArray:
-            return apply_blocks(A, self._product(x).reshape(shape), B, x.reshape(shape)).ravel()
+            images.append(self._product(x))
+            return apply_blocks(A, images[-1].reshape(shape), B, x.reshape(shape)).ravel()
 
         size = float(np.linalg.norm(rhs))
         accuracy = max(FORESEEN if foreseen else ACCURACY, min(ENOUGH, SAFETY * needed))
         limits = accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size, PLATEAU * size
         found = gmres(product, precondition, rhs.ravel(), *limits)
-        return None if found is None else found[0]
+        if found is None:
+            return None
+        dr, y = found
+        return dr, combined(y, images) if len(y) else np.zeros_like(dr)
 
 
 def _largest_joint(bodies: IntArray, count: int) -> int:
