@@ -15,7 +15,7 @@ from fcsim.arrays import FloatArray
 
 PATIENCE, HOPE = 4, 1.5
 """After PATIENCE iterations GMRES is given up when its mean reduction would need more than HOPE times the iterations that it has."""
-FLAT, FLAT_FOR = 0.7, 3
+FLAT, FLAT_FOR = 0.8, 3
 """On a plateau the last FLAT_FOR iterations have reduced the defect by no more than FLAT."""
 
 

@@ -69,4 +69,4 @@ def test_on_a_plateau_it_ends_from_the_defect_on_that_is_asked_for() -> None:
     assert early < late
     shorter = gmres(lambda x: A @ x, lambda x: x, b, 0.0, early - 3, 100, enough=size)
     assert shorter is not None
-    assert left > 0.7 * np.linalg.norm(b - A @ shorter[0]) / size  # the last three brought hardly anything
+    assert left > 0.8 * np.linalg.norm(b - A @ shorter[0]) / size  # the last three brought hardly anything

@@ -239,7 +239,7 @@ def sum_joints(V, V_starts, begins, wide, first, last, x, sums):
 
 @njit(cache=True)
 def add_to_bodies(sums, cuts, bodies, c):
-    """Add the joints' sums (joints, 2 k) to c (bodies, k) of their own bodies, those of their first contacts: bodies (nc, 2), -1 for none."""
+    """Add the joints' sums (joints, 2 k) to c (bodies, k) of their own bodies; bodies (nc, 2), -1 for none."""
     k = c.shape[1]
     for joint in range(len(sums)):
         at = 0

@@ -138,6 +138,35 @@ def test_one_joint_is_solved_by_the_preconditioner_itself() -> None:
     assert np.linalg.norm(P(J @ x) - x) <= 1e-3 * np.linalg.norm(x)
 
 
+def test_the_preconditioner_is_the_formula_that_it_is_given_by() -> None:
+    """Q - Q A G (I + G^T Q A G)^-1 G^T Q with dense matrices, joint by joint with its neighbours; single precision."""
+    shares, rows, _ = shares_and_rows(step_of("3", "3.5"))
+    found = shares.bodies()
+    assert found is not None
+    joints, W = Joints(rows, shares, *found), rows.W.toarray()
+    A, B = linearisation(len(joints.order), float(rows.W.diagonal().mean()))
+    dofs = (3 * joints.order[:, None] + np.arange(3)).ravel()  # in the order of the joints
+    A_whole, B_whole, W = sla.block_diag(*A[joints.order]), sla.block_diag(*B[joints.order]), W[np.ix_(dofs, dofs)]
+    G = np.zeros((len(dofs), 12 * shares.count))
+    for a, (pair, own) in enumerate(zip(joints.bodies, joints.modes[0], strict=True)):
+        for side in range(2):
+            if pair[side] >= 0:
+                G[3 * a : 3 * a + 3, 12 * pair[side] : 12 * pair[side] + 12] = own[:, 12 * side : 12 * side + 12]
+    local = A_whole @ (W - G @ G.T + joints.shift * np.eye(len(W))) + B_whole
+    Q = np.zeros_like(W)
+    for k in range(len(joints.cuts) - 1):
+        wide = (3 * joints.wide[joints.begins[k] : joints.begins[k + 1], None] + np.arange(3)).ravel()
+        inner = slice(3 * joints.cuts[k], 3 * joints.cuts[k + 1])
+        Q[inner, wide] = np.linalg.inv(local[np.ix_(wide, wide)])[: inner.stop - inner.start]
+    x = np.random.default_rng(0).standard_normal(len(dofs))
+    c = np.linalg.solve(np.eye(G.shape[1]) + G.T @ Q @ A_whole @ G, G.T @ Q @ x)
+    expected = Q @ (x - A_whole @ G @ c)
+    P, given = two_level.Preconditioner(joints), np.empty_like(x)
+    P.update(A, B)
+    given[dofs] = x
+    assert np.linalg.norm(P(given)[dofs] - expected) <= 1e-3 * np.linalg.norm(expected)
+
+
 def test_of_changed_contacts_the_joints_with_them_are_computed_anew() -> None:
     """After A and B of some contacts changed the preconditioner is bit for bit the one made for them; small changes change no bit."""
     shares, rows, _ = shares_and_rows(step_of("3", "3.5"))
