@@ -130,7 +130,7 @@ class Multifrontal:
         F21[:] = self._getrs(lu, own, F21.T, overwrite_b=True)[0].T
         F22 -= F21 @ F12
 
-    def solve(self, rhs: FloatArray) -> NDArray[np.floating]:
+    def solve(self, rhs: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return x (k, d) of the active contacts for rhs (k, d), both in the order of `contacts`."""
         x = rhs.astype(self._dtype).ravel()
         solve_by_fronts(*self._by_fronts, x)

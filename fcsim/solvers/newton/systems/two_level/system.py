@@ -56,8 +56,9 @@ ACCURACY, FORESEEN, SAFETY = 1e-3, 1e-5, 0.3
 """Defect relative to the right-hand side: of a system; of a step's first one, which has the last step's statuses: most of them hold, and
 what is left of a defect opens and releases others; with 1e-4 steps of walls take a fifth more iterations. Where Newton's residual is near
 the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more."""
-PLATEAU = 0.05
-"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau."""
+PLATEAU, PATIENCE, LESS = 0.05, 2, 0.7
+"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau; but for every PATIENCE-th system while Newton's residual
+stays above LESS of its least: two contacts may take turns for ever, each opened by what the other's system left."""
 CHANGED = 0.05
 """Change of a contact's A, relative to its largest entry, or of its B, up to which the joints' blocks stay."""
 ITERATIONS, ENOUGH = 200, 0.3
@@ -161,6 +162,7 @@ class TwoLevelSystem:
         """known: the shares of the matrix of `rows`; kept: what the system of an earlier W of the same contacts has left."""
         self._rows, self._shares, self._kept = rows, known.make(), kept
         self._precondition: Preconditioner | None = None
+        self._nearest, self._waited = 0.0, 0  # the largest `needed` so far, and systems since it grew
         self._bodies = self._shares.bodies()
         self.pays = self._bodies is not None and _largest_joint(self._bodies[0], self._shares.count) <= JOINT_UP_TO
 
@@ -196,6 +198,7 @@ class TwoLevelSystem:
         """
         if not self.pays:
             return None
+        self._nearest, self._waited = (needed, 0) if self._nearest < LESS * needed else (self._nearest, self._waited + 1)
         A, B, rhs = kernels.normalised(A, B, rhs, self._diagonal.mean(1))
         found = None
         if self._precondition is None and self._kept is not None and self._bodies is not None:
@@ -225,7 +228,8 @@ class TwoLevelSystem:
 
         size = float(np.linalg.norm(rhs))
         accuracy = max(FORESEEN if foreseen else ACCURACY, min(ENOUGH, SAFETY * needed))
-        limits = accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size, PLATEAU * size
+        plateau = 0.0 if self._waited % PATIENCE == PATIENCE - 1 else PLATEAU * size
+        limits = accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size, plateau
         found = gmres(product, precondition, rhs.ravel(), *limits)
         if found is None:
             return None

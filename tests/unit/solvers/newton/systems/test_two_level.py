@@ -318,6 +318,26 @@ def test_iterations_do_not_grow_with_the_wall(monkeypatch: pytest.MonkeyPatch) -
     assert counts[1] <= 60
 
 
+def test_where_the_residual_does_not_fall_every_other_system_goes_on_beyond_a_plateau(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And each one ends on it while the residual falls."""
+    _, rows, known = shares_and_rows(step_of("3", "3.5"))
+    nc = len(rows.indptr) - 1
+    A, B = linearisation(nc, float(rows.W.diagonal().mean()))
+    given: list[float] = []
+    solve = two_level.gmres
+
+    def watched(*arguments: object) -> object:
+        given.append(arguments[-1])  # type: ignore[arg-type]
+        return solve(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(two_level, "gmres", watched)
+    system = TwoLevelSystem(rows, known)
+    rhs = np.random.default_rng(2).standard_normal((nc, 3))
+    for needed in (1e-3, 2e-3, 2.1e-3, 1e-3, 2.5e-3, 4e-3, 1e-2):
+        assert system.solve(A, B, rhs, needed) is not None
+    assert [plateau > 0 for plateau in given] == [True, True, False, True, False, True, True]
+
+
 def test_the_bits_do_not_depend_on_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     _, rows, known = shares_and_rows(step_of("3", "3.5"))
     nc = len(rows.indptr) - 1
