@@ -243,3 +243,33 @@ def times_blocks(blocks, cuts, which, x):
             image[i] = dot(blocks[at + i * n : at + (i + 1) * n], own)
         own[:] = image[:n]
         at += n * n
+
+
+@njit(cache=True, nogil=True)
+def solve_by_fronts(values, sizes, pivots, borders, x):
+    """Overwrite x with (A W + B)^-1 x, by the fronts of `fronts.Multifrontal`: one call for all, as in `forward`.
+
+    values: front by front LU of F11^T by columns, with its pivots as SciPy counts them, then the rows of F21 F11^-1 and those of F12.
+    """
+    first, at, edge = 0, 0, 0
+    for f in range(len(sizes)):
+        n, b = sizes[f]
+        own, border, F21 = x[first : first + n], borders[edge : edge + b], at + n * n
+        for i in range(b):
+            x[border[i]] -= dot(values[F21 + i * n : F21 + (i + 1) * n], own)
+        first, at, edge = first + n, at + n * (n + 2 * b), edge + b
+    above = np.empty(sizes[:, 1].max() if len(sizes) else 0, dtype=x.dtype)
+    for f in range(len(sizes) - 1, -1, -1):
+        n, b = sizes[f]
+        first, at, edge = first - n, at - n * (n + 2 * b), edge - b
+        own, border, F12 = x[first : first + n], borders[edge : edge + b], at + n * (n + b)
+        for i in range(b):
+            above[i] = x[border[i]]
+        for i in range(n):  # F11 = U^T L^T P^T: row i of what is stored is column i of LU
+            row = values[at + i * n : at + (i + 1) * n]
+            own[i] = (own[i] - dot(values[F12 + i * b : F12 + (i + 1) * b], above[:b]) - dot(row[:i], own[:i])) / row[i]
+        for i in range(n - 1, -1, -1):
+            own[i] -= dot(values[at + i * n + i + 1 : at + (i + 1) * n], own[i + 1 :])
+        for i in range(n - 1, -1, -1):
+            other = pivots[first + i]
+            own[i], own[other] = own[other], own[i]

@@ -20,7 +20,7 @@ import scipy.linalg as sla
 from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.linear._front_kernels import backward, extend_add, extend_add_upper, fill, fill_symmetric, forward
+from fcsim.linear._front_kernels import backward, extend_add, extend_add_upper, fill, fill_symmetric, forward, solve_by_fronts
 from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.elimination_tree import EliminationTree
 from fcsim.linear.factors import SingularMatrix, mirror
@@ -65,10 +65,10 @@ class _Assembly:
             yield begin, own, border, beyond, children
             begin += n
 
-    def most_entries(self, d: int) -> int:
-        """At most so many entries are in the rows of all fronts' own unknowns."""
+    def most_entries(self, d: int, *, both: bool = False) -> int:
+        """At most so many entries are in the rows of all fronts' own unknowns, with `both` in rows and columns."""
         fronts = [(int(np.count_nonzero(self._part[own])), int(np.count_nonzero(self._part[border]))) for own, border, _ in self._tree]
-        return sum(d * d * n * (n + b) for n, b in fronts)
+        return sum(d * d * n * (n + (1 + both) * b) for n, b in fronts)
 
     def pass_on(self, complement: NDArray[np.floating]) -> None:
         """Leave the present front's complement for its parent."""
@@ -91,23 +91,31 @@ class Multifrontal:
         W, A, B = rows.blocks.ravel(), A.ravel(), B.ravel()
         assembly = _Assembly(rows.tree, active)
         self.contacts = assembly.contacts
-        self._fronts = []
-        for begin, own, border, beyond, children in assembly:
+        values, end = np.zeros(assembly.most_entries(d, both=True), dtype=dtype), 0  # of all fronts in one array, as `solve_by_fronts` asks
+        sizes, pivots, borders = [], [], []
+        for _, own, border, beyond, children in assembly:
             n, b = len(own), len(border)
-            F11, F12, F21, F22 = (np.zeros((d * k, d * m), dtype=dtype) for k, m in ((n, n), (n, b), (b, n), (b, b)))
+            first, second, after = end + d * d * n * n, end + d * d * n * (n + b), end + d * d * n * (n + 2 * b)
+            F11, F21 = values[end:first].reshape(d * n, d * n), values[first:second].reshape(d * b, d * n)
+            F12, F22, end = values[second:after].reshape(d * n, d * b), np.zeros((d * b, d * b), dtype=dtype), after
             fill(own, border, local, rows.indptr, rows.indices, W, A, B, d, F11, F12, F21)
             for place, S in children:
                 extend_add(S, place, n, d, F11, F12, F21, F22)
             if n:
-                lu, pivots, info = getrf(F11.T, overwrite_a=True)
+                lu, own_pivots, info = getrf(F11.T, overwrite_a=True)  # in place: the array is stored by columns
                 if info != 0:
                     raise SingularMatrix(f"the block of {n} contacts is singular: zero pivot {info}")
                 if b:
                     least = max(1, OPERATIONS_A_PIECE // (d * n * d * (n + b)))
                     own_rows = pieces(len(F21), least)
-                    side_by_side([partial(self._eliminate, lu, pivots, F12, F21[i:j], F22[i:j]) for i, j in own_rows])
-                self._fronts.append((slice(d * begin, d * (begin + n)), dofs_of(beyond, d), lu, pivots, F21, F12))
+                    side_by_side([partial(self._eliminate, lu, own_pivots, F12, F21[i:j], F22[i:j]) for i, j in own_rows])
+                sizes.append((d * n, d * b))
+                pivots.append(own_pivots)
+                borders.append(dofs_of(beyond, d))
             assembly.pass_on(F22)
+        none = [np.empty(0, dtype=np.int64)]
+        lists = (np.concatenate([*none, *each]).astype(np.int64) for each in (pivots, borders))
+        self._by_fronts = (values, np.array(sizes, dtype=np.int64).reshape(-1, 2), *lists)
 
     def _eliminate(
         self,
@@ -122,13 +130,10 @@ class Multifrontal:
         F21[:] = self._getrs(lu, own, F21.T, overwrite_b=True)[0].T
         F22 -= F21 @ F12
 
-    def solve(self, rhs: FloatArray) -> NDArray[np.floating]:
+    def solve(self, rhs: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return x (k, d) of the active contacts for rhs (k, d), both in the order of `contacts`."""
         x = rhs.astype(self._dtype).ravel()
-        for own, border, _, _, left, _ in self._fronts:
-            x[border] -= left @ x[own]
-        for own, border, lu, pivots, _, right in reversed(self._fronts):
-            x[own] = self._getrs(lu, pivots, x[own] - right @ x[border], trans=1)[0]
+        solve_by_fronts(*self._by_fronts, x)
         return x.reshape(rhs.shape)
 
 

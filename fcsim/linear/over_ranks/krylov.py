@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
+from fcsim.linear.krylov import flat
 
 GROWTH = 32
 """Vectors by which the basis grows."""
@@ -19,10 +20,11 @@ cancels."""
 
 def gmres_over_ranks(
     product: Callable[[FloatArray], FloatArray],
-    precondition: Callable[[FloatArray], NDArray[np.floating]] | None,
+    precondition: Callable[[FloatArray], NDArray[np.floating]],
     rhs: FloatArray,
     summed: Callable[[FloatArray], FloatArray],
     accuracy: float,
+    plateau: float,
     limit: int,
     enough: float,
 ) -> FloatArray | None:
@@ -30,9 +32,9 @@ def gmres_over_ranks(
     Comput. 7, 1986), by classical Gram-Schmidt, twice where it cancels (J. W. Daniel, W. B. Gragg, L. Kaufman, G. W. Stewart, Math. Comp.
     30, 1976): two sums over the ranks for a vector, whatever their number.
 
-    precondition: its answers are kept as they come, in single precision where they are; None: A is preconditioned already. summed: numbers
-    (j,) -> their sum over the ranks, the same bits on all. Return this rank's part of x with ||rhs - A x|| <= accuracy
-    ||rhs||, in the recurrence's norm, or after `limit` iterations with <= enough ||rhs||; None where they do not get there.
+    precondition: its answers are kept as they come, in single precision where they are. summed: numbers (j,) -> their sum over the ranks,
+    the same bits on all. Return this rank's part of x with ||rhs - A x|| <= accuracy ||rhs||, in the recurrence's norm, on a plateau (see
+    `fcsim.linear.krylov`) with <= plateau ||rhs||, or after `limit` iterations with <= enough ||rhs||; None where they do not get there.
     """
     beta = math.sqrt(float(summed(np.array([rhs @ rhs]))[0]))
     if beta == 0:
@@ -42,11 +44,10 @@ def gmres_over_ranks(
     steps: list[NDArray[np.floating]] = []
     R = np.zeros((limit, limit))  # of H = Q R, Q by Givens' rotations; c, s: theirs; g = Q^T beta e_1
     c, s, g = np.zeros(limit), np.zeros(limit), np.zeros(limit + 1)
-    g[0] = beta
+    g[0], defects = beta, [beta]
     for j in range(limit):
-        if precondition is not None:
-            steps.append(precondition(basis.last))
-        w = product(basis.last if precondition is None else steps[-1].astype(np.float64, copy=False))
+        steps.append(precondition(basis.last))
+        w = product(steps[-1].astype(np.float64, copy=False))
         along = summed(np.append(basis.along(w), w @ w))
         w -= basis.times(along[:-1])
         size, column = math.sqrt(float(summed(np.array([w @ w]))[0])), R[:, j]
@@ -66,10 +67,11 @@ def gmres_over_ranks(
         c[j], s[j], column[j] = column[j] / diagonal, size / diagonal, diagonal
         g[j], g[j + 1] = c[j] * g[j], -s[j] * g[j]
         left = abs(float(g[j + 1]))
-        if left <= accuracy * beta or (j + 1 == limit and left <= enough * beta):
+        defects.append(left)
+        if left <= accuracy * beta or (left <= plateau * beta and flat(defects)) or (j + 1 == limit and left <= enough * beta):
             y, x = np.linalg.solve(R[: j + 1, : j + 1], g[: j + 1]), np.zeros_like(rhs)
             # from the very steps that A was applied to: what single precision rounds of them is large in what A makes of it
-            for weight, step in zip(y, basis if precondition is None else steps, strict=True):
+            for weight, step in zip(y, steps, strict=True):
                 x += weight * step
             return x
         if size == 0:
@@ -95,10 +97,6 @@ class _Basis:
     @property
     def last(self) -> FloatArray:
         return self._blocks[-1][(self._count - 1) % GROWTH].astype(np.float64)
-
-    def __iter__(self) -> Iterator[NDArray[np.float32]]:
-        for part in self._parts():
-            yield from part
 
     def _parts(self) -> Iterator[NDArray[np.float32]]:
         for k, block in enumerate(self._blocks):

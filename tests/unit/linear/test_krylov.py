@@ -49,3 +49,24 @@ def test_at_the_limit_what_is_there_is_returned_if_it_is_enough() -> None:
     left = float(np.linalg.norm(b - A @ found[0]))
     assert 1e-10 * size < left < size
     assert gmres(lambda x: A @ x, lambda x: x, b, 1e-10 * size, 8, 8, 0.99 * left) is None
+
+
+def test_on_a_plateau_it_ends_from_the_defect_on_that_is_asked_for() -> None:
+    """Forty eigenvalues near one and sixty down to 1e-6: the first are dealt with in a few iterations, the rest takes tens."""
+    A, b = np.diag(np.concatenate([np.linspace(1, 1.5, 40), np.logspace(-6, -2, 60)])), np.ones(100)
+    b[40:] = 0.01
+    size, counted = float(np.linalg.norm(b)), []
+    for plateau in (0.0, 0.2, 1e-3):
+        steps: list[np.ndarray] = []
+        found = gmres(lambda x, steps=steps: (steps.append(x), A @ x)[1], lambda x: x, b, 1e-5 * size, 100, 100, plateau=plateau * size)  # type: ignore[misc]
+        assert found is not None
+        left = float(np.linalg.norm(b - A @ found[0])) / size
+        assert left <= max(1e-5, plateau) * 1.001
+        counted.append((len(steps), left))
+    (whole, _), (early, left), (late, _) = counted
+    assert early < 0.5 * whole
+    assert left > 1e-3
+    assert early < late
+    shorter = gmres(lambda x: A @ x, lambda x: x, b, 0.0, early - 3, 100, enough=size)
+    assert shorter is not None
+    assert left > 0.8 * np.linalg.norm(b - A @ shorter[0]) / size  # the last three brought hardly anything

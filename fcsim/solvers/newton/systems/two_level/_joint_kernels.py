@@ -138,13 +138,13 @@ def joint_blocks(indptr, indices, blocks, order, position, joints, modes, starts
 
 @njit(cache=True, nogil=True)
 def invert_joints(A, B, E, shift, cuts, joints, modes, starts, out, which):
-    """Of the joints k in `which` write Q, the rows of its own contacts of (A (E + shift I) + B)^-1, and T = G_o^T Q A G, G_o the rows
-    of its own contacts in the columns of its own bodies. out: Q, where each joint's begins, T, where each begins. Raises LinAlgError
-    where a joint is singular.
+    """Of the joints k in `which` write Q, the rows of its own contacts of (A (E + shift I) + B)^-1, V = G_o^T Q, G_o the rows of its own
+    contacts in the columns of its own bodies, and T = V A G. out: Q, where each joint's begins, V and T likewise. Raises LinAlgError where
+    a joint is singular.
     """
     begins, wide = joints
     G, bodies, body_begins, all_listed = modes
-    Q, Q_starts, T, T_starts = out
+    Q, Q_starts, V, V_starts, T, T_starts = out
     d, k = G.shape[1], G.shape[2] // 2
     number = np.empty(max(1, all_listed.max() + 1 if len(all_listed) else 1), dtype=np.int64)
     for joint in which:
@@ -176,7 +176,9 @@ def invert_joints(A, B, E, shift, cuts, joints, modes, starts, out, which):
         for b in bodies[own[0]]:
             two += b >= 0
         own_modes = np.ascontiguousarray(g[: inner * d, : two * k].T)
-        T[T_starts[joint] : T_starts[joint + 1]] = np.dot(own_modes, np.dot(rows, AG.reshape(n * d, -1))).ravel()
+        sums = np.dot(own_modes, rows)
+        V[V_starts[joint] : V_starts[joint + 1]] = sums.ravel()
+        T[T_starts[joint] : T_starts[joint + 1]] = np.dot(sums, AG.reshape(n * d, -1)).ravel()
 
 
 @njit(cache=True)
@@ -216,28 +218,36 @@ def solve_joints(Q, Q_starts, cuts, begins, wide, first, last, x, z):
                 at += n
 
 
+@njit(cache=True, nogil=True)
+def sum_joints(V, V_starts, begins, wide, first, last, x, sums):
+    """sums (joints, 2 k) of the joints first, ..., last - 1: V x, for x (nc, d) of V's precision; as many as its bodies have motions."""
+    d = x.shape[1]
+    most = 0
+    for k in range(first, last):
+        most = max(most, begins[k + 1] - begins[k])
+    given = np.empty(most * d, dtype=x.dtype)
+    for k in range(first, last):
+        own = wide[begins[k] : begins[k + 1]]
+        n = len(own) * d
+        for i in range(len(own)):
+            for p in range(d):
+                given[i * d + p] = x[own[i], p]
+        rows = V[V_starts[k] : V_starts[k + 1]]
+        for i in range(len(rows) // n):
+            sums[k, i] = dot(rows[i * n : (i + 1) * n], given[:n])
+
+
 @njit(cache=True)
-def restrict(G, bodies, x, c):
-    """Add G^T x to c (bodies, k), for x (nc, d) and the bodies (nc, 2) of G's contacts, -1 for none."""
-    nc, d, wide = G.shape
-    k = wide // 2
-    total = np.empty(wide, dtype=x.dtype)
-    a = 0
-    while a < nc:
-        p, q = bodies[a]
-        total[:] = 0
-        while a < nc and bodies[a, 0] == p and bodies[a, 1] == q:
-            for i in range(d):
-                row, weight = G[a, i], x[a, i]
-                for j in range(wide):
-                    total[j] += weight * row[j]
-            a += 1
-        if p >= 0:
-            for j in range(k):
-                c[p, j] += total[j]
-        if q >= 0:
-            for j in range(k):
-                c[q, j] += total[k + j]
+def add_to_bodies(sums, cuts, bodies, c):
+    """Add the joints' sums (joints, 2 k) to c (bodies, k) of their own bodies; bodies (nc, 2), -1 for none."""
+    k = c.shape[1]
+    for joint in range(len(sums)):
+        at = 0
+        for body in bodies[cuts[joint]]:
+            if body >= 0:
+                for j in range(k):
+                    c[body, j] += sums[joint, at + j]
+                at += k
 
 
 @njit(cache=True)
@@ -261,3 +271,43 @@ def less_motions(A, G, bodies, c, x, out):
             for j in range(d):
                 total -= A[a, i, j] * u[j]
             out[a, i] = total
+
+
+@njit(cache=True)
+def normalised(A, B, rhs, compliance):
+    """(A c + B)^-1 times A, B (nc, d, d) and rhs (nc, d), contact by contact, for the compliances c (nc,): Gauss' elimination with pivots.
+
+    Where A c + B is singular A, B and rhs stay as they are.
+    """
+    nc, d = rhs.shape
+    A, B, rhs = A.copy(), B.copy(), rhs.copy()
+    rows = np.empty((d, 3 * d + 1))
+    for a in range(nc):
+        for i in range(d):
+            for j in range(d):
+                rows[i, j] = A[a, i, j] * compliance[a] + B[a, i, j]
+                rows[i, d + j], rows[i, 2 * d + j] = A[a, i, j], B[a, i, j]
+            rows[i, 3 * d] = rhs[a, i]
+        regular = True
+        for k in range(d):
+            best = k
+            for i in range(k + 1, d):
+                if abs(rows[i, k]) > abs(rows[best, k]):
+                    best = i
+            if rows[best, k] == 0:
+                regular = False
+                break
+            for j in range(k, 3 * d + 1):
+                rows[k, j], rows[best, j] = rows[best, j], rows[k, j]
+            for j in range(3 * d, k - 1, -1):
+                rows[k, j] /= rows[k, k]
+            for i in range(d):
+                if i != k and rows[i, k] != 0:
+                    for j in range(3 * d, k - 1, -1):
+                        rows[i, j] -= rows[i, k] * rows[k, j]
+        if regular:
+            for i in range(d):
+                for j in range(d):
+                    A[a, i, j], B[a, i, j] = rows[i, d + j], rows[i, 2 * d + j]
+                rhs[a, i] = rows[i, 3 * d]
+    return A, B, rhs

@@ -13,11 +13,15 @@ and with Q in the place of (A E + B)^-1 the preconditioner is the inverse of A (
 I + G^T Q A G is the wall of bodies with k degrees of freedom each on joints as stiff as their contacts' status makes them: it carries what
 goes from body to body, so that iterations hardly grow with the number of bodies. It is sparse, and all that is factored as a whole.
 
-Far from a solution GMRES works on P^-1 (A W + B) dr = P^-1 rhs, whose defect is one of reactions: a defect of 1e-2 in velocities is
-large in reactions, and statuses follow from it. Near a solution it works on (A W + B) P^-1 x = rhs, whose defect is what Newton's next
-residual contains: reactions that W hardly resists are large in dr and count for nothing there. The accuracy follows from the factor by
-which that residual has still to fall (R. S. Dembo, S. C. Eisenstat, T. Steihaug, SIAM J. Numer. Anal. 19, 1982). Rows are scaled by the
-contacts' own compliances before: what an adapting rho does to them counts neither in a defect nor as a change of A.
+GMRES works on (A W + B) P^-1 x = rhs, whose defect is what Newton's next residual contains. Each contact's rows are multiplied by
+(A c + B)^-1 before, c its own compliance: they are then reactions, of contacts that slide too, and what an adapting rho does to them counts
+neither in a defect nor as a change of A and B. The accuracy follows from the factor
+by which that residual has still to fall (R. S. Dembo, S. C. Eisenstat, T. Steihaug, SIAM J. Numer. Anal. 19, 1982).
+
+GMRES ends before where the defect comes to a plateau. Reactions in a checkerboard over the contacts of joints, of one amplitude from joint
+to joint, move nothing but what is at the wall's ends: W resists them a million times less than a push on one contact. What is left of a
+defect in these motions takes ten times the iterations of all the rest, and reactions in them so large that they open and release contacts
+anywhere: Newton's method does better without.
 
 A joint's Q is computed anew where A or B of one of its contacts has changed by more than CHANGED: P is that of A and B with these changes.
 So it goes from iteration to iteration and, with E and G of the earlier W, from step to step, where entries of W need not be summed at all.
@@ -40,7 +44,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
-from fcsim.linear.krylov import gmres
+from fcsim.linear.krylov import combined, gmres
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
@@ -48,14 +52,13 @@ from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
 from fcsim.threads import pieces_by_work, side_by_side
 
-ACCURACY, CLOSE, FORESEEN, SAFETY = 1e-2, 1e-3, 1e-5, 0.1
-"""Defect relative to the right-hand side, as reactions and, near a solution, in Newton's residual. As reactions 1e-3 takes twice the
-iterations of GMRES for as many of Newton's. FORESEEN: in the residual, of a step's first system, which has the last step's statuses: most
-of them hold, and what is left of a defect opens and releases others. With 1e-2 as reactions steps of walls take twice the iterations of
-both. Where Newton's residual is near the tolerance a defect of SAFETY times what is left is enough."""
-NEAR = 3e-4
-"""Factor by which Newton's residual has still to fall from which the defect is measured in it. As reactions to the end, steps of walls take
-as many iterations of Newton's, the late ones two to three times GMRES'; in the residual from the beginning one or two more of Newton's."""
+ACCURACY, FORESEEN, SAFETY = 1e-3, 1e-5, 0.3
+"""Defect relative to the right-hand side: of a system; of a step's first one, which has the last step's statuses: most of them hold, and
+what is left of a defect opens and releases others; with 1e-4 steps of walls take a fifth more iterations. Where Newton's residual is near
+the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more."""
+PLATEAU, PATIENCE, LESS = 0.05, 2, 0.7
+"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau; but for every PATIENCE-th system while Newton's residual
+stays above LESS of its least: two contacts may take turns for ever, each opened by what the other's system left."""
 CHANGED = 0.05
 """Change of a contact's A, relative to its largest entry, or of its B, up to which the joints' blocks stay."""
 ITERATIONS, ENOUGH = 200, 0.3
@@ -73,7 +76,8 @@ class Preconditioner:
     def __init__(self, joints: Joints) -> None:
         self._joints, self._steps = joints, 0
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q; by the order of the joints
-        self._Q, self._T = np.empty(joints.Q_starts[-1], dtype=np.float32), np.empty(joints.T_starts[-1])
+        self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
+        self._T = np.empty(joints.T_starts[-1])
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
 
     @property
@@ -83,21 +87,27 @@ class Preconditioner:
 
     def update(self, A: FloatArray, B: FloatArray) -> None:
         """Make it the one of A and B, but for changes up to CHANGED."""
-        joints, k, n = self._joints, MOTIONS, self._joints.count
+        joints = self._joints
         changed = self._changed(A[joints.order], B[joints.order])
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
-        out = (self._Q, joints.Q_starts, self._T, joints.T_starts)
+        out = (self._Q, joints.Q_starts, self._V, joints.V_starts, self._T, joints.T_starts)
         which = [i + np.flatnonzero(changed[i:j]) for i, j in joints.ranges]
         try:
             side_by_side([partial(kernels.invert_joints, *given, out, own) for own in which if len(own)])
         except np.linalg.LinAlgError:
             raise SingularMatrix("a joint's block is singular") from None
         self._A32 = self._A.astype(np.float32)
+        self._coarse = self._motions()
+
+    def _motions(self) -> Multifrontal:
+        """The factor of I + G^T Q A G."""
+        joints, k, n = self._joints, MOTIONS, self._joints.count
         S = np.zeros((len(joints.coarse_columns), k, k))
         S[joints.diagonal] = np.eye(k)
         kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
         coarse = BlockRows(sp.bsr_array((S, joints.coarse_columns, joints.coarse_begins), shape=(n * k, n * k)), k)
-        self._coarse = Multifrontal(coarse, np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k)), np.ones(n, dtype=bool))
+        one, none = np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k))
+        return Multifrontal(coarse, one, none, np.ones(n, dtype=bool), np.float32)
 
     def following(self, shares: BodyShares, bodies: IntArray, diagonal: FloatArray) -> Preconditioner | None:
         """The same for the W of a later step, a value of its own; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly
@@ -110,7 +120,7 @@ class Preconditioner:
         if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
             return None
         other = copy(self)
-        other._A, other._B, other._Q, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._T))
+        other._A, other._B, other._Q, other._V, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._V, self._T))
         other._steps += 1
         return other
 
@@ -132,14 +142,31 @@ class Preconditioner:
         joints = self._joints
         x = x.reshape(-1, joints.d)[joints.order].astype(np.float32)
         c = np.zeros((joints.count, MOTIONS), dtype=np.float32)
-        kernels.restrict(joints.G32, joints.bodies, self._joint_by_joint(x), c)
+        sums = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32)
+        given = (self._V, joints.V_starts, joints.begins, joints.wide)
+        side_by_side([partial(kernels.sum_joints, *given, begin, end, x, sums) for begin, end in self._ranges])
+        kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
         order = self._coarse.contacts
-        c[order] = self._coarse.solve(c[order].astype(float))
+        c[order] = self._coarse.solve(c[order])
         rest = np.empty_like(x)
         kernels.less_motions(self._A32, joints.G32, joints.bodies, c, x, rest)
         step = np.empty(x.shape)
         step[joints.order] = self._joint_by_joint(rest)
         return step.ravel()
+
+
+class Demand:
+    """How small a defect is asked for, from one of Newton's systems to the next."""
+
+    def __init__(self) -> None:
+        self._nearest, self._waited = 0.0, 0  # the largest `needed` so far, and systems since it grew
+
+    def following(self, needed: float, *, foreseen: bool) -> tuple[float, float]:
+        """The defect of the next system, and that from which on it ends on a plateau (0: on none), relative to the right-hand side; needed,
+        foreseen: as in `NewtonSpace`."""
+        self._nearest, self._waited = (needed, 0) if self._nearest < LESS * needed else (self._nearest, self._waited + 1)
+        plateau = 0.0 if self._waited % PATIENCE == PATIENCE - 1 else PLATEAU
+        return max(FORESEEN if foreseen else ACCURACY, min(ENOUGH, SAFETY * needed)), plateau
 
 
 class TwoLevelSystem:
@@ -149,6 +176,7 @@ class TwoLevelSystem:
         """known: the shares of the matrix of `rows`; kept: what the system of an earlier W of the same contacts has left."""
         self._rows, self._shares, self._kept = rows, known.make(), kept
         self._precondition: Preconditioner | None = None
+        self._demand = Demand()
         self._bodies = self._shares.bodies()
         self.pays = self._bodies is not None and largest_joint(self._bodies[0], self._shares.count) <= JOINT_UP_TO
 
@@ -184,63 +212,43 @@ class TwoLevelSystem:
         """
         if not self.pays:
             return None
-        A, B, rhs = with_equal_rows(A, B, rhs, self._diagonal)
+        A, B, rhs = kernels.normalised(A, B, rhs, self._diagonal.mean(1))
+        limits = self._demand.following(needed, foreseen=foreseen)
         found = None
         if self._precondition is None and self._kept is not None and self._bodies is not None:
             self._precondition = self._kept.following(self._shares, self._bodies[0], self._diagonal)
         if self._precondition is not None:
-            found = self._by(self._precondition, A, B, rhs, needed, foreseen=foreseen)
+            found = self._by(self._precondition, A, B, rhs, limits)
         if found is None and (self._precondition is None or self._precondition.earlier):
             self._precondition = self._anew()
-            found = self._by(self._precondition, A, B, rhs, needed, foreseen=foreseen)
+            found = self._by(self._precondition, A, B, rhs, limits)
         self.pays = found is not None
-        return None if found is None else (found, self._product(found))
+        return found
 
     def _by(
-        self, precondition: Preconditioner, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float, *, foreseen: bool
-    ) -> FloatArray | None:
-        """dr (m,) by GMRES with this preconditioner; None where that does not get there."""
+        self, precondition: Preconditioner, A: FloatArray, B: FloatArray, rhs: FloatArray, limits: tuple[float, float]
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """dr and W dr (m,) by GMRES with this preconditioner; None where that does not get there. limits: as `Demand` gives them."""
         shape = rhs.shape
+        images: list[FloatArray] = []  # W times the steps
         try:
             precondition.update(A, B)
         except SingularMatrix:
             return None
 
         def product(x: FloatArray) -> FloatArray:
-            return apply_blocks(A, self._product(x).reshape(shape), B, x.reshape(shape)).ravel()
+            images.append(self._product(x))
+            return apply_blocks(A, images[-1].reshape(shape), B, x.reshape(shape)).ravel()
 
-        def as_reactions(x: FloatArray) -> FloatArray:
-            return precondition(product(x))
-
-        near, accuracy = asked(needed, foreseen=foreseen)
-        given = rhs.ravel() if near else precondition(rhs.ravel())
-        size = float(np.linalg.norm(given))
-        way = (product, precondition) if near else (as_reactions, _itself)
-        found = gmres(*way, given, accuracy * size, ITERATIONS, ITERATIONS, ENOUGH * size)
-        return None if found is None else found[0]
-
-
-def asked(needed: float, *, foreseen: bool) -> tuple[bool, float]:
-    """Whether a defect is measured in Newton's residual, else as reactions, and how small it has to be, relative to the right-hand side;
-    needed, foreseen: as in `TwoLevelSystem.solve`."""
-    near = foreseen or needed >= NEAR
-    return near, max(FORESEEN if foreseen else CLOSE if near else ACCURACY, min(ENOUGH, SAFETY * needed))
-
-
-def with_equal_rows(A: FloatArray, B: FloatArray, rhs: FloatArray, diagonal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A, B (nc, d, d) and rhs (nc, d) with rows of one size whatever rho is: as reactions, by the contacts' own compliances, the diagonal
-    of W (nc, d)."""
-    size = np.abs(A).max(2) * diagonal.mean(1)[:, None] + np.abs(B).max(2)
-    size[:, 1:] = size[:, 1:].max(1, keepdims=True)  # both tangential rows alike
-    scale = 1 / np.where(size > 0, size, 1.0)
-    return A * scale[:, :, None], B * scale[:, :, None], rhs * scale
+        size = float(np.linalg.norm(rhs))
+        accuracy, plateau = (size * limit for limit in limits)
+        found = gmres(product, precondition, rhs.ravel(), accuracy, ITERATIONS, ITERATIONS, ENOUGH * size, plateau)
+        if found is None:
+            return None
+        dr, y = found
+        return dr, combined(y, images) if len(y) else np.zeros_like(dr)
 
 
 def largest_joint(bodies: IntArray, count: int) -> int:
     """The most contacts (nc, 2) that one pair of `count` bodies has."""
     return int(np.unique(numbers_of_pairs(bodies, count), return_counts=True)[1].max(initial=0))
-
-
-def _itself(x: FloatArray) -> FloatArray:
-    """GMRES' preconditioner where the system is preconditioned already."""
-    return x

@@ -102,16 +102,33 @@ def test_gmres_gets_to_the_accuracy(accuracy: float) -> None:
     rng = np.random.default_rng(1)
     A = np.eye(60) + 0.1 * rng.standard_normal((60, 60))
     b = rng.standard_normal(60)
-    x = gmres_over_ranks(lambda y: A @ y, lambda y: y, b, lambda sums: sums, accuracy, 60, 0.0)
+    x = gmres_over_ranks(lambda y: A @ y, lambda y: y, b, lambda sums: sums, accuracy, 0.0, 60, 0.0)
     assert x is not None
     assert np.linalg.norm(A @ x - b) <= 1.001 * accuracy * np.linalg.norm(b)
 
 
 def test_gmres_gives_up_and_takes_what_is_enough() -> None:
     A, b = np.diag(np.arange(1.0, 41.0)), np.ones(40)
-    arguments = (lambda y: A @ y, lambda y: y, b, lambda sums: sums, 1e-5, 5)
+    arguments = (lambda y: A @ y, lambda y: y, b, lambda sums: sums, 1e-5, 0.0, 5)
     assert gmres_over_ranks(*arguments, 0.0) is None
     x = gmres_over_ranks(*arguments, 0.5)
     assert x is not None
     assert np.linalg.norm(A @ x - b) <= 0.5 * np.linalg.norm(b)
     assert_allclose(gmres_over_ranks(*arguments[:2], np.zeros(40), *arguments[3:], 0.0), 0.0)
+
+
+def test_gmres_ends_on_a_plateau() -> None:
+    """One eigenvalue of 1e-4 among those near 1 holds the defect up."""
+    values = np.r_[1e-4, np.linspace(0.9, 1.1, 59)]
+    A, b, products = np.diag(values), np.r_[0.1, np.ones(59)], []
+    for plateau in (0.0, 0.1):
+        products.append(0)
+
+        def product(y: np.ndarray) -> np.ndarray:
+            products[-1] += 1
+            return A @ y
+
+        x = gmres_over_ranks(product, lambda y: y, b, lambda sums: sums, 1e-4, plateau, 60, 0.0)
+        assert x is not None
+        assert np.linalg.norm(A @ x - b) <= 1.01 * max(1e-4, plateau) * np.linalg.norm(b)
+    assert products[1] < products[0]

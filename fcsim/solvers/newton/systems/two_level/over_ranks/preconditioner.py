@@ -26,7 +26,8 @@ class PreconditionerOverRanks:
     def __init__(self, joints: OwnJoints, layout: ContactLayout) -> None:
         self.joints, self._layout, self._steps = joints, layout, 0
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q, by the joints' order
-        self._Q, self._T = np.empty(joints.Q_starts[-1], dtype=np.float32), np.empty(joints.T_starts[-1])
+        self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
+        self._T = np.empty(joints.T_starts[-1])
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
 
     @property
@@ -38,7 +39,7 @@ class PreconditionerOverRanks:
         """Make it the one of A and B (nc, d, d), but for changes up to CHANGED."""
         joints, k = self.joints, MOTIONS
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
-        out = (self._Q, joints.Q_starts, self._T, joints.T_starts)
+        out = (self._Q, joints.Q_starts, self._V, joints.V_starts, self._T, joints.T_starts)
         S = np.zeros((len(joints.coarse.columns), k, k))
         with self._layout.together("joints of A W + B"):
             changed = self._changed(A[joints.order], B[joints.order])
@@ -71,7 +72,7 @@ class PreconditionerOverRanks:
         if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
             return None
         other = copy(self)
-        other._A, other._B, other._Q, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._T))
+        other._A, other._B, other._Q, other._V, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._V, self._T))
         other._steps += 1
         return other
 
@@ -86,7 +87,10 @@ class PreconditionerOverRanks:
         joints = self.joints
         own = x.reshape(-1, joints.d).astype(np.float32)
         wide, c = np.concatenate([own, joints.needed.of(own)]), np.zeros((joints.count, MOTIONS), dtype=np.float32)
-        kernels.restrict(joints.G32[: len(own)], joints.bodies[: len(own)], self._joint_by_joint(wide), c)
+        sums = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32)
+        given = (self._V, joints.V_starts, joints.begins, joints.wide)
+        side_by_side([partial(kernels.sum_joints, *given, begin, end, wide, sums) for begin, end in self._ranges])
+        kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
         c, rest = joints.parts.summed(c.ravel()).reshape(c.shape), np.empty_like(wide)
         kernels.less_motions(self._A32, joints.G32, joints.bodies, self._coarse.solve(c), wide, rest)
         return self._joint_by_joint(rest).ravel()

@@ -9,10 +9,11 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.over_ranks.krylov import gmres_over_ranks
 from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Needed
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
+from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
-from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, asked, largest_joint, with_equal_rows
+from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
 
 
 class TwoLevelOverRanks:
@@ -22,7 +23,7 @@ class TwoLevelOverRanks:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
-        self._sides = behind.sides()
+        self._demand, self._sides = Demand(), behind.sides()
         self.pays = self._sides is not None and largest_joint(self._sides[0], behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
     @property
@@ -37,16 +38,17 @@ class TwoLevelOverRanks:
         if not self.pays or self._sides is None:
             return None
         diagonal = self._W.diagonal().reshape(rhs.shape)
-        A, B, rhs = with_equal_rows(A, B, rhs, diagonal)
+        A, B, rhs = kernels.normalised(A, B, rhs, diagonal.mean(1))
+        limits = self._demand.following(needed, foreseen=foreseen)
         found = None
         if self._precondition is None and self._kept is not None:
             self._precondition = self._kept.following(self._sides[0], diagonal)
         if self._precondition is not None:
-            found = self._by(self._precondition, A, B, rhs, needed, foreseen=foreseen)
+            found = self._by(self._precondition, A, B, rhs, limits)
         if found is None and (self._precondition is None or self._precondition.earlier):
             self._precondition = self._kept = None  # the old one makes room for the new
             self._precondition = self._anew(*self._sides)
-            found = self._by(self._precondition, A, B, rhs, needed, foreseen=foreseen)
+            found = self._by(self._precondition, A, B, rhs, limits)
         self.pays = found is not None
         return found
 
@@ -55,9 +57,9 @@ class TwoLevelOverRanks:
         return PreconditionerOverRanks(OwnJoints(self._W, self._behind, parts, bodies, pairs), self._W.layout)
 
     def _by(
-        self, precondition: PreconditionerOverRanks, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float, *, foreseen: bool
+        self, precondition: PreconditionerOverRanks, A: FloatArray, B: FloatArray, rhs: FloatArray, limits: tuple[float, float]
     ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr by GMRES with this preconditioner; None where that does not get there."""
+        """dr and W dr by GMRES with this preconditioner, as in `TwoLevelSystem`."""
         try:
             precondition.update(A, B)
         except SingularMatrix:
@@ -71,16 +73,8 @@ class TwoLevelOverRanks:
             image: FloatArray = apply_blocks(own_A, by_parts(x), own_B, x)
             return image.ravel()
 
-        def as_reactions(x: FloatArray) -> FloatArray:
-            return precondition(product(x)).astype(np.float64)
-
-        near, accuracy = asked(needed, foreseen=foreseen)
         given = rhs[parts.own].ravel()
-        if near:
-            found = gmres_over_ranks(product, precondition, given, parts.summed, accuracy, ITERATIONS, ENOUGH)
-        else:
-            reactions = precondition(given).astype(np.float64)
-            found = gmres_over_ranks(as_reactions, None, reactions, parts.summed, accuracy, ITERATIONS, ENOUGH)
+        found = gmres_over_ranks(product, precondition, given, parts.summed, *limits, ITERATIONS, ENOUGH)
         if found is None:
             return None
         step = found.reshape(-1, shape[1])
