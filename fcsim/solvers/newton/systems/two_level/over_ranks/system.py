@@ -14,6 +14,13 @@ from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, 
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, asked, largest_joint, with_equal_rows
 
+STALLED, SHARPER, SHARPEST = 20, 0.1, 1e-6
+"""Newton's iterations without a smaller error after which systems are asked for SHARPER times the defect, and after as many more for less
+again, down to what single precision allows. Quadratic cells, whose corners hardly resist, stall at errors of 1e-2 to 1e-1 otherwise."""
+LOST = 1e-6
+"""Smallest error so far relative to the last from which GMRES does not go on: it has followed what hardly resists, as bodies do on more
+contacts than they need."""
+
 
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
@@ -23,6 +30,7 @@ class TwoLevelOverRanks:
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
         self._sides = behind.sides()
+        self._best, self._since, self._sharper = 0.0, 0, 1.0  # largest `needed`, systems since then, what they are asked for
         self.pays = self._sides is not None and largest_joint(self._sides[0], behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
     @property
@@ -36,6 +44,10 @@ class TwoLevelOverRanks:
         """dr and W dr (m,) for rhs (nc, d), as `TwoLevelSystem.solve`."""
         if not self.pays or self._sides is None:
             return None
+        if needed < LOST * self._best:
+            self.pays = False
+            return None
+        self._watch(needed)
         diagonal = self._W.diagonal().reshape(rhs.shape)
         A, B, rhs = with_equal_rows(A, B, rhs, diagonal)
         found = None
@@ -50,6 +62,15 @@ class TwoLevelOverRanks:
         self.pays = found is not None
         return found
 
+    def _watch(self, needed: float) -> None:
+        """Ask for more where Newton's error does not fall; needed: as in `solve`."""
+        if needed > self._best:
+            self._best, self._since, self._sharper = needed, 0, 1.0
+            return
+        self._since += 1
+        if self._since % STALLED == 0:
+            self._sharper *= SHARPER
+
     def _anew(self, bodies: IntArray, pairs: IntArray) -> PreconditionerOverRanks:
         parts = parts_by_joints(self._W, self._behind, bodies)
         return PreconditionerOverRanks(OwnJoints(self._W, self._behind, parts, bodies, pairs), self._W.layout)
@@ -57,7 +78,11 @@ class TwoLevelOverRanks:
     def _by(
         self, precondition: PreconditionerOverRanks, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float, *, foreseen: bool
     ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr by GMRES with this preconditioner; None where that does not get there."""
+        """dr and W dr by GMRES with this preconditioner; None where that does not get there.
+
+        What has the accuracy as reactions may leave more of rhs than there was: P^-1 magnifies what it does not know of A W + B, where
+        bodies have hardly more contacts than motions, or what hardly resists (eta of statics). Then the defect is measured in the residual.
+        """
         try:
             precondition.update(A, B)
         except SingularMatrix:
@@ -75,23 +100,36 @@ class TwoLevelOverRanks:
             return precondition(product(x)).astype(np.float64)
 
         near, accuracy = asked(needed, foreseen=foreseen)
+        accuracy = max(min(accuracy, SHARPEST), self._sharper * accuracy)
         given = rhs[parts.own].ravel()
-        if near:
+        with parts.world.unasked("GMRES over ranks"):
+            if not near:
+                reactions = precondition(given).astype(np.float64)
+                found = gmres_over_ranks(as_reactions, None, reactions, parts.summed, accuracy, ITERATIONS, ENOUGH)
+                if found is not None:
+                    step = found.reshape(-1, shape[1])
+                    image = by_parts(step)
+                    if _reduced(given, apply_blocks(own_A, image, own_B, step).ravel(), parts):
+                        return parts.whole(step).ravel(), parts.whole(image).ravel()
             found = gmres_over_ranks(product, precondition, given, parts.summed, accuracy, ITERATIONS, ENOUGH)
-        else:
-            reactions = precondition(given).astype(np.float64)
-            found = gmres_over_ranks(as_reactions, None, reactions, parts.summed, accuracy, ITERATIONS, ENOUGH)
-        if found is None:
-            return None
-        step = found.reshape(-1, shape[1])
-        return parts.whole(step).ravel(), parts.whole(by_parts(step)).ravel()
+            if found is None:
+                return None
+            step = found.reshape(-1, shape[1])
+            return parts.whole(step).ravel(), parts.whole(by_parts(step)).ravel()
+
+
+def _reduced(rhs: FloatArray, image: FloatArray, parts: ContactParts) -> bool:
+    """Whether ||rhs - image|| <= ENOUGH ||rhs||, of which each rank has a part."""
+    left = rhs - image
+    before, after = parts.summed(np.array([rhs @ rhs, left @ left]))
+    return bool(after <= ENOUGH**2 * before)
 
 
 class ProductByParts:
     """x (k, d) -> W x (k, d), both the parts of the ranks: each multiplies with the shares of its own bodies.
 
     Ranks do not ask one another about errors before they exchange what they have, as elsewhere: nothing but a lack of memory ends a
-    product, or an application of the preconditioner, on one rank, and then that rank, and the others with it.
+    product, or an application of the preconditioner, on one rank, and then that rank, and the others with it (`World.unasked`).
     """
 
     def __init__(self, W: DistributedDelassus, parts: ContactParts) -> None:
