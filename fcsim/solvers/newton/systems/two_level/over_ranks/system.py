@@ -15,8 +15,8 @@ from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import Pre
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, asked, largest_joint, with_equal_rows
 
 STALLED, SHARPER, SHARPEST = 20, 0.1, 1e-6
-"""Newton's iterations without a smaller error after which systems are asked for SHARPER times the defect, and after as many more for less
-again, down to what single precision allows. Quadratic cells, whose corners hardly resist, stall at errors of 1e-2 to 1e-1 otherwise."""
+"""Newton's iterations in which its error is not halved after which systems are asked for SHARPER times the defect, and after as many more
+for less again, down to what single precision allows. Quadratic cells, whose corners hardly resist, stall at errors of 1e-2 to 1e-1 otherwise."""
 LOST = 1e-6
 """Smallest error so far relative to the last from which GMRES does not go on: it has followed what hardly resists, as bodies do on more
 contacts than they need."""
@@ -30,7 +30,8 @@ class TwoLevelOverRanks:
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
         self._sides = behind.sides()
-        self._best, self._since, self._sharper = 0.0, 0, 1.0  # largest `needed`, systems since then, what they are asked for
+        # of `needed` the largest, that which no later one is twice as large as, and systems since then; what they are asked for
+        self._best, self._halved, self._since, self._sharper = 0.0, 0.0, 0, 1.0
         self.pays = self._sides is not None and largest_joint(self._sides[0], behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
     @property
@@ -64,12 +65,13 @@ class TwoLevelOverRanks:
 
     def _watch(self, needed: float) -> None:
         """Ask for more where Newton's error does not fall; needed: as in `solve`."""
-        if needed > self._best:
-            self._best, self._since, self._sharper = needed, 0, 1.0
-            return
-        self._since += 1
-        if self._since % STALLED == 0:
-            self._sharper *= SHARPER
+        if needed > 2 * self._halved:
+            self._halved, self._since = needed, 0
+        else:
+            self._since += 1
+            if self._since % STALLED == 0:
+                self._sharper *= SHARPER
+        self._best = max(self._best, needed)
 
     def _anew(self, bodies: IntArray, pairs: IntArray) -> PreconditionerOverRanks:
         parts = parts_by_joints(self._W, self._behind, bodies)
