@@ -16,7 +16,7 @@ from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, as
 
 STALLED, SHARPER, SHARPEST = 20, 0.1, 1e-6
 """Newton's iterations in which its error is not halved after which systems are asked for SHARPER times the defect, and after as many more
-for less again, down to what single precision allows. Quadratic cells, whose corners hardly resist, stall at errors of 1e-2 to 1e-1 otherwise."""
+for less again, down to what single precision allows. Quadratic cells, whose corners hardly resist, stall at errors of 1e-2 to 1e-1 else."""
 LOST = 1e-6
 """Smallest error so far relative to the last from which GMRES does not go on: it has followed what hardly resists, as bodies do on more
 contacts than they need."""
