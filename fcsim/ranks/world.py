@@ -52,6 +52,10 @@ class Drifted(FcsimError, RuntimeError):
     """Ranks that should do the same do not: what they have computed is not the same."""
 
 
+class RankFailed(RuntimeError):
+    """An error of this rank alone amid exchanges that do not ask for errors first: the others cannot take part in what would follow."""
+
+
 class World:
     """The ranks, and this one among them: `number` of `size`. exchanges, messages and bytes count what this rank has sent, as if each
     exchange were sent to all others directly (a broadcast: by its root)."""
@@ -153,6 +157,18 @@ class World:
             except BaseException:
                 self.broken = True
                 raise
+
+    @contextmanager
+    def unasked(self, what: str) -> Iterator[None]:
+        """A block whose exchanges do not ask for errors first (`gathered`): an error in it is this rank's alone, and RankFailed, so that
+        nobody takes it for one that all ranks have and goes on: the others are in the midst of other exchanges."""
+        try:
+            yield
+        except (RankEnded, Drifted):
+            raise
+        except Exception as error:
+            self.broken = True
+            raise RankFailed(f"{what}: {type(error).__name__}: {error}") from error
 
     def _gathered(self, own: NDArray, counts: IntArray) -> NDArray:
         everything = np.empty(int(counts.sum()), dtype=own.dtype)

@@ -59,6 +59,12 @@ the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's
 PLATEAU, PATIENCE, LESS = 0.05, 2, 0.7
 """Defect, relative to the right-hand side, from which on GMRES ends on a plateau; but for every PATIENCE-th system while Newton's residual
 stays above LESS of its least: two contacts may take turns for ever, each opened by what the other's system left."""
+STALLED, SHARPER, SHARPEST = 20, 0.1, 1e-6
+"""Newton's iterations in which its error is not halved after which systems are asked for SHARPER times the defect, and after as many more
+for less again, down to what single precision allows. Quadratic cells, whose corners hardly resist, stall at errors of 1e-2 to 1e-1 else."""
+LOST = 1e-6
+"""Smallest error so far relative to the last from which GMRES does not go on: it has followed what hardly resists, as bodies do on more
+contacts than they need."""
 CHANGED = 0.05
 """Change of a contact's A, relative to its largest entry, or of its B, up to which the joints' blocks stay."""
 ITERATIONS, ENOUGH = 200, 0.3
@@ -160,13 +166,22 @@ class Demand:
 
     def __init__(self) -> None:
         self._nearest, self._waited = 0.0, 0  # the largest `needed` so far, and systems since it grew
+        self._halved, self._since, self._sharper = 0.0, 0, 1.0  # that which no later one is twice as large as, and systems since then
+
+    def lost(self, needed: float) -> bool:
+        """Whether Newton's error has grown beyond what further systems mend."""
+        return needed < LOST * self._nearest
 
     def following(self, needed: float, *, foreseen: bool) -> tuple[float, float]:
         """The defect of the next system, and that from which on it ends on a plateau (0: on none), relative to the right-hand side; needed,
         foreseen: as in `NewtonSpace`."""
         self._nearest, self._waited = (needed, 0) if self._nearest < LESS * needed else (self._nearest, self._waited + 1)
-        plateau = 0.0 if self._waited % PATIENCE == PATIENCE - 1 else PLATEAU
-        return max(FORESEEN if foreseen else ACCURACY, min(ENOUGH, SAFETY * needed)), plateau
+        self._halved, self._since = (needed, 0) if needed > 2 * self._halved else (self._halved, self._since + 1)
+        if self._since and self._since % STALLED == 0:
+            self._sharper *= SHARPER
+        plateau = 0.0 if self._sharper < 1 or self._waited % PATIENCE == PATIENCE - 1 else PLATEAU
+        accuracy = max(FORESEEN if foreseen else ACCURACY, min(ENOUGH, SAFETY * needed))
+        return max(min(accuracy, SHARPEST), self._sharper * accuracy), plateau
 
 
 class TwoLevelSystem:
@@ -211,6 +226,9 @@ class TwoLevelSystem:
         needed: the factor by which Newton's residual has still to fall, 0: not known. Less is not asked of the defect.
         """
         if not self.pays:
+            return None
+        if self._demand.lost(needed):
+            self.pays = False
             return None
         A, B, rhs = kernels.normalised(A, B, rhs, self._diagonal.mean(1))
         limits = self._demand.following(needed, foreseen=foreseen)

@@ -37,6 +37,9 @@ class TwoLevelOverRanks:
         """dr and W dr (m,) for rhs (nc, d), as `TwoLevelSystem.solve`."""
         if not self.pays or self._sides is None:
             return None
+        if self._demand.lost(needed):
+            self.pays = False
+            return None
         diagonal = self._W.diagonal().reshape(rhs.shape)
         A, B, rhs = kernels.normalised(A, B, rhs, diagonal.mean(1))
         limits = self._demand.following(needed, foreseen=foreseen)
@@ -74,18 +77,19 @@ class TwoLevelOverRanks:
             return image.ravel()
 
         given = rhs[parts.own].ravel()
-        found = gmres_over_ranks(product, precondition, given, parts.summed, *limits, ITERATIONS, ENOUGH)
-        if found is None:
-            return None
-        step = found.reshape(-1, shape[1])
-        return parts.whole(step).ravel(), parts.whole(by_parts(step)).ravel()
+        with parts.world.unasked("GMRES over ranks"):
+            found = gmres_over_ranks(product, precondition, given, parts.summed, *limits, ITERATIONS, ENOUGH)
+            if found is None:
+                return None
+            step = found.reshape(-1, shape[1])
+            return parts.whole(step).ravel(), parts.whole(by_parts(step)).ravel()
 
 
 class ProductByParts:
     """x (k, d) -> W x (k, d), both the parts of the ranks: each multiplies with the shares of its own bodies.
 
     Ranks do not ask one another about errors before they exchange what they have, as elsewhere: nothing but a lack of memory ends a
-    product, or an application of the preconditioner, on one rank, and then that rank, and the others with it.
+    product, or an application of the preconditioner, on one rank, and then that rank, and the others with it (`World.unasked`).
     """
 
     def __init__(self, W: DistributedDelassus, parts: ContactParts) -> None:

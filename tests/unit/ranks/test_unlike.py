@@ -1,0 +1,68 @@
+"""Newton's method over ranks on models that are no walls: as few iterations as one process needs, the same answer, and an end of all where
+one rank fails amid exchanges."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcsim.problem import scaled_error
+from fcsim.timestep.step import Step
+from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.test_shared_run import seconds_since
+from tests.unit.ranks.unlike import FAILING, MODELS
+
+PROGRAM = Path(__file__).with_name("unlike.py")
+ENVIRONMENT = {"PYTHONPATH": str(Path(__file__).parents[3])}
+
+
+@pytest.fixture(scope="module")
+def shared(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+    """What each of two ranks has found."""
+    folder = tmp_path_factory.mktemp("ranks")
+    ended = mpiexec(2, PROGRAM, folder, timeout=280, env=ENVIRONMENT)
+    assert ended.code == 0, ended.err
+    return [json.loads((folder / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(2)]
+
+
+@cache
+def alone(name: str) -> list[Step]:
+    return list(MODELS[name]())
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_answer_is_one_of_one_process_problem(shared: list[Any], name: str) -> None:
+    first = alone(name)[0]
+    for rank in (answer[name][0] for answer in shared):
+        assert scaled_error(first.reduction.local, np.array(rank["r"])) <= 1.5 * first.attempts[-1].tol  # M and W sum in another order
+    for step, *ranks in zip(alone(name), *(answer[name] for answer in shared), strict=True):
+        expected = -step.contact_force_on(step.model.number["floor"])
+        for rank in ranks:
+            assert rank["distributed"] and rank["digest"] == ranks[0]["digest"]
+            assert rank["contacts"] == step.contacts.identity.tolist()
+            assert np.linalg.norm(rank["force"] - expected) <= 1e-5 * np.linalg.norm(expected)
+
+
+def test_joints_of_few_contacts_take_no_more_iterations_than_in_one_process(shared: list[Any]) -> None:
+    """Where the preconditioner magnifies what it does not know, its defect says nothing: by that alone Newton's method took fifty times as
+    many."""
+    taken = sum(attempt.iterations for step in alone("lever") for attempt in step.attempts)
+    assert sum(step["iterations"] for step in shared[0]["lever"]) <= 2 * taken
+
+
+def test_what_hardly_resists_is_solved_for_more_sharply_where_newton_stalls(shared: list[Any]) -> None:
+    """Corners of quadratic cells: Newton's method by itself, in fewer iterations than it may take (200)."""
+    assert shared[0]["tower of quadratic cells"][0]["iterations"] < 200
+
+
+@pytest.mark.parametrize("error", ["MemoryError", "SingularMatrix"])
+def test_an_error_of_one_rank_within_gmres_ends_all(mpiexec: Program, tmp_path: Path, error: str) -> None:
+    """Also one that others take for theirs where all ranks have it."""
+    ended = mpiexec(2, PROGRAM, tmp_path, error, timeout=100, env=ENVIRONMENT)
+    assert ended.code != 0 and f"rank {FAILING} of 2 has ended: RankFailed: GMRES over ranks: {error}" in ended.err
+    assert seconds_since(tmp_path / "failed") < 30
