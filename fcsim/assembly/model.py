@@ -143,6 +143,11 @@ class Model(BodyLayout):
         """(nr, k, k): the supports' axes of rigid bodies as rows; None where all are the world's."""
         return None if self.held.axes is None else self.held.axes.blocks(self.n_elastic, self.n_dofs, len(DIRECTIONS[self.dimension]))
 
+    @cached_property
+    def _may_turn(self) -> bool:
+        """Whether a rotation of some rigid body is free."""
+        return bool(self.rigid_free[:, self.dimension :].any())
+
     def rigid_inverse(self, matrices: FloatArray) -> FloatArray:
         """Inverses (nr, k, k) on the free dofs of rigid bodies' matrices in world axes, along the supports' axes; zero elsewhere."""
         return inverse_on(self.rigid_free, turned_matrices(self.rigid_axes, matrices))
@@ -278,8 +283,7 @@ class Model(BodyLayout):
 
         rigid_mass (nr, k, k): that of the other configuration. Driven rotations stay as they are.
         """
-        now = self.rigid_mass(x)
-        if now is rigid_mass:
+        if not self._may_turn or (now := self.rigid_mass(x)) is rigid_mass:
             return v
         d, axes = self.dimension, None if self.rigid_axes is None else self.rigid_axes[:, self.dimension :, self.dimension :]
         omega = self.rigid_part(v)[:, d:]
@@ -290,29 +294,12 @@ class Model(BodyLayout):
         self.rigid_part(kept)[:, d:] += np.einsum("aij,aj->ai", turned_matrices(back, inverse), change)
         return kept
 
-    def node_operator(self, x: FloatArray) -> sp.csr_array:
-        """Return B (d n_nodes, n_dofs): node velocities = B v; identity on deformable bodies, v + omega x (p - c) on rigid ones."""
-        identity = sp.eye_array(self.n_elastic, format="csr")
-        return sp.block_diag([identity, self.rigid_bodies.node_operator(self.rigid_part(x))], format="csr") if self.rigid else identity
-
     def contact_matrix(self, nodal: sp.sparray, x: FloatArray) -> sp.csr_array:
-        """Return H (n_dofs, m) from the nodal contact matrix (d n_nodes, m) in the configuration x: B^T times it."""
+        """Return H (n_dofs, m) from the nodal contact matrix (d n_nodes, m) in the configuration x: B^T times it, where node velocities are
+        B v: those of deformable bodies, v + omega x (p - c) on rigid ones."""
         if not self.rigid:
             return sp.csr_array(nodal)
-        nodal = sp.csr_array(nodal)
-        split = self.n_elastic
-        cut = nodal.indptr[split]
-        m = nodal.shape[1]
-        rigid_rows = sp.csr_array((nodal.data[cut:], nodal.indices[cut:], nodal.indptr[split:] - cut), shape=(nodal.shape[0] - split, m))
-        lower = sp.csr_array(self.rigid_bodies.node_operator(self.rigid_part(x)).T @ rigid_rows)
-        return sp.csr_array(
-            (
-                np.concatenate([nodal.data[:cut], lower.data]),
-                np.concatenate([nodal.indices[:cut], lower.indices]),
-                np.concatenate([nodal.indptr[:split], cut + lower.indptr]),
-            ),
-            shape=(self.n_dofs, m),
-        )
+        return self.rigid_bodies.on_bodies(self.rigid_part(x), sp.csc_array(nodal), self.n_elastic)
 
 
 def build_model(

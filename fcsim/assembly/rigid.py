@@ -16,9 +16,9 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial.transform import Rotation
 
 from fcsim.arrays import BoolArray, FloatArray
+from fcsim.assembly.kinematics import _rigid_kernels as kernels
 from fcsim.assembly.kinematics.recent import Recent
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.mesh.part import RigidBody
@@ -38,8 +38,9 @@ class RigidBodies:
         points = [body.points for body in bodies]
         self._body = np.repeat(np.arange(len(points)), [len(p) for p in points])
         self._arm = np.concatenate([p - body.centre for p, body in zip(points, bodies, strict=True)]) if bodies else np.empty((0, d))
-        # a step asks twenty times for three configurations, and SciPy takes as long for two bodies as for a hundred
-        self._exp, self._composed, self._turned_mass = Recent(_exp), Recent(_composed), Recent(self._mass_of)
+        # a step asks twenty times for three configurations
+        self._exp, self._composed = Recent(kernels.rotation_matrices), Recent(kernels.composed_vectors)
+        self._turned_mass = Recent(self._mass_of)
 
     @cached_property
     def turning(self) -> bool:
@@ -94,49 +95,39 @@ class RigidBodies:
         P = np.einsum("aji,aj->ai", R, momentum)
         W = np.linalg.solve(J, P[:, :, None])[:, :, 0]
         for _ in range(_MAX_ITERATIONS):  # J W = y(W) = exp(-dt W) P; its derivative is about dt y x, exact to first order in dt W
-            y = np.einsum("aij,aj->ai", _exp(-dt * W), P)
+            y = np.einsum("aij,aj->ai", kernels.rotation_matrices(-dt * W), P)
             step = np.linalg.solve(J - dt * _cross(y), (y - np.einsum("aij,aj->ai", J, W))[:, :, None])[:, :, 0]
             W = W + step
             if np.all(np.abs(step[~held]) <= _ROUND * np.abs(W[~held]).max(initial=0.0)):
                 break
         omega = np.where(held[:, None], velocity, np.einsum("aij,aj->ai", R, W))
-        return self._mass_of(_exp(dt * omega) @ R)
+        return self._mass_of(kernels.rotation_matrices(dt * omega) @ R)
 
     def displacement(self, q: FloatArray) -> FloatArray:
         """Displacement (np, d) [m] of the points of all bodies, one body after the other."""
-        turned = np.einsum("aij,aj->ai", self.rotation(q)[self._body], self._arm)
-        return q[self._body, : self.dimension] + turned - self._arm
+        return q[self._body, : self.dimension] + self._turned_arms(q) - self._arm
+
+    def _turned_arms(self, q: FloatArray) -> FloatArray:
+        """p - c (np, d) [m] of the points of all bodies."""
+        turned: FloatArray = kernels.turned_arms(self.rotation(q), self._body, self._arm)
+        return turned
 
     def velocity(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Velocities v + omega x (p - c) (np, d) [m/s] of the points of all bodies for v (nr, k) in the configuration q."""
-        d = self.dimension
-        arm = np.einsum("aij,aj->ai", self.rotation(q)[self._body], self._arm)
-        of_body = v[self._body]
-        if d == 3:
-            return of_body[:, :3] + np.cross(of_body[:, 3:], arm)
-        return of_body[:, :2] + of_body[:, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        velocities: FloatArray = kernels.point_velocities(np.ascontiguousarray(v), self._body, self._turned_arms(q))
+        return velocities
 
-    def node_operator(self, q: FloatArray) -> sp.csr_array:
-        """B (d np, k nr), sparse: the points' velocities v + omega x (p - c) = B (v, omega) in the configuration q."""
-        d, k = self.dimension, self.size
-        arm = np.einsum("aij,aj->ai", self.rotation(q)[self._body], self._arm)
-        block = np.zeros((len(arm), d, k))
-        block[:, range(d), range(d)] = 1
-        if d == 3:
-            block[:, :, 3:] = -_cross(arm)
-        else:
-            block[:, 0, 2], block[:, 1, 2] = -arm[:, 1], arm[:, 0]
-        return sp.bsr_array((block, self._body, np.arange(len(arm) + 1)), shape=(d * len(arm), k * self.count), blocksize=(d, k)).tocsr()
-
-
-def _exp(angle: FloatArray) -> FloatArray:
-    """Rotation matrices (n, 3, 3) of rotation vectors (n, 3)."""
-    return Rotation.from_rotvec(angle).as_matrix().reshape(-1, 3, 3) if len(angle) else np.empty((0, 3, 3))
-
-
-def _composed(last: FloatArray, first: FloatArray) -> FloatArray:
-    """Rotation vectors (n, 3) of the rotation by `first` and then by `last` (n, 3)."""
-    return (Rotation.from_rotvec(last) * Rotation.from_rotvec(first)).as_rotvec()
+    def on_bodies(self, q: FloatArray, nodal: sp.csc_array, split: int) -> sp.csr_array:
+        """B^T G (split + k nr, m) of a nodal matrix G (split + d np, m): rows from `split` on, forces g at points, become forces and
+        moments (g, (p - c) x g) on the bodies in the configuration q."""
+        k, points = self.size, (split, self.dimension, self._body, self.count)
+        elastic, bodies = kernels.bodies_of_columns(nodal.indptr, nodal.indices, *points)
+        starts = np.concatenate([[0], np.cumsum(elastic + k * bodies)])
+        index = np.int32 if starts[-1] < np.iinfo(np.int32).max else np.int64
+        rows, values = np.empty(starts[-1], dtype=index), np.empty(starts[-1])
+        columns = nodal.indptr, nodal.indices, nodal.data
+        kernels.on_bodies(*columns, split, self._body, self._turned_arms(q), k, self.count, starts, rows, values)
+        return sp.csc_array((values, rows, starts.astype(index)), shape=(split + k * self.count, nodal.shape[1])).tocsr()
 
 
 def _cross(a: FloatArray) -> FloatArray:

@@ -19,6 +19,7 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import Terms
 from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
+from fcsim.linear.sparse.columns import weighted_squares
 
 FREE = 1e-6
 """Of a contact's row along its normal: less of it on free unknowns is none."""
@@ -55,14 +56,14 @@ def moved_by_supports(model: Model, H: sp.sparray, dimension: int, proportions: 
     none = np.zeros(H.shape[1] // dimension, dtype=bool)
     if not len(model.driven_dofs) or not len(none):
         return none
-    rows = sp.csr_array(H if model.axes_matrix is None else model.axes_matrix @ H)
+    rows = H if model.axes_matrix is None else model.axes_matrix @ H
+    rows = rows if isinstance(rows, sp.csr_array) else sp.csr_array(rows)
     weight = np.ones(model.n_dofs)
     size = proportions.size[len(model.deformable) :, None]
     model.rigid_part(weight)[:, model.dimension :] /= np.where(size > 0, size, 1.0) ** 2
-    squares = sp.csr_array((rows.data**2, rows.indices, rows.indptr), shape=rows.shape)
-    whole = (weight @ squares)[::dimension]
+    whole = weighted_squares(rows, weight)[::dimension]
     weight[model.driven_dofs] = 0.0
-    return np.asarray((weight @ squares)[::dimension] <= FREE**2 * whole)
+    return np.asarray(weighted_squares(rows, weight)[::dimension] <= FREE**2 * whole)
 
 
 def without_force(terms: Terms) -> bool:

@@ -1,7 +1,7 @@
 """All links of a model as rows g(x) = 0 of points of its bodies: equality constraints G^T v + b = 0 of the mechanics.
 
 A row says dir . (sum_n W_n x_n - o) = length with weights W of nodes that sum to zero (or are held against the ground), so that the
-forces dir W l on the bodies have no resultant; G = B^T (W x dir), B the model's `node_operator`. Springs are rows with a compliance.
+forces dir W l on the bodies have no resultant; G = B^T (W x dir), B v the nodes' velocities. Springs are rows with a compliance.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ from fcsim.linear.factors import DenseCholesky, DenseLU, Factor, SingularMatrix,
 from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
+from fcsim.linear.sparse.columns import transposed_times
 from fcsim.problem._delassus_kernels import alike_in_contacts
 from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
 from fcsim.problem.bodies.late import LateSum
@@ -217,7 +218,7 @@ class Reduction:
     @cached_property
     def q(self) -> FloatArray:
         """q = w + H^T M^-1 f (m,)."""
-        return self.problem.w + self._H.T @ self.unloaded
+        return self.problem.w + transposed_times(self._H, self.unloaded)
 
     @property
     def mu(self) -> FloatArray:
@@ -276,7 +277,7 @@ class Reduction:
     def answer(self, r: FloatArray) -> Answer:
         """u = H^T v + w with v, l and the momentum residual."""
         v, multiplier = self.velocity(r)
-        return Answer(self.problem.H.T @ v + self.problem.w, v, multiplier, self.momentum_residual(r, v, multiplier))
+        return Answer(transposed_times(self.problem.H, v) + self.problem.w, v, multiplier, self.momentum_residual(r, v, multiplier))
 
     def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None) -> float:
         """Return ||M v - H r - G l - f|| / ||f||."""

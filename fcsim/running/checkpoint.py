@@ -20,9 +20,9 @@ from fcsim.errors import InputError
 from fcsim.files import replacing_hdf5_for_good
 from fcsim.timestep.chain import Lead
 from fcsim.timestep.energy import Ledger
+from fcsim.timestep.reactions.reactions import Reactions
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Moment, Step
-from fcsim.timestep.warm_start import Reactions
 
 _ARRAYS = tuple(field.name for field in fields(State) if field.name != "t")
 MEMORIES = 100

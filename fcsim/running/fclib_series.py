@@ -11,6 +11,7 @@ from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import Solution
 from fcsim.export_fclib.write import file_name, write_fclib
+from fcsim.linear.sparse.columns import transposed_times
 from fcsim.problem import LocalProblem
 from fcsim.problem.problem import GlobalForm
 from fcsim.problem.reduction import BlockFactor, Reduction
@@ -81,7 +82,7 @@ class _Files:
     ) -> list[Callable[[], Path]]:
         """What writes one problem in all forms, with its solution and the guess r = start (m,), of which velocity is (v, l)."""
         problem, (v, multiplier) = reduction.problem, velocity
-        guess = Solution(problem.H.T @ v + problem.w, start, v, multiplier)
+        guess = Solution(transposed_times(problem.H, v) + problem.w, start, v, multiplier)
         answer = Solution(result.u, result.r, result.v, result.multiplier)
         files: list[Callable[[], Path]] = []
         for form in self._forms:

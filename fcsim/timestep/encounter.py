@@ -20,6 +20,7 @@ from fcsim.contact_law.driven import Driven, moved_by_supports, refuse_driven, w
 from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
+from fcsim.linear.sparse.columns import transposed_times
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 
@@ -110,7 +111,7 @@ class Encounter:
 
     def outcome(self, u: FloatArray, r: FloatArray, v: FloatArray) -> Outcome:
         """What the law is told of the problem's u, r (m,) and the velocity v (n_dofs,)."""
-        return Outcome(self.terms, self.forces(u), self.forces(r), (self.H.T @ v).reshape(self.terms.w.shape))
+        return Outcome(self.terms, self.forces(u), self.forces(r), transposed_times(self.H, v).reshape(self.terms.w.shape))
 
     def tried(self, law: Law, trial: Variables) -> Encounter:
         """The same contacts under a law that is told `trial`, see `Implicit`."""
@@ -211,7 +212,7 @@ def met_on_the_way(
         found = join([found, more.take(~np.isin(more.identity, found.identity))])
         found = found.take(np.argsort(found.identity, kind="stable"))
     H = model.contact_matrix(contact_matrix(found, model.n_nodes), x)
-    back = found.gap - (H.T @ v).reshape(len(found), -1)[:, 0] if len(found) else found.gap
+    back = found.gap - transposed_times(H, v).reshape(len(found), -1)[:, 0] if len(found) else found.gap
     met = under_law(model, scheme, state, replace(found, gap=back), positions, proportions, variables, configuration=x, trial=trial)
     return replace(met, contacts=replace(met.contacts, gap=found.gap[np.searchsorted(found.identity, met.contacts.identity)]))
 
@@ -243,7 +244,7 @@ def under_law(
         contacts, bend = contacts.take(chosen), None if bend is None else bend[chosen]
     H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
     shape = (len(contacts), contacts.dimension)
-    before = (H.T @ scheme.velocity_before(model, state)).reshape(shape) if scheme.timing.moving else np.zeros(shape)
+    before = transposed_times(H, scheme.velocity_before(model, state)).reshape(shape) if scheme.timing.moving else np.zeros(shape)
     meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, trial)
     terms, driven = law.terms(meeting), None
     apart = moved_by_supports(model, H, contacts.dimension, proportions)

@@ -12,6 +12,7 @@ from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_law.law import Breaking
+from fcsim.linear.sparse.columns import transposed_times
 from fcsim.timestep.state import State
 
 
@@ -230,7 +231,7 @@ class Acting:
 
 def contact_work(acting: Acting, v: FloatArray) -> ContactWork:
     """Work of r on H^T v (m,), v (n_dofs,) the velocity with which the scheme's energy works; rolling counts as tangential."""
-    reaction, mean, end = (a.reshape(-1, acting.rows) for a in (acting.r, acting.H.T @ v, acting.u))
+    reaction, mean, end = (a.reshape(-1, acting.rows) for a in (acting.r, transposed_times(acting.H, v), acting.u))
     return ContactWork(
         float(reaction[:, 0] @ mean[:, 0]),
         float(np.einsum("ai,ai->", reaction[:, 1:], mean[:, 1:])),

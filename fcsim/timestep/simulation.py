@@ -30,6 +30,7 @@ from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
 from fcsim.timestep.links.linked import linked, refuse_linkage
+from fcsim.timestep.reactions.warm_start import MEMORY
 from fcsim.timestep.regularisation.doubts import doubts
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
 from fcsim.timestep.remarks.of_steps import StepRemarks
@@ -46,7 +47,6 @@ from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
 from fcsim.timestep.step_equation.penetration import at_end
 from fcsim.timestep.step_equation.sequence import solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled
-from fcsim.timestep.warm_start import MEMORY
 from fcsim.witness import Watch, Witness, begin, penetration_seen
 
 

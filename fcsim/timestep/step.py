@@ -27,9 +27,9 @@ from fcsim.timestep.chain import NOBODY, ONE_LOOP, Attempt, Lead
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.energy import UNWRITTEN, Acting, Energy, Ledger
 from fcsim.timestep.links.linked import Linked
+from fcsim.timestep.reactions.reactions import Reactions
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.warm_start import Reactions
 from fcsim.witness import Overlap
 
 if TYPE_CHECKING:

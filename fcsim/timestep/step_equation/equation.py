@@ -13,6 +13,7 @@ from fcsim.arrays import FloatArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.linear.sparse.columns import transposed_times
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
@@ -20,6 +21,7 @@ from fcsim.solvers import Memory, Result
 from fcsim.timestep.chain import Lead
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.links.linked import Linked
+from fcsim.timestep.reactions.reactions import Reactions
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Linearised
@@ -27,7 +29,6 @@ from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning, leaning
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
-from fcsim.timestep.warm_start import Reactions
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +115,7 @@ class Equation:
 
     @cached_property
     def _w(self) -> FloatArray:
-        w = self.met.w if self._moved is None else self.met.w + self.met.scaled_H.T @ self._moved
+        w = self.met.w if self._moved is None else self.met.w + transposed_times(self.met.scaled_H, self._moved)
         if self.leaning is None or self.slanted is None:
             return w
         E, v = self.slanted

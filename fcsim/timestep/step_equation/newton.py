@@ -36,6 +36,8 @@ from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
 from fcsim.timestep.chain import Attempt, Clock, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
+from fcsim.timestep.reactions.reactions import carried, carried_in_space
+from fcsim.timestep.reactions.warm_start import warm_start
 from fcsim.timestep.step import Linearised
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
@@ -49,7 +51,6 @@ from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped
 from fcsim.timestep.step_equation.loops.positive import positive_factor
 from fcsim.timestep.step_equation.sequence import longest_flight
 from fcsim.timestep.step_equation.tangent import made_positive, tangent_by_differences, tangent_by_formulas
-from fcsim.timestep.warm_start import carried, carried_in_space, warm_start
 
 TOLERANCE = 1e-9
 """Of a body's residual, relative to the forces on it."""

@@ -18,13 +18,14 @@ from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.timestep.chain import Attempt, Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.expected_motion import with_motion
+from fcsim.timestep.reactions.reactions import Reactions
+from fcsim.timestep.reactions.warm_start import nearest_start, warm_start
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE
 from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
 from fcsim.timestep.step_equation.loops.mixing import Mixing
 from fcsim.timestep.step_equation.loops.one_loop import FollowedLoad, follows, solve_followed
-from fcsim.timestep.warm_start import Reactions, nearest_start, warm_start
 
 
 def solve_equation(

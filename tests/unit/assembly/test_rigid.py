@@ -8,6 +8,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from fcsim.assembly.compliance import SystemFactor
+from fcsim.assembly.kinematics import _rigid_kernels as kernels
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.rigid import RigidBodies, inverse_on
 from fcsim.assembly.supports import Support
@@ -34,6 +35,21 @@ def test_rotations_go_on_past_pi() -> None:
         q, total = bodies.advance(q, dq), total + angle
         assert np.linalg.norm(q[0, 3:]) <= np.pi * (1 + 1e-15)
         assert_allclose(bodies.rotation(q)[0], Rotation.from_rotvec(total * axis).as_matrix(), atol=1e-14)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-200, 1e-12, 0.99e-4, 1.01e-4, 1.0, np.pi - 1e-9, np.pi, 4.0, 100.0])
+def test_rotations_are_those_of_scipy(size: float) -> None:
+    """On both sides of the angle up to which a series is taken, and through pi."""
+    rng = np.random.default_rng(8)
+    first, last = (x * size / np.linalg.norm(x, axis=1)[:, None] for x in rng.standard_normal((2, 20, 3)))
+    R = kernels.rotation_matrices(first)
+    assert_allclose(R, Rotation.from_rotvec(first).as_matrix(), rtol=1e-15, atol=5e-15 * max(1.0, size))
+    composed = kernels.composed_vectors(last, first)
+    expected = Rotation.from_rotvec(last) * Rotation.from_rotvec(first)
+    assert_allclose(Rotation.from_rotvec(composed).as_matrix(), expected.as_matrix(), atol=5e-15 * max(1.0, size))
+    assert np.all(np.linalg.norm(composed, axis=1) <= np.pi * (1 + 1e-15))
+    if size < 1e-3:
+        assert_allclose(composed, expected.as_rotvec(), rtol=1e-13, atol=1e-16 * size)
 
 
 def test_inertia_turns_with_the_body() -> None:

@@ -17,9 +17,9 @@ from fcsim.errors import InputError
 from fcsim.running.checkpoint import MEMORIES, content_digest, read_checkpoint, write_checkpoint
 from fcsim.timestep.chain import Lead
 from fcsim.timestep.energy import Ledger
+from fcsim.timestep.reactions.reactions import Reactions
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Moment
-from fcsim.timestep.warm_start import Reactions
 
 
 def reactions(nc: int, seed: int) -> Reactions:

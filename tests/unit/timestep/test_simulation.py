@@ -22,11 +22,11 @@ from fcsim.mesh.part import Body
 from fcsim.solvers import SOLVERS, Status
 from fcsim.solvers.base import Iterate
 from fcsim.timestep.chain import LEADS, LEARNED, NOBODY, Lead, SolverSettings
+from fcsim.timestep.reactions.reactions import Reactions
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest
 from fcsim.timestep.step import Moment
 from fcsim.timestep.theta import Theta
-from fcsim.timestep.warm_start import Reactions
 
 SOFT = Material(1e7, 0.2, 2000.0)
 

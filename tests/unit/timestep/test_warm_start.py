@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.contact_detection import Contacts
 from fcsim.problem import LocalProblem
-from fcsim.timestep.warm_start import Reactions, nearest_start, warm_start
+from fcsim.timestep.reactions.reactions import Reactions
+from fcsim.timestep.reactions.warm_start import nearest_start, warm_start
 
 FRAME = np.tile(np.eye(3), (2, 1, 1))
 CONTACTS = Contacts(
