@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, replace
@@ -29,6 +30,9 @@ from fcsim.witness import Witness
 RELEASED_EVERY = 500
 """After so many steps the pages between what is used are given back: arrays of ever other sizes leave holes that add up, a percent of the
 process in some thousand steps. Seldom, since the next step has to have its pages cleared anew (`keep_freed_memory`)."""
+ROWS_BEHIND_FILES = 3
+"""Steps of which nothing but a row is to be written that may wait, with what they hold, for the files of one before them: files take as
+long as two or three steps of a wall."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,25 +80,29 @@ class Outputs:
         self._compressor = Compressor()
         self._about = f"{case.description}; fcsim {__version__}; parameters: {asdict(parameters)}"  # type: ignore[call-overload]
         self._beside: ThreadPoolExecutor | None = None
-        self._writing: Future[None] | None = None
+        self._writing: deque[Future[None]] = deque()  # steps on their way, in their order
+        self._failed = False
         self.last: Step | None = None
 
     def take(self, step: Step) -> Mapping[str, float]:
-        """Write a step, whose files may still be on their way when this returns: `finish` waits for them.
+        """Write a step, whose files may still be on their way when this returns, with the rows of `ROWS_BEHIND_FILES` steps after it:
+        `finish` waits for them.
 
-        Returns its seconds by phase, under "output" those that the run waited for here. Errors of the files of the step before are
-        raised; its own also by the next `take`, or by `finish`.
+        Returns its seconds by phase, under "output" those that the run waited for here. Errors of the files of a step before are
+        raised as soon as they are known; its own also by a later `take`, or by `finish`.
         """
         begin, options = time.perf_counter(), self._options
-        self.finish()
         final = step.number == self._case.simulation.steps
-        row, drawn = self._table.row(step), bool(self._series) and (step.number % options.vtk_every == 0 or final)
-        files = self._files(step) if options.export_every and step.number % options.export_every == 0 else []
+        drawn = bool(self._series) and (step.number % options.vtk_every == 0 or final)
+        exported = bool(options.export_every) and step.number % options.export_every == 0
         kept = final or bool(options.checkpoint_every and step.number % options.checkpoint_every == 0)
+        more = exported or drawn or kept
+        self._wait(0 if more else ROWS_BEHIND_FILES)
+        row, files = self._table.row(step), self._files(step) if exported else []
         write = partial(self._write, step, row, files, drawn=drawn, kept=kept, prepared=time.perf_counter() - begin)
-        if (files or drawn or kept) and not final and self._may_be_beside:
+        if self._writing or (more and not final and self._may_be_beside):
             self._beside = self._beside or ThreadPoolExecutor(1, "fcsim-files")
-            self._writing = self._beside.submit(write)
+            self._writing.append(self._beside.submit(self._unless_one_failed, write))
         else:
             write()
         if step.number % RELEASED_EVERY == 0:
@@ -106,6 +114,16 @@ class Outputs:
         """Whether files are written while the next step is computed: what nonlinear bodies show is computed by what computes the steps.
         Nor beside the exchanges of ranks."""
         return threads() > 1 and not shared() and not self._case.simulation.model.nonlinear
+
+    def _unless_one_failed(self, write: Callable[[], None]) -> None:
+        """Write a step behind others, of which all are written: the table has no holes."""
+        if self._failed:
+            return
+        try:
+            write()
+        except BaseException:
+            self._failed = True
+            raise
 
     def _write(self, step: Step, row: Row, files: list[Callable[[], Path]], *, drawn: bool, kept: bool, prepared: float) -> None:
         """The files of a step, then its row, which says how long that took, then the checkpoint, which stands for all before it."""
@@ -122,11 +140,13 @@ class Outputs:
 
     def finish(self) -> None:
         """Return when what was taken is written; raises what went wrong there."""
-        if self._writing is None:
-            return
-        wait([self._writing])  # where an interrupt strikes here, `end` waits anew
-        writing, self._writing = self._writing, None
-        writing.result()
+        self._wait(0)
+
+    def _wait(self, behind: int) -> None:
+        """Return when no more than `behind` steps are on their way; raises what went wrong with those that are not any more."""
+        while self._writing and (len(self._writing) > behind or self._writing[0].done()):
+            wait([self._writing[0]])  # where an interrupt strikes here, `end` waits anew
+            self._writing.popleft().result()
 
     def _files(self, step: Step) -> list[Callable[[], Path]]:
         return step_files(
@@ -148,10 +168,9 @@ class Outputs:
         """
         end_forks_of(self._process)
         first: Exception | None = None
-        writing, self._writing = self._writing, None
-        if writing is not None:
-            wait([writing])  # not its result: an interrupt would look like its error
-            first = cast(Exception | None, writing.exception())
+        while self._writing:
+            wait([self._writing[0]])  # not its result: an interrupt would look like its error
+            first = first or cast(Exception | None, self._writing.popleft().exception())
         if self._beside is not None:
             self._beside.shutdown()
         for write in (self._table.close, self._last_checkpoint, self._table_with_units, describe_end):

@@ -6,6 +6,7 @@ import resource
 import shutil
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -18,7 +19,9 @@ from fcsim.mesh.blocks import brick
 from fcsim.mesh.io import write_mesh
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Part
+from fcsim.running import outputs
 from fcsim.running.checkpoint import read_checkpoint
+from fcsim.timestep.step import Step
 
 SCRIPT = """
 from dataclasses import dataclass
@@ -194,3 +197,34 @@ def test_a_full_disk(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.undo()
     assert main([*arguments, "--resume"]) == 0
     assert sorted(path.name[-10:] for path in (out / "fclib" / "global").iterdir()) == [f"{step:05d}.hdf5" for step in (1, 2, 3, 4)]
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_rows_that_wait_for_slow_files(
+    fails: bool, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In their order after those of the step with the files; none where these could not be written, and --resume goes on."""
+    out, made = tmp_path / "out", outputs.step_files
+
+    def slow(directory: Path, step: Step, *rest: object) -> list[Callable[[], Path]]:
+        def write() -> Path:
+            time.sleep(0.5)
+            if fails:
+                raise OSError(f"no room for step {step.number}")
+            return made(directory, step, *rest)[0]()  # type: ignore[arg-type]
+
+        return [write]
+
+    monkeypatch.setattr(outputs, "step_files", slow)
+    monkeypatch.setattr(outputs.Outputs, "_may_be_beside", True)
+    arguments = ["run", str(folder), "--out", str(out), "--set", "steps=7", "--export-every", "3", "--vtk-every", "0"]
+    arguments += ["--checkpoint-every", "2"]
+    assert main(arguments) == (2 if fails else 0)
+    with (out / "steps.csv").open(newline="") as file:
+        numbers = [int(row["step"]) for row in csv.DictReader(file)]
+    assert numbers == ([1, 2] if fails else [1, 2, 3, 4, 5, 6, 7])
+    if fails:
+        assert "no room for step 3" in capsys.readouterr().err
+        monkeypatch.undo()
+        assert main([*arguments, "--resume"]) == 0
+        assert len(list((out / "fclib" / "global").iterdir())) == 2
