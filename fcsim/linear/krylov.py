@@ -7,9 +7,10 @@ which is what is asked here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
 
@@ -39,33 +40,20 @@ def gmres(
     beta = float(np.linalg.norm(rhs))
     if beta <= target:
         return np.zeros_like(rhs), np.empty(0)
-    basis = [rhs / beta]
-    steps: list[FloatArray] = []
-    R = np.zeros((limit, limit))  # of H = Q R, Q by Givens' rotations; c, s: theirs; g = Q^T beta e_1
-    c, s, g = np.zeros(limit), np.zeros(limit), np.zeros(limit + 1)
-    g[0] = beta
-    defects = [beta]
+    basis, steps, small = [rhs / beta], [], LeastSquares(beta)
     for j in range(limit):
         steps.append(precondition(basis[j]))
         w = product(steps[j])
-        column = R[:, j]
-        for i, v in enumerate(basis):
-            column[i] = v @ w
-            w = w - column[i] * v
+        column = []
+        for v in basis:
+            column.append(float(v @ w))
+            w = w - column[-1] * v
         size = float(np.linalg.norm(w))
-        if not math.isfinite(size):
+        if not math.isfinite(size) or not small.add(column, size):
             return None
-        for i in range(j):
-            column[i], column[i + 1] = c[i] * column[i] + s[i] * column[i + 1], c[i] * column[i + 1] - s[i] * column[i]
-        diagonal = math.hypot(column[j], size)
-        if diagonal == 0:
-            return None
-        c[j], s[j], column[j] = column[j] / diagonal, size / diagonal, diagonal
-        g[j], g[j + 1] = c[j] * g[j], -s[j] * g[j]
-        left = abs(float(g[j + 1]))
-        defects.append(left)
-        if left <= target or (left <= plateau and flat(defects)) or (j + 1 == limit and left <= enough):
-            y = np.linalg.solve(R[: j + 1, : j + 1], g[: j + 1])
+        left = small.defects[-1]
+        if left <= target or (left <= plateau and flat(small.defects)) or (j + 1 == limit and left <= enough):
+            y = small.coefficients()
             return combined(y, steps), y
         hopeless = j + 1 >= patience and np.log(left / beta) * HOPE * limit > np.log(target / beta) * (j + 1)
         if hopeless or size == 0:
@@ -74,14 +62,51 @@ def gmres(
     return None
 
 
+class LeastSquares:
+    """min ||beta e_1 - H y|| for the Hessenberg matrix H (j + 1, j) of Arnoldi's process, which grows by a column an iteration: H = Q R by
+    Givens' rotations. defects: the minimum without a column, with one, with two, ..."""
+
+    def __init__(self, beta: float) -> None:
+        self.defects = [beta]
+        self._columns: list[list[float]] = []  # of R
+        self._rotations: list[tuple[float, float]] = []  # cosine and sine
+        self._rotated: list[float] = []  # Q^T beta e_1 but for its last component
+        self._last = beta
+
+    def add(self, along: Iterable[float], size: float) -> bool:
+        """Add the column (along, size) of j + 1 and one numbers; False where H is singular with it."""
+        column = list(along)
+        for i, (c, s) in enumerate(self._rotations):
+            column[i], column[i + 1] = c * column[i] + s * column[i + 1], c * column[i + 1] - s * column[i]
+        diagonal = math.hypot(column[-1], size)
+        if diagonal == 0:
+            return False
+        c, s = column[-1] / diagonal, size / diagonal
+        column[-1] = diagonal
+        self._columns.append(column)
+        self._rotations.append((c, s))
+        self._rotated.append(c * self._last)
+        self._last *= -s
+        self.defects.append(abs(self._last))
+        return True
+
+    def coefficients(self) -> FloatArray:
+        """y (j,)."""
+        y = np.array(self._rotated)
+        for j in reversed(range(len(y))):
+            y[j] /= self._columns[j][j]
+            y[:j] -= y[j] * np.array(self._columns[j][:j])
+        return y
+
+
 def flat(defects: Sequence[float]) -> bool:
     """Whether the defects, from the first one on, have come to a plateau."""
     return len(defects) > FLAT_FOR + 2 and defects[-1] > FLAT * defects[-1 - FLAT_FOR]
 
 
-def combined(y: FloatArray, vectors: Sequence[FloatArray]) -> FloatArray:
-    """sum of y_i times vector i (n,), without a copy of all of them."""
-    total = y[0] * vectors[0]
+def combined(y: FloatArray, vectors: Sequence[NDArray[np.floating]]) -> FloatArray:
+    """sum of y_i times vector i (n,), in double precision, without a copy of all of them."""
+    total: FloatArray = y[0] * vectors[0]
     for factor, vector in zip(y[1:], vectors[1:], strict=True):
         total += factor * vector
     return total

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
-from fcsim.linear.krylov import flat
+from fcsim.linear.krylov import LeastSquares, combined, flat
 
 GROWTH = 32
 """Vectors by which the basis grows."""
@@ -42,38 +42,26 @@ def gmres_over_ranks(
     basis = _Basis(len(rhs))
     basis.append(rhs / beta)
     steps: list[NDArray[np.floating]] = []
-    R = np.zeros((limit, limit))  # of H = Q R, Q by Givens' rotations; c, s: theirs; g = Q^T beta e_1
-    c, s, g = np.zeros(limit), np.zeros(limit), np.zeros(limit + 1)
-    g[0], defects = beta, [beta]
+    small = LeastSquares(beta)
     for j in range(limit):
         steps.append(precondition(basis.last))
         w = product(steps[-1].astype(np.float64, copy=False))
         along = summed(np.append(basis.along(w), w @ w))
         w -= basis.times(along[:-1])
-        size, column = math.sqrt(float(summed(np.array([w @ w]))[0])), R[:, j]
-        column[: j + 1] = along[:-1]
+        size, column = math.sqrt(float(summed(np.array([w @ w]))[0])), along[:-1]
         if not math.isfinite(size):
             return None
         if size < CANCELLED * math.sqrt(float(along[-1])):
             again = summed(basis.along(w))
             w -= basis.times(again)
-            column[: j + 1] += again
+            column = column + again
             size = math.sqrt(float(summed(np.array([w @ w]))[0]))
-        for i in range(j):
-            column[i], column[i + 1] = c[i] * column[i] + s[i] * column[i + 1], c[i] * column[i + 1] - s[i] * column[i]
-        diagonal = math.hypot(column[j], size)
-        if diagonal == 0:
+        if not small.add(column.tolist(), size):
             return None
-        c[j], s[j], column[j] = column[j] / diagonal, size / diagonal, diagonal
-        g[j], g[j + 1] = c[j] * g[j], -s[j] * g[j]
-        left = abs(float(g[j + 1]))
-        defects.append(left)
-        if left <= accuracy * beta or (left <= plateau * beta and flat(defects)) or (j + 1 == limit and left <= enough * beta):
-            y, x = np.linalg.solve(R[: j + 1, : j + 1], g[: j + 1]), np.zeros_like(rhs)
+        left = small.defects[-1]
+        if left <= accuracy * beta or (left <= plateau * beta and flat(small.defects)) or (j + 1 == limit and left <= enough * beta):
             # from the very steps that A was applied to: what single precision rounds of them is large in what A makes of it
-            for weight, step in zip(y, steps, strict=True):
-                x += weight * step
-            return x
+            return combined(small.coefficients(), steps)
         if size == 0:
             return None
         basis.append(w / size)
