@@ -18,6 +18,7 @@ from fcsim.problem import Checks, GlobalProblem, LocalProblem, natural_map_resid
 from fcsim.problem.infeasible import Certificate
 from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction
+from fcsim.ranks import told
 from fcsim.solvers.derivative import GlobalDerivative, LocalDerivative, derivative
 from fcsim.solvers.memory import Memory
 
@@ -194,7 +195,10 @@ class Monitor:
         return Status.TIME_LIMIT if self.out_of_time() else None
 
     def out_of_time(self) -> bool:
-        return time.perf_counter() - self.start > self.time_limit
+        """Whether the time limit has passed; of ranks that share their work by the clock of rank 0, or some would go on alone."""
+        if self.time_limit == math.inf:
+            return False
+        return told("whether the time limit has passed", time.perf_counter() - self.start > self.time_limit)
 
 
 @dataclass(frozen=True, eq=False)
