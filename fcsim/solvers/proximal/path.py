@@ -12,7 +12,7 @@ w (m,) is what u would have to change by for the start to be a solution, and alo
 
 one contact after the other changes its status. Which way t goes in a piece is said by the sign of det(1 + K W): where that turns, the path
 folds and t falls. So it ends where the determinant is positive, as it is at the one solution of a large alpha. In a piece z is taken for
-linear in t; what that leaves is carried along and vanishes towards t = 1.
+linear in t; what that leaves, P(z) - r, is carried along as a part of w: it vanishes towards t = 1, and turns with the path where t falls.
 
 Sources: J. Katzenelson, Bell Syst. Tech. J. 44, 1965 (piecewise linear equations along their pieces); M. Kojima, R. Saigal, Math. Program.
 21, 1981 (determinants); R. T. Rockafellar, SIAM J. Control Optim. 14, 1976 (regularisation). Its use for friction is our own.
@@ -28,7 +28,8 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.proximal import _path_kernels as kernels
-from fcsim.solvers.proximal.pieces import Pieces
+from fcsim.solvers.proximal._following_kernels import ARRIVED, SHORT, follow_in_velocities
+from fcsim.solvers.proximal.pieces import InVelocities, Pieces
 
 TURN = 1.0
 """Tangent of the angle that a sliding contact's z_T may turn by in a step."""
@@ -38,6 +39,12 @@ RUNAWAY = 1e4
 """Growth of what Newton's method leaves at which it is given up."""
 LEAST_REST = 1e-3
 """Least 1 - t by which the rest is divided: what is left of the path is not that short."""
+ROOM = 36
+"""Changes of low rank before the bodies' matrix is factored anew: an elimination costs what some ten solutions with its factor do."""
+AGAIN = 5
+"""How often at most a path is followed: the first time, then what round-off has left of it."""
+ACCURACY = 1e-3
+"""What the equations of motion may be left with on the way over w as a momentum, both by their norms."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +81,35 @@ class Regularised:
             self.monitor.iterations += 1
         return None
 
-    def follow(self, z: FloatArray, status: IntArray, w: FloatArray, most: int) -> tuple[FloatArray, FloatArray] | None:
-        """(z, r) at the end of the path from a solution for q + w, with z there and its statuses; None where that is not met within so
-        many pieces, or is lost."""
+    def follow(
+        self, z: FloatArray, status: IntArray, w: FloatArray, target: float, least: int, most: int
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """(z, r) at the end of the path from a solution for q + w, with z there and its statuses; None where that is not met within
+        `least` pieces, `most` where the path is on its way (`on_its_way`), or is lost. Compiled in the bodies' velocities: what u is off
+        there at the end by more than target is followed again."""
+        pieces = self.pieces
+        if not isinstance(pieces, InVelocities):
+            return self.along(z, status, w, least, most)
+        centre = z + self.rho[:, None] * (pieces.product(kernels.law(z, self.mu, self.rho, status)[0]) + self.q + w)
+        for _ in range(AGAIN):
+            accuracy = ACCURACY * pieces.mean_mass * float(np.linalg.norm(w))
+            ended, count, z, r, status = follow_in_velocities(
+                *pieces.arrays, z, status, w, self.mu, self.rho, least, most, TURN, BACK, LEAST_REST, ROOM, accuracy
+            )
+            self.monitor.iterations += count
+            if ended != ARRIVED:
+                return None
+            w = (centre - z) / self.rho[:, None] - (pieces.product(kernels.law(z, self.mu, self.rho, status)[0]) + self.q)
+            if not float(np.linalg.norm(w)) > target * (self.monitor.scale or 1.0):
+                break
+        return z, r
+
+    def along(self, z: FloatArray, status: IntArray, w: FloatArray, least: int, most: int) -> tuple[FloatArray, FloatArray] | None:
+        """`follow` by the pieces, whatever they are."""
         pieces, mu, rho, status, t = self.pieces, self.mu, self.rho, status.copy(), 0.0
         found, K = kernels.law(z, mu, rho, status)
-        r, contact = found, -1
-        for _ in range(most):
+        r, contact, count, short = found, -1, 0, 0
+        while kernels.on_its_way(count, least, most, t, short):
             try:
                 if contact < 0:
                     pieces.factor(K)
@@ -89,14 +118,15 @@ class Regularised:
             except SingularMatrix:
                 return None
             self.monitor.iterations += 1
-            way = pieces.sign
-            right = way * np.einsum("aij,aj->ai", pieces.K, w) + (found - r) / max(1.0 - t, LEAST_REST)
+            count, way = count + 1, pieces.sign
+            right = way * (np.einsum("aij,aj->ai", pieces.K, w) + (found - r) / max(1.0 - t, LEAST_REST))
             dr, du = pieces.solve(right)
             dz = -rho[:, None] * (du - way * w)
             length, contact, to = kernels.end_of_piece(z, dz, mu, status, TURN)
             if way > 0 and t + length >= 1:
                 return z + (1 - t) * dz, r + (1 - t) * dr
             t += way * length
+            short += length < SHORT
             if not BACK < t < np.inf or self.monitor.out_of_time():
                 return None
             r, z = r + length * dr, z + length * dz
