@@ -41,8 +41,8 @@ LEAST_REST = 1e-3
 """Least 1 - t by which the rest is divided: what is left of the path is not that short."""
 ROOM = 36
 """Changes of low rank before the bodies' matrix is factored anew: an elimination costs what some ten solutions with its factor do."""
-AGAIN = 5
-"""How often at most a path is followed: the first time, then what round-off has left of it."""
+TWICE = 2
+"""Paths that are followed for one problem: the second from the end of the first, where Newton's method does not arrive from there."""
 ACCURACY = 1e-3
 """What the equations of motion may be left with on the way over w as a momentum, both by their norms."""
 
@@ -81,30 +81,42 @@ class Regularised:
             self.monitor.iterations += 1
         return None
 
+    def end(self, z: FloatArray, status: IntArray, target: float, newton: int, least: int, most: int, budget: int) -> FloatArray | None:
+        """P(z) of the solution to a rest of target, along a path from z (nc, d) with these statuses and then by at most so many of Newton's
+        iterations; where these do not arrive, once more from there. least, most: pieces of a path; budget: of all that is counted."""
+        start, _ = kernels.law(z, self.mu, self.rho, status)
+        centre, until = start, self.monitor.iterations + budget
+        for _ in range(TWICE):
+            w = (centre - z) / self.rho[:, None] - (self.pieces.product(start) + self.q)
+            left = until - self.monitor.iterations
+            end = self.follow(z, status, w, min(least, left), min(most, left)) if left > 0 else None
+            if end is None:
+                return None
+            z, r, status = end
+            found = self.newton(z, r, target, max(0, min(newton, until - self.monitor.iterations)))
+            if found is not None:
+                return found
+            start, _ = kernels.law(z, self.mu, self.rho, status)
+        return None
+
     def follow(
-        self, z: FloatArray, status: IntArray, w: FloatArray, target: float, least: int, most: int
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """(z, r) at the end of the path from a solution for q + w, with z there and its statuses; None where that is not met within
-        `least` pieces, `most` where the path is on its way (`on_its_way`), or is lost. Compiled in the bodies' velocities: what u is off
-        there at the end by more than target is followed again."""
+        self, z: FloatArray, status: IntArray, w: FloatArray, least: int, most: int
+    ) -> tuple[FloatArray, FloatArray, IntArray] | None:
+        """(z, r, statuses) at the end of the path from a solution for q + w, with z there and its statuses; None where that is not met
+        within `least` pieces, `most` where the path is on its way (`on_its_way`), or is lost. Compiled in the bodies' velocities."""
         pieces = self.pieces
         if not isinstance(pieces, InVelocities):
             return self.along(z, status, w, least, most)
-        centre = z + self.rho[:, None] * (pieces.product(kernels.law(z, self.mu, self.rho, status)[0]) + self.q + w)
-        for _ in range(AGAIN):
-            accuracy = ACCURACY * pieces.mean_mass * float(np.linalg.norm(w))
-            ended, count, z, r, status = follow_in_velocities(
-                *pieces.arrays, z, status, w, self.mu, self.rho, least, most, TURN, BACK, LEAST_REST, ROOM, accuracy
-            )
-            self.monitor.iterations += count
-            if ended != ARRIVED:
-                return None
-            w = (centre - z) / self.rho[:, None] - (pieces.product(kernels.law(z, self.mu, self.rho, status)[0]) + self.q)
-            if not float(np.linalg.norm(w)) > target * (self.monitor.scale or 1.0):
-                break
-        return z, r
+        accuracy = ACCURACY * pieces.mean_mass * float(np.linalg.norm(w))
+        ended, count, z, r, status = follow_in_velocities(
+            *pieces.arrays, z, status, w, self.mu, self.rho, least, most, TURN, BACK, LEAST_REST, ROOM, accuracy
+        )
+        self.monitor.iterations += count
+        return (z, r, status) if ended == ARRIVED else None
 
-    def along(self, z: FloatArray, status: IntArray, w: FloatArray, least: int, most: int) -> tuple[FloatArray, FloatArray] | None:
+    def along(
+        self, z: FloatArray, status: IntArray, w: FloatArray, least: int, most: int
+    ) -> tuple[FloatArray, FloatArray, IntArray] | None:
         """`follow` by the pieces, whatever they are."""
         pieces, mu, rho, status, t = self.pieces, self.mu, self.rho, status.copy(), 0.0
         found, K = kernels.law(z, mu, rho, status)
@@ -124,7 +136,7 @@ class Regularised:
             dz = -rho[:, None] * (du - way * w)
             length, contact, to = kernels.end_of_piece(z, dz, mu, status, TURN)
             if way > 0 and t + length >= 1:
-                return z + (1 - t) * dz, r + (1 - t) * dr
+                return z + (1 - t) * dz, r + (1 - t) * dr, status
             t += way * length
             short += length < SHORT
             if not BACK < t < np.inf or self.monitor.out_of_time():

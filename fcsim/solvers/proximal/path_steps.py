@@ -127,9 +127,6 @@ def _solved(inner: Regularised, r: FloatArray, u: FloatArray, target: float, opt
     budget = options.max_iterations - inner.monitor.iterations
     found = inner.newton(free, centre, target, min(options.newton, budget))
     budget = options.max_iterations - inner.monitor.iterations
-    if found is None and options.pieces and budget > 0:
-        most = min(options.pieces, budget), min(options.longest, budget)
-        end = inner.follow(z, status, (free - z) / inner.rho[:, None], target, *most)
-        if end is not None:
-            found = inner.newton(*end, target, max(0, min(options.newton, options.max_iterations - inner.monitor.iterations)))
+    if found is None and options.pieces:
+        found = inner.end(z, status, target, options.newton, options.pieces, options.longest, budget)
     return found
