@@ -34,7 +34,7 @@ PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
-PATHS_AFTER = 60
+PATHS_AFTER = 30
 """Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed."""
 PROOF_SHARE = 4.0
 """Times what a proof costs that others may spend before it goes first: where there is a solution that costs a quarter more at the most."""
@@ -238,7 +238,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "paths",
-        "PROX-PATH. Enters after 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold more "
+        "PROX-PATH. Enters after 30 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold more "
         "velocities than the bodies have. Works alone.",
         enters=_enter_paths,
         turns=methods.paths,

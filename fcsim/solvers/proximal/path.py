@@ -41,8 +41,8 @@ LEAST_REST = 1e-3
 """Least 1 - t by which the rest is divided: what is left of the path is not that short."""
 ROOM = 36
 """Changes of low rank before the bodies' matrix is factored anew: an elimination costs what some ten solutions with its factor do."""
-TWICE = 2
-"""Paths that are followed for one problem: the second from the end of the first, where Newton's method does not arrive from there."""
+AGAIN = 4
+"""Paths that are followed for one problem: from the end of each, where Newton's method does not arrive from there."""
 ACCURACY = 1e-3
 """What the equations of motion may be left with on the way over w as a momentum, both by their norms."""
 
@@ -83,10 +83,10 @@ class Regularised:
 
     def end(self, z: FloatArray, status: IntArray, target: float, newton: int, least: int, most: int, budget: int) -> FloatArray | None:
         """P(z) of the solution to a rest of target, along a path from z (nc, d) with these statuses and then by at most so many of Newton's
-        iterations; where these do not arrive, once more from there. least, most: pieces of a path; budget: of all that is counted."""
+        iterations; where these do not arrive, again from there. least, most: pieces of a path; budget: of all that is counted."""
         start, _ = kernels.law(z, self.mu, self.rho, status)
         centre, until = start, self.monitor.iterations + budget
-        for _ in range(TWICE):
+        for _ in range(AGAIN):
             w = (centre - z) / self.rho[:, None] - (self.pieces.product(start) + self.q)
             left = until - self.monitor.iterations
             end = self.follow(z, status, w, min(least, left), min(most, left)) if left > 0 else None

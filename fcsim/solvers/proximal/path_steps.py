@@ -43,7 +43,7 @@ class PathOptions(Options):
     before: int = 60
     newton: int = 10
     pieces: int = 200
-    longest: int = 800
+    longest: int = 1600
     alpha: float = 1.0
     alpha_least: float = 1e-8
     alpha_most: float = 1e-2
