@@ -35,8 +35,8 @@ PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
 PATHS_AFTER, PATHS_SOON = 60, 30
-"""Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed, and those after which they are where by its
-rate it needs more again: easy steps of masonry in motion take it 50 to 80."""
+"""Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed, and those after which they are where by
+its rate it needs more again: easy steps of masonry in motion take it 50 to 80."""
 PROOF_SHARE = 4.0
 """Times what a proof costs that others may spend before it goes first: where there is a solution that costs a quarter more at the most."""
 TO_REST = 1.4
@@ -240,8 +240,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "paths",
-        "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold more "
-        "velocities than the bodies have. Works alone.",
+        "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold "
+        "more velocities than the bodies have. Works alone.",
         enters=_enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,
