@@ -39,8 +39,8 @@ NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS, ADMM_BEGINS = 40, 200, 5, 40
 before ADMM's first one."""
 SHARES, PRODUCTS = 8, 3
 """How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
-PIECE = 0.5
-"""A piece of a path over an iteration of proximal Newton, both in the bodies' velocities (measured: 0.45 of 56 blocks)."""
+PIECE = 0.3
+"""A piece of a path over an iteration of proximal Newton, both in the bodies' velocities (measured: 0.25 to 0.35 of 42 to 83 blocks)."""
 SVD = 20
 """Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
 LP, LP_STEPS = 10, 1000

@@ -34,8 +34,9 @@ PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
-PATHS_AFTER = 60
-"""Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed."""
+PATHS_AFTER, PATHS_SOON = 60, 30
+"""Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed, and those after which they are where by
+its rate it needs more again: easy steps of masonry in motion take it 50 to 80."""
 PROOF_SHARE = 4.0
 """Times what a proof costs that others may spend before it goes first: where there is a solution that costs a quarter more at the most."""
 TO_REST = 1.4
@@ -176,7 +177,8 @@ def _enter_paths(race: Race) -> bool:
     runner = race.runners.get("proximal Newton")
     if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities or not singular_here(race):
         return False
-    return runner.result is not None or runner.monitor.iterations >= PATHS_AFTER
+    done = runner.monitor.iterations
+    return runner.result is not None or done >= PATHS_AFTER or (done >= PATHS_SOON and runner.needs() > runner.spent)
 
 
 def _enter_least_squares(race: Race) -> bool:
@@ -238,8 +240,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "paths",
-        "PROX-PATH. Enters after 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold more "
-        "velocities than the bodies have. Works alone.",
+        "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold "
+        "more velocities than the bodies have. Works alone.",
         enters=_enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,

@@ -13,6 +13,15 @@ AT_REST = 1e-12
 """Share of the largest reaction up to which a contact begins open."""
 AT_LIMIT = 1e-10
 """Share of the friction's limit next to it from which on a contact begins as sliding."""
+APART = 1e-4
+"""Share of the largest reaction by which contacts begin beyond the border of their status: those that leave it together would take turns
+for ever. Each has another, between once and twice as much."""
+GOLDEN = 0.6180339887498949
+"""Multiples of it, without their integers, are spread evenly."""
+CHATTER = 0.2
+"""Share of pieces without a length at which a path is no longer on its way."""
+AHEAD = 2.0
+"""Times the pieces that every path has which one on its way may still need, at the rate it shows."""
 
 
 @njit(cache=True)
@@ -67,16 +76,18 @@ def law(z, mu, rho, status):
 def beginning(r, u, mu, rho):
     """z (nc, d) that belongs to reactions r and velocities u (nc, d), both nearly those of a solution, and statuses (nc,).
 
-    Open contacts keep their velocity, sliding ones their speed; what sticks is at rest.
+    Open contacts keep their velocity, sliding ones their speed, where that is not nearly nothing (`APART`); what sticks is at rest.
     """
     nc, d = r.shape
     z, status = r.copy(), np.zeros(nc, dtype=np.int64)
-    least = AT_REST * np.abs(r[:, 0]).max() if nc > 0 else 0.0
+    largest = np.abs(r[:, 0]).max() if nc > 0 else 0.0
+    least = AT_REST * largest
     for a in range(nc):
+        apart = APART * largest * (1.0 + (a + 1) * GOLDEN % 1.0)
         if r[a, 0] <= least:
             for i in range(d):
                 z[a, i] = -rho[a] * u[a, i]
-            z[a, 0] = min(z[a, 0], 0.0)
+            z[a, 0] = min(z[a, 0], -apart)
             continue
         size, limit = np.sqrt(_squared(r[a])), mu[a] * r[a, 0]
         if size < (1 - AT_LIMIT) * limit:
@@ -85,7 +96,7 @@ def beginning(r, u, mu, rho):
         status[a] = 2
         speed = np.sqrt(_squared(u[a]))
         for i in range(1, d):
-            z[a, i] = (limit + rho[a] * speed) * r[a, i] / size if size > 0 else -rho[a] * u[a, i]
+            z[a, i] = (limit + max(rho[a] * speed, apart)) * r[a, i] / size if size > 0 else -rho[a] * u[a, i]
     return z, status
 
 
@@ -128,3 +139,12 @@ def end_of_piece(z, dz, mu, status, turn):
             if across > 0 and turn * _squared(z[a]) < least * across:
                 least, which, following = turn * _squared(z[a]) / across, -1, -1
     return least, which, following
+
+
+@njit(cache=True)
+def on_its_way(pieces, least, most, t, short):
+    """Whether a path goes on after so many pieces, `short` of them without a length: each does for `least`, and up to `most` those that
+    do not chatter and by the rate of t so far end soon."""
+    if pieces < least:
+        return True
+    return pieces < most and t > 0 and short < CHATTER * pieces and (1 - t) * pieces <= t * (AHEAD * least + pieces)

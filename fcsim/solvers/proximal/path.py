@@ -12,7 +12,7 @@ w (m,) is what u would have to change by for the start to be a solution, and alo
 
 one contact after the other changes its status. Which way t goes in a piece is said by the sign of det(1 + K W): where that turns, the path
 folds and t falls. So it ends where the determinant is positive, as it is at the one solution of a large alpha. In a piece z is taken for
-linear in t; what that leaves is carried along and vanishes towards t = 1.
+linear in t; what that leaves, P(z) - r, is carried along as a part of w: it vanishes towards t = 1, and turns with the path where t falls.
 
 Sources: J. Katzenelson, Bell Syst. Tech. J. 44, 1965 (piecewise linear equations along their pieces); M. Kojima, R. Saigal, Math. Program.
 21, 1981 (determinants); R. T. Rockafellar, SIAM J. Control Optim. 14, 1976 (regularisation). Its use for friction is our own.
@@ -28,7 +28,8 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.proximal import _path_kernels as kernels
-from fcsim.solvers.proximal.pieces import Pieces
+from fcsim.solvers.proximal._following_kernels import ARRIVED, SHORT, follow_in_velocities
+from fcsim.solvers.proximal.pieces import InVelocities, Pieces
 
 TURN = 1.0
 """Tangent of the angle that a sliding contact's z_T may turn by in a step."""
@@ -38,6 +39,12 @@ RUNAWAY = 1e4
 """Growth of what Newton's method leaves at which it is given up."""
 LEAST_REST = 1e-3
 """Least 1 - t by which the rest is divided: what is left of the path is not that short."""
+ROOM = 36
+"""Changes of low rank before the bodies' matrix is factored anew: an elimination costs what some ten solutions with its factor do."""
+AGAIN = 4
+"""Paths that are followed for one problem: from the end of each, where Newton's method does not arrive from there."""
+ACCURACY = 1e-3
+"""What the equations of motion may be left with on the way over w as a momentum, both by their norms."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +81,47 @@ class Regularised:
             self.monitor.iterations += 1
         return None
 
-    def follow(self, z: FloatArray, status: IntArray, w: FloatArray, most: int) -> tuple[FloatArray, FloatArray] | None:
-        """(z, r) at the end of the path from a solution for q + w, with z there and its statuses; None where that is not met within so
-        many pieces, or is lost."""
+    def end(self, z: FloatArray, status: IntArray, target: float, newton: int, least: int, most: int, budget: int) -> FloatArray | None:
+        """P(z) of the solution to a rest of target, along a path from z (nc, d) with these statuses and then by at most so many of Newton's
+        iterations; where these do not arrive, again from there. least, most: pieces of a path; budget: of all that is counted."""
+        start, _ = kernels.law(z, self.mu, self.rho, status)
+        centre, until = start, self.monitor.iterations + budget
+        for _ in range(AGAIN):
+            w = (centre - z) / self.rho[:, None] - (self.pieces.product(start) + self.q)
+            left = until - self.monitor.iterations
+            end = self.follow(z, status, w, min(least, left), min(most, left)) if left > 0 else None
+            if end is None:
+                return None
+            z, r, status = end
+            found = self.newton(z, r, target, max(0, min(newton, until - self.monitor.iterations)))
+            if found is not None:
+                return found
+            start, _ = kernels.law(z, self.mu, self.rho, status)
+        return None
+
+    def follow(
+        self, z: FloatArray, status: IntArray, w: FloatArray, least: int, most: int
+    ) -> tuple[FloatArray, FloatArray, IntArray] | None:
+        """(z, r, statuses) at the end of the path from a solution for q + w, with z there and its statuses; None where that is not met
+        within `least` pieces, `most` where the path is on its way (`on_its_way`), or is lost. Compiled in the bodies' velocities."""
+        pieces = self.pieces
+        if not isinstance(pieces, InVelocities):
+            return self.along(z, status, w, least, most)
+        accuracy = ACCURACY * pieces.mean_mass * float(np.linalg.norm(w))
+        ended, count, z, r, status = follow_in_velocities(
+            *pieces.arrays, z, status, w, self.mu, self.rho, least, most, TURN, BACK, LEAST_REST, ROOM, accuracy
+        )
+        self.monitor.iterations += count
+        return (z, r, status) if ended == ARRIVED else None
+
+    def along(
+        self, z: FloatArray, status: IntArray, w: FloatArray, least: int, most: int
+    ) -> tuple[FloatArray, FloatArray, IntArray] | None:
+        """`follow` by the pieces, whatever they are."""
         pieces, mu, rho, status, t = self.pieces, self.mu, self.rho, status.copy(), 0.0
         found, K = kernels.law(z, mu, rho, status)
-        r, contact = found, -1
-        for _ in range(most):
+        r, contact, count, short = found, -1, 0, 0
+        while kernels.on_its_way(count, least, most, t, short):
             try:
                 if contact < 0:
                     pieces.factor(K)
@@ -89,14 +130,15 @@ class Regularised:
             except SingularMatrix:
                 return None
             self.monitor.iterations += 1
-            way = pieces.sign
-            right = way * np.einsum("aij,aj->ai", pieces.K, w) + (found - r) / max(1.0 - t, LEAST_REST)
+            count, way = count + 1, pieces.sign
+            right = way * (np.einsum("aij,aj->ai", pieces.K, w) + (found - r) / max(1.0 - t, LEAST_REST))
             dr, du = pieces.solve(right)
             dz = -rho[:, None] * (du - way * w)
             length, contact, to = kernels.end_of_piece(z, dz, mu, status, TURN)
             if way > 0 and t + length >= 1:
-                return z + (1 - t) * dz, r + (1 - t) * dr
+                return z + (1 - t) * dz, r + (1 - t) * dr, status
             t += way * length
+            short += length < SHORT
             if not BACK < t < np.inf or self.monitor.out_of_time():
                 return None
             r, z = r + length * dr, z + length * dz

@@ -32,7 +32,7 @@ class PathOptions(Options):
 
     before        iterations of PROX-NEWTON before the first path
     newton        Newton's iterations before a path is followed
-    pieces        pieces after which a path is given up
+    pieces        pieces after which a path is given up, but where it is on its way: then after `longest`
     alpha         first regularisation over the error of the start, at most alpha_most; D is the contacts' compliances
     alpha_least   regularisation that it does not fall below
     fall, rise    by which alpha is divided after a step, multiplied where a path was lost
@@ -43,6 +43,7 @@ class PathOptions(Options):
     before: int = 60
     newton: int = 10
     pieces: int = 200
+    longest: int = 1600
     alpha: float = 1.0
     alpha_least: float = 1e-8
     alpha_most: float = 1e-2
@@ -58,7 +59,7 @@ class PathOptions(Options):
         for name in ("fall", "rise"):
             if not getattr(self, name) > 1:
                 raise InputError(f"option {name}: expected a number > 1, got {getattr(self, name)}")
-        for name, least in (("before", 0), ("newton", 1), ("pieces", 0), ("patience", 1)):
+        for name, least in (("before", 0), ("newton", 1), ("pieces", 0), ("longest", 0), ("patience", 1)):
             if getattr(self, name) < least:
                 raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
 
@@ -126,8 +127,6 @@ def _solved(inner: Regularised, r: FloatArray, u: FloatArray, target: float, opt
     budget = options.max_iterations - inner.monitor.iterations
     found = inner.newton(free, centre, target, min(options.newton, budget))
     budget = options.max_iterations - inner.monitor.iterations
-    if found is None and options.pieces and budget > 0:
-        end = inner.follow(z, status, (free - z) / inner.rho[:, None], min(options.pieces, budget))
-        if end is not None:
-            found = inner.newton(*end, target, max(0, min(options.newton, options.max_iterations - inner.monitor.iterations)))
+    if found is None and options.pieces:
+        found = inner.end(z, status, target, options.newton, options.pieces, options.longest, budget)
     return found

@@ -5,9 +5,11 @@ Source: W. W. Hager, SIAM Review 31, 1989 (the inverse of a matrix that was chan
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.linear.factors import DenseLU
@@ -61,6 +63,15 @@ class InVelocities:
         self._bodies, self._shape = bodies_of(operator), (operator.nc, operator.dimension)
         self._inverse_mass, _ = self._bodies.factored(np.zeros((*self._shape, operator.dimension)))
         self.K, self.sign = np.empty(0), 1
+        assert operator.motion is not None
+        self._mass = sp.csr_array(operator.motion.M)
+        self.mean_mass = float(self._mass.diagonal().mean())
+
+    @cached_property
+    def arrays(self) -> tuple[object, ...]:
+        """What paths read that are followed in one compiled call, and where they put their factors: see `follow_in_velocities`."""
+        mass = self._mass.indptr, self._mass.indices, self._mass.data
+        return *self._bodies.fronts(self._mass), mass
 
     def factor(self, K: FloatArray) -> None:
         self.K, self._before = K.copy(), K

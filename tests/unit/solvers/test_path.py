@@ -18,7 +18,9 @@ from fcsim.problem.reduction import reduce
 from fcsim.solvers import Status, solve
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.proximal import _path_kernels as kernels
+from fcsim.solvers.proximal import path as path_module
 from fcsim.solvers.proximal import pieces as pieces_module
+from fcsim.solvers.proximal._following_kernels import by_ranks
 from fcsim.solvers.proximal.path import Regularised
 from fcsim.solvers.proximal.pieces import InReactions, InVelocities, Pieces
 
@@ -144,18 +146,74 @@ def test_the_end_of_a_path_solves_the_regularised_problem(kind: type[Pieces]) ->
         inner = Regularised(kind(W), q, mu, rho, monitor)  # type: ignore[call-arg]
         z = states(nc, d, rng)
         status = kernels.statuses(z, mu)
-        r = kernels.law(z, mu, rho, status)[0]
-        free = -rho[:, None] * (inner.pieces.product(r) + q)
-        end = inner.follow(z, status, (free - z) / rho[:, None], 500)
-        if end is None:
+        centre = kernels.law(z, mu, rho, status)[0]
+        found = inner.end(z, status, 1e-12, 5, 500, 500, 1000)
+        if found is None:
             continue
-        found = inner.newton(*end, 1e-12, 5)
-        assert found is not None
         u = (W.W @ found.ravel()).reshape(nc, d) + q
-        z = -rho[:, None] * u
+        z = centre - rho[:, None] * u
         assert_allclose(kernels.law(z, mu, rho, kernels.statuses(z, mu))[0], found, atol=1e-9)
         reached += 1
-    assert reached >= 8
+    assert reached == 10
+
+
+@pytest.mark.parametrize(("d", "changes"), [(2, 8), (2, 0), (3, 0)])
+def test_the_compiled_path_is_that_of_the_pieces(d: int, changes: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Through folds; the last bits differ, and in 3D how old the sliding contacts' directions are, but where no changes are kept."""
+    monkeypatch.setattr(path_module, "ROOM", changes)
+    monkeypatch.setattr(pieces_module, "MOST_CHANGED", changes)
+    monkeypatch.setattr(path_module, "ACCURACY", 1e-12)
+    reached, pieces = 0, []
+    for seed in range(12):
+        rng, W, nc = np.random.default_rng(seed), operator(d, 20, 12, seed), 20
+        q, mu, rho = rng.standard_normal((nc, d)), rng.choice([0.0, 0.6, 2.0], nc), np.full(nc, 10.0)
+        monitor = Monitor(q.ravel(), mu, d, 1e-10)
+        inner = Regularised(InVelocities(W), q, mu, rho, monitor)
+        z = states(nc, d, rng)
+        status = kernels.statuses(z, mu)
+        w = (-rho[:, None] * (inner.pieces.product(kernels.law(z, mu, rho, status)[0]) + q) - z) / rho[:, None]
+        ends, counts = [], []
+        for compiled in (False, True):
+            before = monitor.iterations
+            ends.append(inner.follow(z, status, w, 500, 500) if compiled else inner.along(z, status, w, 500, 500))
+            counts.append(monitor.iterations - before)
+        assert counts[0] == counts[1]
+        assert (ends[0] is None) == (ends[1] is None)
+        if ends[0] is not None and ends[1] is not None:
+            assert_allclose(ends[1][0], ends[0][0], rtol=1e-6, atol=1e-6)
+            assert_allclose(ends[1][1], ends[0][1], rtol=1e-6, atol=1e-6)
+            reached += 1
+            pieces.append(counts[0])
+    assert reached >= 6 and max(pieces) > 20  # some contacts change twice
+
+
+def test_a_change_is_taken_apart_by_its_rank() -> None:
+    rng = np.random.default_rng(2)
+    for rank in range(4):
+        C = rng.standard_normal((3, rank)) @ rng.standard_normal((rank, 3))
+        found, p, n = by_ranks(C.copy(), 1e-12)
+        assert found == rank
+        assert_allclose(p[:found].T @ n[:found], C, atol=1e-12)
+
+
+def test_which_paths_go_on() -> None:
+    """Each has its pieces; then those that do not chatter, and by their rate end soon."""
+    assert kernels.on_its_way(199, 200, 800, -0.3, 150)
+    assert kernels.on_its_way(200, 200, 800, 0.5, 10)
+    assert not kernels.on_its_way(200, 200, 800, 0.5, 100)
+    assert not kernels.on_its_way(200, 200, 800, 0.1, 0)
+    assert not kernels.on_its_way(200, 200, 800, -0.1, 0)
+    assert not kernels.on_its_way(800, 200, 800, 0.9, 0)
+
+
+def test_contacts_begin_apart_from_borders() -> None:
+    """Open ones at rest, sliding ones without speed: each at a place of its own, with its status and nearly its reaction."""
+    r = np.array([[0.0, 0, 0], [0, 0, 0], [1.0, 0.5, 0], [2.0, 0, 1.0], [1.0, 0.1, 0]])
+    z, status = kernels.beginning(r, np.zeros((5, 3)), np.full(5, 0.5), np.full(5, 1e8))
+    assert_array_equal(status, [OPEN, OPEN, SLIP, SLIP, STICK])
+    assert_array_equal(kernels.statuses(z, np.full(5, 0.5)), status)
+    assert z[0, 0] != z[1, 0] < 0
+    assert_allclose(kernels.law(z, np.full(5, 0.5), np.full(5, 1e8), status)[0], r, atol=1e-3)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -174,6 +232,6 @@ def test_limits_and_options() -> None:
     given = problems("towers", 60, 3)
     few = solve(given, "PROX-PATH", tol=1e-12, max_iterations=12, before=5)
     assert few.status is Status.MAX_ITERATIONS and few.iterations <= 13
-    for name, value in (("alpha", 0.0), ("fall", 1.0), ("pieces", -1), ("newton", 0)):
+    for name, value in (("alpha", 0.0), ("fall", 1.0), ("pieces", -1), ("longest", -1), ("newton", 0)):
         with pytest.raises(InputError, match=name):
             solve(given, "PROX-PATH", **{name: value})

@@ -59,14 +59,18 @@ class Bodies:
         if storage.eliminated_dense(n, 0, SPARSE_STEPS):  # whatever the pattern
             self.mass = M.toarray()
             return
-        indptr, indices, values = graph_of(self.unknowns, M.indptr, M.indices, M.data, n)
-        if storage.eliminated_dense(n, len(indices), SPARSE_STEPS):
+        graph = graph_of(self.unknowns, M.indptr, M.indices, M.data, n)
+        if storage.eliminated_dense(n, len(graph[1]), SPARSE_STEPS):
             self.mass = M.toarray()
             return
-        self.analysis = Analysis(sp.bsr_array((np.ones((len(indices), 1, 1)), indices, indptr), shape=(n, n)))
+        self.analysis, self.places, self.values = self._analysed(*graph)
         self.flops = IRREGULAR * self.analysis.flops
-        self.places = places(self.analysis.indptr, self.analysis.indices, self.unknowns)
-        self.values = values  # of M, in the pattern
+
+    def _analysed(self, indptr: IntArray, indices: IntArray, values: FloatArray) -> tuple[Analysis, IntArray, FloatArray]:
+        """Fronts of the bodies' matrix, where its pattern has the contacts' shares, and M in it."""
+        n = self.HT.shape[1]
+        analysis = Analysis(sp.bsr_array((np.ones((len(indices), 1, 1)), indices, indptr), shape=(n, n)))
+        return analysis, places(analysis.indptr, analysis.indices, self.unknowns), values
 
     @cached_property
     def H(self) -> sp.csr_array:
@@ -100,12 +104,25 @@ class Bodies:
         if self.mass is not None:
             mass, masses, places = self.mass, np.empty(0), np.empty((0, 0, 0), dtype=np.int64)
             return self.unknowns, self.h, n, mass, places, masses, *(none,) * 11, masses, none
-        analysis = self.analysis
-        order, front, starts, rows, _ = analysis.fronts
-        number, width, border, offsets = taking_part(order, front, starts, rows, np.ones(n, dtype=bool), 1)
-        pattern = analysis.indptr, analysis.indices, analysis.mirror, order, front, starts, rows, number, width, border, offsets
-        values, pivots = np.empty(offsets[-1]), np.empty(n, dtype=np.int64)
-        return self.unknowns, self.h, n, np.empty((0, 0)), self.places, self.values, *pattern, values, pivots
+        pattern, factor = _room(self.analysis)
+        return self.unknowns, self.h, n, np.empty((0, 0)), self.places, self.values, *pattern, *factor
+
+    def fronts(self, M: sp.csr_array) -> tuple[object, ...]:
+        """What compiled paths read, whose matrix is always sparse: see `follow_in_velocities`; M (n, n)."""
+        if self.mass is None:
+            analysis, where, values = self.analysis, self.places, self.values
+        else:
+            analysis, where, values = self._analysed(*graph_of(self.unknowns, M.indptr, M.indices, M.data, M.shape[0]))
+        return self.unknowns, self.h, where, values, *_room(analysis)
+
+
+def _room(analysis: Analysis) -> tuple[tuple[IntArray, ...], tuple[object, ...]]:
+    """The pattern (indptr, indices, mirror), and the fronts with room for their factors, as `BlockLU` has them."""
+    n = len(analysis.indptr) - 1
+    order, front, starts, rows, _ = analysis.fronts
+    number, width, border, offsets = taking_part(order, front, starts, rows, np.ones(n, dtype=bool), 1)
+    factor = order, front, starts, rows, number, width, border, offsets, np.empty(offsets[-1]), np.empty(n, dtype=np.int64)
+    return (analysis.indptr, analysis.indices, analysis.mirror), factor
 
 
 def bodies_of(operator: Delassus) -> Bodies:
