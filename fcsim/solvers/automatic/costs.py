@@ -37,12 +37,16 @@ PASSES, SCATTERS = 4, 16
 NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS, ADMM_BEGINS = 40, 200, 5, 40
 """Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's; and
 before ADMM's first one."""
+RUNNING_STEPS = 80
+"""Those of an iteration of proximal Newton on a sparse W that is running: as measured. Who asks whether it is to begin counts those above,
+since it mostly needs more iterations than expected."""
 SHARES, PRODUCTS = 8, 3
 """How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
-PIECE = 0.5
-"""A piece of a path over an iteration of proximal Newton, both in the bodies' velocities (measured: 0.45 of 56 blocks)."""
-SVD = 20
-"""Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
+PIECE = {2: 0.8, 3: 0.5}
+"""A piece of a path over an iteration of proximal Newton, both in the bodies' velocities (measured: 0.45 of 56 blocks, 0.8 of arches)."""
+SVD = 10
+"""Operations of a singular value decomposition with both sides of vectors, over m^3, in those of the dense rate: 20 are counted by
+G. H. Golub, C. F. Van Loan, 1996, section 5.4; LAPACK's `gesdd` takes the time of 14 at 400 unknowns, of 10 at 700."""
 LP, LP_STEPS = 10, 1000
 """Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
 
@@ -116,10 +120,15 @@ class Prices:
         bodies = bodies_of(self.problem.delassus)
         return self.least_in_velocities + self.machine.seconds(Work(bodies.flops, SHARES * REAL * bodies.places_count))
 
+    def running(self, closed: int) -> float:
+        """An iteration of proximal Newton once it has begun."""
+        loaded = 0 if self.in_velocities or not sp.issparse(self.problem.W) else SPARSE_STEPS - RUNNING_STEPS
+        return self.proximal(closed) - self.machine.seconds(Work(steps=loaded))
+
     @property
     def piece(self) -> float:
         """A piece of a path in the bodies' velocities, which mostly changes an elimination at one contact; or an iteration of Newton."""
-        return PIECE * self.proximal(0)
+        return PIECE[self.problem.dimension] * self.proximal(0)
 
     @cached_property
     def least_in_velocities(self) -> float:

@@ -23,7 +23,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, singular_here
+from fcsim.solvers.automatic.closed import closed, edges, faces, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, dearer_than_newton, dearer_than_proximal, opening
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
@@ -34,6 +34,11 @@ PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
+SWEEPS_BESIDE = 0.1
+"""What sweeps spend beside proximal Newton where the closed contacts hold more velocities than the bodies have: of 400 such problems they
+solved 7 once that had begun."""
+LEAST_SQUARES_AFTER = 4.0
+"""Times what an iteration of least squares costs that was spent when it enters."""
 PATHS_AFTER = 60
 """Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed."""
 PROOF_SHARE = 4.0
@@ -171,18 +176,20 @@ def _at_first(race: Race, runner: Runner) -> bool:
 
 
 def _enter_paths(race: Race) -> bool:
-    """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
-    there is nothing to arrive at goes first."""
+    """Rigid bodies whose contacts hold more than their velocities, from zero those of edges or faces, and proximal Newton has not arrived
+    where easy problems do; a proof that there is nothing to arrive at goes first."""
     runner = race.runners.get("proximal Newton")
-    if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities or not singular_here(race):
+    if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
+        return False
+    if not (singular_here(race) if race.warm else edges(race) or faces(race)):
         return False
     return runner.result is not None or runner.monitor.iterations >= PATHS_AFTER
 
 
 def _enter_least_squares(race: Race) -> bool:
-    """After proximal Newton, or where that has long made the error no tenth smaller and would go on, and as much was spent as an iteration
-    costs."""
-    if race.best > FAR or (race.running() and race.spent() < race.prices.least_squares(closed(race))):
+    """After proximal Newton, or where that has long made the error no tenth smaller and would go on, and four times as much was spent as
+    an iteration costs."""
+    if race.best > FAR or (race.running() and race.spent() < LEAST_SQUARES_AFTER * race.prices.least_squares(closed(race))):
         return False
     runner = race.runners.get("proximal Newton")
     stuck = runner is not None and runner.monitor.iterations > STUCK and runner.gain(0.5) < 1 / 0.9
@@ -204,6 +211,7 @@ STAGES: tuple[Stage, ...] = (
         left=_plateau,
         opens=opening,
         steady=True,
+        share=lambda race: SWEEPS_BESIDE if "proximal Newton" in race.runners and singular_here(race) else 1.0,
     ),
     Stage(
         "splitting",
@@ -233,23 +241,23 @@ STAGES: tuple[Stage, ...] = (
         "Enters after Newton. A regular W at each step, for problems where W is rank deficient. Its first iterations are alone.",
         enters=_enter_proximal,
         turns=methods.proximal,
-        price=lambda race: race.prices.proximal(closed(race)),
+        price=lambda race: race.prices.running(closed(race)),
         alone=_at_first,
     ),
     Stage(
         "paths",
         "PROX-PATH. Enters after 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold more "
-        "velocities than the bodies have. Works alone.",
+        "velocities than the bodies have. Works alone from a warm start, else until it has spent as much as all others.",
         enters=_enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,
-        alone=lambda race, runner: True,
+        alone=lambda race, runner: race.warm or runner.spent < race.spent() - runner.spent,
     ),
     Stage(
         "proof",
         "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent as much; "
         "goes first once they have spent four times as much.",
-        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > race.prices.proof,
+        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > 2 * race.prices.proof,
         turns=methods.proof,
         price=lambda race: race.prices.proof,
         alone=lambda race, runner: race.best > FAR and race.spent() > PROOF_SHARE * race.prices.proof,
