@@ -56,7 +56,7 @@ SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="cons
 
 
 def kept(race: Race) -> bool:
-    """Whether sweeps are NNCG from the beginning, with one direction: on up to a thousand contacts from zero, not in joints."""
+    """Whether sweeps are NNCG from the beginning, with one direction: on up to twenty thousand contacts from zero, not in joints."""
     return race.problem.nc <= KEPT_UP_TO and race.joints is None and not race.warm
 
 

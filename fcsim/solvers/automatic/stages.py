@@ -41,8 +41,8 @@ LEAST_SQUARES_AFTER = 4.0
 """Times what an iteration of least squares costs that was spent when it enters."""
 PATHS_AFTER = 60
 """Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed."""
-PROOF_SHARE = 4.0
-"""Times what a proof costs that others may spend before it goes first: where there is a solution that costs a quarter more at the most."""
+PROOF_AFTER, PROOF_SHARE = 2.0, 4.0
+"""Times what a proof costs that others have spent when it enters, and may spend before it goes first: where there is a solution that costs a quarter more at the most."""
 TO_REST = 1.4
 """Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
 is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
@@ -203,7 +203,7 @@ def _plateau(race: Race, runner: Runner) -> bool:
 STAGES: tuple[Stage, ...] = (
     Stage(
         "sweeps",
-        "Gauss-Seidel (NSGS-AC, then NNCG; NNCG alone up to 1000 contacts). Enters at once; after Newton or ADMM from a warm start and "
+        "Gauss-Seidel (NSGS-AC, then NNCG; NNCG alone up to 20 000 contacts). Enters at once; after Newton or ADMM from a warm start and "
         "where contacts come in joints. Left where two thirds of its sweeps made the error no tenth smaller.",
         enters=_enter_sweeps,
         turns=methods.sweeps,
@@ -255,9 +255,9 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "proof",
-        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent as much; "
+        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent twice as much; "
         "goes first once they have spent four times as much.",
-        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > 2 * race.prices.proof,
+        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > PROOF_AFTER * race.prices.proof,
         turns=methods.proof,
         price=lambda race: race.prices.proof,
         alone=lambda race, runner: race.best > FAR and race.spent() > PROOF_SHARE * race.prices.proof,
