@@ -42,7 +42,8 @@ LEAST_SQUARES_AFTER = 4.0
 PATHS_AFTER = 60
 """Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed."""
 PROOF_AFTER, PROOF_SHARE = 2.0, 4.0
-"""Times what a proof costs that others have spent when it enters, and may spend before it goes first: where there is a solution that costs a quarter more at the most."""
+"""Times what a proof costs that others have spent when it enters, and may spend before it goes first: where there is a solution that
+costs half as much more at the most."""
 TO_REST = 1.4
 """Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
 is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
@@ -255,8 +256,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "proof",
-        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent twice as much; "
-        "goes first once they have spent four times as much.",
+        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent twice as "
+        "much; goes first once they have spent four times as much.",
         enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > PROOF_AFTER * race.prices.proof,
         turns=methods.proof,
         price=lambda race: race.prices.proof,

@@ -62,6 +62,16 @@ def test_open_contacts_cost_newton_nothing(storage: type) -> None:
         assert prices.newton(30) == pytest.approx(2 / 3 * 30**3)
 
 
+def test_proximal_newton_once_begun_costs_the_small_steps_that_were_measured() -> None:
+    """80 on a sparse W, where 200 are asked for before it begins; on a dense one they are the same."""
+    sparse = banded(200)
+    prices = Prices(sparse, sparse.W.nnz, None, Machine(float("inf"), float("inf"), 1.0))
+    assert (prices.proximal(0), prices.running(0)) == (200, 80)
+    dense = LocalProblem(np.eye(30), np.ones(30), np.ones(10))
+    prices = Prices(dense, 30, None)
+    assert prices.running(30) == prices.proximal(30) > 0
+
+
 def test_an_iteration_of_admm_reads_the_factor_twice() -> None:
     """A tridiagonal matrix of blocks fills in nothing: half of its entries, and half of the diagonal blocks."""
     problem = banded(50)
