@@ -25,11 +25,14 @@ from fcsim.linear.storage import REAL, REFERENCE, Machine, Work
 from fcsim.problem import LocalProblem
 from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
 from fcsim.solvers.newton.systems.velocity import bodies_of
+from fcsim.solvers.proximal.in_velocities import UP_TO
 
 SCALAR = 10.0
 """Times the dense rate's time that an operation takes which waits for the one before it: a contact's own equations."""
 ONE_CONTACT = 100 * SCALAR
 """Operations of a one-contact Newton solve in 3D: about an iteration of 150, and next to none where a contact stays open."""
+SWEPT, IN_CACHE = 0.6 * ONE_CONTACT, 0.8
+"""Operations a contact of sweeps, since not all are closed; and the time of a number that they read over that of the memory's rate."""
 IRREGULAR = 2.0
 """Times the dense rate's time that an operation takes on the small fronts and indirect addresses of sparse elimination."""
 PASSES, SCATTERS = 4, 16
@@ -40,6 +43,8 @@ before ADMM's first one."""
 RUNNING_STEPS = 80
 """Those of an iteration of proximal Newton on a sparse W that is running: as measured. Who asks whether it is to begin counts those above,
 since it mostly needs more iterations than expected."""
+OWN, OWN_COMPILED = 25_000, 7500
+"""Operations of a contact's own equations in such an iteration in the bodies' velocities, as measured: 1 and 0.3 microseconds."""
 SHARES, PRODUCTS = 8, 3
 """How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
 PIECE = {2: 0.8, 3: 0.5}
@@ -51,9 +56,9 @@ LP, LP_STEPS = 10, 1000
 """Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
 
 
-def sweep(entries: int, nc: int) -> Work:
-    """One Gauss-Seidel sweep."""
-    return Work(ONE_CONTACT * nc, 1.1 * REAL * entries)
+def sweep(blocks: float, nc: int) -> Work:
+    """One Gauss-Seidel sweep: blocks of nine entries, in 2D as well."""
+    return Work(SWEPT * nc, IN_CACHE * REAL * 9 * blocks)
 
 
 def lu_flops(problem: LocalProblem) -> float:
@@ -75,7 +80,7 @@ class Prices:
     @cached_property
     def sweep(self) -> float:
         """A Gauss-Seidel sweep."""
-        return self.machine.seconds(sweep(self.entries, self.problem.nc))
+        return self.machine.seconds(sweep(self.entries / self.problem.dimension**2, self.problem.nc))
 
     @cached_property
     def flops(self) -> float:
@@ -122,13 +127,17 @@ class Prices:
 
     def running(self, closed: int) -> float:
         """An iteration of proximal Newton once it has begun."""
-        loaded = 0 if self.in_velocities or not sp.issparse(self.problem.W) else SPARSE_STEPS - RUNNING_STEPS
+        if self.in_velocities:
+            motion = self.problem.delassus.motion
+            own = OWN_COMPILED if motion is not None and motion.M.shape[0] <= UP_TO else OWN
+            return self.proximal(closed) + self.machine.seconds(Work(own * self.problem.nc))
+        loaded = SPARSE_STEPS - RUNNING_STEPS if sp.issparse(self.problem.W) else 0
         return self.proximal(closed) - self.machine.seconds(Work(steps=loaded))
 
     @property
     def piece(self) -> float:
         """A piece of a path in the bodies' velocities, which mostly changes an elimination at one contact; or an iteration of Newton."""
-        return PIECE[self.problem.dimension] * self.proximal(0)
+        return PIECE[self.problem.dimension] * self.running(0)
 
     @cached_property
     def least_in_velocities(self) -> float:

@@ -182,7 +182,9 @@ def _enter_paths(race: Race) -> bool:
     runner = race.runners.get("proximal Newton")
     if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
         return False
-    if not (singular_here(race) if race.warm else edges(race) or faces(race)):
+    if not race.warm and (race.spent() < race.problem.nc * race.prices.piece or not (edges(race) or faces(race))):
+        return False
+    if not singular_here(race):
         return False
     return runner.result is not None or runner.monitor.iterations >= PATHS_AFTER
 
