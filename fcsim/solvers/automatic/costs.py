@@ -2,7 +2,7 @@
 
 d unknowns a contact, nc contacts, m = d nc; entries: those of W that are not zero.
 
-    sweep (Gauss-Seidel)   W is read once; `ONE_CONTACT` operations a contact
+    sweep (Gauss-Seidel)   W is read once, by blocks of nine entries in 2D as well; `SWEPT` operations a contact
     Newton, dense          LU of A W + B: 2/3 c^3 for the c unknowns of contacts that are not open, since those leave the system; W is read
                            `PASSES` times: rows scaled, copied, eliminated, multiplied
     Newton, sparse         LU by the elimination tree's count; the entries are gathered and scattered `SCATTERS` times; of both c / m

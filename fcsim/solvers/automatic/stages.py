@@ -177,8 +177,9 @@ def _at_first(race: Race, runner: Runner) -> bool:
 
 
 def _enter_paths(race: Race) -> bool:
-    """Rigid bodies whose contacts hold more than their velocities, from zero those of edges or faces, and proximal Newton has not arrived
-    where easy problems do; a proof that there is nothing to arrive at goes first."""
+    """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
+    there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about a piece a contact,
+    once others have spent as much."""
     runner = race.runners.get("proximal Newton")
     if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
         return False
@@ -250,7 +251,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "paths",
         "PROX-PATH. Enters after 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold more "
-        "velocities than the bodies have. Works alone from a warm start, else until it has spent as much as all others.",
+        "velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact. Works alone from a warm start, else until it has spent as much as all others.",
         enters=_enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,

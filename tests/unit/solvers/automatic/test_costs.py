@@ -40,6 +40,8 @@ def test_lu_of_a_row_of_contacts_grows_with_their_number_only() -> None:
 def test_a_sweep_costs_entries_and_contacts() -> None:
     assert sweep(2000, 100).bytes == 2 * sweep(1000, 100).bytes
     assert sweep(1000, 200).flops == 2 * sweep(1000, 100).flops
+    flat = LocalProblem(np.eye(20), np.ones(20), np.ones(10), dimension=2)
+    assert Prices(flat, 40, None).sweep == Prices(LocalProblem(np.eye(30), np.ones(30), np.ones(10)), 90, None).sweep  # ten blocks each
 
 
 def test_prices_are_in_the_order_of_what_is_done() -> None:
