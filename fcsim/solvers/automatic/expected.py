@@ -29,8 +29,6 @@ LOOSE, EDGES, FACES = Expected(60, 30), Expected(20, 10), Expected(8, 4)
 """Proximal Newton where bodies touch loosely, where edges of 2D bodies hold one another, and where faces do. In beds of grains it has to
 find out which contacts slide, for which it takes 30 to 400 iterations, and sweeps get on; a wall of bricks takes it 10 to 25, and sweeps
 hundreds for each tenfold, since four points a face share their load in many ways."""
-MANY = 600
-"""Contacts of a loose bed beyond which proximal Newton is expected to need more iterations in proportion."""
 BELIEVED, BELIEVED_OF_FACES = 10, 2
 """Iterations of Newton whose cost the sweeps of a problem of few contacts spend before their rate is believed, as in `small.door`; and
 where faces hold one another."""
@@ -40,10 +38,7 @@ def proximal_newton(race: Race) -> Expected:
     """What proximal Newton is expected to need."""
     if faces(race):
         return FACES
-    if edges(race):
-        return EDGES
-    many = max(1.0, race.problem.nc / MANY)
-    return Expected(many * LOOSE.far, many * LOOSE.near)
+    return EDGES if edges(race) else LOOSE
 
 
 def dearer_than_newton(race: Race, cost: float, expected: Expected = NEWTON) -> bool:
