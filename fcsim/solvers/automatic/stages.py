@@ -251,7 +251,8 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "paths",
         "PROX-PATH. Enters after 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold more "
-        "velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact. Works alone from a warm start, else until it has spent as much as all others.",
+        "velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact. Works alone from "
+        "a warm start, else until it has spent as much as all others.",
         enters=_enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,
