@@ -10,9 +10,9 @@ from fcsim.solvers.newton.systems._velocity_kernels import velocities_held
 STICKING = 1e-6
 """Share of the friction cone next to its surface where a contact is not said to stick."""
 
-FACES = 1.5
-"""Velocities held, over those that there are, beyond which it is faces that hold: 1.5 to 5 after the first sweeps in walls, towers, layers
-of boxes, at most 1.1 in beds of rocks with up to three points a pair."""
+FACES = 1.3
+"""Velocities held, over those that there are, beyond which it is faces that hold: 1.3 to 5 after the first sweeps in walls, towers, layers
+of boxes, at most 1.2 in beds of rocks with up to three points a pair."""
 
 
 def closed(race: Race) -> int:

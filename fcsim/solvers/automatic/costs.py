@@ -2,7 +2,7 @@
 
 d unknowns a contact, nc contacts, m = d nc; entries: those of W that are not zero.
 
-    sweep (Gauss-Seidel)   W is read once; `ONE_CONTACT` operations a contact
+    sweep (Gauss-Seidel)   W is read once, by blocks of nine entries in 2D as well; `SWEPT` operations a contact
     Newton, dense          LU of A W + B: 2/3 c^3 for the c unknowns of contacts that are not open, since those leave the system; W is read
                            `PASSES` times: rows scaled, copied, eliminated, multiplied
     Newton, sparse         LU by the elimination tree's count; the entries are gathered and scattered `SCATTERS` times; of both c / m
@@ -25,11 +25,14 @@ from fcsim.linear.storage import REAL, REFERENCE, Machine, Work
 from fcsim.problem import LocalProblem
 from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
 from fcsim.solvers.newton.systems.velocity import bodies_of
+from fcsim.solvers.proximal.in_velocities import UP_TO
 
 SCALAR = 10.0
 """Times the dense rate's time that an operation takes which waits for the one before it: a contact's own equations."""
 ONE_CONTACT = 100 * SCALAR
 """Operations of a one-contact Newton solve in 3D: about an iteration of 150, and next to none where a contact stays open."""
+SWEPT, IN_CACHE = 0.6 * ONE_CONTACT, 0.8
+"""Operations a contact of sweeps, since not all are closed; and the time of a number that they read over that of the memory's rate."""
 IRREGULAR = 2.0
 """Times the dense rate's time that an operation takes on the small fronts and indirect addresses of sparse elimination."""
 PASSES, SCATTERS = 4, 16
@@ -37,19 +40,25 @@ PASSES, SCATTERS = 4, 16
 NEWTON_STEPS, SPARSE_STEPS, ADMM_STEPS, ADMM_BEGINS = 40, 200, 5, 40
 """Small steps (calls on vectors) of an iteration: Newton's on a dense W, on a sparse one with what it takes to hand it over, ADMM's; and
 before ADMM's first one."""
+RUNNING_STEPS = 80
+"""Those of an iteration of proximal Newton on a sparse W that is running: as measured. Who asks whether it is to begin counts those above,
+since it mostly needs more iterations than expected."""
+OWN, OWN_COMPILED = 25_000, 7500
+"""Operations of a contact's own equations in such an iteration in the bodies' velocities, as measured: 1 and 0.3 microseconds."""
 SHARES, PRODUCTS = 8, 3
 """How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
 PIECE = 0.3
 """A piece of a path over an iteration of proximal Newton, both in the bodies' velocities (measured: 0.25 to 0.35 of 42 to 83 blocks)."""
-SVD = 20
-"""Operations of a singular value decomposition with both sides of vectors, over m^3 (G. H. Golub, C. F. Van Loan, 1996, section 5.4)."""
+SVD = 10
+"""Operations of a singular value decomposition with both sides of vectors, over m^3, in those of the dense rate: 20 are counted by
+G. H. Golub, C. F. Van Loan, 1996, section 5.4; LAPACK's `gesdd` takes the time of 14 at 400 unknowns, of 10 at 700."""
 LP, LP_STEPS = 10, 1000
 """Operations of a linear programme, over entries times variables: about two pivots a variable, each some passes; and its small steps."""
 
 
-def sweep(entries: int, nc: int) -> Work:
-    """One Gauss-Seidel sweep."""
-    return Work(ONE_CONTACT * nc, 1.1 * REAL * entries)
+def sweep(blocks: float, nc: int) -> Work:
+    """One Gauss-Seidel sweep: blocks of nine entries, in 2D as well."""
+    return Work(SWEPT * nc, IN_CACHE * REAL * 9 * blocks)
 
 
 def lu_flops(problem: LocalProblem) -> float:
@@ -71,7 +80,7 @@ class Prices:
     @cached_property
     def sweep(self) -> float:
         """A Gauss-Seidel sweep."""
-        return self.machine.seconds(sweep(self.entries, self.problem.nc))
+        return self.machine.seconds(sweep(self.entries / self.problem.dimension**2, self.problem.nc))
 
     @cached_property
     def flops(self) -> float:
@@ -116,10 +125,19 @@ class Prices:
         bodies = bodies_of(self.problem.delassus)
         return self.least_in_velocities + self.machine.seconds(Work(bodies.flops, SHARES * REAL * bodies.places_count))
 
+    def running(self, closed: int) -> float:
+        """An iteration of proximal Newton once it has begun."""
+        if self.in_velocities:
+            motion = self.problem.delassus.motion
+            own = OWN_COMPILED if motion is not None and motion.M.shape[0] <= UP_TO else OWN
+            return self.proximal(closed) + self.machine.seconds(Work(own * self.problem.nc))
+        loaded = SPARSE_STEPS - RUNNING_STEPS if sp.issparse(self.problem.W) else 0
+        return self.proximal(closed) - self.machine.seconds(Work(steps=loaded))
+
     @property
     def piece(self) -> float:
         """A piece of a path in the bodies' velocities, which mostly changes an elimination at one contact; or an iteration of Newton."""
-        return PIECE * self.proximal(0)
+        return PIECE * self.running(0)
 
     @cached_property
     def least_in_velocities(self) -> float:

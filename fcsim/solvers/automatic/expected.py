@@ -25,7 +25,7 @@ class Expected:
 
 
 NEWTON = Expected(20, 7)
-LOOSE, EDGES, FACES = Expected(60, 30), Expected(30, 15), Expected(8, 4)
+LOOSE, EDGES, FACES = Expected(60, 30), Expected(20, 10), Expected(8, 4)
 """Proximal Newton where bodies touch loosely, where edges of 2D bodies hold one another, and where faces do. In beds of grains it has to
 find out which contacts slide, for which it takes 30 to 400 iterations, and sweeps get on; a wall of bricks takes it 10 to 25, and sweeps
 hundreds for each tenfold, since four points a face share their load in many ways."""

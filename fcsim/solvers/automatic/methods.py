@@ -36,7 +36,7 @@ COLD_RHO = 8.0
 """Factor on Newton's first rho from a cold start, where velocities say more than reactions (a fifth fewer iterations on walls)."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
-KEPT_UP_TO, TURN = 1000, 12
+KEPT_UP_TO, TURN = 20000, 12
 """Contacts up to which sweeps are NNCG from the beginning, its direction kept from turn to turn; how many turns their next is a part of."""
 OVERTAKEN = 0.1
 """Share of its own error below which Gauss-Seidel and proximal Newton take up another method's iterate."""
@@ -56,7 +56,7 @@ SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="cons
 
 
 def kept(race: Race) -> bool:
-    """Whether sweeps are NNCG from the beginning, with one direction: on up to a thousand contacts from zero, not in joints."""
+    """Whether sweeps are NNCG from the beginning, with one direction: on up to twenty thousand contacts from zero, not in joints."""
     return race.problem.nc <= KEPT_UP_TO and race.joints is None and not race.warm
 
 

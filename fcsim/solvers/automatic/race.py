@@ -97,6 +97,7 @@ class Stage:
     alone          whether it goes on alone now, though nothing predicts its arrival
     left           whether it is given up now, beside what it decides itself
     steady         whether its rate so far says something about what comes
+    share          what it spends of the others' share at the most
     opens          whether nobody else is asked to enter now, since it is about to arrive for less than asking and setting up would cost
     """
 
@@ -108,6 +109,7 @@ class Stage:
     alone: Callable[[Race, Runner], bool] = lambda race, runner: False
     left: Callable[[Race, Runner], bool] = lambda race, runner: False
     steady: bool = False
+    share: Callable[[Race], float] = lambda race: 1.0
     opens: Callable[[Race, Runner], bool] = lambda race, runner: False
 
 
@@ -222,7 +224,13 @@ def _next(race: Race) -> Runner:
     soonest = min(running, key=lambda runner: runner.needs())
     if SLOWING * soonest.needs() <= total:
         return soonest
-    return min(running, key=lambda runner: runner.spent / (LITTLE if runner.stage.steady and runner.needs() > HOPE * total else 1.0))
+    return min(running, key=lambda runner: runner.spent / _share(race, runner, total))
+
+
+def _share(race: Race, runner: Runner, total: float) -> float:
+    """What it spends beside the others, 1 where as much as they do."""
+    little = runner.stage.steady and runner.needs() > HOPE * total
+    return min(runner.stage.share(race), LITTLE if little else 1.0)
 
 
 def _enter(race: Race, stages: Sequence[Stage]) -> None:

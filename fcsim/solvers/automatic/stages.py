@@ -23,7 +23,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, singular_here
+from fcsim.solvers.automatic.closed import closed, edges, faces, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, dearer_than_newton, dearer_than_proximal, opening
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
@@ -34,11 +34,17 @@ PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 """Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
+SWEEPS_BESIDE = 0.1
+"""What sweeps spend beside proximal Newton where the closed contacts hold more velocities than the bodies have: of 400 such problems they
+solved 7 once that had begun."""
+LEAST_SQUARES_AFTER = 4.0
+"""Times what an iteration of least squares costs that was spent when it enters."""
 PATHS_AFTER, PATHS_SOON = 60, 30
 """Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed, and those after which they are where by
 its rate it needs more again: easy steps of masonry in motion take it 50 to 80."""
-PROOF_SHARE = 4.0
-"""Times what a proof costs that others may spend before it goes first: where there is a solution that costs a quarter more at the most."""
+PROOF_AFTER, PROOF_SHARE = 2.0, 4.0
+"""Times what a proof costs that others have spent when it enters, and may spend before it goes first: where there is a solution that
+costs half as much more at the most."""
 TO_REST = 1.4
 """Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
 is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
@@ -173,18 +179,23 @@ def _at_first(race: Race, runner: Runner) -> bool:
 
 def _enter_paths(race: Race) -> bool:
     """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
-    there is nothing to arrive at goes first."""
+    there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about a piece a contact,
+    once others have spent as much."""
     runner = race.runners.get("proximal Newton")
-    if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities or not singular_here(race):
+    if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
+        return False
+    if not race.warm and (race.spent() < race.problem.nc * race.prices.piece or not (edges(race) or faces(race))):
+        return False
+    if not singular_here(race):
         return False
     done = runner.monitor.iterations
     return runner.result is not None or done >= PATHS_AFTER or (done >= PATHS_SOON and runner.needs() > runner.spent)
 
 
 def _enter_least_squares(race: Race) -> bool:
-    """After proximal Newton, or where that has long made the error no tenth smaller and would go on, and as much was spent as an iteration
-    costs."""
-    if race.best > FAR or (race.running() and race.spent() < race.prices.least_squares(closed(race))):
+    """After proximal Newton, or where that has long made the error no tenth smaller and would go on, and four times as much was spent as
+    an iteration costs."""
+    if race.best > FAR or (race.running() and race.spent() < LEAST_SQUARES_AFTER * race.prices.least_squares(closed(race))):
         return False
     runner = race.runners.get("proximal Newton")
     stuck = runner is not None and runner.monitor.iterations > STUCK and runner.gain(0.5) < 1 / 0.9
@@ -198,7 +209,7 @@ def _plateau(race: Race, runner: Runner) -> bool:
 STAGES: tuple[Stage, ...] = (
     Stage(
         "sweeps",
-        "Gauss-Seidel (NSGS-AC, then NNCG; NNCG alone up to 1000 contacts). Enters at once; after Newton or ADMM from a warm start and "
+        "Gauss-Seidel (NSGS-AC, then NNCG; NNCG alone up to 20 000 contacts). Enters at once; after Newton or ADMM from a warm start and "
         "where contacts come in joints. Left where two thirds of its sweeps made the error no tenth smaller.",
         enters=_enter_sweeps,
         turns=methods.sweeps,
@@ -206,6 +217,7 @@ STAGES: tuple[Stage, ...] = (
         left=_plateau,
         opens=opening,
         steady=True,
+        share=lambda race: SWEEPS_BESIDE if "proximal Newton" in race.runners and singular_here(race) else 1.0,
     ),
     Stage(
         "splitting",
@@ -235,23 +247,24 @@ STAGES: tuple[Stage, ...] = (
         "Enters after Newton. A regular W at each step, for problems where W is rank deficient. Its first iterations are alone.",
         enters=_enter_proximal,
         turns=methods.proximal,
-        price=lambda race: race.prices.proximal(closed(race)),
+        price=lambda race: race.prices.running(closed(race)),
         alone=_at_first,
     ),
     Stage(
         "paths",
         "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold "
-        "more velocities than the bodies have. Works alone.",
+        "more velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact. Works alone from "
+        "a warm start, else until it has spent as much as all others.",
         enters=_enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,
-        alone=lambda race, runner: True,
+        alone=lambda race, runner: race.warm or runner.spent < race.spent() - runner.spent,
     ),
     Stage(
         "proof",
-        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent as much; "
-        "goes first once they have spent four times as much.",
-        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > race.prices.proof,
+        "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent twice as "
+        "much; goes first once they have spent four times as much.",
+        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > PROOF_AFTER * race.prices.proof,
         turns=methods.proof,
         price=lambda race: race.prices.proof,
         alone=lambda race, runner: race.best > FAR and race.spent() > PROOF_SHARE * race.prices.proof,

@@ -39,6 +39,8 @@ NEWTON_FROM_FAR, NEWTON_FROM_NEAR = 30, 15
 """Iterations that Newton needs from errors above and below `FAR`, about: what sweeps may still cost."""
 MANY, FEWER = 220, 1.5
 """Contact unknowns that bear from which Newton in so many times fewer velocities of the bodies, which the race has, is the quicker one."""
+ALREADY, OVERFULL = 150, 3.0
+"""The same where so many times as many unknowns bear as the bodies have velocities: Newton here mostly fails then."""
 MANY_AGAIN = 100
 """The same once Newton has failed here: in velocities it does not mind a W of far more unknowns than those (contacts and their twins)."""
 STILL = 0.999
@@ -83,7 +85,7 @@ def newton_price(r, d, velocities, many):
     `MANY_AGAIN`.
     """
     closed = bearing(r, d)
-    elsewhere = closed > max(many, FEWER * velocities)
+    elsewhere = closed > max(many, FEWER * velocities) or closed > max(ALREADY, OVERFULL * velocities)
     steps = RATES[2] * NEWTON_STEPS if elsewhere else 0.0
     size = velocities if elsewhere else closed
     return 2.0 / 3.0 * size**3 / RATES[0] + PASSES * REAL * len(r) ** 2 / RATES[1] + steps, elsewhere

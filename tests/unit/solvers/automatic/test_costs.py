@@ -40,6 +40,8 @@ def test_lu_of_a_row_of_contacts_grows_with_their_number_only() -> None:
 def test_a_sweep_costs_entries_and_contacts() -> None:
     assert sweep(2000, 100).bytes == 2 * sweep(1000, 100).bytes
     assert sweep(1000, 200).flops == 2 * sweep(1000, 100).flops
+    flat = LocalProblem(np.eye(20), np.ones(20), np.ones(10), dimension=2)
+    assert Prices(flat, 40, None).sweep == Prices(LocalProblem(np.eye(30), np.ones(30), np.ones(10)), 90, None).sweep  # ten blocks each
 
 
 def test_prices_are_in_the_order_of_what_is_done() -> None:
@@ -60,6 +62,16 @@ def test_open_contacts_cost_newton_nothing(storage: type) -> None:
     assert prices.newton(300) == prices.newton(0) > prices.newton(150) > prices.newton(30)
     if storage is np.asarray:
         assert prices.newton(30) == pytest.approx(2 / 3 * 30**3)
+
+
+def test_proximal_newton_once_begun_costs_the_small_steps_that_were_measured() -> None:
+    """80 on a sparse W, where 200 are asked for before it begins; on a dense one they are the same."""
+    sparse = banded(200)
+    prices = Prices(sparse, sparse.W.nnz, None, Machine(float("inf"), float("inf"), 1.0))
+    assert (prices.proximal(0), prices.running(0)) == (200, 80)
+    dense = LocalProblem(np.eye(30), np.ones(30), np.ones(10))
+    prices = Prices(dense, 30, None)
+    assert prices.running(30) == prices.proximal(30) > 0
 
 
 def test_an_iteration_of_admm_reads_the_factor_twice() -> None:

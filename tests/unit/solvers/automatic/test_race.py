@@ -52,6 +52,13 @@ def test_a_method_that_never_arrives_costs_about_what_the_one_that_does(dear: fl
     assert the_race.runners["stuck"].spent <= 1.25 * 200 + 2 * dear
 
 
+def test_a_stage_spends_no_more_than_its_share_beside_others() -> None:
+    little = replace(method("stuck", stuck), share=lambda race: 0.1)
+    iterate, the_race = race([little, method("sudden", lambda k: 0.0 if k == 200 else 0.9)])
+    assert iterate.status is Status.SOLVED
+    assert the_race.runners["stuck"].spent <= 0.1 * 1.25 * 200 + 20
+
+
 def test_a_method_is_measured_from_the_error_that_it_found() -> None:
     """Not from 1: another method's good iterate is no merit of its own."""
     the_race = race([method("near", lambda k: 1e-3)], max_iterations=5)[1]

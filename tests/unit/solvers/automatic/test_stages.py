@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +18,9 @@ from fcsim.solvers import solve
 from fcsim.solvers.automatic import stages
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import EDGES, FACES, LOOSE, Expected, proximal_newton
-from fcsim.solvers.automatic.race import Race, ShareOfMonitor, Stage
+from fcsim.solvers.automatic.race import Race, ShareOfMonitor, Stage, run
 from fcsim.solvers.automatic.stages import STAGES, AutomaticOptions
-from fcsim.solvers.base import Monitor
+from fcsim.solvers.base import Iterate, Monitor
 from fcsim.solvers.turns import Turns
 
 
@@ -198,6 +199,27 @@ def test_what_proximal_newton_is_expected_to_need_follows_from_what_contacts_hol
     prices = Prices(p, p.delassus.entries, None)
     race = Race(p, p, monitor, AutomaticOptions(), prices, False, None, answer.r)
     assert answer.solved and proximal_newton(race) == expected
+
+
+@pytest.mark.parametrize(("family", "seed", "follows"), [("frictions", 622, False), ("arches", 503, True)])
+def test_from_zero_paths_are_for_edges_and_faces_and_no_dearer_than_all_others(
+    family: str, seed: int, follows: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bed of large friction holds more than its bodies' velocities, too, but paths have thousands of pieces there. A path that is under
+    way when paths have spent as much as all others is followed to its end."""
+    spent: dict[str, float] = {}
+
+    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
+        iterate = run(race, entering)
+        spent.update((name, runner.spent) for name, runner in race.runners.items())
+        return iterate
+
+    monkeypatch.setattr(stages, "run", noted)
+    assert solve(local(family, 300, seed), "auto", tol=1e-4).solved
+    assert "proximal Newton" in spent and ("paths" in spent) == follows
+    if follows:
+        paths = spent.pop("paths")
+        assert paths <= 1.5 * sum(spent.values())
 
 
 def test_admm_waits_for_what_its_first_iterations_cost_where_bodies_may_rest(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ from fcsim.solvers import Memory, Status, method, solve
 from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.systems.direct import DenseSystem
 from fcsim.solvers.small import door
+from fcsim.solvers.small._automatic_kernels import MANY, newton_price
 from fcsim.solvers.small._newton_kernels import newton_step, proximal_newton
 
 
@@ -33,6 +34,12 @@ def test_dense_elimination_is_lapacks(n: int) -> None:
         assert_allclose(A @ x, b, atol=1e-9 * (1 + np.linalg.cond(A) if n else 1))
     shift, q = rng.standard_normal(n), rng.standard_normal(n)
     assert_allclose(affine(A, b, shift, q), (A + np.diag(shift)) @ b + q, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("velocities", "left"), [(48, True), (90, False)])
+def test_contacts_that_hold_three_times_the_bodies_velocities_are_left_to_the_race(velocities: int, left: bool) -> None:
+    """60 contacts in 3D that bear hold 180 unknowns."""
+    assert newton_price(np.tile([1.0, 0, 0], 60), 3, velocities, MANY)[1] == left
 
 
 @pytest.mark.parametrize("n", [1, 4, 6, 9])
