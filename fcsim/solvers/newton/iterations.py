@@ -24,6 +24,7 @@ from fcsim.solvers.newton.formulations import FORMULATIONS, Formulation
 from fcsim.solvers.newton.line_search import LINE_SEARCHES, REFERENCES, Merit
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.spaces import FollowingSpace, LocalSpace, NewtonSpace
+from fcsim.solvers.newton.statuses import LEAST, Statuses
 from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
 from fcsim.solvers.newton.systems.interface import NewtonSystem
@@ -186,6 +187,9 @@ def newton_turns(
     line_search = LINE_SEARCHES[options.line_search]
     merits: deque[float] = deque(maxlen=options.window)
     progress = _Progress(monitor, options)
+    settles = formulation is FORMULATIONS["AC"] and options.line_search == "none" and not options.safeguard
+    joined = space if settles and isinstance(space, LocalSpace) else None  # of joints that may be solved one by one
+    statuses = Statuses()
     while True:
         status = progress.verdict(r, space)
         if status is not None:
@@ -195,6 +199,9 @@ def newton_turns(
             return Iterate(r, status)
         u = space.u.reshape(shape)
         F, A, B = formulation(u if expected is None else expected, r.reshape(shape), mu, rho)
+        if joined is not None and joined.knows_joints:
+            at = u if expected is None else expected
+            F, A, B = statuses.kept((F, A, B), at, r.reshape(shape), mu, rho, monitor.compliance, LEAST * monitor.tol * monitor.scale)
         space.foreseen = expected is not None
         if expected is not None:
             F, expected = F + np.einsum("aij,aj->ai", A, u - expected), None
@@ -222,6 +229,8 @@ def newton_turns(
             split = options.formulation in ("AC", "JM")  # the cone's formulations have one rho a contact
             rho = adapt_rho(rho, first_rho, (t * du).reshape(shape), (t * dr).reshape(shape), split)
             merits.clear()  # another rho, another merit function
+        settled = None if joined is None else joined.settle(mu, rho, monitor)
+        r = r if settled is None else settled
         yield
 
 
