@@ -32,6 +32,11 @@ from fcsim.solvers.newton.systems.over_ranks import KeptPreconditioner, SystemOv
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range
 from fcsim.solvers.turns import Turns, to_the_end
 
+FALLS, STALLED = 0.7, 3
+"""Iterations since the error last fell below FALLS of its least: with each of them half as much may be left to statuses that are kept, and
+after STALLED of them joints are not solved one by one, until it falls again. Either may lead Newton's method in a circle; without them it
+goes its own way."""
+
 
 @dataclass(frozen=True, eq=False)
 class AdaptedRho(Kept):
@@ -117,6 +122,7 @@ class _Progress:
         self._monitor, self._options = monitor, options
         self._watched, self._before = monitor.iterations, np.inf
         self.error = np.inf  # of the last iterate that was looked at
+        self._least, self.stalled = np.inf, 0  # the error that no later one was well below, and iterations since then
 
     def verdict(self, r: FloatArray, space: NewtonSpace) -> Status | None:
         """Why to stop at r (m,), None to go on."""
@@ -125,6 +131,7 @@ class _Progress:
         if error > monitor.tol and not space.exact and monitor.error(r, space.u) <= monitor.tol:
             space.recompute()  # it has drifted: what follows goes on from what r gives
         self.error = error
+        self._least, self.stalled = (error, 0) if error < FALLS * self._least else (self._least, self.stalled + 1)
         self._before = min(self._before, error) if monitor.iterations == self._watched else self._before
         if error <= monitor.tol:
             return Status.SOLVED
@@ -201,7 +208,8 @@ def newton_turns(
         F, A, B = formulation(u if expected is None else expected, r.reshape(shape), mu, rho)
         if joined is not None and joined.knows_joints:
             at = u if expected is None else expected
-            F, A, B = statuses.kept((F, A, B), at, r.reshape(shape), mu, rho, monitor.compliance, LEAST * monitor.tol * monitor.scale)
+            allowed = LEAST * 0.5**progress.stalled * monitor.tol * monitor.scale
+            F, A, B = statuses.kept((F, A, B), at, r.reshape(shape), mu, rho, monitor.compliance, allowed)
         space.foreseen = expected is not None
         if expected is not None:
             F, expected = F + np.einsum("aij,aj->ai", A, u - expected), None
@@ -229,7 +237,7 @@ def newton_turns(
             split = options.formulation in ("AC", "JM")  # the cone's formulations have one rho a contact
             rho = adapt_rho(rho, first_rho, (t * du).reshape(shape), (t * dr).reshape(shape), split)
             merits.clear()  # another rho, another merit function
-        settled = None if joined is None else joined.settle(mu, rho, monitor)
+        settled = joined.settle(mu, rho, monitor) if joined is not None and progress.stalled <= STALLED else None
         r = r if settled is None else settled
         yield
 

@@ -15,7 +15,7 @@ from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
-from fcsim.solvers.newton.systems.two_level.settling import PART, SMALL
+from fcsim.solvers.newton.systems.two_level.settling import NEAR, PART, SMALL
 
 
 class NewtonSpace(Protocol):
@@ -83,6 +83,8 @@ class LocalSpace:
             return None
         u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
         error = monitor.error(self._r, self.u)
+        if not error <= NEAR:
+            return None
         found = self._system.settled(u, r, mu, rho, monitor.compliance, max(SMALL * monitor.tol, PART * error) * monitor.scale)
         if found is None or monitor.error(self._r + found[0], self.u + found[1]) >= error:
             return None

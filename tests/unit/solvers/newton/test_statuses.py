@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.formulations import alart_curnier
+from fcsim.solvers.newton.iterations import _Progress
+from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.statuses import OPEN, SLIDING, STICKING, Statuses, equations
 from fcsim.solvers.newton.systems._condensed_kernels import roles
 
@@ -84,3 +87,21 @@ def test_what_is_kept_stays_below_the_limit_and_all_else_is_as_it_is() -> None:
     assert_array_equal(np.sort(other), np.sort(changed[np.argsort(missed)[:5]]))
     assert np.linalg.norm(weight[:, None] * (F - natural[0])) <= limit
     assert_array_equal(B[np.setdiff1d(np.arange(len(r)), other)], natural[2][np.setdiff1d(np.arange(len(r)), other)])
+
+
+def test_iterations_without_progress_are_counted_until_the_error_falls_well_below_its_least() -> None:
+    """They bound what kept statuses may leave, and for how long joints are solved one by one."""
+    monitor = Monitor(np.ones(3), np.ones(1), 3, 1e-12)
+    progress = _Progress(monitor, NewtonOptions())
+
+    class Nowhere:
+        exact = True
+
+        def __init__(self, error: float) -> None:
+            self.u = np.array([-error, 0.0, 0.0])  # r = 0 and u_N < 0: the error grows with it
+
+    counts = []
+    for error in (1.0, 0.9, 0.8, 0.71, 2.0, 0.69, 0.6, 0.4):
+        assert progress.verdict(np.zeros(3), Nowhere(error)) is None  # type: ignore[arg-type]
+        counts.append(progress.stalled)
+    assert counts == [0, 1, 2, 3, 4, 0, 1, 0]

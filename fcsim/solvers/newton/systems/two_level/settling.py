@@ -28,6 +28,8 @@ from fcsim.threads import side_by_side
 
 SMALL, PART = 0.1, 0.01
 """Share of the tolerance, and of the error, up to which a joint is left as it is."""
+NEAR = 1e-2
+"""Error from which on joints are solved one by one: before that, from zero, it misleads Newton's method."""
 ITERATIONS, FALLS = 15, 1e-3
 """Of Newton's method in a joint: at most, and the ||F|| relative to where it began at which it ends."""
 
