@@ -24,12 +24,18 @@ from fcsim.solvers.newton.formulations import FORMULATIONS, Formulation
 from fcsim.solvers.newton.line_search import LINE_SEARCHES, REFERENCES, Merit
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.spaces import FollowingSpace, LocalSpace, NewtonSpace
+from fcsim.solvers.newton.statuses import LEAST, Statuses
 from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import KeptPreconditioner, SystemOverRanks
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range
 from fcsim.solvers.turns import Turns, to_the_end
+
+FALLS, STALLED = 0.7, 3
+"""Iterations since the error last fell below FALLS of its least: with each of them half as much may be left to statuses that are kept, and
+after STALLED of them joints are not solved one by one, until it falls again. Either may lead Newton's method in a circle; without them it
+goes its own way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +122,7 @@ class _Progress:
         self._monitor, self._options = monitor, options
         self._watched, self._before = monitor.iterations, np.inf
         self.error = np.inf  # of the last iterate that was looked at
+        self._least, self.stalled = np.inf, 0  # the error that no later one was well below, and iterations since then
 
     def verdict(self, r: FloatArray, space: NewtonSpace) -> Status | None:
         """Why to stop at r (m,), None to go on."""
@@ -124,6 +131,7 @@ class _Progress:
         if error > monitor.tol and not space.exact and monitor.error(r, space.u) <= monitor.tol:
             space.recompute()  # it has drifted: what follows goes on from what r gives
         self.error = error
+        self._least, self.stalled = (error, 0) if error < FALLS * self._least else (self._least, self.stalled + 1)
         self._before = min(self._before, error) if monitor.iterations == self._watched else self._before
         if error <= monitor.tol:
             return Status.SOLVED
@@ -186,6 +194,9 @@ def newton_turns(
     line_search = LINE_SEARCHES[options.line_search]
     merits: deque[float] = deque(maxlen=options.window)
     progress = _Progress(monitor, options)
+    settles = formulation is FORMULATIONS["AC"] and options.line_search == "none" and not options.safeguard
+    joined = space if settles and isinstance(space, LocalSpace) else None  # of joints that may be solved one by one
+    statuses = Statuses()
     while True:
         status = progress.verdict(r, space)
         if status is not None:
@@ -195,6 +206,10 @@ def newton_turns(
             return Iterate(r, status)
         u = space.u.reshape(shape)
         F, A, B = formulation(u if expected is None else expected, r.reshape(shape), mu, rho)
+        if joined is not None and joined.knows_joints:
+            at = u if expected is None else expected
+            allowed = LEAST * 0.5**progress.stalled * monitor.tol * monitor.scale
+            F, A, B = statuses.kept((F, A, B), at, r.reshape(shape), mu, rho, monitor.compliance, allowed)
         space.foreseen = expected is not None
         if expected is not None:
             F, expected = F + np.einsum("aij,aj->ai", A, u - expected), None
@@ -222,6 +237,8 @@ def newton_turns(
             split = options.formulation in ("AC", "JM")  # the cone's formulations have one rho a contact
             rho = adapt_rho(rho, first_rho, (t * du).reshape(shape), (t * dr).reshape(shape), split)
             merits.clear()  # another rho, another merit function
+        settled = joined.settle(mu, rho, monitor) if joined is not None and progress.stalled <= STALLED else None
+        r = r if settled is None else settled
         yield
 
 

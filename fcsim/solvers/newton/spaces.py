@@ -15,6 +15,7 @@ from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
+from fcsim.solvers.newton.systems.two_level.settling import NEAR, PART, SMALL
 
 
 class NewtonSpace(Protocol):
@@ -69,6 +70,27 @@ class LocalSpace:
             self._system.needed, self._system.foreseen = self.needed, self.foreseen
         self._dr, self._Wdr = self._system.solve(A, B, -F)
         return self._dr, self._Wdr
+
+    @property
+    def knows_joints(self) -> bool:
+        """Whether the system is one of a large W by joints and bodies."""
+        return isinstance(self._system, CondensedSystem) and self._system.by_joints
+
+    def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
+        """Go on to where joints that the last step left unsolved are solved one by one, on Alart and Curnier's equations with rho (nc, d);
+        r (m,) there. None, and nowhere, where there are none, the system does not know joints, or the error is no less there."""
+        if not isinstance(self._system, CondensedSystem):
+            return None
+        u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
+        error = monitor.error(self._r, self.u)
+        if not error <= NEAR:
+            return None
+        found = self._system.settled(u, r, mu, rho, monitor.compliance, max(SMALL * monitor.tol, PART * error) * monitor.scale)
+        if found is None or monitor.error(self._r + found[0], self.u + found[1]) >= error:
+            return None
+        self._dr, self._Wdr = found
+        self.move(1.0)
+        return self._r
 
     def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         W = self._system.operator

@@ -168,6 +168,17 @@ class CondensedSystem:
             found = self._by_a_new_factor(A, B, rhs, closed, sticking)
         return self._whole.solve(A, B, rhs) if found is None else found
 
+    @property
+    def by_joints(self) -> bool:
+        """Whether systems are solved by joints and bodies' motions, without any factor of W."""
+        return self._two_level is not None and self._two_level.pays
+
+    def settled(
+        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """As `TwoLevelSystem.settled`; None where another way than that one is gone."""
+        return None if self._two_level is None else self._two_level.settled(u, r, mu, rho, weight, limit)
+
     def _by_a_new_factor(
         self, A: FloatArray, B: FloatArray, rhs: FloatArray, closed: BoolArray, sticking: BoolArray
     ) -> tuple[FloatArray, FloatArray] | None:

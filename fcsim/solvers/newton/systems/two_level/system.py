@@ -50,6 +50,7 @@ from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
+from fcsim.solvers.newton.systems.two_level.settling import settled
 from fcsim.threads import pieces_by_work, side_by_side
 
 ACCURACY, FORESEEN, SAFETY = 1e-3, 1e-5, 0.3
@@ -85,6 +86,10 @@ class Preconditioner:
         self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
         self._T = np.empty(joints.T_starts[-1])
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
+
+    @property
+    def joints(self) -> Joints:
+        return self._joints
 
     @property
     def earlier(self) -> bool:
@@ -242,6 +247,18 @@ class TwoLevelSystem:
             found = self._by(self._precondition, A, B, rhs, limits)
         self.pays = found is not None
         return found
+
+    def settled(
+        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """dr and W dr (m,) by which joints are solved one by one, see `settling`; None where none are, or this system does not pay."""
+        if self._precondition is None or not self.pays:
+            return None
+        found = settled(self._precondition.joints, u, r, mu, rho, weight, limit)
+        if found is None:
+            return None
+        dr = (found - r).ravel()
+        return dr, self._product(dr)
 
     def _by(
         self, precondition: Preconditioner, A: FloatArray, B: FloatArray, rhs: FloatArray, limits: tuple[float, float]
