@@ -44,6 +44,11 @@ class Border:
     _d: int
 
     @property
+    def dtype(self) -> DTypeLike:
+        """The precision of columns and response."""
+        return self._columns.PT.dtype
+
+    @property
     def PT(self) -> FloatArray:
         """P^T (d k, d s)."""
         return self._columns.PT[: self._d * len(self.contacts)]
@@ -55,9 +60,10 @@ class Border:
         return self._columns.response[:size, :size]
 
 
-def empty_border(held: Held, d: int) -> Border:
+def empty_border(held: Held, d: int, dtype: DTypeLike) -> Border:
+    """The border without contacts, to be kept in the precision `dtype`, which may be less than the factor's."""
     nothing = np.empty(0, dtype=np.int64)
-    columns = _Columns(0, d * len(held.contacts), held.dtype)
+    columns = _Columns(0, d * len(held.contacts), dtype)
     return Border(nothing, np.empty(0, dtype=bool), np.full(len(held.is_held), -1), columns, d)
 
 
@@ -73,7 +79,7 @@ def extended(border: Border, held: Held, W: Matrix, contacts: IntArray) -> Borde
         own = dofs_of(np.flatnonzero(released), d)
         P[:, own] = 0
         P[dofs_of(held.place[new[released]], d), own] = -1
-    P = held.factor.forward(P)
+    P = held.factor.forward(P).astype(border.dtype, copy=False)
     k, end = len(border.contacts) * d, (len(border.contacts) + len(new)) * d
     columns = _with_room(border, end)
     columns.PT[k:end] = P.T

@@ -39,6 +39,10 @@ ACCURACY = 1e-4
 """Defect at which a step by this W's factor in single precision is accepted."""
 SINGLE_FROM = 1500
 """Contact unknowns from which factor and border are kept in single precision."""
+PRECISIONS: tuple[tuple[DTypeLike, DTypeLike], ...] = ((np.float32, np.float32), (np.float64, np.float32), (np.float64, np.float64))
+"""Those of the factor and of the border that are tried one after the other. Where meshes are fine, reactions in checkerboards are resisted
+1e-7 times as much as a push on one contact, and W has no factor in single precision; columns by a factor in double precision may be kept
+in single all the same."""
 WELL_CONDITIONED, WELL_CONDITIONED_SINGLE = 1e-8, 1e-5
 """Least pivot over the largest from which the factor on all closed contacts is trusted; rank-deficient W gives round-off, 1e-16 or 1e-7."""
 UNSETTLED, FEW_SLIDE = 0.05, 0.25
@@ -68,13 +72,13 @@ class Condensation:
 class KeptCondensation(Kept):
     """What serves the next W: the condensation, as a preconditioner, the analysis, and which choices had to be made.
 
-    status (nc,): 0 open, 1 sliding, 3 sticking in the last step; pattern: None where contacts do not come in joints; blocks: in the place
-    of a condensation whose border would be too large, and two_level where nothing of W is factored.
+    status (nc,): 0 open, 1 sliding, 3 sticking in the last step; precision: which of PRECISIONS; pattern: None where contacts do not come
+    in joints; blocks: in the place of a condensation whose border would be too large, and two_level where nothing of W is factored.
     """
 
     condensation: Condensation | None
     status: IntArray
-    dtype: DTypeLike
+    precision: int
     holds_sliding: bool
     pattern: Pattern | None
     blocks: StiffnessBlocks | None = None
@@ -99,7 +103,7 @@ class CondensedSystem:
         earlier = None if kept is None else kept.pattern
         self._rows = operator.joints if earlier is None else joint_rows(W, self._d, earlier)
         self._W = W if isinstance(W, np.ndarray) else in_blocks(W, self._d) if self._rows is None else self._rows.W
-        self._dtype: DTypeLike = np.float32 if W.shape[0] >= SINGLE_FROM else np.float64
+        self._precision = 0 if W.shape[0] >= SINGLE_FROM else len(PRECISIONS) - 1
         self._holds_sliding = True
         self._status: IntArray | None = None  # of the contacts at the last step
         self._condensation: Condensation | None = None
@@ -110,7 +114,7 @@ class CondensedSystem:
             None if known is None or self._rows is None else TwoLevelSystem(self._rows, known, None if kept is None else kept.two_level)
         )
         if kept is not None:
-            self._dtype, self._holds_sliding, self._status = kept.dtype, kept.holds_sliding, kept.status
+            self._precision, self._holds_sliding, self._status = kept.precision, kept.holds_sliding, kept.status
             self._condensation = None if kept.condensation is None else replace(kept.condensation, earlier=True)
 
     def shifted(self, shift: FloatArray) -> CondensedSystem:
@@ -123,7 +127,9 @@ class CondensedSystem:
             return None
         pattern = None if self._rows is None else self._rows.pattern
         two_level = None if self._two_level is None else self._two_level.left
-        return KeptCondensation(identity, self._condensation, self._status, self._dtype, self._holds_sliding, pattern, blocks, two_level)
+        return KeptCondensation(
+            identity, self._condensation, self._status, self._precision, self._holds_sliding, pattern, blocks, two_level
+        )
 
     def _product(self, x: FloatArray) -> FloatArray:
         """W x (m,)."""
@@ -148,7 +154,7 @@ class CondensedSystem:
             return self._whole.solve(A, B, rhs)
         settled = self._settled(closed, sticking)
         columns, rows = (self._d * np.count_nonzero(contacts) for contacts in (closed & ~sticking, closed))
-        border = columns * rows * np.dtype(self._dtype).itemsize
+        border = columns * rows * np.dtype(PRECISIONS[self._precision][1]).itemsize
         if self._two_level is not None:
             found = self._two_level.solve(A, B, rhs, self.needed, self.foreseen)
             if found is not None:
@@ -185,24 +191,33 @@ class CondensedSystem:
         """The step by a factor on the closed contacts or, where that fails, on the sticking ones; in the end in double precision."""
         while True:
             held, trusted = (closed, WELL_CONDITIONED) if self._holds_sliding else (sticking, 0.0)
-            single = self._dtype is np.float32
-            factored = self._hold(held, WELL_CONDITIONED_SINGLE if single else trusted)
+            (factor, columns), last = PRECISIONS[self._precision], self._precision == len(PRECISIONS) - 1
+            factored = self._hold(held, WELL_CONDITIONED_SINGLE if factor is np.float32 else trusted)
             if factored is not None:
-                self._condensation = Condensation(factored, empty_border(factored, self._d))
+                self._condensation = Condensation(factored, empty_border(factored, self._d, columns))
                 found = self._by_what_is_held(A, B, rhs)
                 if found is not None:
                     return found
                 self._condensation = None
-                if not single:
+                if last:
                     return None
-            elif not single:
+            elif factor is np.float64:
                 if not self._holds_sliding:
                     return None
                 self._holds_sliding = False
-            self._dtype = np.float64
+                continue
+            self._precision += 1
 
     def _hold(self, contacts: BoolArray, conditioning: float) -> Held | None:
-        return hold(self._W, self._rows, self._d, contacts, with_sliding=self._holds_sliding, dtype=self._dtype, conditioning=conditioning)
+        return hold(
+            self._W,
+            self._rows,
+            self._d,
+            contacts,
+            with_sliding=self._holds_sliding,
+            dtype=PRECISIONS[self._precision][0],
+            conditioning=conditioning,
+        )
 
     def _settled(self, closed: BoolArray, sticking: BoolArray) -> bool:
         """Whether few contacts have another status than in the last step; without one, whether few of the closed contacts slide."""
@@ -214,7 +229,7 @@ class CondensedSystem:
     def _by_what_is_held(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """The step by the factor and border that are there; None where they cannot give it."""
         assert self._condensation is not None
-        earlier, single = self._condensation.earlier, self._dtype is np.float32
+        earlier, single = self._condensation.earlier, self._condensation.border.dtype == np.float32
         try:
             step = _Step(self, self._condensation, A, B, inexact=earlier)
             found = self._corrected(step, A, B, rhs, earlier=earlier) if earlier or single else step.solve(rhs, 0.0)
@@ -262,7 +277,7 @@ class _Step:
     def __init__(self, system: CondensedSystem, given: Condensation, A: FloatArray, B: FloatArray, *, inexact: bool) -> None:
         """inexact: whether the system that is left on the border will be solved with a defect."""
         held, self._d = given.held, system._d
-        A, B = (x.astype(held.dtype, copy=False) for x in (A, B))
+        A, B = (x.astype(given.border.dtype, copy=False) for x in (A, B))
         closed, sticking = roles(A, B)
         border = extended(given.border, held, system._W, np.flatnonzero(np.where(held.is_held, ~sticking, closed)))
         self._given, self._border, self._product = given, border, system._product
@@ -275,7 +290,7 @@ class _Step:
         outer, inner = A[every], B[every]
         outer[released], inner[released] = B[own], A[own]
         unknown = np.repeat(~self._open[every][:, None], self._d, axis=1)
-        unknown[released] = split_known(A[own], B[own], np.zeros((len(own), self._d), dtype=held.dtype))[1]
+        unknown[released] = split_known(A[own], B[own], np.zeros((len(own), self._d), dtype=border.dtype))[1]
         self._remainder = Remainder(border.response, outer, inner, unknown, given.factored, inexact=inexact)
 
     def left(self) -> Condensation:
@@ -285,18 +300,18 @@ class _Step:
     def solve(self, rhs: FloatArray, tolerance: float) -> FloatArray:
         """The step dr (m,); tolerance: defect of the border's system relative to rhs (nc, d), 0: round-off."""
         d, held, border = self._d, self._given.held, self._border
-        rhs = rhs.astype(held.dtype, copy=False)
         dr = np.where(self._open[:, None], rhs, 0)
+        rhs = rhs.astype(border.dtype, copy=False)
         coupling = np.zeros_like(rhs)
         if np.any(dr):
             coupling += self._product(dr.ravel().astype(float, copy=False)).reshape(-1, d)
-        t = np.empty_like(rhs, shape=(len(held.contacts), d))
+        t = np.empty((len(held.contacts), d), dtype=held.dtype)
         if not held_side(self._A, rhs, coupling, held.contacts, self._stays, t):
             raise SingularMatrix("the block of a sticking contact is singular")
         z = held.factor.forward(t.reshape(-1, 1))[:, 0]
         if len(border.contacts):
             released, free = border.released, border.contacts[~border.released]
-            known = times(border.PT, z).reshape(-1, d)
+            known = times(border.PT, z.astype(border.dtype, copy=False)).reshape(-1, d)
             signed(known, released, coupling, border.contacts)
             x = np.zeros_like(known)
             x[released] = split_known(self._A[self._own], self._B[self._own], rhs[self._own])[0]

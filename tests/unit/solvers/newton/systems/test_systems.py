@@ -126,15 +126,43 @@ def test_borders_that_grow_from_one_keep_their_columns_apart() -> None:
     W = delassus(12, 3, 6)
     held = hold(W, None, 3, np.arange(12) < 9, with_sliding=True, dtype=np.float64, conditioning=0.0)
     assert held is not None
-    first = extended(empty_border(held, 3), held, W, np.array([2, 10]))
+    first = extended(empty_border(held, 3, held.dtype), held, W, np.array([2, 10]))
     one = extended(first, held, W, np.array([4]))
     before = one.PT.copy(), one.response.copy()
     other = extended(first, held, W, np.array([7, 11]))
     for mine, kept in zip((one.PT, one.response), before, strict=True):
         assert_array_equal(mine, kept)
-    whole = extended(empty_border(held, 3), held, W, np.array([2, 10, 7, 11]))
+    whole = extended(empty_border(held, 3, held.dtype), held, W, np.array([2, 10, 7, 11]))
     assert_allclose(other.response, whole.response, atol=1e-13)
     assert_array_equal(np.flatnonzero(one.column >= 0), [2, 4, 10])
+
+
+@pytest.mark.parametrize(("least", "precisions"), [(1e-3, (np.float32, np.float32)), (1e-8, (np.float64, np.float32))])
+def test_columns_in_single_precision_by_a_factor_in_double(
+    least: float, precisions: tuple[type, type], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where some reactions of ten contacts that stick are resisted so little that single precision does not see it, the factor is in double
+    precision and the columns in single; the defect of the true system is the one that was asked for."""
+    monkeypatch.setattr(condensed_system, "SINGLE_FROM", 0)
+    rng = np.random.default_rng(3)
+    nc, d, few = 60, 3, 10
+    Q = np.linalg.qr(rng.standard_normal((few * d, few * d)))[0]
+    soft = Q @ np.diag(np.r_[np.full(5, least), rng.uniform(0.5, 2.0, few * d - 5)]) @ Q.T
+    X = 0.3 * rng.standard_normal((few * d, (nc - few) * d))
+    W = np.block([[soft, soft @ X], [X.T @ soft, delassus(nc - few, d, 3) + X.T @ soft @ X]])
+    W = 0.5 * (W + W.T)
+    system = condensed(W, d)
+    zone = np.r_[np.full(few, STICK), rng.choice(3, nc - few, p=[0.2, 0.6, 0.2])]
+    for _ in range(15):
+        zone[few + rng.choice(nc - few, 4, replace=False)] = rng.choice(3, 4)
+        A, B = linearisation(zone, d, rng, pure_share=1.0)
+        rhs = rng.standard_normal((nc, d))
+        dr, Wdr = system.solve(A, B, rhs)
+        assert_allclose(Wdr, W @ dr, rtol=0, atol=1e-12 * np.abs(dr).max())
+        defect = rhs - np.einsum("aij,aj->ai", A, (W @ dr).reshape(nc, d)) - np.einsum("aij,aj->ai", B, dr.reshape(nc, d))
+        assert np.linalg.norm(defect) <= 1.01 * ACCURACY * np.linalg.norm(rhs)
+        assert system._condensation is not None
+        assert (system._condensation.held.dtype, system._condensation.border.dtype) == precisions
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
