@@ -145,7 +145,7 @@ def test_a_capsule_that_falls_on_its_end_comes_to_lie() -> None:
     assert abs(of(steps[-1], "capsule")[4]) < 0.5
 
 
-@pytest.mark.parametrize("kind", ["rigid", "brick", "tetrahedra"])
+@pytest.mark.parametrize("kind", ["rigid", "brick", pytest.param("tetrahedra", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("place", ["face", "seam"])
 def test_a_ball_rolls_over_facets_as_on_a_plane(kind: str, place: str) -> None:
     """5/7 v0 over a meshed floor: edges between facets of one face are not felt."""

@@ -31,7 +31,10 @@ def stone_on_floor(dimension, width, height, unit=1.0, **more):
     return MasonryProblem("stone", dimension, (floor, stone), mu=more.pop("mu", 0.9), **more)
 
 
-@pytest.mark.parametrize(("dimension", "width", "height", "unit"), [(2, 0.4, 1.2, 1.0), (3, 0.5, 1.0, 0.01), (2, 1.0, 6.0, 10.0)])
+@pytest.mark.parametrize(
+    ("dimension", "width", "height", "unit"),
+    [(2, 0.4, 1.2, 1.0), (3, 0.5, 1.0, 0.01), pytest.param(2, 1.0, 6.0, 10.0, marks=pytest.mark.slow)],
+)
 def test_branch_of_one_block_is_the_tangent(dimension, width, height, unit):
     """Moments about the toe: multiplier = tan(alpha - theta); the centroid has gone R (sin alpha - sin(alpha - theta))."""
     branch = push_by_displacement(pushed(stone_on_floor(dimension, width, height, unit), (1.0, 0.0, 0.0)), step=2e-3 * height * unit)

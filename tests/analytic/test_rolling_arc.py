@@ -86,6 +86,7 @@ def test_moment_of_facet_normals(n: int) -> None:
     assert 0.05 < np.abs(history.moment / history.normal).max() / (ARC / n / 2) < 1.0
 
 
+@pytest.mark.slow
 def test_facet_normals_make_jumps() -> None:
     """The moment jumps by about b/2 times the share of a node where it passes an edge, however small the steps are."""
     coarse, fine = turn(20, "nodes", steps=60), turn(20, "nodes", steps=180)

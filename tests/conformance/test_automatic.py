@@ -92,7 +92,7 @@ def pile(bodies: int, seed: int, asymmetry: float, gyroscopic: float = 0.0) -> L
         (30, 5, 1e-6, 0.0),
         (40, 6, 1e-5, 0.0),
         (40, 1408, 1e-4, 0.0),
-        (70, 1068, 1e-12, 0.0),
+        pytest.param(70, 1068, 1e-12, 0.0, marks=pytest.mark.slow),
         (60, 2, 0.0, 1e-2),
     ],
 )

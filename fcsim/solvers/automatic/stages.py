@@ -202,6 +202,11 @@ def _enter_least_squares(race: Race) -> bool:
     return race.over("proximal Newton") or stuck
 
 
+def _enter_least_squares_again(race: Race) -> bool:
+    runner = race.runners.get("least squares")
+    return runner is not None and not race.running() and race.best < runner.monitor.best
+
+
 def _plateau(race: Race, runner: Runner) -> bool:
     return runner.monitor.iterations >= PLATEAU * race.options.probe and runner.gain(2 / 3) < 1 / 0.9
 
@@ -274,6 +279,14 @@ STAGES: tuple[Stage, ...] = (
         "Levenberg-Marquardt on the error. Enters after proximal Newton, or where that is stuck near a solution: where noise leaves "
         "none, or one that is nearly none.",
         enters=_enter_least_squares,
+        turns=methods.least_squares,
+        price=lambda race: race.prices.least_squares(closed(race)),
+    ),
+    Stage(
+        "least squares again",
+        "Levenberg-Marquardt from the best iterate. Enters where all others are at their end and one has come nearer since it ended: "
+        "from a tenth farther it may not get there.",
+        enters=_enter_least_squares_again,
         turns=methods.least_squares,
         price=lambda race: race.prices.least_squares(closed(race)),
     ),

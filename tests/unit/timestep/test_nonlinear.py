@@ -190,6 +190,7 @@ def test_impact_of_rubber_keeps_the_balance() -> None:
     assert strained > 0.2 * kinetic
 
 
+@pytest.mark.slow
 def test_a_step_too_long_is_cut_and_what_cannot_be_says_why() -> None:
     """Pulled to seven times its length in one step; a law that has no state beyond a stretch; and a load under which the block buckles."""
     model = pulled(neo_hooke(1.0, 0.3, 1.0), 2.5)
