@@ -1,4 +1,6 @@
-"""Steps of 3D masonry in motion: python benchmarks/masonry_motion.py [NAME ...] [--joints rigid] [--stiffness N/m] [--tol T] [--steps N].
+"""Steps of 3D masonry in motion:
+
+    python -m benchmarks.masonry_motion [NAME ...] [--joints rigid] [--stiffness N/m] [--tol T] [--steps N]
 
 * corner: an L-corner of 56 rigid blocks on a table tilted to tan = 0.5 along its diagonal
 * shaken: the same on ground that shakes along the diagonal, 0.6 g at 2.5 Hz
