@@ -79,7 +79,7 @@ class LocalSpace:
     def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
         """Go on to where joints that the last step left unsolved are solved one by one, on Alart and Curnier's equations with rho (nc, d);
         r (m,) there. None, and nowhere, where there are none, the system does not know joints, or the error is no less there."""
-        if not isinstance(self._system, CondensedSystem):
+        if not isinstance(self._system, CondensedSystem) or not self._system.by_joints:
             return None
         u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
         error = monitor.error(self._r, self.u)

@@ -90,10 +90,11 @@ class CondensedSystem:
 
     W must be symmetric; where it is not positive definite on the closed contacts, those that stick are held, and where it is not on these
     the LU of the whole takes over; of joints it does also as long as the sets are far from settled. Of a sparse W whose contacts come in
-    joints the factor is multifrontal, else dense. Large factors and columns are kept in single precision, and those of an earlier W serve
-    the next: they are then the preconditioner of GMRES on the true system. Where that does not pay all is factored anew, in double
-    precision if that was not it. Where contacts come in joints and the border would be too large, W's factor and the joints' own stiffness
-    precondition (`PreconditionedSystem`). A large W of known bodies is not factored where GMRES gets there without (`TwoLevelSystem`).
+    joints the factor is multifrontal, else dense. Large factors and columns are kept in single precision, columns alone where W has no
+    factor in it (PRECISIONS), and those of an earlier W serve the next: they are then the preconditioner of GMRES on the true system.
+    Where that does not pay all is factored anew, in the next precision if that was not the last. Where contacts come in joints and the
+    border would be too large, W's factor and the joints' own stiffness precondition (`PreconditionedSystem`). A large W of known bodies is
+    not factored where GMRES gets there without (`TwoLevelSystem`).
     """
 
     def __init__(self, operator: Delassus, kept: KeptCondensation | None = None) -> None:
@@ -189,10 +190,12 @@ class CondensedSystem:
         self, A: FloatArray, B: FloatArray, rhs: FloatArray, closed: BoolArray, sticking: BoolArray
     ) -> tuple[FloatArray, FloatArray] | None:
         """The step by a factor on the closed contacts or, where that fails, on the sticking ones; in the end in double precision."""
+        factored: Held | None = None
         while True:
             held, trusted = (closed, WELL_CONDITIONED) if self._holds_sliding else (sticking, 0.0)
             (factor, columns), last = PRECISIONS[self._precision], self._precision == len(PRECISIONS) - 1
-            factored = self._hold(held, WELL_CONDITIONED_SINGLE if factor is np.float32 else trusted)
+            if factored is None or factored.dtype is not factor:
+                factored = self._hold(held, WELL_CONDITIONED_SINGLE if factor is np.float32 else trusted)
             if factored is not None:
                 self._condensation = Condensation(factored, empty_border(factored, self._d, columns))
                 found = self._by_what_is_held(A, B, rhs)
