@@ -34,8 +34,8 @@ from fcsim.solvers.turns import Turns, to_the_end
 
 FALLS, STALLED = 0.7, 3
 """Iterations since the error last fell below FALLS of its least: with each of them half as much may be left to statuses that are kept, and
-after STALLED of them joints are not solved one by one, until it falls again. Either may lead Newton's method in a circle; without them it
-goes its own way."""
+after STALLED of them joints are not solved one by one, and steps are shortened where that brings the error down, until it falls again.
+Kept statuses and joints may lead Newton's method in a circle; so do contacts that open one by one along a joint and close again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +227,8 @@ def newton_turns(
             reference = max(value, REFERENCES[options.reference](merits))
             merit = _merit(formulation, space.u, du, r, dr, mu, rho)
             t = line_search(merit, value, slope, options.line_search_iterations, reference)  # (S.3)
+        elif joined is not None and progress.stalled > STALLED:
+            t = joined.length(monitor, progress.error)
         space.move(t)  # (S.4)
         following = r + t * dr
         monitor.iterations += 1

@@ -50,6 +50,8 @@ class NewtonSpace(Protocol):
 
 RECOMPUTED = 8
 """Moves after which u is computed anew: its update is exact but for round-off, which must not grow."""
+LENGTHS, FALLS = (1.0, 0.5, 0.25, 0.1), 0.95
+"""Parts of Newton's step that are tried where it stalls, and what the error must fall below, relative to the one before, to take one."""
 
 
 class LocalSpace:
@@ -75,6 +77,16 @@ class LocalSpace:
     def knows_joints(self) -> bool:
         """Whether the system is one of a large W by joints and bodies."""
         return isinstance(self._system, CondensedSystem) and self._system.by_joints
+
+    def length(self, monitor: Monitor, error: float) -> float:
+        """How far to go along the last step, as a part of it: as far of LENGTHS as the error of all contacts is least, where the whole step
+        raises it above `error`, that of the iterate. 1 far from a solution, where no length brings it down, and but of a large W by joints
+        and bodies."""
+        if not self.knows_joints or not error <= NEAR:
+            return 1.0
+        errors = [monitor.error(self._r + t * self._dr, self.u + t * self._Wdr) for t in LENGTHS]
+        least = int(np.argmin(errors))
+        return LENGTHS[least] if errors[0] > error and errors[least] < FALLS * error else 1.0
 
     def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
         """Go on to where joints that the last step left unsolved are solved one by one, on Alart and Curnier's equations with rho (nc, d);
