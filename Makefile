@@ -15,6 +15,9 @@ wall: $(READY)  ## run the masonry wall and draw its pictures, in results/masonr
 	.venv/bin/fcsim render $(WALL) --page
 	@echo "The wall's files, pictures, film and page.html are in $(WALL)/"
 
+# Else every process that the tests begin compiles fcsim's sources anew, and pytest rewrites each test file in both workers of every run.
+test slow browser-test faults notebooks: export PYTHONDONTWRITEBYTECODE :=
+
 test: $(READY)  ## run the tests but the slow ones (PYTEST_ARGS="..." are passed on)
 	.venv/bin/python -m pytest $(PYTEST_ARGS)
 

@@ -1,14 +1,13 @@
 """Pushes by displacement: the descending branch of a block about its toe, and of a rod that is let down."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from fcsim import Control, Force, Linkage, Material, QuasiStatic, Simulation, Support, build_model
+from fcsim.command_line.main import main
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.masonry import Acceleration, Block, MasonryProblem, PointForce, push_by_displacement, pushed, write_masonry
@@ -143,25 +142,11 @@ def test_control_refuses_what_moves_nothing(wrong):
         Linkage(model, [Control("push", **given)])
 
 
-def test_command_writes_the_curve(tmp_path):
+def test_command_writes_the_curve(tmp_path, capsys):
     path = tmp_path / "stone.json"
     write_masonry(path, stone_on_floor(2, 0.4, 1.2))
-    command = [
-        sys.executable,
-        "-m",
-        "fcsim",
-        "push",
-        str(path),
-        "--direction",
-        "x",
-        "--branch",
-        "--step",
-        "0.01",
-        "--out",
-        str(tmp_path / "o"),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert "falls by itself from a displacement of" in done.stdout
+    assert main(["push", str(path), "--direction", "x", "--branch", "--step", "0.01", "--out", str(tmp_path / "o")]) == 0
+    assert "falls by itself from a displacement of" in capsys.readouterr().out
     curve = json.loads((tmp_path / "o" / "branch.json").read_text())
     rows = np.loadtxt(tmp_path / "o" / "branch.csv", delimiter=",", skiprows=1)
     assert_allclose(rows[:, 1], curve["multiplier"], rtol=1e-8)

@@ -1,9 +1,16 @@
-"""A small case script: a brick dropped on a held one, pushed aside; four contacts; a run takes a fraction of a second."""
+"""What tests of several rooms share.
 
-from collections.abc import Callable
+A small case script: a brick dropped on a held one, pushed aside; four contacts; a run takes a fraction of a second. Mesh and surface files
+read by this process instead of one of their own, for tests of what is read rather than of how.
+"""
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+from fcsim.files import regular
 
 SCRIPT = """
 import sys
@@ -93,3 +100,24 @@ def steps_without_seconds() -> Callable[[Path], list[dict[str, str]]]:
             return [{k: v for k, v in row.items() if not k.startswith(("seconds", "overlap"))} for row in csv.DictReader(file)]
 
     return read
+
+
+@pytest.fixture
+def read_here(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same `main` of the same module writes the same arrays, without limits: a process begins with a second of imports.
+
+    mesh/test_foreign.py and tests/faults keep the processes.
+    """
+
+    def read[T](path: Path, module: str, arguments: Sequence[str], loaded: Callable[[Path], T]) -> T:
+        out = tmp_path_factory.mktemp("read") / "mesh.npz"
+        assert regular(path) and import_module(module).main(str(path), str(out), *arguments) == 0
+        return loaded(out)
+
+    def unlimited(path: str, work: Callable[[], None]) -> int:
+        work()
+        return 0
+
+    for module in ("fcsim.mesh.foreign", "fcsim.mesh.solids.surface_file"):
+        monkeypatch.setattr(f"{module}.read_apart", read)
+        monkeypatch.setattr(f"{module}.limited", unlimited)

@@ -11,6 +11,8 @@ from fcsim.masonry.atlas.shapes import arch, cuboid
 from fcsim.masonry.exports import FORMATS, moved_blocks, write_blocks
 from fcsim.masonry.structure import Stone, structure
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 def two(dimension: int) -> MasonryProblem:
     blocks = (cuboid("floor", (-1, -0.5, -1), (2, 1, 0), support=True), cuboid("stone", (0, 0, 0), (0.6, 0.5, 0.4)))

@@ -8,11 +8,12 @@ import pytest
 
 from fcsim.apart import reading as apart
 from fcsim.errors import InputError
-from fcsim.mesh.blocks import brick
+from fcsim.mesh.blocks import brick, rectangle
 from fcsim.mesh.foreign import read_foreign
 from fcsim.mesh.io import read_mesh, write_mesh
 from fcsim.mesh.material import Material
 from fcsim.mesh.named_mesh import Block, named_mesh
+from fcsim.mesh.solids.surface_file import read_surfaces
 
 STONE = Material(1e9, 0.2, 2000.0)
 FAULTS = Path(__file__).parents[2] / "faults" / "data"
@@ -50,6 +51,30 @@ def test_the_mesh_comes_through_whole(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read.points, part.points)
         np.testing.assert_array_equal(read.cells, part.cells)
         assert {k: len(v) for k, v in read.surfaces.items()} == {k: len(v) for k, v in part.surfaces.items()}
+
+
+@pytest.mark.parametrize("name", ["broken.msh", "broken.vtu", "broken.xdmf", "broken.foo"])
+def test_a_broken_file_is_refused_and_the_next_read_works(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / name).write_text("$MeshFormat\nnonsense\n")
+    with pytest.raises(InputError, match=name):
+        read_mesh(tmp_path / name, STONE)
+    assert capfd.readouterr().out == ""
+    write_mesh(rectangle("plate", (1, 2), (2, 3), STONE, "triangle"), tmp_path / "good.msh")
+    assert len(read_mesh(tmp_path / "good.msh", STONE).cells) == 12
+
+
+def test_a_surface_comes_through_whole_and_so_does_what_is_wrong(tmp_path: Path) -> None:
+    """Corners of all digits by name from the process that reads; a file's fault is what that process says it is."""
+    pytest.importorskip("trimesh")
+    points = np.array([[0.1, 1 / 3, 0.2], [1.1, 1 / 3, 0.2], [0.1, np.sqrt(2), 0.2], [0.1, 1 / 3, np.pi]])
+    corners = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in points.tolist())
+    (tmp_path / "a.obj").write_text(f"o pier\n{corners}f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    (surface,) = read_surfaces(tmp_path / "a.obj")
+    assert surface.name == "pier" and sorted(surface.points.tolist()) == sorted(points.tolist())
+    assert surface.moments()[0] == pytest.approx(abs(np.linalg.det(points[1:] - points[0])) / 6, rel=1e-12)
+    (tmp_path / "b.off").write_text("rubbish\n")
+    with pytest.raises(InputError, match=r"b\.off: expected a surface that trimesh can read"):
+        read_surfaces(tmp_path / "b.off")
 
 
 @pytest.mark.parametrize("elements", [[[0, 1, 2, 9]], [[0, 1, 2, -1]], [[0, 1, 2, 2**62]]])

@@ -24,6 +24,8 @@ from fcsim.mesh.facets import match_facets
 from fcsim.mesh.quality import cell_volumes, check_quality
 from fcsim.runtime import gmsh_model
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 STEEL = Material(2e11, 0.3, 7800.0)
 cells = pytest.mark.parametrize("cell", list(RAISED))
 

@@ -69,6 +69,7 @@ def test_push_brackets_the_load(model: Path, capsys: pytest.CaptureFixture[str])
     assert low <= 0.4 * (1 + 1e-6) and high >= 0.4 * (1 - 1e-6) and high - low <= 0.05 * high
 
 
+@pytest.mark.slow
 def test_the_collapse_is_filmed_and_its_cracks_are_measured(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

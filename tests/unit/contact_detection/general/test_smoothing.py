@@ -51,8 +51,8 @@ def test_a_tip_sliding_over_a_polygon_meets_the_normals_of_the_circle(facets: in
     gap = np.array([contacts.gap[0] for contacts in found])
     assert np.all(np.sign(gap) == np.sign(height)) and np.all(np.abs(gap) < 1.01 * abs(height))
     assert np.abs(np.diff(gap)).max() < 0.1 * abs(height)
-    jumps = [np.linalg.norm(np.diff([contacts.frame[0, 0] for contacts in slid_over(facets, names, height)], axis=0), axis=1).max()
-             for names in (["drum"], [])]  # fmt: skip
+    own = np.array([contacts.frame[0, 0] for contacts in slid_over(facets, [], height)])
+    jumps = [np.linalg.norm(np.diff(normals, axis=0), axis=1).max() for normals in (normal, own)]
     assert jumps[0] < 4 / 800 and jumps[1] > np.pi / facets
 
 

@@ -13,6 +13,7 @@ from fcsim.mesh.solids.self_intersection import crossing_triangles
 from fcsim.mesh.solids.surface_file import read_surfaces
 
 trimesh = pytest.importorskip("trimesh")
+pytestmark = pytest.mark.usefixtures("read_here")
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])

@@ -384,17 +384,18 @@ with limited_threads():  # as in a run: what stands between steps is made by BLA
 
 def test_whole_steps_have_the_same_bits_on_any_number_of_threads() -> None:
     """A wall of 48 bricks, its work cut finely, all of Newton's systems by this way: reactions of every step, in processes of their own."""
-    runs = [
-        subprocess.Popen(
-            [sys.executable, "-c", STEPS, str(Path(__file__).parent)],
-            env={**os.environ, "FCSIM_THREADS": threads},
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for threads in ("1", "2", "3")
-    ]
-    said = [run.communicate(timeout=300)[0] for run in runs]
-    assert [run.returncode for run in runs] == [0, 0, 0]
+
+    def begun(threads: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", STEPS, str(Path(__file__).parent)]
+        return subprocess.Popen(command, env={**os.environ, "FCSIM_THREADS": threads}, stdout=subprocess.PIPE, text=True)
+
+    def end(run: subprocess.Popen[str]) -> str:
+        said = run.communicate(timeout=300)[0]
+        assert run.returncode == 0
+        return said
+
+    said = [end(begun("1"))]  # alone: what it compiles, the others find
+    said += [end(run) for run in [begun("2"), begun("3")]]
     assert len(said[0].splitlines()) == 3
     assert said[1] == said[0]
     assert said[2] == said[0]
