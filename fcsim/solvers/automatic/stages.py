@@ -114,10 +114,13 @@ def _sweeps_are_cheap(race: Race) -> bool:
 
 
 def _splitting_first(race: Race) -> bool:
-    """ADMM and Newton from its iterate cost clearly less than Newton from afar: many bodies in joints, whose LU is dear."""
+    """ADMM and Newton from its iterate cost clearly less than Newton from afar: many bodies in joints, whose LU is dear. Not so of bodies
+    whose velocities are few: proximal Newton in these costs less than ADMM's own iterations, and ends what Newton begins."""
     if race.joints is None or race.warm or not race.options.splitting:
         return False
     prices = race.prices
+    if prices.in_velocities and NEWTON.far * prices.proximal(0) < prices.splitting(JOINTS_SHARE):
+        return False
     newton = prices.newton(0)
     return prices.splitting(JOINTS_SHARE) + NEWTON.near * newton < 0.7 * NEWTON.far * newton
 
