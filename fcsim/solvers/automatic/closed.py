@@ -45,3 +45,8 @@ def edges(race: Race) -> bool:
 def faces(race: Race) -> bool:
     """Whether faces of bodies in 3D hold one another: four points a face hold twelve unknowns of two bodies' six velocities."""
     return race.problem.dimension == 3 and held(race) > FACES
+
+
+def held_as_blocks(race: Race) -> bool:
+    """Whether edges or faces hold one another, as between bricks, not points, as between grains."""
+    return edges(race) or faces(race)

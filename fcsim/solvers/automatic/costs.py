@@ -47,8 +47,10 @@ OWN, OWN_COMPILED = 25_000, 7500
 """Operations of a contact's own equations in such an iteration in the bodies' velocities, as measured: 1 and 0.3 microseconds."""
 SHARES, PRODUCTS = 8, 3
 """How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
-PIECE = 0.3
-"""A piece of a path over an iteration of proximal Newton, both in the bodies' velocities (measured: 0.25 to 0.35 of 42 to 83 blocks)."""
+PIECE = {2: 0.4, 3: 0.2}
+"""A piece of a path over an iteration of proximal Newton without the contacts' own equations, in the bodies' velocities, in 2D and in 3D:
+measured 0.35 to 0.6 on arches and walls of 300 to 2000 contacts, 0.1 to 0.4 where faces hold one another. Its steps are compiled and
+change an elimination at one contact."""
 SVD = 10
 """Operations of a singular value decomposition with both sides of vectors, over m^3, in those of the dense rate: 20 are counted by
 G. H. Golub, C. F. Van Loan, 1996, section 5.4; LAPACK's `gesdd` takes the time of 14 at 400 unknowns, of 10 at 700."""
@@ -137,7 +139,7 @@ class Prices:
     @property
     def piece(self) -> float:
         """A piece of a path in the bodies' velocities, which mostly changes an elimination at one contact; or an iteration of Newton."""
-        return PIECE * self.running(0)
+        return PIECE[self.problem.dimension] * self.proximal(0)
 
     @cached_property
     def least_in_velocities(self) -> float:

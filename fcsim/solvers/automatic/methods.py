@@ -36,8 +36,10 @@ COLD_RHO = 8.0
 """Factor on Newton's first rho from a cold start, where velocities say more than reactions (a fifth fewer iterations on walls)."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
-KEPT_UP_TO, TURN = 20000, 12
-"""Contacts up to which sweeps are NNCG from the beginning, its direction kept from turn to turn; how many turns their next is a part of."""
+KEPT_UP_TO, TURN, LONGEST_TURN = 20000, 12, 40
+"""Contacts up to which sweeps are NNCG from the beginning, its direction kept from turn to turn; how many turns their next is a part of,
+and its sweeps at the most. A look at the error costs about one of them, and it swings by a factor of 2 to 20 from sweep to sweep: who
+looks seldom misses iterates that are good enough."""
 OVERTAKEN = 0.1
 """Share of its own error below which Gauss-Seidel and proximal Newton take up another method's iterate."""
 ALPHA = 0.1
@@ -91,7 +93,7 @@ def conjugate_sweeps(race: Race, monitor: ShareOfMonitor, rows: ContactRows) -> 
         if ahead:
             reaction = embed_vector(race.best_r(), d)
             start, direction, last = reaction.copy(), np.zeros_like(reaction), 0.0
-        turn = max(race.options.probe, monitor.iterations // TURN)
+        turn = max(race.options.probe, min(monitor.iterations // TURN, LONGEST_TURN))
         last, _, done = one.sweep_conjugate(
             *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order, reaction, frozen),
             *(start, direction, last, SWEEPS.local_tolerance, SWEEPS.local_iterations, SWEEPS.relaxation),

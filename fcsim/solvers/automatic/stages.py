@@ -23,7 +23,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, edges, faces, singular_here
+from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, dearer_than_newton, dearer_than_proximal, opening
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
@@ -35,13 +35,16 @@ PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
 SWEEPS_BESIDE = 0.1
-"""What sweeps spend beside proximal Newton where the closed contacts hold more velocities than the bodies have: of 400 such problems they
-solved 7 once that had begun."""
+"""What sweeps spend beside proximal Newton where edges or faces hold one another: of 400 such problems they solved 7 once that had
+begun."""
 LEAST_SQUARES_AFTER = 4.0
 """Times what an iteration of least squares costs that was spent when it enters."""
 PATHS_AFTER, PATHS_SOON = 60, 30
 """Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed, and those after which they are where by
 its rate it needs more again: easy steps of masonry in motion take it 50 to 80."""
+PIECES_OF_EDGES, PIECES_OF_FACES = 1.0, 0.5
+"""Pieces a contact whose cost others have spent when paths are followed from zero: those that arrive take 0.1 to 0.9 in faces, 0.3 in the
+median, and 1 to 3 in edges."""
 PROOF_AFTER, PROOF_SHARE = 2.0, 4.0
 """Times what a proof costs that others have spent when it enters, and may spend before it goes first: where there is a solution that
 costs half as much more at the most."""
@@ -111,10 +114,13 @@ def _sweeps_are_cheap(race: Race) -> bool:
 
 
 def _splitting_first(race: Race) -> bool:
-    """ADMM and Newton from its iterate cost clearly less than Newton from afar: many bodies in joints, whose LU is dear."""
+    """ADMM and Newton from its iterate cost clearly less than Newton from afar: many bodies in joints, whose LU is dear. Not so of bodies
+    whose velocities are few: proximal Newton in these costs less than ADMM's own iterations, and ends what Newton begins."""
     if race.joints is None or race.warm or not race.options.splitting:
         return False
     prices = race.prices
+    if prices.in_velocities and NEWTON.far * prices.proximal(0) < prices.splitting(JOINTS_SHARE):
+        return False
     newton = prices.newton(0)
     return prices.splitting(JOINTS_SHARE) + NEWTON.near * newton < 0.7 * NEWTON.far * newton
 
@@ -179,12 +185,13 @@ def _at_first(race: Race, runner: Runner) -> bool:
 
 def _enter_paths(race: Race) -> bool:
     """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
-    there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about a piece a contact,
-    once others have spent as much."""
+    there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about
+    a piece a contact, or half of one, once others have spent as much."""
     runner = race.runners.get("proximal Newton")
     if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
         return False
-    if not race.warm and (race.spent() < race.problem.nc * race.prices.piece or not (edges(race) or faces(race))):
+    pieces = PIECES_OF_FACES if faces(race) else PIECES_OF_EDGES
+    if not race.warm and (race.spent() < pieces * race.problem.nc * race.prices.piece or not held_as_blocks(race)):
         return False
     if not singular_here(race):
         return False
@@ -207,6 +214,11 @@ def _enter_least_squares_again(race: Race) -> bool:
     return runner is not None and not race.running() and race.best < runner.monitor.best
 
 
+def _share_of_sweeps(race: Race) -> float:
+    """Beds of grains may hold as much as the bodies' velocities without being blocks: there sweeps do arrive."""
+    return SWEEPS_BESIDE if "proximal Newton" in race.runners and held_as_blocks(race) else 1.0
+
+
 def _plateau(race: Race, runner: Runner) -> bool:
     return runner.monitor.iterations >= PLATEAU * race.options.probe and runner.gain(2 / 3) < 1 / 0.9
 
@@ -222,7 +234,7 @@ STAGES: tuple[Stage, ...] = (
         left=_plateau,
         opens=opening,
         steady=True,
-        share=lambda race: SWEEPS_BESIDE if "proximal Newton" in race.runners and singular_here(race) else 1.0,
+        share=_share_of_sweeps,
     ),
     Stage(
         "splitting",
@@ -258,8 +270,8 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "paths",
         "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold "
-        "more velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact. Works alone from "
-        "a warm start, else until it has spent as much as all others.",
+        "more velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact, or half of one. "
+        "Works alone from a warm start, else until it has spent as much as all others.",
         enters=_enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,

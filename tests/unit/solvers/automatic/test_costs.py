@@ -123,3 +123,13 @@ def test_the_bodies_behind_a_matrix_go_with_its_storage(family: str) -> None:
     held.flags.writeable = False
     motion = local.motion.stored_as(local.W, held)
     assert replace(local, W=held, motion=motion).delassus.motion is not None
+
+
+def test_a_piece_of_a_path_costs_a_part_of_an_elimination_and_no_contacts_own_equations() -> None:
+    """Walls of rigid bricks and arches: what Newton's iterations pay for each contact beside the elimination is not in it."""
+    for family, contacts in (("walls", 600), ("arches", 2000)):
+        made = problems(family, contacts, 3)
+        problem = (made if isinstance(made, LocalProblem) else reduce(made).local).stored()
+        prices = Prices(problem, problem.delassus.entries, None)
+        assert prices.in_velocities
+        assert 0 < prices.piece < 0.5 * prices.proximal(0) < 0.5 * prices.running(0)

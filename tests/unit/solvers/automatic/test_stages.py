@@ -16,6 +16,7 @@ from fcsim.problem import Delassus, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
 from fcsim.solvers.automatic import stages
+from fcsim.solvers.automatic.closed import held
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import EDGES, FACES, LOOSE, Expected, proximal_newton
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor, Stage, run
@@ -220,6 +221,68 @@ def test_from_zero_paths_are_for_edges_and_faces_and_no_dearer_than_all_others(
     if follows:
         paths = spent.pop("paths")
         assert paths <= 1.5 * sum(spent.values())
+
+
+@pytest.mark.parametrize(("family", "size", "seed", "least"), [("walls", 600, 21, 0.5), ("arches", 300, 503, 1.0)])
+def test_from_zero_paths_begin_once_others_have_spent_what_paths_mostly_take(
+    family: str, size: int, seed: int, least: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A piece a contact in edges, half of one in faces, and the slice in which that was spent."""
+    begun = []
+
+    def noted(stage: Stage) -> Stage:
+        def turns(race: Race, monitor: ShareOfMonitor) -> Turns:
+            if stage.name == "paths":
+                begun.append(race.spent() / (race.problem.nc * race.prices.piece))
+            return stage.turns(race, monitor)
+
+        return replace(stage, turns=turns)
+
+    monkeypatch.setattr("fcsim.solvers.automatic.stages.STAGES", tuple(noted(stage) for stage in STAGES))
+    assert solve(local(family, size, seed), "auto", tol=1e-4).solved
+    (pieces,) = begun
+    assert least <= pieces < 1.9 * least
+
+
+def test_sweeps_share_alike_in_a_bed_that_holds_as_much_as_its_bodies_velocities(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pile of rocks, which NNCG alone solves in half the time of proximal Newton: three points a pair hold much, but are no face."""
+    held_at, spent = [], {}
+
+    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
+        iterate = run(race, entering)
+        spent.update((name, runner.spent) for name, runner in race.runners.items())
+        held_at.append(held(race))
+        return iterate
+
+    monkeypatch.setattr(stages, "run", noted)
+    assert solve(local("rocks", 600, 731), "auto", tol=1e-4).solved
+    assert 1 < held_at[0] < 1.3
+    assert spent["proximal Newton"] < 1.5 * spent["sweeps"]
+
+
+def test_the_error_of_long_sweeps_is_looked_at_often() -> None:
+    """It swings from sweep to sweep: NNCG by name, looked at each 100, is no earlier. Looks grow from 20 sweeps to 40."""
+    problem = local("frictions", 600, 732)
+    others = tuple(stage.name for stage in STAGES if stage.name != "sweeps")
+    result = solve(problem, "auto", tol=1e-4, without=others)
+    steps = np.diff([iterations for iterations, _, _ in result.history])
+    assert result.solved and steps.max() == 40
+    assert result.iterations <= solve(problem, "NNCG", tol=1e-4).iterations + 40
+
+
+def test_no_admm_in_joints_of_nearly_rigid_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Boxes on faces with a little compliance of their own: proximal Newton in their velocities takes a third of ADMM's time."""
+    begun: list[str] = []
+
+    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
+        iterate = run(race, entering)
+        assert race.joints is not None and race.prices.in_velocities
+        begun.extend(race.runners)
+        return iterate
+
+    monkeypatch.setattr(stages, "run", noted)
+    assert solve(local("near-singular", 2000, 731), "auto", tol=1e-4).solved
+    assert "proximal Newton" in begun and "splitting" not in begun
 
 
 def test_admm_waits_for_what_its_first_iterations_cost_where_bodies_may_rest(monkeypatch: pytest.MonkeyPatch) -> None:
