@@ -74,12 +74,12 @@ class LocalSpace:
     @property
     def knows_joints(self) -> bool:
         """Whether the system is one of a large W by joints and bodies."""
-        return isinstance(self._system, CondensedSystem) and self._system.by_joints
+        return isinstance(self._system, CondensedSystem | SystemOverRanks) and self._system.by_joints
 
     def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
         """Go on to where joints that the last step left unsolved are solved one by one, on Alart and Curnier's equations with rho (nc, d);
         r (m,) there. None, and nowhere, where there are none, the system does not know joints, or the error is no less there."""
-        if not isinstance(self._system, CondensedSystem) or not self._system.by_joints:
+        if not isinstance(self._system, CondensedSystem | SystemOverRanks) or not self._system.by_joints:
             return None
         u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
         error = monitor.error(self._r, self.u)
