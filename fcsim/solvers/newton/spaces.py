@@ -137,6 +137,10 @@ class FollowingSpace(LocalSpace):
             self.u = self._problem.answer(self._r).u
             self._q = self.u - self._Wr
 
+    def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
+        """None: what q changes by along a step of few contacts says nothing about how far it has come."""
+        return None
+
     def move(self, t: float) -> None:
         super().move(t)
         tol = self._monitor.tol
