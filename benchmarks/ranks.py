@@ -22,12 +22,12 @@ import argparse
 import json
 import math
 import os
-import resource
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ from ranks_model import ITERATIONS, REAL, WALLS, D, Rates, counted, seconds, wal
 from rich.console import Console
 from rich.table import Table
 
-from fcsim.ranks import sharing
+from fcsim.ranks import World, sharing
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.timestep.chain import SolverSettings
@@ -94,6 +94,20 @@ def timed(work: Callable[[], object], times: int) -> float:
     return float(np.median(spent))
 
 
+def own_memory(world: World | None) -> tuple[float, float]:
+    """This process' peak [GiB]: resident, with the pages of libraries that others have too, and with its part of these alone.
+
+    The kernel knows the second, PSS, only as it is now: all ranks look at once, and what a rank has let go of since its peak was its own.
+    """
+    with nullcontext() if world is None else world.together("memory"):
+        pass  # no rank has left, which would have the others bear its part
+    rows = [line.split() for name in ("smaps_rollup", "status") for line in Path(f"/proc/self/{name}").read_text().splitlines()]
+    known = {row[0]: float(row[1]) / 2**20 for row in rows if len(row) == 3 and row[2] == "kB"}
+    with nullcontext() if world is None else world.together("memory"):
+        pass
+    return known["VmHWM:"], known["Pss:"] + known["VmHWM:"] - known["VmRSS:"]
+
+
 def measure(bricks: int, steps: int, tol: float, solver: str, *, parts: bool) -> None:
     """This rank's part of a simulated wall, as JSON: seconds, memory, what was sent; parts: of an iteration, with the last step's W."""
     courses, whole = WALLS[bricks]
@@ -110,7 +124,8 @@ def measure(bricks: int, steps: int, tol: float, solver: str, *, parts: bool) ->
             rows.append((step.result.iterations, now[0] - begin[0], now[1] - begin[1], step.seconds["solve"], exchanges))
             begin = now
         number, sent = (0, 0) if world is None else (world.number, world.bytes)
-        found: dict[str, Any] = {"rows": rows, "sent": sent, "peak_GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
+        peak, own = own_memory(world)
+        found: dict[str, Any] = {"rows": rows, "sent": sent, "peak_GiB": peak, "own_GiB": own}
         if parts:
             operator = step.reduction.local.delassus
             x, rho = np.random.default_rng(0).standard_normal(operator.size), RHO * operator.norm
@@ -159,7 +174,7 @@ def check(bricks: int, ranks: list[int], steps: int, tol: float, rates: Rates) -
 
 
 def scaling(bricks: int, ranks: list[int], steps: int, tol: float, solver: str) -> Table:
-    """Steps of a wall on so many ranks: seconds from the third on, an iteration, memory of the largest rank."""
+    """Steps of a wall on so many ranks: seconds from the third on, an iteration, memory of the largest rank, see `own_memory`."""
     table = Table(
         title=f"{bricks} bricks by {solver} at {tol:g}, steps 3 to {steps}; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
     )
@@ -174,7 +189,8 @@ def scaling(bricks: int, ranks: list[int], steps: int, tol: float, solver: str) 
         "iterations",
         "solve an\niteration [ms]",
         "processor an\niteration [ms]",
-        "GiB",
+        "resident\n[GiB]",
+        "its own\n[GiB]",
         "MB sent",
     ):
         table.add_column(heading, justify="right")
@@ -190,7 +206,8 @@ def scaling(bricks: int, ranks: list[int], steps: int, tol: float, solver: str) 
             f"{1e3 * later[:, :, 3].sum(axis=1).max() / iterations:.1f}",
             f"{1e3 * later[:, :, 2].sum(axis=1).max() / iterations:.1f}",
         ]
-        cells += [f"{max(one['peak_GiB'] for one in found):.2f}", f"{sum(one['sent'] for one in found) / 1e6:.0f}"]
+        cells += [f"{max(one[key] for one in found):.2f}" for key in ("peak_GiB", "own_GiB")]
+        cells += [f"{sum(one['sent'] for one in found) / 1e6:.0f}"]
         table.add_row(str(count), *cells)
     return table
 

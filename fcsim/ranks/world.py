@@ -214,7 +214,7 @@ class World:
         """Drifted where these bytes are not the same on every rank."""
         digest = hashlib.sha256()
         for part in parts:
-            digest.update(part if isinstance(part, bytes) else np.ascontiguousarray(part).tobytes())
+            digest.update(part if isinstance(part, bytes) else memoryview(np.ascontiguousarray(part)))
         mine = np.frombuffer(digest.digest(), dtype=np.int64)
         all_ranks = np.empty((self.size, 4), dtype=np.int64)
         self._agree(what)

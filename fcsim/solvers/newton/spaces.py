@@ -76,7 +76,7 @@ class LocalSpace:
     @property
     def knows_joints(self) -> bool:
         """Whether the system is one of a large W by joints and bodies."""
-        return isinstance(self._system, CondensedSystem) and self._system.by_joints
+        return isinstance(self._system, CondensedSystem | SystemOverRanks) and self._system.by_joints
 
     def length(self, monitor: Monitor, error: float) -> float:
         """How far to go along the last step, as a part of it: as far of LENGTHS as the error of all contacts is least, where the whole step
@@ -91,7 +91,7 @@ class LocalSpace:
     def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
         """Go on to where joints that the last step left unsolved are solved one by one, on Alart and Curnier's equations with rho (nc, d);
         r (m,) there. None, and nowhere, where there are none, the system does not know joints, or the error is no less there."""
-        if not isinstance(self._system, CondensedSystem) or not self._system.by_joints:
+        if not isinstance(self._system, CondensedSystem | SystemOverRanks) or not self._system.by_joints:
             return None
         u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
         error = monitor.error(self._r, self.u)
@@ -148,6 +148,10 @@ class FollowingSpace(LocalSpace):
         if self._moves:
             self.u = self._problem.answer(self._r).u
             self._q = self.u - self._Wr
+
+    def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
+        """None: what q changes by along a step of few contacts says nothing about how far it has come."""
+        return None
 
     def move(self, t: float) -> None:
         super().move(t)

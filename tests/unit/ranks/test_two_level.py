@@ -13,9 +13,11 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 
 from fcsim.linear.joints import BlockRows
+from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.systems.two_level import system
 from fcsim.solvers.newton.systems.two_level.joints import Joints
 from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.two_level import WORST, unsolved
 from tests.unit.ranks.walls import simulation
 from tests.unit.solvers.newton.systems.test_two_level import linearisation
 
@@ -111,3 +113,36 @@ def test_the_solution_is_one_of_the_whole_system(shared: Any, ranks: int) -> Non
     for answer in answers[1:]:
         assert answer["solved"] == answers[0]["solved"]
         assert answer["preconditioned"] == answers[0]["preconditioned"]
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+def test_joints_are_solved_one_by_one_as_in_one_process(shared: Any, ranks: int) -> None:
+    """All that are above the limit, one, which is one rank's alone, and none: by the entries of W on each joint; the same bits."""
+    W, joints = alone()
+    nc = len(joints.order)
+    (u, r, mu, rho, weight), limits = unsolved(W.diagonal().reshape(nc, 3))
+    answers = shared(ranks)
+    for answer in answers:
+        assert answer["settled"] == answers[0]["settled"]
+        assert answer["knows"] == [True, False] and answer["nowhere"] == [True, True]
+    every, one, none = answers[0]["settled"]
+    assert none is None
+    solved = []
+    for (dr, image), limit in ((every, limits[0]), (one, limits[1])):
+        assert np.linalg.norm(image - W @ dr) <= 1e-13 * np.linalg.norm(np.abs(W) @ np.abs(dr))
+        moved, solved_here = np.reshape(dr, (nc, 3)), 0
+        for own in np.split(joints.order, joints.cuts[1:-1]):
+            dofs = (3 * own[:, None] + np.arange(3)).ravel()
+            after = (W.tocsr()[dofs][:, dofs] @ moved[own].ravel()).reshape(-1, 3)
+            missed = [
+                np.linalg.norm(weight[own, None] * alart_curnier(*at, mu[own], rho[own])[0])
+                for at in ((u[own], r[own]), (after, r[own] + moved[own]))
+            ]
+            if missed[0] > limit:
+                assert missed[1] <= 0.01 * missed[0]
+                solved_here += 1
+            else:
+                assert not moved[own].any()
+        solved.append(solved_here)
+        assert moved[WORST].any()
+    assert solved[0] > 1 and solved[1] == 1

@@ -9,10 +9,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from fcsim.arrays import FloatArray
+from fcsim.problem import Delassus
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.ranks import sharing
 from fcsim.solvers import SOLVERS
+from fcsim.solvers.newton.formulations import alart_curnier
+from fcsim.solvers.newton.spaces import LocalSpace
+from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
 from fcsim.solvers.newton.systems.two_level.over_ranks.system import ProductByParts, TwoLevelOverRanks
@@ -21,6 +27,41 @@ from tests.unit.solvers.newton.systems.test_two_level import linearisation
 
 NEAR, FAR = 0.2, 0.0
 """What is `needed` of a system: its defect is measured in the residual, and as reactions."""
+
+
+WORST = 7
+"""A contact whose joint is farther from solved than all others."""
+
+
+def unsolved(diagonal: FloatArray) -> tuple[tuple[FloatArray, ...], list[float]]:
+    """u, r, mu, rho and weight of contacts, half of which are beyond friction; limits above which joints of all, one, and none are."""
+    nc, rng = len(diagonal), np.random.default_rng(3)
+    r = np.zeros((nc, 3))
+    r[:, 0] = rng.uniform(1.0, 2.0, nc)
+    r[: nc // 2, 1:] = 0.6 * rng.standard_normal((nc // 2, 2))
+    r[WORST, 1:] = 10.0, 5.0
+    given = np.zeros((nc, 3)), r, np.full(nc, 0.5), 1 / diagonal, diagonal.mean(1)
+    missed = given[4][:, None] * alart_curnier(*given[:4])[0]
+    total = float(np.linalg.norm(missed))
+    return given, [1e-6 * total, 0.9 * float(np.linalg.norm(missed[WORST])), 2 * total]
+
+
+def one_by_one(W: DistributedDelassus, A: FloatArray, B: FloatArray, rhs: FloatArray) -> dict[str, object]:
+    """What joints that are solved one by one move by, before a system was solved, after it, and where all of W is used."""
+    system = SystemOverRanks(Delassus(W, 3), lambda whole: pytest.fail("the ranks' system is enough"))
+    space = LocalSpace(system, np.zeros(rhs.size), np.zeros(rhs.size))
+    given, limits = unsolved(W.diagonal().reshape(rhs.shape))
+    before = system.settled(*given, limits[0]) is None
+    system.solve(A, B, rhs)
+    found, knows = [system.settled(*given, limit) for limit in limits], space.knows_joints
+    assert system._two_level is not None
+    system._two_level.pays = False
+    after = system.settled(*given, limits[0]) is None
+    return {
+        "settled": [None if own is None else [part.tolist() for part in own] for own in found],
+        "knows": [knows, space.knows_joints],
+        "nowhere": [before, after],
+    }
 
 
 def made_together(W: DistributedDelassus) -> dict[str, object]:
@@ -51,6 +92,7 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
         "solved": [[part.tolist() for part in found] for found in solved if found is not None],
         "own": parts.own.tolist(),
         "entries": len(joints.E),
+        **one_by_one(W, A, B, x),
         "refused": kept.following(sides[0], 2 * joints.diagonal_of_W) is None,
     }
 

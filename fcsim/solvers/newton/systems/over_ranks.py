@@ -52,6 +52,17 @@ class SystemOverRanks:
             whole.needed, whole.foreseen = self.needed, self.foreseen
         return whole.solve(A, B, rhs)
 
+    @property
+    def by_joints(self) -> bool:
+        """As `CondensedSystem.by_joints`."""
+        return self._two_level is not None and self._two_level.pays
+
+    def settled(
+        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """As `TwoLevelSystem.settled`; None where all of W is used."""
+        return None if self._two_level is None else self._two_level.settled(u, r, mu, rho, weight, limit)
+
     def _of_all(self) -> NewtonSystem:
         if self._whole is None:
             self._whole = self._make_whole(Delassus(self._W.whole, self.operator.dimension))

@@ -13,6 +13,7 @@ from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
+from fcsim.solvers.newton.systems.two_level.settling import settled
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
 
 
@@ -23,6 +24,7 @@ class TwoLevelOverRanks:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
+        self._by_parts: ProductByParts | None = None
         self._demand, self._sides = Demand(), behind.sides()
         self.pays = self._sides is not None and largest_joint(self._sides[0], behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
@@ -59,6 +61,29 @@ class TwoLevelOverRanks:
         parts = parts_by_joints(self._W, self._behind, bodies)
         return PreconditionerOverRanks(OwnJoints(self._W, self._behind, parts, bodies, pairs), self._W.layout)
 
+    def settled(
+        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """dr and W dr (m,) as `TwoLevelSystem.settled`, all (nc, ...) whole on every rank: each solves its own joints."""
+        if self._precondition is None or not self.pays:
+            return None
+        joints = self._precondition.joints
+        own = joints.parts.own
+        with self._W.layout.together("joints one by one"):
+            found = settled(joints, u, r, mu, rho, weight, limit)
+            step = np.zeros((len(own), joints.d)) if found is None else found[own] - r[own]
+        with joints.parts.world.unasked("joints one by one"):
+            dr = joints.parts.whole(step)
+            return (dr.ravel(), joints.parts.whole(self._product(step)).ravel()) if dr.any() else None
+
+    def _product(self, x: FloatArray) -> FloatArray:
+        """W x (k, d), as `ProductByParts` of the preconditioner's."""
+        assert self._precondition is not None
+        parts = self._precondition.joints.parts
+        if self._by_parts is None or self._by_parts.parts is not parts:
+            self._by_parts = ProductByParts(self._W, parts)
+        return self._by_parts(x)
+
     def _by(
         self, precondition: PreconditionerOverRanks, A: FloatArray, B: FloatArray, rhs: FloatArray, limits: tuple[float, float]
     ) -> tuple[FloatArray, FloatArray] | None:
@@ -68,12 +93,11 @@ class TwoLevelOverRanks:
         except SingularMatrix:
             return None
         parts, shape = precondition.joints.parts, rhs.shape
-        by_parts = ProductByParts(self._W, parts)
         own_A, own_B = A[parts.own], B[parts.own]
 
         def product(x: FloatArray) -> FloatArray:
             x = x.reshape(-1, shape[1])
-            image: FloatArray = apply_blocks(own_A, by_parts(x), own_B, x)
+            image: FloatArray = apply_blocks(own_A, self._product(x), own_B, x)
             return image.ravel()
 
         given = rhs[parts.own].ravel()
@@ -82,7 +106,7 @@ class TwoLevelOverRanks:
             if found is None:
                 return None
             step = found.reshape(-1, shape[1])
-            return parts.whole(step).ravel(), parts.whole(by_parts(step)).ravel()
+            return parts.whole(step).ravel(), parts.whole(self._product(step)).ravel()
 
 
 class ProductByParts:
@@ -93,7 +117,7 @@ class ProductByParts:
     """
 
     def __init__(self, W: DistributedDelassus, parts: ContactParts) -> None:
-        self._W, contacts = W, W.layout.own
+        self.parts, self._W, contacts = parts, W, W.layout.own
         self._foreign = np.flatnonzero(parts.owner[contacts] != parts.world.number)
         place = np.empty(W.layout.nc, dtype=np.int64)
         place[parts.own] = np.arange(len(parts.own))
