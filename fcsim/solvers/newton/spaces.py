@@ -153,6 +153,10 @@ class FollowingSpace(LocalSpace):
         """None: what q changes by along a step of few contacts says nothing about how far it has come."""
         return None
 
+    def length(self, monitor: Monitor, error: float) -> float:
+        """1: nor does what it changes by along a part of a step."""
+        return 1.0
+
     def move(self, t: float) -> None:
         super().move(t)
         tol = self._monitor.tol
