@@ -39,9 +39,8 @@ RUNAWAY = 1e4
 """Growth of what Newton's method leaves at which it is given up."""
 LEAST_REST = 1e-3
 """Least 1 - t by which the rest is divided: what is left of the path is not that short."""
-ROOM = 72
-"""Changes of low rank before the bodies' matrix is factored anew: an elimination costs what some thirty solutions with its factor do, all
-these changes a third of one."""
+ROOM = 36
+"""Changes of low rank before the bodies' matrix is factored anew: an elimination costs what some thirty solutions with its factor do."""
 AGAIN = 4
 """Paths that are followed for one problem: from the end of each, where Newton's method does not arrive from there."""
 ACCURACY = 1e-3
