@@ -136,7 +136,7 @@ def direction(unknowns, h, mass, K, w, rest, found, status, r, rho, way, factor,
             b[i] = -total
         for a in range(nc):
             u0, u1, u2 = -way * w[a, 0], -way * w[a, 1], -way * w[a, 2] if d == 3 else 0.0
-            for j in range(k):
+            for j in range(k if again > 0 else 0):  # dv is zero before: half of what a piece's first look would take
                 if unknowns[a, j] < 0:
                     break
                 speed = dv[unknowns[a, j]]

@@ -40,7 +40,7 @@ RUNAWAY = 1e4
 LEAST_REST = 1e-3
 """Least 1 - t by which the rest is divided: what is left of the path is not that short."""
 ROOM = 36
-"""Changes of low rank before the bodies' matrix is factored anew: an elimination costs what some ten solutions with its factor do."""
+"""Changes of low rank before the bodies' matrix is factored anew: an elimination costs what some thirty solutions with its factor do."""
 AGAIN = 4
 """Paths that are followed for one problem: from the end of each, where Newton's method does not arrive from there."""
 ACCURACY = 1e-3
