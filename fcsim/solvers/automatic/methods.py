@@ -9,7 +9,7 @@ import numpy as np
 
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
-from fcsim.solvers.automatic.closed import faces
+from fcsim.solvers.automatic.closed import closed, faces
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel.conjugate import nncg
@@ -148,6 +148,13 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
         return proximal_turns(race.problem, race.best_r(), monitor, options)
 
     return _overtaken(race, monitor, begin)
+
+
+def proximal_from_zero(race: Race, monitor: ShareOfMonitor) -> Turns:
+    """Proximal Newton from r = 0 with its own options, for half of what the others have spent."""
+    most = int(0.5 * race.spent() / race.prices.running(closed(race)))
+    options = replace(PROXIMAL_NEWTON, max_iterations=min(most, race.options.max_iterations))
+    return proximal_turns(race.problem, np.zeros_like(race.start), monitor, options)
 
 
 def paths(race: Race, monitor: ShareOfMonitor) -> Turns:

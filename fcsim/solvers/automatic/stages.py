@@ -303,10 +303,18 @@ STAGES: tuple[Stage, ...] = (
         price=lambda race: race.prices.least_squares(closed(race)),
     ),
     Stage(
+        "proximal Newton from zero",
+        "Enters where all others are at their end, for half of what they have spent: beds of grains with large friction, where the best "
+        "iterate lies in a valley that proximal Newton does not leave.",
+        enters=lambda race: not race.running() and race.over("proximal Newton"),
+        turns=methods.proximal_from_zero,
+        price=lambda race: race.prices.running(closed(race)),
+    ),
+    Stage(
         "Fischer-Burmeister",
         "NSN-FB-NLS from the best iterate, then from zero. Enters where all others are at their end, for half of what they have spent: for "
         "solutions at which contacts touch without a reaction or are about to slide, where reactions are not unique.",
-        enters=lambda race: not race.running() and race.over("proximal Newton") and methods.last_iterations(race) >= LAST,
+        enters=lambda race: not race.running() and race.over("proximal Newton from zero") and methods.last_iterations(race) >= LAST,
         turns=methods.fischer_burmeister,
         price=lambda race: race.prices.newton(0),
     ),

@@ -302,3 +302,13 @@ def test_admm_waits_for_what_its_first_iterations_cost_where_bodies_may_rest(mon
     assert solve(local("arches", 1000, 42), "auto").solved
     (iterations, share), *others = spent
     assert not others and share >= 1 and iterations < stages.PROXIMAL_ALONE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [300, 600])
+def test_a_bed_of_grains_with_large_friction_is_solved_from_zero(size: int) -> None:
+    """Proximal Newton arrives from zero, not from the best iterate of the others, 3e-8 and 3e-7."""
+    problem = problems("frictions", size, 832)
+    assert not solve(problem, "auto", tol=1e-8, without=("proximal Newton from zero",)).status.solved
+    result = solve(problem, "auto", tol=1e-8)
+    assert result.status.solved and result.error <= 1e-8
