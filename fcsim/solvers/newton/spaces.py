@@ -15,7 +15,7 @@ from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
-from fcsim.solvers.newton.systems.two_level.settling import NEAR, PART, SMALL
+from fcsim.solvers.newton.systems.two_level.settling import NEAR, PART, SMALL, SettlesJoints
 
 
 class NewtonSpace(Protocol):
@@ -76,7 +76,7 @@ class LocalSpace:
     @property
     def knows_joints(self) -> bool:
         """Whether the system is one of a large W by joints and bodies."""
-        return isinstance(self._system, CondensedSystem | SystemOverRanks) and self._system.by_joints
+        return isinstance(self._system, SettlesJoints) and self._system.by_joints
 
     def length(self, monitor: Monitor, error: float) -> float:
         """How far to go along the last step, as a part of it: as far of LENGTHS as the error of all contacts is least, where the whole step
@@ -91,7 +91,7 @@ class LocalSpace:
     def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
         """Go on to where joints that the last step left unsolved are solved one by one, on Alart and Curnier's equations with rho (nc, d);
         r (m,) there. None, and nowhere, where there are none, the system does not know joints, or the error is no less there."""
-        if not isinstance(self._system, CondensedSystem | SystemOverRanks) or not self._system.by_joints:
+        if not isinstance(self._system, SettlesJoints) or not self._system.by_joints:
             return None
         u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
         error = monitor.error(self._r, self.u)

@@ -29,6 +29,7 @@ from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
 from fcsim.solvers.newton.systems.preconditioned import StiffnessBlocks, system_of_joints
 from fcsim.solvers.newton.systems.remainder import Factored, Remainder, split_known
+from fcsim.solvers.newton.systems.two_level.settling import SettlesJoints
 from fcsim.solvers.newton.systems.two_level.system import Preconditioner, TwoLevelSystem
 
 FORCING = 1e-2
@@ -85,7 +86,7 @@ class KeptCondensation(Kept):
     two_level: Preconditioner | None = None
 
 
-class CondensedSystem:
+class CondensedSystem(SettlesJoints[TwoLevelSystem]):
     """Elimination of what does not change between iterations: closed contacts, of which sliding ones are released again.
 
     W must be symmetric; where it is not positive definite on the closed contacts, those that stick are held, and where it is not on these
@@ -174,17 +175,6 @@ class CondensedSystem:
         if not large and (settled or self._rows is None) and self._symmetric:
             found = self._by_a_new_factor(A, B, rhs, closed, sticking)
         return self._whole.solve(A, B, rhs) if found is None else found
-
-    @property
-    def by_joints(self) -> bool:
-        """Whether systems are solved by joints and bodies' motions, without any factor of W."""
-        return self._two_level is not None and self._two_level.pays
-
-    def settled(
-        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """As `TwoLevelSystem.settled`; None where another way than that one is gone."""
-        return None if self._two_level is None else self._two_level.settled(u, r, mu, rho, weight, limit)
 
     def _by_a_new_factor(
         self, A: FloatArray, B: FloatArray, rhs: FloatArray, closed: BoolArray, sticking: BoolArray

@@ -13,6 +13,7 @@ from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
 from fcsim.solvers.newton.systems.two_level.over_ranks.system import TwoLevelOverRanks
+from fcsim.solvers.newton.systems.two_level.settling import SettlesJoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +23,7 @@ class KeptPreconditioner(Kept):
     preconditioner: PreconditionerOverRanks
 
 
-class SystemOverRanks:
+class SystemOverRanks(SettlesJoints[TwoLevelOverRanks]):
     """Solves (A W + B) dr = rhs of a distributed W; where GMRES does not, all ranks go on with all of W, as one process would."""
 
     def __init__(self, operator: Delassus, whole: Callable[[Delassus], NewtonSystem], kept: KeptPreconditioner | None = None) -> None:
@@ -51,17 +52,6 @@ class SystemOverRanks:
         if isinstance(whole, CondensedSystem):
             whole.needed, whole.foreseen = self.needed, self.foreseen
         return whole.solve(A, B, rhs)
-
-    @property
-    def by_joints(self) -> bool:
-        """As `CondensedSystem.by_joints`."""
-        return self._two_level is not None and self._two_level.pays
-
-    def settled(
-        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """As `TwoLevelSystem.settled`; None where all of W is used."""
-        return None if self._two_level is None else self._two_level.settled(u, r, mu, rho, weight, limit)
 
     def _of_all(self) -> NewtonSystem:
         if self._whole is None:

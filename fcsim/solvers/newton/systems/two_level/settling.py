@@ -46,6 +46,33 @@ class JointsOfContacts(Protocol):
     ranges: list[tuple[int, int]]
 
 
+class TwoLevel(Protocol):
+    """A system by joints' blocks and bodies' motions, in one process or over ranks."""
+
+    pays: bool
+
+    def settled(
+        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
+    ) -> tuple[FloatArray, FloatArray] | None: ...
+
+
+class SettlesJoints[T: TwoLevel]:
+    """What systems share that go by joints as long as that pays."""
+
+    _two_level: T | None
+
+    @property
+    def by_joints(self) -> bool:
+        """Whether systems are solved by joints and bodies' motions, without any factor of W."""
+        return self._two_level is not None and self._two_level.pays
+
+    def settled(
+        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """dr and W dr (m,) by which joints are solved one by one, arguments as of `settled`; None where another way is gone or none are."""
+        return None if self._two_level is None else self._two_level.settled(u, r, mu, rho, weight, limit)
+
+
 def settled(
     joints: JointsOfContacts, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
 ) -> FloatArray | None:
