@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import re
-import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 from fcsim.brief import brief
 from fcsim.errors import FcsimError, InputError
-from fcsim.files import plain_name, resolved, sha256
+from fcsim.files import plain_name, resolved, run_script, sha256
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
 
@@ -112,14 +110,9 @@ def load_case(path: str | Path) -> CaseScript:
     if not script.is_file() or script.suffix != ".py":
         raise InputError(f"case {str(path)!r}: expected a folder NAME that holds NAME.py, or such a script; found no {script}")
     name = script.stem
-    spec = importlib.util.spec_from_file_location(f"fcsim_case_{name}", script)
-    if spec is None or spec.loader is None:
-        raise InputError(f"case {str(path)!r}: {script} cannot be loaded as Python")
     digest = sha256(script)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up
     try:
-        spec.loader.exec_module(module)
+        module = run_script(f"fcsim_case_{name}", script)
     except SystemExit as error:  # with 0 nothing would have been done, and well
         raise InputError(f"case {str(path)!r}: expected a script that can be loaded, {script} ends the program ({error})") from None
     except SyntaxError as error:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 from fcsim.errors import InputError
-from fcsim.files import sha256
+from fcsim.files import run_script, sha256
 from fcsim.solvers.base import Method
 from fcsim.solvers.table import SOLVERS
 
@@ -41,18 +39,15 @@ def load_plugins(files: Sequence[str | Path]) -> None:
 
 
 def _load(number: int, path: Path) -> str:
-    spec = spec_from_file_location(f"fcsim_plugin_{number}", path)
-    if spec is None or spec.loader is None or not path.is_file():
+    if path.suffix != ".py" or not path.is_file():
         raise InputError(f"--plugin {path}: expected a Python file")
     digest = sha256(path)
-    module = module_from_spec(spec)
-    sys.modules[spec.name] = module
     try:
-        spec.loader.exec_module(module)
+        run_script(f"fcsim_plugin_{number}", path)
     except (Exception, SystemExit) as error:  # whatever the user's file raises
         trace, line = error.__traceback__, 0
         while trace is not None:
-            line = trace.tb_lineno if Path(trace.tb_frame.f_code.co_filename) == path else line
+            line = trace.tb_lineno if Path(trace.tb_frame.f_code.co_filename) == path.absolute() else line
             trace = trace.tb_next
         where = f", line {line}" if line else ""
         raise InputError(f"--plugin {path}{where}: {type(error).__name__}: {error}") from error

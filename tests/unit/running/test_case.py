@@ -1,6 +1,9 @@
 """Case scripts: loading them, reading their parameters, refusals."""
 
 import dataclasses
+import os
+import py_compile
+import sys
 from pathlib import Path
 
 import pytest
@@ -20,6 +23,19 @@ def test_folder_and_script_are_the_same_case(case_folder: Path) -> None:
 def test_a_case_in_the_working_folder(case_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(case_folder)
     assert load_case(".").name == "two_blocks"
+
+
+def test_a_script_changed_within_a_second_is_read_anew(case_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the same size and the same second, which is what Python's byte code is known by."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    script = case_folder / "two_blocks.py"
+    text, stamp = script.read_text(), (1_700_000_000, 1_700_000_000)
+    os.utime(script, stamp)
+    assert load_case(script).parameters().E == 1e7
+    py_compile.compile(str(script))
+    script.write_text(text.replace("E: float = 1e7", "E: float = 3e7"))
+    os.utime(script, stamp)
+    assert load_case(script).parameters().E == 3e7
 
 
 def test_parameters_are_read_as_their_types(case_folder: Path) -> None:
