@@ -81,8 +81,10 @@ def squeezed(problem: LocalProblem) -> Certificate | None:
         return None
     W = problem.W if isinstance(problem.W, np.ndarray) else sp.csr_array(problem.W)
     diagonal = np.abs(W.diagonal())
-    if not speed or not diagonal.any() or not np.any(q_N < 0):
+    if not speed or not np.any(q_N < 0):
         return None
+    if not diagonal.any():
+        return None if abs(W).max() > 0 else _nothing_moves(problem)
     own = 1 / np.sqrt(np.maximum(diagonal, HEAVIEST * diagonal.max()))
     of_body = motion is not None and motion.own is None
     E = _self_stress(motion, d) if of_body and motion is not None else sp.diags_array(own) @ sp.csr_array(W[::d].T)
@@ -104,6 +106,14 @@ def squeezed(problem: LocalProblem) -> Certificate | None:
     direction = np.zeros(problem.m)
     direction[::d] = own[::d] * y / (own[::d] @ y)
     return Certificate(np.flatnonzero(y), direction, reactions)
+
+
+def _nothing_moves(problem: LocalProblem) -> Certificate:
+    """W = 0: the contact that is driven together fastest stays so under any reactions."""
+    contact = int(problem.q[:: problem.dimension].argmin())
+    direction = np.zeros(problem.m)
+    direction[problem.dimension * contact] = 1.0
+    return Certificate(np.array([contact]), direction, float("inf"))
 
 
 def _self_stress(motion: Motion, dimension: int) -> sp.csr_array:

@@ -84,7 +84,12 @@ def _friction(values: object, m: int, dimension: int) -> FloatArray:
         raise InputError(f"dimension: expected 2 or 3, got {dimension}")
     mu = as_vector(values, "mu")
     if len(mu) * dimension != m:
-        raise InputError(f"mu: expected {m // dimension} friction coefficients for {m} contact unknowns in {dimension}D, got {len(mu)}")
+        what = f"mu: expected a friction coefficient for every {dimension} contact unknowns in {dimension}D"
+        if m % dimension == 0:
+            what = f"mu: expected {m // dimension} friction coefficients for {m} contact unknowns in {dimension}D"
+        other = 5 - dimension
+        hint = f" (as many as in {other}D, dimension={other})" if len(mu) * other == m else ""
+        raise InputError(f"{what}, got {len(mu)} for {m}{hint}" if m % dimension else f"{what}, got {len(mu)}{hint}")
     if np.any(mu < 0):
         raise InputError(f"mu: expected friction coefficients >= 0, got {mu.min()} at contact {int(mu.argmin())}")
     return mu

@@ -74,7 +74,7 @@ PROBLEMS: dict[str, tuple[Callable[[], Any], type[FcsimError], str]] = {
     "f a matrix": (spoilt("global.f", ONES((8, 1))), InputError, r"f: expected a vector, got shape \(8, 1\)"),
     "f infinite": (spoilt("global.f", np.full(8, np.inf)), InputError, "f: expected finite numbers, got NaN or infinity in 8 entries"),
     "w NaN": (spoilt("global.w", NAN), InputError, "w: expected finite numbers, got NaN or infinity in 1 entries"),
-    "w too short": (spoilt("global.w", ONES(5)), InputError, "mu: expected 1 friction coefficients for 5 contact unknowns in 3D, got 2"),
+    "w too short": (spoilt("global.w", ONES(5)), InputError, "every 3 contact unknowns in 3D, got 2 for 5"),
     "mu negative": (
         spoilt("global.mu", np.array([0.3, -0.1])),
         InputError,

@@ -51,7 +51,7 @@ CHANGES = {
     "spacedim 5": (lambda f: put(f, "fclib_global/spacedim", [5]), "/fclib_global/spacedim: expected 2 or 3, got 5"),
     "spacedim 2": (
         lambda f: put(f, "fclib_global/spacedim", [2]),
-        "mu: expected 1 friction coefficients for 3 contact unknowns in 2D, got 1",
+        r"mu: expected a friction coefficient for every 2 contact unknowns in 2D, got 1 for 3 \(as many as in 3D",
     ),
     "spacedim a vector": (
         lambda f: put(f, "fclib_global/spacedim", [3, 3]),

@@ -39,6 +39,18 @@ def test_a_self_stress_that_works_against_what_is_prescribed(name: str, size: in
     assert result.message.startswith("no solution")
 
 
+@pytest.mark.parametrize("d", [2, 3])
+def test_where_nothing_moves_what_is_driven_together_stays_so(d: int) -> None:
+    """W = 0: u = q whatever the reactions."""
+    q = np.zeros((3, d))
+    q[:, 0] = 1.0, -0.5, -2.0
+    for W in (np.zeros((3 * d, 3 * d)), sp.csr_array((3 * d, 3 * d))):
+        result = solve(LocalProblem(W, q.ravel(), np.full(3, 0.3), dimension=d), "auto")
+        assert result.status is Status.INFEASIBLE
+        assert result.certificate is not None and result.certificate.contacts.tolist() == [2]
+        assert solve(LocalProblem(W, np.abs(q).ravel(), np.full(3, 0.3), dimension=d), "auto").solved
+
+
 @pytest.mark.parametrize("size", [7, 60])
 def test_velocities_say_the_same_as_contacts(size: int) -> None:
     """With H and M known the programme has the rows of H N instead of W^T N: each finds a self-stress of the same worth."""
