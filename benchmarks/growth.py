@@ -5,11 +5,12 @@
     python benchmarks/growth.py --bricks 2565 --steps 3
     python benchmarks/growth.py --output               and FCLIB and VTK files of every step
     python benchmarks/growth.py --solver NSN-AC --tol 1e-6
+    python benchmarks/growth.py --solver NSN-AC --tol 1e-6 --first 12 --steps 20    once the first wave has passed the tallest wall, too
 
 The wall of cases/masonry_wall (8 x 4 x 4 elements a brick) with as many courses and bricks as it takes, its whole weight and the platen's
 laid on within step 2. Each step is solved, to 1e-4 unless --tol says so, by ADMM with one factorisation of W + rho I, rho = 3e-5 ||W||, or
-by another method, from the previous steps' reactions; steps 3 to the last count. Physics: the bottom platen's reaction over the weight at
-the last step, which the wall still swings about by a few per mille to per cent, and at every step that reaction less the rate of change of
+by another method, from the previous steps' reactions; steps 3 (--first) to the last count. Physics: the bottom platen's reaction over the
+weight at the last step, which the wall still swings about by a few per mille to per cent, and at every step that reaction less the rate of change of
 the vertical momentum, which is the weight to round-off. Each wall runs in a process of its own, so that its peak memory is its
 own; processor time serves on a busy machine. The files are those of `fcsim run --export-every 1 --vtk-every 1`, in a temporary folder;
 their seconds stand beside those of the step.
@@ -80,8 +81,8 @@ class Output:
         self._folder.cleanup()
 
 
-def measure(bricks: int, steps: int, output: bool = False, solver: str = "ADMM", tol: float = 1e-4) -> dict[str, Any]:
-    """Run one wall; medians over the steps from the third on. Output: its seconds and MB a step, and the seconds of the first step's."""
+def measure(bricks: int, steps: int, output: bool = False, solver: str = "ADMM", tol: float = 1e-4, first: int = 3) -> dict[str, Any]:
+    """Run one wall; medians over the steps from the `first` on. Output: its seconds and MB a step, and the seconds of the first step's."""
     courses, blocks = WALLS[bricks]
     begin = time.perf_counter()
     given = {"courses": str(courses), "blocks": str(blocks), "steps": str(steps), "gravity_last": "2"}
@@ -107,7 +108,7 @@ def measure(bricks: int, steps: int, output: bool = False, solver: str = "ADMM",
         if writer:
             seconds["output"], seconds["output_MB"] = writer.write(step)
             first_output = seconds["output"] if step.number == 1 else first_output
-        if step.number > 2:  # from here on the whole weight acts at both ends of the step
+        if step.number >= first:  # from here on the whole weight acts at both ends of the step
             reaction = sensor["bottom_Rz"](step) / weight
             imbalance = max(imbalance, abs(reaction - sensor["inertia_z"](step) / weight - 1))
             rows.append({**seconds, "iterations": step.result.iterations, "error": step.result.error, "contacts": len(step.contacts)})
@@ -210,7 +211,8 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--bricks", type=int, nargs="+", choices=tuple(WALLS), default=[12, 48, 192, 768])
-    parser.add_argument("--steps", type=int, default=6, help="at least 3 (default 6)")
+    parser.add_argument("--steps", type=int, default=6, help="default 6")
+    parser.add_argument("--first", type=int, default=3, help="the first that counts, at least 3 (default 3)")
     parser.add_argument("--output", action="store_true", help="write the FCLIB file and the VTK files of every step, and time that too")
     parser.add_argument("--solver", default="ADMM", help="a name of the table of solvers (default ADMM)")
     parser.add_argument("--tol", type=float, default=1e-4, help="error of each step (default 1e-4)")
@@ -219,10 +221,10 @@ def main() -> None:
     parser.add_argument("--measure", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.measure:
-        print(json.dumps(measure(options.measure, options.steps, options.output, options.solver, options.tol)))
+        print(json.dumps(measure(options.measure, options.steps, options.output, options.solver, options.tol, options.first)))
         return
-    if options.steps < 3:
-        parser.error(f"--steps: expected at least 3, got {options.steps}")
+    if not 3 <= options.first <= options.steps:
+        parser.error(f"--first: expected a step from 3 to --steps {options.steps}, got {options.first}")
     rows: list[dict[str, Any]] = []
     if options.csv and options.csv.is_file():
         with options.csv.open(newline="", encoding="utf-8") as file:
@@ -236,6 +238,8 @@ def main() -> None:
             str(bricks),
             "--steps",
             str(options.steps),
+            "--first",
+            str(options.first),
             *(["--output"] if options.output else []),
             *("--solver", options.solver, "--tol", str(options.tol)),
         ]
