@@ -10,8 +10,8 @@
 The wall of cases/masonry_wall (8 x 4 x 4 elements a brick) with as many courses and bricks as it takes, its whole weight and the platen's
 laid on within step 2. Each step is solved, to 1e-4 unless --tol says so, by ADMM with one factorisation of W + rho I, rho = 3e-5 ||W||, or
 by another method, from the previous steps' reactions; steps 3 (--first) to the last count. Physics: the bottom platen's reaction over the
-weight at the last step, which the wall still swings about by a few per mille to per cent, and at every step that reaction less the rate of change of
-the vertical momentum, which is the weight to round-off. Each wall runs in a process of its own, so that its peak memory is its
+weight at the last step, which the wall still swings about by a few per mille to per cent, and at every step that reaction less the rate of
+change of the vertical momentum, which is the weight to round-off. Each wall runs in a process of its own, so that its peak memory is its
 own; processor time serves on a busy machine. The files are those of `fcsim run --export-every 1 --vtk-every 1`, in a temporary folder;
 their seconds stand beside those of the step.
 """

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from fcsim.timestep.limits import Limits
     from fcsim.timestep.quasi_static import QuasiStatic
     from fcsim.timestep.scheme import Scheme
+    from fcsim.timestep.sensitivity import sensitivities
     from fcsim.timestep.simulation import Simulation
     from fcsim.timestep.state import State, at_rest
     from fcsim.timestep.step import Step
@@ -143,6 +144,7 @@ _HOME = {
     "part_from_dolfinx": "assembly.forms",
     "read_acceleration_record": "assembly.time_functions",
     "read_fclib": "export_fclib",
+    "sensitivities": "timestep.sensitivity",
     "solve": "solvers.solve",
     "solve_many": "solvers.solve_many",
     "stress": "running.sensors",
@@ -233,6 +235,7 @@ __all__ = [
     "progress",
     "read_acceleration_record",
     "read_fclib",
+    "sensitivities",
     "solve",
     "solve_many",
     "stress",

@@ -110,7 +110,7 @@ class Simulation:
     @cached_property
     def factor(self) -> SystemFactor:
         """Of the system matrix in the reference configuration."""
-        return self._system(self.scheme)
+        return self.system(self.scheme)
 
     @property
     def matrix(self) -> sp.csr_array:
@@ -121,7 +121,7 @@ class Simulation:
     def _systems(self) -> dict[tuple[float, float], SystemFactor]:
         return {}
 
-    def _system(self, scheme: Scheme) -> SystemFactor:
+    def system(self, scheme: Scheme) -> SystemFactor:
         """The factor of a scheme's system matrix: made once for all steps of its length."""
         factors = scheme.factors(self.model)
         if factors not in self._systems:
@@ -246,7 +246,7 @@ class Simulation:
         def solve(equation: Equation, past: Past) -> tuple[Answer | None, Past]:
             return solve_equation(equation, self.solver, self._extent, past, attempts, Clock())
 
-        made = struck(self.model, self.detector, scheme, start, self._proportions, self.linkage, self._system, solve)
+        made = struck(self.model, self.detector, scheme, start, self._proportions, self.linkage, self.system, solve)
         return (start, None) if made is None else (replace(start, state=made.state), made.energy)
 
     def _met(self, scheme: Scheme, start: Moment, cuts: int, clock: Clock) -> Encounter | None:
@@ -259,7 +259,7 @@ class Simulation:
             refuse_going_through(self.model, scheme, met.passing, f"step {start.number}, t = {start.state.t:.6g} s")
         return None
 
-    def _support_impulse(self, scheme: Scheme, answer: Answer, impulse: FloatArray, rigid_mass: FloatArray, after: State) -> FloatArray:
+    def support_impulse(self, scheme: Scheme, answer: Answer, impulse: FloatArray, rigid_mass: FloatArray, after: State) -> FloatArray:
         """The supports' impulses (n_dofs,), from what is left of A v - f - H r."""
         residual = answer.factor.apply(answer.v) - answer.load - impulse
         if self.model.nonlinear:
@@ -294,7 +294,7 @@ class Simulation:
         identity = began.contacts.identity
         past = Past(memory, start.lead, None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity))
         elastic = Linearisation(scheme, model, state, past.serving)
-        factor = self._system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
+        factor = self.system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
         met, looks, links = began, 0, Closing(linked(self.linkage, model, scheme, state), self._extent)
         while True:
             equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts, links.rows)
@@ -320,7 +320,7 @@ class Simulation:
         end = at_end(model, self.detector, scheme, began, met, after, state, looks < ROUNDS)
         if end.too_long(cuts, self.cuttings, attempts, self.solver.tol):
             return None
-        support = self._support_impulse(scheme, answer, impulse, rigid_mass, after)
+        support = self.support_impulse(scheme, answer, impulse, rigid_mass, after)
         clock.lap("assembly")
         return Step(
             number=start.number,
