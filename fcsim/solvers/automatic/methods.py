@@ -151,9 +151,8 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 
 def proximal_from_zero(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from r = 0 with its own options, for half of what the others have spent."""
-    most = int(0.5 * race.spent() / race.prices.running(closed(race)))
-    options = replace(PROXIMAL_NEWTON, max_iterations=min(most, race.options.max_iterations))
+    """Proximal Newton from r = 0 with its own options."""
+    options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
     return proximal_turns(race.problem, np.zeros_like(race.start), monitor, options)
 
 

@@ -56,8 +56,8 @@ RESTING = 120
 96 to 317; 220 on an arch and a wall that took it 8629 and 812."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
-STUCK = 100
-"""Iterations of proximal Newton after which it may be stuck."""
+STUCK, FRESH = 100, 500
+"""Iterations of proximal Newton after which it may be stuck, and those after which a fresh start is due where it is."""
 SETTLED = 10
 """Times `probe` sweeps after which a last quarter that made the error no tenth smaller says that they are at an end."""
 PLATEAU = 50
@@ -214,6 +214,16 @@ def _enter_least_squares_again(race: Race) -> bool:
     return runner is not None and not race.running() and race.best < runner.monitor.best
 
 
+def _enter_from_zero(race: Race) -> bool:
+    """Where proximal Newton from the best iterate ended, or has made the error no tenth smaller in half of many iterations."""
+    runner = race.runners.get("proximal Newton")
+    if runner is None:
+        return not race.running() and race.over("proximal Newton")
+    if race.warm:
+        return not race.running() and runner.result is not None
+    return runner.result is not None or (runner.monitor.iterations >= FRESH and runner.gain(0.5) < 1 / 0.9)
+
+
 def _share_of_sweeps(race: Race) -> float:
     """Beds of grains may hold as much as the bodies' velocities without being blocks: there sweeps do arrive."""
     return SWEEPS_BESIDE if "proximal Newton" in race.runners and held_as_blocks(race) else 1.0
@@ -306,7 +316,7 @@ STAGES: tuple[Stage, ...] = (
         "proximal Newton from zero",
         "Enters where all others are at their end, for half of what they have spent: beds of grains with large friction, where the best "
         "iterate lies in a valley that proximal Newton does not leave.",
-        enters=lambda race: not race.running() and race.over("proximal Newton"),
+        enters=_enter_from_zero,
         turns=methods.proximal_from_zero,
         price=lambda race: race.prices.running(closed(race)),
     ),
