@@ -27,7 +27,7 @@ from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, singul
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, dearer_than_newton, dearer_than_proximal, opening
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
-from fcsim.solvers.automatic.race import SLOWING, Race, RaceOptions, Runner, Stage, run
+from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
 
 PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
@@ -45,6 +45,9 @@ its rate it needs more again: easy steps of masonry in motion take it 50 to 80."
 PIECES_OF_EDGES, PIECES_OF_FACES = 1.0, 0.5
 """Pieces a contact whose cost others have spent when paths are followed from zero: those that arrive take 0.1 to 0.9 in faces, 0.3 in the
 median, and 1 to 3 in edges."""
+PATHS_ALONE = 2.0
+"""Times what all others have spent that paths from zero spend before they share: once they have begun it is mostly they who arrive (29 of
+30 arches and walls in 2D)."""
 PROOF_AFTER, PROOF_SHARE = 2.0, 4.0
 """Times what a proof costs that others have spent when it enters, and may spend before it goes first: where there is a solution that
 costs half as much more at the most."""
@@ -54,9 +57,11 @@ is, above 1, and is nothing at once, as that of projections onto sets that meet;
 RESTING = 120
 """Iterations within which each tenfold fall of those velocities comes where ADMM is the quickest: 35 to 110 on six arches that stood after
 96 to 317; 220 on an arch and a wall that took it 8629 and 812."""
+BEHIND = 10.0
+"""Times the best error beyond which ADMM's own is far behind."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
-STUCK, FRESH = 100, 500
+STUCK, FRESH = 100, 250
 """Iterations of proximal Newton after which it may be stuck, and those after which a fresh start is due where it is."""
 SETTLED = 10
 """Times `probe` sweeps after which a last quarter that made the error no tenth smaller says that they are at an end."""
@@ -229,6 +234,12 @@ def _share_of_sweeps(race: Race) -> float:
     return SWEEPS_BESIDE if "proximal Newton" in race.runners and held_as_blocks(race) else 1.0
 
 
+def _share_of_splitting(race: Race) -> float:
+    """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate."""
+    behind = race.best < FAR and race.runners["splitting"].monitor.best > BEHIND * race.best
+    return LITTLE if behind else 1.0
+
+
 def _plateau(race: Race, runner: Runner) -> bool:
     return runner.monitor.iterations >= PLATEAU * race.options.probe and runner.gain(2 / 3) < 1 / 0.9
 
@@ -257,6 +268,7 @@ STAGES: tuple[Stage, ...] = (
         alone=_on_track,
         steady=True,
         left=lambda race, runner: race.joints is not None and not _on_track(race, runner),
+        share=_share_of_splitting,
     ),
     Stage(
         "Newton",
@@ -281,11 +293,11 @@ STAGES: tuple[Stage, ...] = (
         "paths",
         "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold "
         "more velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact, or half of one. "
-        "Works alone from a warm start, else until it has spent as much as all others.",
+        "Works alone from a warm start, else until it has spent twice as much as all others.",
         enters=_enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,
-        alone=lambda race, runner: race.warm or runner.spent < race.spent() - runner.spent,
+        alone=lambda race, runner: race.warm or runner.spent < PATHS_ALONE * (race.spent() - runner.spent),
     ),
     Stage(
         "proof",
