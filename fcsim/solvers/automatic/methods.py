@@ -9,7 +9,7 @@ import numpy as np
 
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
-from fcsim.solvers.automatic.closed import closed, faces
+from fcsim.solvers.automatic.closed import edges, faces
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel.conjugate import nncg
@@ -53,6 +53,8 @@ FISCHER_BURMEISTER = NewtonOptions(formulation="FB", rho="spectral norm")
 PROXIMAL_OF_FACES = replace(PROXIMAL_NEWTON, metric="identity", sigma=5.0, easy=8)
 """Proximal Newton's options after the first sweeps where faces of bodies hold one another: as with PPA-NSN-AC, alpha falls faster, and one
 number for all contacts weighs it."""
+PROXIMAL_OF_EDGES = replace(PROXIMAL_NEWTON, internal_options={"max_iterations": 15})
+"""Those where edges of 2D bodies hold one another, whose inner problems do arrive after more than eight iterations."""
 SPLITTING = AdmmOptions(initial_rho="norm", rho=1e-3)
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
 
@@ -142,7 +144,9 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
     """Proximal Newton from the best iterate; where another method is well ahead, from its iterate."""
 
     def begin() -> Turns:
-        options = PROXIMAL_OF_FACES if race.prices.in_velocities and not race.warm and faces(race) else PROXIMAL_NEWTON
+        options = PROXIMAL_OF_EDGES if edges(race) else PROXIMAL_NEWTON
+        if race.prices.in_velocities and not race.warm and faces(race):
+            options = PROXIMAL_OF_FACES
         alpha = min(options.alpha, ALPHA * float(np.sqrt(race.best))) if race.prices.in_velocities else options.alpha
         options = replace(options, max_iterations=race.options.max_iterations, alpha=alpha)
         return proximal_turns(race.problem, race.best_r(), monitor, options)
@@ -151,9 +155,8 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 
 def proximal_from_zero(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from r = 0 with its own options, for half of what the others have spent."""
-    most = int(0.5 * race.spent() / race.prices.running(closed(race)))
-    options = replace(PROXIMAL_NEWTON, max_iterations=min(most, race.options.max_iterations))
+    """Proximal Newton from r = 0 with its own options."""
+    options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
     return proximal_turns(race.problem, np.zeros_like(race.start), monitor, options)
 
 

@@ -23,11 +23,12 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, singular_here
+from fcsim.solvers.automatic.closed import closed, held_as_blocks, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, dearer_than_newton, dearer_than_proximal, opening
+from fcsim.solvers.automatic.later import enter_from_zero, enter_least_squares, enter_least_squares_again, enter_paths
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
-from fcsim.solvers.automatic.race import SLOWING, Race, RaceOptions, Runner, Stage, run
+from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
 
 PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
@@ -37,14 +38,9 @@ JOINTS_SHARE = 100
 SWEEPS_BESIDE = 0.1
 """What sweeps spend beside proximal Newton where edges or faces hold one another: of 400 such problems they solved 7 once that had
 begun."""
-LEAST_SQUARES_AFTER = 4.0
-"""Times what an iteration of least squares costs that was spent when it enters."""
-PATHS_AFTER, PATHS_SOON = 60, 30
-"""Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed, and those after which they are where by
-its rate it needs more again: easy steps of masonry in motion take it 50 to 80."""
-PIECES_OF_EDGES, PIECES_OF_FACES = 1.0, 0.5
-"""Pieces a contact whose cost others have spent when paths are followed from zero: those that arrive take 0.1 to 0.9 in faces, 0.3 in the
-median, and 1 to 3 in edges."""
+PATHS_ALONE = 2.0
+"""Times what all others have spent that paths from zero spend before they share: once they have begun it is mostly they who arrive (29 of
+30 arches and walls in 2D)."""
 PROOF_AFTER, PROOF_SHARE = 2.0, 4.0
 """Times what a proof costs that others have spent when it enters, and may spend before it goes first: where there is a solution that
 costs half as much more at the most."""
@@ -54,10 +50,10 @@ is, above 1, and is nothing at once, as that of projections onto sets that meet;
 RESTING = 120
 """Iterations within which each tenfold fall of those velocities comes where ADMM is the quickest: 35 to 110 on six arches that stood after
 96 to 317; 220 on an arch and a wall that took it 8629 and 812."""
+BEHIND = 10.0
+"""Times the best error beyond which ADMM's own is far behind."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
-STUCK = 100
-"""Iterations of proximal Newton after which it may be stuck."""
 SETTLED = 10
 """Times `probe` sweeps after which a last quarter that made the error no tenth smaller says that they are at an end."""
 PLATEAU = 50
@@ -183,40 +179,15 @@ def _at_first(race: Race, runner: Runner) -> bool:
     return runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades()
 
 
-def _enter_paths(race: Race) -> bool:
-    """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
-    there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about
-    a piece a contact, or half of one, once others have spent as much."""
-    runner = race.runners.get("proximal Newton")
-    if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
-        return False
-    pieces = PIECES_OF_FACES if faces(race) else PIECES_OF_EDGES
-    if not race.warm and (race.spent() < pieces * race.problem.nc * race.prices.piece or not held_as_blocks(race)):
-        return False
-    if not singular_here(race):
-        return False
-    done = runner.monitor.iterations
-    return runner.result is not None or done >= PATHS_AFTER or (done >= PATHS_SOON and runner.needs() > runner.spent)
-
-
-def _enter_least_squares(race: Race) -> bool:
-    """After proximal Newton, or where that has long made the error no tenth smaller and would go on, and four times as much was spent as
-    an iteration costs."""
-    if race.best > FAR or (race.running() and race.spent() < LEAST_SQUARES_AFTER * race.prices.least_squares(closed(race))):
-        return False
-    runner = race.runners.get("proximal Newton")
-    stuck = runner is not None and runner.monitor.iterations > STUCK and runner.gain(0.5) < 1 / 0.9
-    return race.over("proximal Newton") or stuck
-
-
-def _enter_least_squares_again(race: Race) -> bool:
-    runner = race.runners.get("least squares")
-    return runner is not None and not race.running() and race.best < runner.monitor.best
-
-
 def _share_of_sweeps(race: Race) -> float:
     """Beds of grains may hold as much as the bodies' velocities without being blocks: there sweeps do arrive."""
     return SWEEPS_BESIDE if "proximal Newton" in race.runners and held_as_blocks(race) else 1.0
+
+
+def _share_of_splitting(race: Race) -> float:
+    """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate."""
+    behind = race.best < FAR and race.runners["splitting"].monitor.best > BEHIND * race.best
+    return LITTLE if behind else 1.0
 
 
 def _plateau(race: Race, runner: Runner) -> bool:
@@ -247,6 +218,7 @@ STAGES: tuple[Stage, ...] = (
         alone=_on_track,
         steady=True,
         left=lambda race, runner: race.joints is not None and not _on_track(race, runner),
+        share=_share_of_splitting,
     ),
     Stage(
         "Newton",
@@ -271,11 +243,11 @@ STAGES: tuple[Stage, ...] = (
         "paths",
         "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold "
         "more velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact, or half of one. "
-        "Works alone from a warm start, else until it has spent as much as all others.",
-        enters=_enter_paths,
+        "Works alone from a warm start, else until it has spent twice as much as all others.",
+        enters=enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,
-        alone=lambda race, runner: race.warm or runner.spent < race.spent() - runner.spent,
+        alone=lambda race, runner: race.warm or runner.spent < PATHS_ALONE * (race.spent() - runner.spent),
     ),
     Stage(
         "proof",
@@ -290,7 +262,7 @@ STAGES: tuple[Stage, ...] = (
         "least squares",
         "Levenberg-Marquardt on the error. Enters after proximal Newton, or where that is stuck near a solution: where noise leaves "
         "none, or one that is nearly none.",
-        enters=_enter_least_squares,
+        enters=enter_least_squares,
         turns=methods.least_squares,
         price=lambda race: race.prices.least_squares(closed(race)),
     ),
@@ -298,15 +270,15 @@ STAGES: tuple[Stage, ...] = (
         "least squares again",
         "Levenberg-Marquardt from the best iterate. Enters where all others are at their end and one has come nearer since it ended: "
         "from a tenth farther it may not get there.",
-        enters=_enter_least_squares_again,
+        enters=enter_least_squares_again,
         turns=methods.least_squares,
         price=lambda race: race.prices.least_squares(closed(race)),
     ),
     Stage(
         "proximal Newton from zero",
-        "Enters where all others are at their end, for half of what they have spent: beds of grains with large friction, where the best "
-        "iterate lies in a valley that proximal Newton does not leave.",
-        enters=lambda race: not race.running() and race.over("proximal Newton"),
+        "Enters where proximal Newton from the best iterate has ended, or has long made the error no tenth smaller: beds of grains with "
+        "large friction, where that lies in a valley that proximal Newton does not leave.",
+        enters=enter_from_zero,
         turns=methods.proximal_from_zero,
         price=lambda race: race.prices.running(closed(race)),
     ),

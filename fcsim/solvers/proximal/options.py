@@ -122,11 +122,11 @@ class Regularisation:
 PROXIMAL_NEWTON = ProximalOptions(
     max_iterations=10_000,
     counts="internal iterations",
-    internal_options={"max_iterations": 15},
+    internal_options={"max_iterations": 8},
     metric="compliance",
     alpha=1e-2,
     sigma=3.0,
     easy=4,
-    patience=300,
+    patience=500,
 )
 """PROX-NEWTON of the table, and what `auto` begins with."""

@@ -20,7 +20,7 @@ from fcsim.solvers.proximal.steps import INEXACT, MOST_ALPHA, RUNAWAY, SUFFICIEN
 
 ALPHA, SIGMA, EASY, LEAST_ALPHA = PROXIMAL_NEWTON.alpha, PROXIMAL_NEWTON.sigma, PROXIMAL_NEWTON.easy, PROXIMAL_NEWTON.alpha_least
 ACCURACY = 1.0 / PROXIMAL_NEWTON.internal_error_ratio
-INSIDE = 15
+INSIDE = 8
 """Newton's iterations on an inner problem at the most (the table's)."""
 NARROWEST, WIDEST = 0.01, 100.0
 """Range of an adapting rho about its first value, that of `scaling.adaptive_range`."""

@@ -1,0 +1,59 @@
+"""When the later stages of `auto` enter: paths, least squares, and proximal Newton from zero."""
+
+from __future__ import annotations
+
+from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, singular_here
+from fcsim.solvers.automatic.expected import FAR
+from fcsim.solvers.automatic.race import Race
+
+LEAST_SQUARES_AFTER = 4.0
+"""Times what an iteration of least squares costs that was spent when it enters."""
+PATHS_AFTER, PATHS_SOON = 60, 30
+"""Iterations of proximal Newton in the velocities of rigid bodies after which paths are followed, and those after which they are where by
+its rate it needs more again: easy steps of masonry in motion take it 50 to 80."""
+PIECES_OF_EDGES, PIECES_OF_FACES = 1.0, 0.5
+"""Pieces a contact whose cost others have spent when paths are followed from zero: those that arrive take 0.1 to 0.9 in faces, 0.3 in the
+median, and 1 to 3 in edges."""
+STUCK, FRESH = 100, 250
+"""Iterations of proximal Newton after which it may be stuck, and those after which a fresh start is due where it is."""
+
+
+def enter_paths(race: Race) -> bool:
+    """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
+    there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about
+    a piece a contact, or half of one, once others have spent as much."""
+    runner = race.runners.get("proximal Newton")
+    if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
+        return False
+    pieces = PIECES_OF_FACES if faces(race) else PIECES_OF_EDGES
+    if not race.warm and (race.spent() < pieces * race.problem.nc * race.prices.piece or not held_as_blocks(race)):
+        return False
+    if not singular_here(race):
+        return False
+    done = runner.monitor.iterations
+    return runner.result is not None or done >= PATHS_AFTER or (done >= PATHS_SOON and runner.needs() > runner.spent)
+
+
+def enter_least_squares(race: Race) -> bool:
+    """After proximal Newton, or where that has long made the error no tenth smaller and would go on, and four times as much was spent as
+    an iteration costs."""
+    if race.best > FAR or (race.running() and race.spent() < LEAST_SQUARES_AFTER * race.prices.least_squares(closed(race))):
+        return False
+    runner = race.runners.get("proximal Newton")
+    stuck = runner is not None and runner.monitor.iterations > STUCK and runner.gain(0.5) < 1 / 0.9
+    return race.over("proximal Newton") or stuck
+
+
+def enter_least_squares_again(race: Race) -> bool:
+    runner = race.runners.get("least squares")
+    return runner is not None and not race.running() and race.best < runner.monitor.best
+
+
+def enter_from_zero(race: Race) -> bool:
+    """Where proximal Newton from the best iterate ended, or has made the error no tenth smaller in half of many iterations."""
+    runner = race.runners.get("proximal Newton")
+    if runner is None:
+        return not race.running() and race.over("proximal Newton")
+    if race.warm:
+        return not race.running() and runner.result is not None
+    return runner.result is not None or (runner.monitor.iterations >= FRESH and runner.gain(0.5) < 1 / 0.9)
