@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.brief import brief
 
-
 CABLES = 1 << 61
 """Identities of cables, which are contacts that pull, begin here (`fcsim.linkage.cables`): above those of all surfaces."""
 

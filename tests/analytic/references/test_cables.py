@@ -23,6 +23,6 @@ def test_a_ball_whirled_on_a_cable_stays_on_its_circle(h: float) -> None:
     detection = WithCables(fcsim.ExactContacts(model, mu=0.0), linkage)
     *_, last = fcsim.Simulation(model, detection, fcsim.Theta(h), 200, linkage=linkage, initial=state)
     order = (speed / length * h) ** 2
-    assert np.linalg.norm(last.state.x[:3] + [length, 0.0, 0.0]) == pytest.approx(length, abs=order * length + 1e-12)
+    assert np.linalg.norm(last.state.x[:3] + np.array([length, 0.0, 0.0])) == pytest.approx(length, abs=order * length + 1e-12)
     assert np.linalg.norm(last.state.v[:3]) == pytest.approx(speed, rel=order)
     assert last.contact_force[0, 0] == pytest.approx(speed**2 / length, rel=4 * order + 1e-5)
