@@ -218,6 +218,12 @@ class Model(BodyLayout):
         return np.stack([self.apply_mass(acceleration) for acceleration in along])
 
     @cached_property
+    def body_mass(self) -> FloatArray:
+        """(nbodies,) [kg]."""
+        mass: FloatArray = np.add.reduceat(self._weight_of_units[0], self.dof_offset[:-1])
+        return mass
+
+    @cached_property
     def _load_vectors(self) -> tuple[FloatArray, ...]:
         return tuple(load_vector(self, load) for load in self.loads)
 

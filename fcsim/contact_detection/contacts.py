@@ -8,8 +8,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.brief import brief
+
+CABLES = 1 << 61
+"""Identities of cables, which are contacts that pull, begin here (`fcsim.linkage.cables`): above those of all surfaces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,11 @@ class Contacts:
     @property
     def dimension(self) -> int:
         return self.frame.shape[-1]
+
+    @property
+    def cables(self) -> BoolArray:
+        """Which of them (nc,) are cables."""
+        return np.asarray(self.identity >= CABLES)
 
     @property
     def on_master(self) -> FloatArray:

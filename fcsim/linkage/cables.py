@@ -9,14 +9,12 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.contacts import Contacts, join
+from fcsim.contact_detection.contacts import CABLES, Contacts, join
 from fcsim.contact_detection.detection import Detection
 from fcsim.contact_detection.frames import frames
 from fcsim.errors import InputError
 from fcsim.linkage.linkage import Linkage
 from fcsim.linkage.links import Cable
-
-_FIRST_IDENTITY = 1 << 61
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,7 @@ class WithCables:
             nodes=np.asarray(node, dtype=np.int64)[None],
             weights=np.where(row == 0, W.data, -W.data)[None],
             bodies=np.array([[slave, slave if second is None else second]]),
-            identity=np.array([_FIRST_IDENTITY + k]),
+            identity=np.array([CABLES + k]),
         )
 
 

@@ -15,6 +15,7 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.timestep.energy import Acting, Energy
+from fcsim.timestep.pushed import pushed
 from fcsim.timestep.state import State
 
 
@@ -68,8 +69,8 @@ class Scheme(Protocol):
         ...
 
     def way(self, model: Model, state: State) -> FloatArray | None:
-        """Return the increment (n_dofs,) of that configuration over the step if nothing changed the velocities, which detection looks
-        along; None where there is no such thing."""
+        """Return the increment (n_dofs,) of that configuration over the step if nothing changed the velocities, or loads alone where they
+        take bodies far (`pushed`), which detection looks along; None where there is no such thing."""
         ...
 
     @property
@@ -187,7 +188,9 @@ class Dynamic(ABC):
         return None
 
     def way(self, model: Model, state: State) -> FloatArray | None:
-        return self.h * state.v
+        way = self.h * state.v
+        more = pushed(model, state.t + self.h, self.h)
+        return way if more is None else way + more
 
     def velocity_before(self, model: Model, state: State) -> FloatArray:
         """v (n_dofs,) of the state's momentum in the detection configuration."""

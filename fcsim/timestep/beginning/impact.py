@@ -62,6 +62,9 @@ class Impact(Theta):
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.along(state.v)[model.driven_dofs]
 
+    def way(self, model: Model, state: State) -> FloatArray:
+        return self.h * state.v
+
     def moved(self, model: Model, state: State, v: FloatArray) -> State:
         """The state where the step that follows looks for contacts."""
         return replace(state, x=model.advance(state.x, self.h * v), v=v)

@@ -37,6 +37,12 @@ ROUNDS = 4
 BORNE = 1e-5
 """Of the smaller body's size: less overlap than this is left to the next step."""
 
+BORNE_BY_CABLES = 1e-8
+"""The same of cables: those that turn grow longer in every step, by (h u_T)^2 / 2 L, and what no step sees adds up; surfaces part again."""
+
+_TURNS_A_CABLE = 1e-4
+"""Of the smallest body: a cable whose ends pass each other by less has grown by less than is borne."""
+
 THROWN = 1e-3
 """Of the smaller body's size: a contact that is carried farther than meant, since what bent it did not come about, is bent less."""
 
@@ -58,7 +64,7 @@ def looked_ahead(
     bend = np.zeros(len(held)) if met.meeting.bend is None else met.meeting.bend.copy()
     straight = held.gap + timing.length_per_u * transposed_times(met.H, v).reshape(-1, held.dimension)[:, 0]
     meant = np.where(known, np.append(straight + bend, 0.0)[place], 0.0)
-    deeper = there.gap < np.minimum(meant, 0.0) - BORNE * size
+    deeper = there.gap < np.minimum(meant, 0.0) - np.where(there.cables, BORNE_BY_CABLES, BORNE) * size
     given = np.append(bend, 0.0)[place]
     too_far = known & (given < 0) & (meant <= BORNE * size) & (there.gap > np.maximum(meant, 0.0) + THROWN * size)
     if not (deeper.any() or too_far.any()):
@@ -117,6 +123,8 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     if not len(held):
         return False
     slide = scheme.timing.length_per_u * np.abs(transposed_times(met.H, v).reshape(len(held), -1)[:, 1:]).max(axis=1)
+    if slide.max(where=held.cables, initial=0.0) > _TURNS_A_CABLE * smallest:
+        return True
     if slide.max() * np.abs(straight).max(initial=0.0) <= 0.25 * smallest * counts:  # no node moves by more than twice that beside the mean
         return False
     angle = (_turns(model, straight) / (0.5 * np.maximum(sizes, 1e-300)))[held.bodies].max(axis=1)

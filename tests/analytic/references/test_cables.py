@@ -1,0 +1,28 @@
+"""Cables that turn, against uniform motion on a circle."""
+
+import numpy as np
+import pytest
+
+import fcsim
+from fcsim.linkage import Cable, Linkage, WithCables
+from fcsim.mesh import rigid_sphere
+
+
+@pytest.mark.parametrize("h", [1e-3, 1e-4, 1e-5])
+def test_a_ball_whirled_on_a_cable_stays_on_its_circle(h: float) -> None:
+    """1 kg at 20 m/s on a cable of 1 m: distance L, speed v, tension m v^2 / L, to the order (omega h)^2 of the scheme for every step.
+
+    A step of h along the tangent lengthens the cable by (v h)^2 / 2 L. With short steps that went unseen, and was taken back at most as
+    slowly as bodies' overlap: at h = 1e-4 the cable was 0.9 mm longer after 0.1 s, 17 mm after 1 s.
+    """
+    length, speed = 1.0, 20.0
+    ball = rigid_sphere("ball", 0.05, (length, 0.0, 0.0), 1.0)
+    model = fcsim.build_model([ball])
+    linkage = Linkage(model, [Cable("cable", "ball", None, ((length, 0.0, 0.0), (0.0, 0.0, 0.0)))])
+    state = fcsim.State(0.0, np.zeros(6), np.array([0.0, speed, 0.0, 0.0, 0.0, 0.0]))
+    detection = WithCables(fcsim.ExactContacts(model, mu=0.0), linkage)
+    *_, last = fcsim.Simulation(model, detection, fcsim.Theta(h), 200, linkage=linkage, initial=state)
+    order = (speed / length * h) ** 2
+    assert np.linalg.norm(last.state.x[:3] + np.array([length, 0.0, 0.0])) == pytest.approx(length, abs=order * length + 1e-12)
+    assert np.linalg.norm(last.state.v[:3]) == pytest.approx(speed, rel=order)
+    assert last.contact_force[0, 0] == pytest.approx(speed**2 / length, rel=4 * order + 1e-5)
