@@ -48,7 +48,7 @@ class SystemFactor:
         self._elastic = _ElasticMatrix(model, mass, stiffness)
         self.places = self._bodies_of_dofs()
         self.rotation: FloatArray | None = None
-        self._where: tuple[IntArray, IntArray] | None = None
+        self._where: dict[Shares, tuple[IntArray, IntArray]] = {}  # of this factor and all that follow from it
         self._last_product: tuple[FloatArray, FloatArray] | None = None
         self._set_rigid_mass(model.rigid_mass())
 
@@ -61,6 +61,9 @@ class SystemFactor:
                 group.make()
             return
         of_one = [group for group in groups if not group.over_ranks]
+        each = shares.each_solves([group.members for group in of_one], [len(group.free) for group in of_one])
+        for group, everyones in zip(of_one, each, strict=True):
+            group.everyones = everyones
         with shares.world.together("factors"):
             for group in of_one:
                 if shares.solver(group.members) == shares.world.number:
@@ -230,10 +233,10 @@ class SystemFactor:
                     own = self._own(group.members)
                     dofs = group.dofs[own][:, group.free]
                     x[dofs] = group.solve(rhs[dofs], own)
-                elif shares is None or (group not in spread and shares.solver(group.members) == shares.world.number):
+                elif shares is None or (group not in spread and self._solves(group, shares)):
                     group.solve(rhs, self.rotation, x)
-        if shares is not None:
-            dofs, counts = self._exchanged(shares)
+        if shares is not None and len((where := self._solved_where(shares))[0]):
+            dofs, counts = where
             begin = int(counts[: shares.world.number].sum())
             x[dofs] = shares.world.gathered(x[dofs[begin : begin + counts[shares.world.number]]], counts)
         for group in spread:
@@ -242,12 +245,17 @@ class SystemFactor:
         rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
 
-    def _exchanged(self, shares: Shares) -> tuple[IntArray, IntArray]:
-        """See `Shares.solved_where`."""
-        if self._where is None:
-            groups = [group for group in self._groups if isinstance(group, BodyFactors) or not group.over_ranks]
-            self._where = shares.solved_where(groups, [isinstance(group, GroupFactor) for group in groups])
-        return self._where
+    @staticmethod
+    def _solves(group: GroupFactor, shares: Shares) -> bool:
+        """Whether this rank solves for the bodies of a group of linear material."""
+        return group.everyones or shares.solver(group.members) == shares.world.number
+
+    def _solved_where(self, shares: Shares) -> tuple[IntArray, IntArray]:
+        """See `Shares.solved_where`: of the bodies that some ranks solve for and others do not."""
+        if shares not in self._where:
+            groups = [group for group in self._groups if isinstance(group, BodyFactors) or not (group.over_ranks or group.everyones)]
+            self._where[shares] = shares.solved_where(groups, [isinstance(group, GroupFactor) for group in groups])
+        return self._where[shares]
 
     def ranks(self) -> IntArray:
         """The rank (nb,) that each body is of, in the order of `places`, of a model that ranks share."""

@@ -82,6 +82,31 @@ def alike_in_contacts(indptr, indices, n, unknowns, d):
 
 
 @njit(cache=True, nogil=True)
+def bodies_of_contacts(indptr, indices, body, d):
+    """The bodies (nc, 2) of each contact, ascending, -1 where it has one alone or none, and whether some contact has more.
+
+    H (n, d nc) by columns (csc); body (n,) as in `entries_by_body`.
+    """
+    nc = (len(indptr) - 1) // d
+    bodies, more = np.full((nc, 2), -1), False
+    for a in range(nc):
+        first = second = last = -1
+        for e in range(indptr[d * a], indptr[d * a + d]):
+            b = body[indices[e]]
+            if b < 0 or b == last:
+                continue
+            last = b
+            if first < 0:
+                first = b
+            elif b != first and second < 0:
+                second = b
+            elif b != first and b != second:
+                more = True
+        bodies[a, 0], bodies[a, 1] = (second, first) if 0 <= second < first else (first, second)
+    return bodies, more
+
+
+@njit(cache=True, nogil=True)
 def entries_by_body(indptr, indices, data, body, column, count, d):
     """Sort the entries of H by bodies: body b is on contacts[first[b]:first[b + 1]], the rest is h as above.
 

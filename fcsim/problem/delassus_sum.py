@@ -22,25 +22,46 @@ WORK_A_PIECE = 15_000
 
 class DelassusSum:
     """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`); values: its entries so far, in one
-    array whose order is the contacts' alone; pattern: starts (nc + 1,) and sorted columns of its block rows, empty where it is dense;
-    bodies: h by pairs of a body and a contact, see `_delassus_kernels`; size: entries it has room for."""
+    array whose order is the contacts' alone; bodies: h by pairs of a body and a contact, see `_delassus_kernels`."""
 
-    def __init__(self, H: sp.sparray, body: IntArray, column: IntArray, count: int, dimension: int) -> None:
+    def __init__(self, H: sp.sparray, body: IntArray, column: IntArray, count: int, dimension: int, blocks: int | None = None) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
-        unknown of its body's compliance it is. Both are read only where H has entries."""
+        unknown of its body's compliance it is. Both are read only where H has entries. blocks: of W, where their number is known: which
+        they are is then found when it is asked for."""
         H = H.tocsc()
         self._m, self._axes = H.shape[1], tuple(range(dimension))
-        self.nc = nc = self._m // dimension
+        self.nc = self._m // dimension
         self.bodies: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
         self.bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
-        starts, columns = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
-        if self._m > storage.SPARSE_FROM:
-            starts, columns = union_of_neighbours(*self.bodies[:2], nc)
-        self.dense = storage.summed_dense(self._m, len(columns) * dimension**2)
-        if self.dense:
-            starts, columns = starts[:0], columns[:0]
-        self.pattern = starts, columns
-        self.size = self._m**2 if self.dense else len(columns) * dimension**2
+        self._blocks = blocks
+
+    @cached_property
+    def _neighbours(self) -> tuple[IntArray, IntArray]:
+        """Starts (nc + 1,) and sorted columns of the block rows; of small W, which are dense, none."""
+        if self._m <= storage.SPARSE_FROM:
+            return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
+        found: tuple[IntArray, IntArray] = union_of_neighbours(*self.bodies[:2], self.nc)
+        return found
+
+    @cached_property
+    def _entries(self) -> int:
+        """Entries of the blocks."""
+        return (len(self._neighbours[1]) if self._blocks is None else self._blocks) * self.dimension**2
+
+    @property
+    def dense(self) -> bool:
+        return storage.summed_dense(self._m, self._entries)
+
+    @property
+    def pattern(self) -> tuple[IntArray, IntArray]:
+        """Starts (nc + 1,) and sorted columns of the block rows, empty where W is dense."""
+        starts, columns = self._neighbours
+        return (starts[:0], columns[:0]) if self.dense else (starts, columns)
+
+    @property
+    def size(self) -> int:
+        """Entries that there is room for."""
+        return self._m**2 if self.dense else self._entries
 
     @cached_property
     def values(self) -> FloatArray:

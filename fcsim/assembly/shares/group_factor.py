@@ -40,6 +40,7 @@ class GroupFactor:
         self.free, self._axes, self._is_free = np.flatnonzero(~group.driven), group.axes, ~group.driven
         self._group, self._factors = group, (mass, stiffness)
         self.surface = own_surface(model, group, touched)
+        self.everyones = False  # whether each rank has the factor, of ranks that share the model
 
     @cached_property
     def factor(self) -> Factor:

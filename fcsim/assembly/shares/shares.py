@@ -3,7 +3,8 @@
 Each rank knows the whole model, its state and its contacts. A body's factor, compliance, inner forces and share of W are made by its owner
 alone; what is as long as a vector is then gathered, so that every rank goes on with the numbers that one process would have. A factor that
 several bodies of linear material share is made, and solved with, by one rank for all of them: solutions depend in their last bits on how
-many right sides are solved together.
+many right sides are solved together. Where that would be one rank for nearly all bodies, as in a wall of equal bricks, each rank has the
+factor and solves for all of them: the others would wait, and then for what is exchanged.
 """
 
 from __future__ import annotations
@@ -23,6 +24,10 @@ from fcsim.ranks.partition import partition
 
 RIGID, NONLINEAR = 10.0, 30.0
 """Cost of a rigid body, and of a node of nonlinear material, in nodes of linear ones."""
+
+MOST, EVERYONES_UP_TO = 0.75, 3000
+"""Share of the work of solutions with which a rank is not worth waiting for; unknowns of a body up to which each rank may have its
+factor, of some megabytes."""
 
 
 class SolvedBodies(Protocol):
@@ -54,6 +59,14 @@ class Shares:
     def solver(self, members: IntArray) -> int:
         """The rank that has the most of the bodies; of equals the first."""
         return int(np.argmax(np.bincount(self.owner[members], minlength=self.world.size)))
+
+    def each_solves(self, groups: Sequence[IntArray], sizes: Sequence[int]) -> list[bool]:
+        """Of groups of bodies (members, unknowns of a body) that have one `solver` each, which every rank solves for: those of up to
+        EVERYONES_UP_TO unknowns, where one rank has MOST of the work, as their squares, or more."""
+        work = np.zeros(self.world.size)
+        for members, size in zip(groups, sizes, strict=True):
+            work[self.solver(members)] += float(size) ** 2 * len(members)
+        return [bool(work.max() >= MOST * work.sum()) and size <= EVERYONES_UP_TO for size in sizes]
 
     def gathered_bodies(self, members: IntArray, own: FloatArray) -> FloatArray:
         """Rows (nb, k) of all bodies from this rank's `own` (number of `mine`, k); inside a section that all ranks have agreed on."""

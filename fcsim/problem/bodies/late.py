@@ -26,6 +26,10 @@ class LateSum:
     def _product(self) -> ShareProduct:
         return ShareProduct(self.shares)
 
+    def rows(self) -> LateRows:
+        """W by block rows."""
+        return LateRows.of(self, *self._sum.pattern, 3 * self.shares.nc, 3)
+
     def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
         """W x + q (m,)."""
         return self._product.affine(x, q)
@@ -61,12 +65,24 @@ class LateSum:
         return blocks
 
 
-def summed_late(sum_of: DelassusSum, runs: tuple[Run, ...]) -> Matrix:
-    """W, whose entries are summed when they are read where products by bodies cost less than with them, and W has blocks of (3, 3). The
-    order of sums, and so the last bits of products, follow from that alone."""
+def late_sum(sum_of: DelassusSum, runs: tuple[Run, ...]) -> LateSum | None:
+    """W as what is summed when its entries are read, where products by bodies cost less than with them, and W has blocks of (3, 3); else
+    None. The order of sums, and so the last bits of products, follow from that alone."""
+    if sum_of.dense or sum_of.dimension != 3:
+        return None
     shares = BodyShares(*sum_of.bodies, runs, sum_of.nc, sum_of.dimension)
-    if sum_of.dense or sum_of.dimension != 3 or REFERENCE.seconds(shares.work) > REFERENCE.seconds(Work(bytes=REAL * sum_of.size)):
-        for run in runs:
-            sum_of.add(*run)
-        return sum_of.matrix()
-    return LateRows.of(LateSum(sum_of, shares), *sum_of.pattern, 3 * sum_of.nc, 3)
+    dearer = REFERENCE.seconds(shares.work) > REFERENCE.seconds(Work(bytes=REAL * sum_of.size))
+    return None if dearer else LateSum(sum_of, shares)
+
+
+def summed(sum_of: DelassusSum, runs: tuple[Run, ...]) -> Matrix:
+    """W with its entries."""
+    for run in runs:
+        sum_of.add(*run)
+    return sum_of.matrix()
+
+
+def summed_late(sum_of: DelassusSum, runs: tuple[Run, ...]) -> Matrix:
+    """W, whose entries are summed when they are read where `late_sum` says so."""
+    late = late_sum(sum_of, runs)
+    return summed(sum_of, runs) if late is None else late.rows()

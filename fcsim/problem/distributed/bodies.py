@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -24,34 +25,36 @@ class Compliances:
 
 @dataclass(frozen=True, eq=False)
 class BodiesOverRanks:
-    """first, contacts, begins, unknowns, weights: h of all bodies and contacts, as in `BodyShares`; runs: the compliances of this rank's
-    bodies; rank (bodies,): whose each body is; nc: the number of contacts."""
+    """make_h: what makes h of all bodies and contacts, which few steps ask for; bodies (nc, 2): of each contact, ascending, -1 where it has
+    one alone, None where a contact has three; runs: the compliances of this rank's bodies; rank (bodies,): whose each body is; nc: the
+    number of contacts."""
 
-    first: IntArray
-    contacts: IntArray
-    begins: IntArray
-    unknowns: IntArray
-    weights: FloatArray
+    make_h: Callable[[], tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]]
+    bodies: IntArray | None
     runs: tuple[Run, ...]
     rank: IntArray
     nc: int
 
     __repr__ = brief
 
+    @cached_property
+    def h(self) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
+        """first, contacts, begins, unknowns, weights: h by pairs of a body and a contact, as in `BodyShares`."""
+        return self.make_h()
+
     @property
     def count(self) -> int:
         """The number of bodies."""
-        return len(self.first) - 1
+        return len(self.rank)
 
-    def sides(self) -> tuple[IntArray, IntArray] | None:
-        """The bodies (nc, 2) of each contact, ascending, -1 where it has one alone, and the pairs (nc, 2) of h that belong to them; None
-        where a contact has three."""
-        bodies, side = np.full((self.nc, 2), -1), np.empty(len(self.contacts), dtype=np.int64)
-        if not sides_of_pairs(self.first, self.contacts, bodies, side):
-            return None
+    def pairs(self) -> IntArray:
+        """The pairs (nc, 2) of h that belong to `bodies`, -1 where there is none."""
+        first, contacts = self.h[:2]
+        bodies, side = np.full((self.nc, 2), -1), np.empty(len(contacts), dtype=np.int64)
+        sides_of_pairs(first, contacts, bodies, side)
         pairs = np.full((self.nc, 2), -1)
-        pairs[self.contacts, side] = np.arange(len(side))
-        return bodies, pairs
+        pairs[contacts, side] = np.arange(len(side))
+        return pairs
 
     def sizes(self, world: World) -> IntArray:
         """The unknowns (bodies,) of each body's compliance."""

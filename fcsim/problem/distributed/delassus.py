@@ -11,15 +11,14 @@ from scipy.sparse.linalg import LinearOperator
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief
 from fcsim.linear.block_rows import product_by_rows
-from fcsim.linear.late.late_rows import LateRows, source_of
+from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.distributed.bodies import BodiesOverRanks
 from fcsim.problem.distributed.factor import DistributedFactor
 from fcsim.problem.distributed.layout import ContactLayout
 
 
 class DistributedDelassus(LinearOperator):
-    """W (m, m), symmetric; rows: this rank's share by block rows (bsr, sorted) on its own contacts; bodies: those behind it, None where
-    that is not known.
+    """W (m, m), symmetric; bodies: those behind it, None where that is not known.
 
     All ranks ask for the same at the same time. Products, diagonal blocks and the factor of W + rho I are what there is of it; `whole` is
     the matrix itself, on every rank, for who needs that.
@@ -27,10 +26,16 @@ class DistributedDelassus(LinearOperator):
 
     __repr__ = brief
 
-    def __init__(self, layout: ContactLayout, rows: sp.bsr_array, bodies: BodiesOverRanks | None = None) -> None:
+    def __init__(self, layout: ContactLayout, share: sp.bsr_array | LateSum, bodies: BodiesOverRanks | None = None) -> None:
+        """share: this rank's, on its own contacts: by block rows (bsr, sorted), or what they are made of when they are read."""
         size = layout.nc * layout.dimension
         super().__init__(np.float64, (size, size))
-        self.layout, self.rows, self.bodies = layout, rows, bodies
+        self.layout, self.bodies, self._share = layout, bodies, share
+
+    @cached_property
+    def rows(self) -> sp.bsr_array:
+        """This rank's share by block rows."""
+        return self._share.rows() if isinstance(self._share, LateSum) else self._share
 
     def _matvec(self, x: FloatArray) -> FloatArray:
         layout = self.layout
@@ -40,8 +45,8 @@ class DistributedDelassus(LinearOperator):
 
     def own_product(self, x: FloatArray) -> FloatArray:
         """This rank's share times x (k d,), both on its own contacts."""
-        if isinstance(self.rows, LateRows):
-            return self.rows.affine(x, np.zeros_like(x))
+        if isinstance(self._share, LateSum):
+            return self._share.affine(x, np.zeros_like(x))
         Wx: FloatArray = product_by_rows(self.rows, np.zeros_like(x), x) if self.layout.dimension == 3 else self.rows @ x
         return Wx
 
@@ -56,14 +61,14 @@ class DistributedDelassus(LinearOperator):
     def _diagonal_blocks(self) -> FloatArray:
         layout, d = self.layout, self.layout.dimension
         with layout.together("diagonal of W"):
-            if (source := source_of(self.rows)) is not None:
-                own = source.diagonal_blocks()
+            if isinstance(self._share, LateSum):
+                own = self._share.diagonal_blocks()
             else:
                 row = np.repeat(np.arange(len(layout.own)), np.diff(self.rows.indptr))
                 on = np.flatnonzero(row == self.rows.indices)
                 own = np.zeros((len(layout.own), d, d))
                 own[row[on]] = self.rows.data[on]
-        return np.stack([layout.summed(own[:, i].ravel()).reshape(-1, d) for i in range(d)], axis=1)
+        return layout.summed_blocks(own)
 
     def diagonal(self) -> FloatArray:
         """The diagonal (m,)."""
@@ -81,10 +86,9 @@ class DistributedDelassus(LinearOperator):
 
     def _own_blocks(self) -> sp.bsr_array:
         """`rows` with entries, which nobody needs any more once they are factored."""
-        source = source_of(self.rows)
-        if source is None:
-            return self.rows
-        return sp.bsr_array((source.entries(), self.rows.indices, self.rows.indptr), shape=self.rows.shape)
+        if not isinstance(self._share, LateSum):
+            return self._share
+        return sp.bsr_array((self._share.entries(), self.rows.indices, self.rows.indptr), shape=self.rows.shape)
 
     @cached_property
     def whole(self) -> sp.bsr_array:

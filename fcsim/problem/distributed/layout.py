@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -83,6 +84,17 @@ class ContactLayout:
         everything = self.world.gathered(own, self._counts)
         return np.bincount(self._everyones, everything, self.nc * self.dimension)
 
+    def summed_blocks(self, own: FloatArray) -> FloatArray:
+        """The sum (nc, ...) over the ranks, in their order, of what each has on its own contacts, own (k, ...)."""
+        size = math.prod(own.shape[1:])
+        counts = np.array([len(contacts) for contacts in self.contacts])
+        everything = self.world.gathered(own.ravel(), size * counts).reshape(-1, *own.shape[1:])
+        total, end = np.zeros((self.nc, *own.shape[1:])), 0
+        for contacts in self.contacts:
+            begin, end = end, end + len(contacts)
+            total[contacts] += everything[begin:end]
+        return total
+
     @cached_property
     def _everyones_at_interface(self) -> IntArray:
         return np.concatenate([self.interface_unknowns_of(rank) for rank in range(self.world.size)])
@@ -109,8 +121,8 @@ class ContactLayout:
         return x
 
 
-def contact_layout(ranks: World, first: IntArray, contacts: IntArray, rank: IntArray, nc: int, dimension: int) -> ContactLayout:
-    """The layout where body b, of the rank rank[b], is on contacts[first[b]:first[b + 1]]."""
+def contact_layout(ranks: World, rank: IntArray, contacts: IntArray, nc: int, dimension: int) -> ContactLayout:
+    """The layout where the rank rank[p] has a body on the contact contacts[p], rank and contacts (pairs,)."""
     known = np.zeros((ranks.size, nc), dtype=bool)
-    known[np.repeat(rank, np.diff(first)), contacts] = True
+    known[rank, contacts] = True
     return ContactLayout(ranks, [np.flatnonzero(some) for some in known], nc, dimension)

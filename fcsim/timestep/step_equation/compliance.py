@@ -18,8 +18,8 @@ from fcsim.brief import brief
 from fcsim.linear.factors import Factor, factorise
 from fcsim.linear.late.late_rows import in_blocks
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
-from fcsim.problem._delassus_kernels import entries_by_body
-from fcsim.problem.bodies.late import summed_late
+from fcsim.problem._delassus_kernels import bodies_of_contacts, entries_by_body
+from fcsim.problem.bodies.late import late_sum, summed, summed_late
 from fcsim.problem.bodies.shares import BodyShares, shares_of
 from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus, contact_layout
@@ -252,23 +252,31 @@ class StepCompliance:
             return None
         H, (body, column), rank = self._on_compliances(H), self.factor.places, self.factor.ranks()
         nc, count = H.shape[1] // dimension, len(rank)
-        h: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
-        h = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
-        first, contacts = h[:2]
-        layout = contact_layout(shares.world, first, contacts, rank, nc, dimension)
-        entries = np.sum(np.diff(first) ** 2) * dimension**2
+        make_h = partial(entries_by_body, H.indptr, H.indices, H.data, body, column, count, dimension)
+        bodies, more = bodies_of_contacts(H.indptr, H.indices, body, dimension)
+        if more:
+            first, contacts = make_h()[:2]
+            of_pairs, bodies = np.repeat(np.arange(count), np.diff(first)), None
+        else:
+            contacts, side = np.nonzero(bodies >= 0)
+            of_pairs = bodies[contacts, side]
+        layout = contact_layout(shares.world, rank[of_pairs], contacts, nc, dimension)
+        entries = np.sum(np.bincount(of_pairs) ** 2) * dimension**2
         if entries < self.over_ranks_from or not all(len(some) for some in layout.contacts):
             return None
         elastic = np.zeros(nc, dtype=bool)
-        elastic[contacts[: first[len(self.factor.model.deformable)]]] = True
+        elastic[contacts[of_pairs < len(self.factor.model.deformable)]] = True
         if self.over_ranks_elastic and not elastic.all():
             return None
         with shares.world.together("W"):
-            own = np.where(body >= 0, np.where(rank == shares.world.number, np.arange(count), -1)[body], -1)
-            W = DelassusSum(H[:, layout.own_unknowns], own, column, count, dimension)
+            mine = rank == shares.world.number
+            own = np.where(body >= 0, np.where(mine, np.arange(count), -1)[body], -1)
+            blocks = None if bodies is None else _blocks_of(bodies, mine)
+            W = DelassusSum(H[:, layout.own_unknowns], own, column, count, dimension, blocks)
             runs = tuple(self.factor.compliances(_rows_of(H)))
-            rows = in_blocks(summed_late(W, runs), dimension)
-        return cast(Matrix, DistributedDelassus(layout, rows, BodiesOverRanks(*h, runs, rank, nc)))
+            late = late_sum(W, runs)
+            share = in_blocks(summed(W, runs), dimension) if late is None else late
+        return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, bodies, runs, rank, nc)))
 
     def _on_compliances(self, H: sp.csc_array) -> sp.csc_array:
         """H on the dofs (n_dofs,), in the axes of the bodies' compliances."""
@@ -289,6 +297,15 @@ class StepCompliance:
         indptr, indices, data = turned_rows(tuple(range(model.dimension)), H.indptr, H.indices, H.data, body, self.factor.rotation)
         turned = sp.csc_array((data, indices, indptr), shape=H.shape)
         return turned if axes is None else sp.csc_array(axes @ turned)
+
+
+def _blocks_of(bodies: IntArray, mine: BoolArray) -> int:
+    """The blocks of W by the bodies `mine` (nb,) alone; bodies (nc, 2) of the contacts, -1: none. Contacts of two of these have one block
+    from both."""
+    own = (bodies >= 0) & mine[bodies]
+    both = bodies[own.all(axis=1)]
+    shared = np.unique(both[:, 0] * len(mine) + both[:, 1], return_counts=True)[1]
+    return int(np.sum(np.bincount(bodies[own]) ** 2) - np.sum(shared**2))
 
 
 def _rows_of(H: sp.csc_array) -> BoolArray:

@@ -68,17 +68,17 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     """Products, the preconditioner before and after contacts changed, solutions, and of what size this rank's part is."""
     behind = W.bodies
     assert behind is not None
-    sides = behind.sides()
-    assert sides is not None
-    parts = parts_by_joints(W, behind, sides[0])
-    joints = OwnJoints(W, behind, parts, *sides)
+    bodies = behind.bodies
+    assert bodies is not None
+    parts = parts_by_joints(W, behind, bodies)
+    joints = OwnJoints(W, behind, parts, bodies)
     x = np.random.default_rng(2).standard_normal((W.layout.nc, W.layout.dimension))
     own = x[parts.own]
     A, B = linearisation(len(x), float(W.diagonal().mean()))
     P = PreconditionerOverRanks(joints, W.layout)
     P.update(A, B)
     first = parts.whole(P(own.ravel()).reshape(own.shape))
-    kept = P.following(sides[0], joints.diagonal_of_W)
+    kept = P.following(bodies, joints.diagonal_of_W)
     assert kept is not None
     changed_A, changed_B = A.copy(), B.copy()
     changed_A[::7], changed_B[::7] = 0, np.eye(3)
@@ -93,7 +93,7 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
         "own": parts.own.tolist(),
         "entries": len(joints.E),
         **one_by_one(W, A, B, x),
-        "refused": kept.following(sides[0], 2 * joints.diagonal_of_W) is None,
+        "refused": kept.following(bodies, 2 * joints.diagonal_of_W) is None,
     }
 
 

@@ -24,8 +24,8 @@ class OwnJoints:
     """The joints of this rank, as `Joints`. Contacts are numbered in the order of its joints, `parts.own`, and after them the neighbours
     of others, which `needed` brings; order (k,): their numbers among all."""
 
-    def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, parts: ContactParts, bodies: IntArray, pairs: IntArray) -> None:
-        """bodies, pairs: those of `behind`; parts: contacts by joints, see `parts_by_joints`."""
+    def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, parts: ContactParts, bodies: IntArray) -> None:
+        """bodies: those of `behind`; parts: contacts by joints, see `parts_by_joints`."""
         world, layout = parts.world, W.layout
         self.parts, self.d, self.count = parts, layout.dimension, behind.count
         self.all_bodies, self.diagonal_of_W = bodies, W.diagonal().reshape(-1, self.d)
@@ -37,7 +37,7 @@ class OwnJoints:
         self.needed = Needed(parts, self.order[len(parts.own) :])
         compliances = behind.compliances(world, wanted)
         with layout.together("blocks of joints"):
-            self._fill(behind, compliances.matrices, compliances.kind, pairs)
+            self._fill(behind, compliances.matrices, compliances.kind)
             own = slice(0, len(parts.own))
             G = self.modes[0]
             left = self.diagonal_of_W[self.order[own]] - np.einsum("aij,aij->ai", G[own], G[own])
@@ -52,7 +52,7 @@ class OwnJoints:
         position[every] = np.arange(behind.nc)
         number = numbers_of_pairs(bodies[own], self.count)
         self.cuts = np.concatenate([np.flatnonzero(np.diff(number, prepend=-1)), [len(own)]])
-        h = (behind.first, behind.contacts, behind.begins, behind.unknowns)
+        h = behind.h[:4]
         self.begins, wide = kernels.with_neighbours(*h, sizes, position, self.cuts, JOINT_UP_TO)
         beyond = np.unique(wide[wide >= len(own)])
         self.wide = np.where(wide < len(own), wide, len(own) + np.searchsorted(beyond, wide))
@@ -60,14 +60,13 @@ class OwnJoints:
         self.bodies = bodies[self.order]
         self.body_begins, self.listed = kernels.bodies_of_joints(self.begins, self.wide, self.bodies, self.count)
 
-    def _fill(self, behind: BodiesOverRanks, matrices: tuple[FloatArray, ...], kind: IntArray, pairs: IntArray) -> None:
+    def _fill(self, behind: BodiesOverRanks, matrices: tuple[FloatArray, ...], kind: IntArray) -> None:
         """G and E from the bodies' compliances, matrices[kind[b]] that of body b."""
         k, d = MOTIONS, self.d
         motions = [compliant_motions(C, k) for C in matrices]
         rows = np.array([len(C) for C in matrices], dtype=np.int64)
         left = np.concatenate([np.empty(0), *((C - L @ L.T).ravel() for C, L in zip(matrices, motions, strict=True))])
-        G, pairs = np.zeros((len(self.order), d, 2 * k)), pairs[self.order]
-        h = (behind.begins, behind.unknowns, behind.weights)
+        G, pairs, h = np.zeros((len(self.order), d, 2 * k)), behind.pairs()[self.order], behind.h[2:]
         L = np.concatenate([np.empty(0), *(own.ravel() for own in motions)])
         own_kernels.modes_of_contacts(pairs, self.bodies, *h, L, _begins(k * rows, kind), G)
         self.modes = G, self.bodies, self.body_begins, self.listed

@@ -25,8 +25,8 @@ class TwoLevelOverRanks:
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
         self._by_parts: ProductByParts | None = None
-        self._demand, self._sides = Demand(), behind.sides()
-        self.pays = self._sides is not None and largest_joint(self._sides[0], behind.count) <= JOINT_UP_TO and not len(W.layout.free)
+        self._demand, bodies = Demand(), behind.bodies
+        self.pays = bodies is not None and largest_joint(bodies, behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
     @property
     def left(self) -> PreconditionerOverRanks | None:
@@ -37,7 +37,8 @@ class TwoLevelOverRanks:
         self, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float = 0.0, foreseen: bool = False
     ) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) for rhs (nc, d), as `TwoLevelSystem.solve`."""
-        if not self.pays or self._sides is None:
+        bodies = self._behind.bodies
+        if not self.pays or bodies is None:
             return None
         if self._demand.lost(needed):
             self.pays = False
@@ -47,19 +48,19 @@ class TwoLevelOverRanks:
         limits = self._demand.following(needed, foreseen=foreseen)
         found = None
         if self._precondition is None and self._kept is not None:
-            self._precondition = self._kept.following(self._sides[0], diagonal)
+            self._precondition = self._kept.following(bodies, diagonal)
         if self._precondition is not None:
             found = self._by(self._precondition, A, B, rhs, limits)
         if found is None and (self._precondition is None or self._precondition.earlier):
             self._precondition = self._kept = None  # the old one makes room for the new
-            self._precondition = self._anew(*self._sides)
+            self._precondition = self._anew(bodies)
             found = self._by(self._precondition, A, B, rhs, limits)
         self.pays = found is not None
         return found
 
-    def _anew(self, bodies: IntArray, pairs: IntArray) -> PreconditionerOverRanks:
+    def _anew(self, bodies: IntArray) -> PreconditionerOverRanks:
         parts = parts_by_joints(self._W, self._behind, bodies)
-        return PreconditionerOverRanks(OwnJoints(self._W, self._behind, parts, bodies, pairs), self._W.layout)
+        return PreconditionerOverRanks(OwnJoints(self._W, self._behind, parts, bodies), self._W.layout)
 
     def settled(
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
