@@ -24,7 +24,8 @@ FEWER = 0.9
 """Velocities of bodies over contact unknowns up to which these are eliminated."""
 SHIFT = 1e-10
 """Share of the compliance that is added to contacts before they are eliminated: B of a sticking one goes to zero with tau, and its inverse
-would take the digits of the others. Without it and the refinement 30 of 36 problems of blocks and masses are solved to 1e-12, with them all."""
+would take the digits of the others. Without it and the refinement 30 of 36 problems of blocks and masses are solved to 1e-12, with them
+all."""
 
 
 class InteriorSystem:
