@@ -45,6 +45,7 @@ METHODS = {
     "tresca": r"r \leftarrow \arg\min \tfrac12 r\cdot W r + q\cdot r\quad\text{over}\ r_N \ge 0,\ \|r_T\| \le \mu\,r_N^{\text{last}}",
     "panagiotopoulos": r"r_N\ \text{by its LCP with}\ r_T\ \text{fixed, then}\ r_T \leftarrow \arg\min\ \text{over}\ \|r_T\| \le \mu r_N,\ \text{in turn}",
     "aclm": r"r \leftarrow \arg\min_{r \in K} \tfrac12 r\cdot W r + (q + g(s))\cdot r,\quad s \leftarrow \text{the sliding of that answer}",
+    "interior_point": r"r_N u_N = \tau,\quad (\mu r_N, r_T) \circ (s, u_T) = \tau e,\quad u = W r + q,\quad \tau \to 0",
     "soclcp": r"K^* \ni W r + q \perp r \in K\quad(\text{without}\ g)",
     "faceted_cone": r"0 \le \begin{pmatrix} u_N \\ u_D + \lambda e \\ \mu r_N - e\cdot r_D \end{pmatrix} \perp \begin{pmatrix} r_N \\ r_D \\ \lambda \end{pmatrix} \ge 0\quad\text{on facets}\ D\ \text{that are adapted}",
     "planar_nsgs": SWEEP,
@@ -79,6 +80,8 @@ def in_words(method):
         return (
             "Newton's method takes each proximal problem; where it fails, the solution is followed from one contact's status to the next."
         )
+    if method.run.__name__ == "interior_point":
+        return "Nesterov-Todd scaling, predictor and corrector; where a central path turns back another one, at its end proximal Newton."
     if method.run.__name__ == "hybrid":
         stages = " then ".join(
             f"{stage.options.max_iterations} iterations of {stage.run.__name__}" for stage in options.first + options.stages

@@ -18,6 +18,7 @@ from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, SweepOptions, nsgs
 from fcsim.solvers.gauss_seidel.velocity import VelocityOptions, nsgsv
 from fcsim.solvers.hybrid import HybridOptions, Stage, hybrid
+from fcsim.solvers.interior_point.coulomb import InteriorPointOptions, interior_point
 from fcsim.solvers.lcp.faceted import FacetedOptions, faceted_cone
 from fcsim.solvers.lcp.planar import (
     ConjugateGradientOptions,
@@ -194,6 +195,7 @@ SOLVERS: dict[str, Method] = {
         "GFC3D IPM",
         run_global=aclm_global,
     ),
+    "IPM-COULOMB": Method(interior_point, InteriorPointOptions(), "interior point", "Chen, Ly, Wojtan 2024; Howell et al. 2022"),
     "SOCLCP": Method(
         soclcp,
         FixedPointOptions(internal="FP-VI-UPK", max_iterations=20_000),

@@ -14,11 +14,11 @@ from fcsim.problem.cone import project_cone
 from fcsim.problem.delassus import power_norm
 from fcsim.problem.shifted_factor import ShiftedInverse
 from fcsim.solvers.base import Monitor, Status
+from fcsim.solvers.interior_point.cones import ConeAlgebra, NesterovTodd
 from fcsim.solvers.variational.conic import conic_rows
 from fcsim.solvers.variational.convex import ENGINES
 from fcsim.solvers.variational.convex_sets import Cone, Cylinder, Disk
 from fcsim.solvers.variational.inequality import Inequality
-from fcsim.solvers.variational.interior_point import _Algebra, _NesterovTodd
 from fcsim.solvers.variational.watches import SubproblemWatch
 from tests.unit.problem.disk import project_disk
 
@@ -105,14 +105,14 @@ def test_nesterov_todd_scaling() -> None:
     """V z = V^-1 s, V symmetric with inverse V^-1, V^-2 as a matrix."""
     rows = conic_rows(program("cylinders")[0])
     rng = np.random.default_rng(2)
-    algebra = _Algebra(rows)
+    algebra = ConeAlgebra(rows)
 
     def interior() -> np.ndarray:
         x = rng.standard_normal(len(rows.h))
         return x + (0.1 - min(algebra.least(x), 0)) * algebra.identity
 
     s, z = interior(), interior()
-    V = _NesterovTodd(rows, s, z)
+    V = NesterovTodd(rows, s, z)
     assert_allclose(V.point, V.apply(s, inverse=True), rtol=1e-10)
     assert_allclose(V.point @ V.point, s @ z)
     x, y = rng.standard_normal((2, len(s)))
@@ -125,7 +125,7 @@ def test_nesterov_todd_scaling() -> None:
 
 def test_longest_step_reaches_the_boundary() -> None:
     rows = conic_rows(program("cylinders")[0])
-    algebra = _Algebra(rows)
+    algebra = ConeAlgebra(rows)
     rng = np.random.default_rng(3)
     x = algebra.identity
     for _ in range(200):

@@ -1,0 +1,187 @@
+"""IPM-COULOMB: a primal-dual interior point on Coulomb's law itself, with Nesterov-Todd scaling and Mehrotra's predictor and corrector.
+
+The law is complementarity x o y = 0 over half-lines and cones (`pairs`), x linear in r; the velocities u in y are independent of r until
+u = W r + q holds, so that a start need not be feasible. In scaled changes V dx, V^-1 dy with V x = V^-1 y = p an iteration solves
+
+    p o (V dx + V^-1 dy) = sigma tau w - p o p - V dx' o V^-1 dy',      u + du = W (r + dr) + q - sigma (u - W r - q),
+
+dx', dy' those of the predictor (sigma = 0), tau the mean of x . y, w the weight of each pair; eliminating y leaves (A W + B) dr. The
+problem is not monotone, unlike the convex programs of IPM in which ||u_T|| is held: the central path tau -> 0 may turn back, where steps
+to the boundary shrink to nothing. Then another path is followed, of other weights and from nearer to the best iterate.
+
+A contact that grazes, or is about to slide, is known to the root of tau only, and the distance of a sliding one to its cone is round-off at
+errors of about 1e-9. Where a path ends with an error of at most POLISHED, a few iterations of proximal Newton give the last digits.
+
+Sources: Chen, Ly, Wojtan, "Primal-dual non-smooth friction for rigid body animation", SIGGRAPH 2024; Howell et al., "Dojo",
+arXiv:2203.00806, 2022; Mehrotra, SIAM J. Optim. 2, 1992; Nesterov, Todd, SIAM J. Optim. 8, 1998. The weights, the further paths and the
+polish are our own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
+from fcsim.linear.factors import SingularMatrix
+from fcsim.problem import LocalProblem
+from fcsim.problem.cone import de_saxce, project_cone
+from fcsim.solvers.base import Iterate, Monitor, Options, Status
+from fcsim.solvers.interior_point.cones import ConeAlgebra, NesterovTodd
+from fcsim.solvers.interior_point.pairs import ContactPairs
+from fcsim.solvers.interior_point.systems import InteriorSystem
+from fcsim.solvers.proximal.options import PROXIMAL_NEWTON
+from fcsim.solvers.proximal.steps import proximal_point
+
+LONGEST = 0.99
+"""Share of the way to the boundary that a step takes at most; it is the predictor's own share where that lies above the option's."""
+SHORT, JAMMED = 0.05, 3
+"""A step is short below this length; a path ends after so many short ones in a row."""
+LEAST = 1e-6
+"""The least sigma."""
+NEARER = 0.3
+"""Factor of the velocity to which the next path's start is moved inside."""
+WEIGHTS = ((1.0, 0.0), (1.0, -1.0), (0.0, 0.0), (1.0, 1.0), (0.0, -1.0), (0.0, 1.0))
+"""Exponents (a, b) of paths one after the other: tau of a contact is in proportion to compliance^-a, that of its cone to mu^b beside."""
+POLISHED, ALPHA = 1e-4, 0.1
+"""Error up to which a path's end is polished, and the first regularisation over the error's root."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InteriorPointOptions(Options):
+    """max_iterations counts factorisations, those of the polish too.
+
+    fraction   least share of the way to the boundary that a step may take
+    paths      central paths that are followed, one after the other, before giving up
+    polish     iterations of proximal Newton at the end of a path, 0: none
+    """
+
+    fraction: float = 0.9
+    paths: int = 6
+    polish: int = 30
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0 < self.fraction <= LONGEST:
+            raise InputError(f"option fraction: expected a number in (0, {LONGEST}], got {self.fraction}")
+        if self.paths < 1:
+            raise InputError(f"option paths: expected an integer >= 1, got {self.paths}")
+        if self.polish < 0:
+            raise InputError(f"option polish: expected an integer >= 0, got {self.polish}")
+
+
+@np.errstate(over="ignore", divide="ignore", invalid="ignore")  # a path's last iterations may meet infinity: it ends there
+def interior_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: InteriorPointOptions) -> Iterate:
+    """The primal-dual interior point from r (m,), which is moved inside its cones."""
+    error = monitor.record(r, problem.delassus.affine(r, problem.q))
+    if error <= monitor.tol:
+        return Iterate(r, Status.SOLVED)
+    method = _InteriorPoint(problem, monitor, options)
+    begun, size = monitor.iterations, monitor.scale / np.sqrt(problem.nc)
+    for number in range(options.paths):
+        best = r if monitor.best_r is None else monitor.best_r
+        status = method.follow(best, NEARER**number * size, *WEIGHTS[number % len(WEIGHTS)])
+        if status is None and options.polish and monitor.best <= POLISHED:
+            status = method.polish()
+        if status is not None:
+            return Iterate(r if monitor.best_r is None else monitor.best_r, status)
+    status = Status.SINGULAR if monitor.iterations == begun else Status.STAGNATED
+    return Iterate(r if monitor.best_r is None else monitor.best_r, status)
+
+
+class _InteriorPoint:
+    """The paths of one problem; their points are r (nc, d), and flat x and y on both sides of the pairs."""
+
+    def __init__(self, problem: LocalProblem, monitor: Monitor, options: InteriorPointOptions) -> None:
+        self._problem, self._monitor, self._options = problem, monitor, options
+        self._operator, self._shape = problem.delassus, (problem.nc, problem.dimension)
+        self._compliance = problem.delassus.compliance
+        self.pairs = ContactPairs(problem.mu, problem.dimension)
+        self._algebra, self._system = ConeAlgebra(self.pairs), InteriorSystem(problem.delassus)
+
+    def follow(self, r: FloatArray, size: float, by_compliance: float, by_friction: float) -> Status | None:
+        """Follow a central path from near r (m,), from tau = size^2 [velocity] over the compliance; None where it ends unsolved."""
+        c, monitor = self._compliance, self._monitor
+        mean = float(np.exp(np.log(c).mean()))
+        tau = (mean / c) ** by_compliance / mean
+        rough = np.where(self._problem.mu > 0, self._problem.mu, 1.0) ** by_friction
+        centre = self.pairs.weights(tau, tau * rough)
+        x, y = self.pairs.centred(r.reshape(self._shape), self._velocity(r), size**2 * tau, c)
+        R, short = self.pairs.contact_reaction(x), 0
+        while short < JAMMED:
+            if (stopped := monitor.stopped(monitor.best, self._options.max_iterations)) is not None:
+                return stopped
+            try:
+                t, R, x, y = self._step(R, x, y, centre)
+            except (SingularMatrix, FloatingPointError):
+                return None
+            if not (t > 0 and self._algebra.least(x) > 0 and self._algebra.least(y) > 0 and np.isfinite(x @ y)):
+                return None  # as far as floating point goes
+            monitor.iterations += 1
+            answer = self._answer(R, y)
+            if monitor.record(answer, self._velocity(answer).ravel()) <= monitor.tol:
+                return Status.SOLVED
+            short = short + 1 if t < SHORT else 0
+        return None
+
+    def _velocity(self, r: FloatArray) -> FloatArray:
+        """W r + q (nc, d) of r (m,) or (nc, d)."""
+        return self._operator.affine(r.ravel(), self._problem.q).reshape(self._shape)
+
+    def _answer(self, R: FloatArray, y: FloatArray) -> FloatArray:
+        """r (m,) in the cones, by the natural map of the point: open contacts have none, and sliding ones are at the cone's surface."""
+        u, mu = self.pairs.contact_velocity(y), self._problem.mu
+        return project_cone(R - (u + de_saxce(u, mu)) / self._compliance[:, None], mu).ravel()
+
+    def _step(self, R: FloatArray, x: FloatArray, y: FloatArray, centre: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+        """Predictor and corrector from a point; the length of the step and the next point. Raises SingularMatrix."""
+        tau = float(x @ y) / float(centre.sum())
+        step = Linearised(self.pairs, self._system, x, y, self._velocity(R))
+        _, dx, dy = step.direction(-step.squared, 1.0)
+        t = step.length(dx, dy)
+        sigma, fraction = max((1 - t) ** 3, LEAST), max(self._options.fraction, LONGEST * t)
+        # t^2: of the predictor's second-order term, what a predictor of that length leaves
+        target = sigma * tau * centre - step.squared - t**2 * step.algebra.product(dx, dy)
+        dr, dx, dy = step.direction(target, 1 - sigma)
+        t = fraction * step.length(dx, dy)
+        R = R + t * dr
+        return t, R, self.pairs.reactions(R), y + t * step.V.apply(dy)
+
+    def polish(self) -> Status | None:
+        """Proximal Newton from the best iterate; None where it does not arrive within its iterations."""
+        monitor, most = self._monitor, self._options.max_iterations
+        assert monitor.best_r is not None
+        options = replace(
+            PROXIMAL_NEWTON,
+            alpha=min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(monitor.best))),
+            max_iterations=min(monitor.iterations + self._options.polish, most),
+        )
+        status = proximal_point(self._problem, monitor.best_r, monitor, options).status
+        return status if status in (Status.SOLVED, Status.TIME_LIMIT) or monitor.iterations >= most else None
+
+
+class Linearised:
+    """The law and u = W r + q about a point x, y inside, of r (nc, d) with velocity = W r + q (nc, d); raises SingularMatrix.
+
+    V x = V^-1 y = V.point, squared = V.point o V.point.
+    """
+
+    def __init__(self, pairs: ContactPairs, system: InteriorSystem, x: FloatArray, y: FloatArray, velocity: FloatArray) -> None:
+        self._pairs, self.algebra = pairs, ConeAlgebra(pairs)
+        self.V = NesterovTodd(pairs, y, x)
+        self.squared = self.algebra.product(self.V.point, self.V.point)
+        self._solve = system.factored(*pairs.blocks(self.V))
+        self._infeasibility = pairs.restricted(velocity - pairs.contact_velocity(y))
+
+    def direction(self, target: FloatArray, share: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """dr (nc, d), V dx, V^-1 dy with V.point o (V dx + V^-1 dy) = target, which take that share off the infeasibility W r + q - u."""
+        b = self.algebra.divide(self.V.point, target)
+        dr = self._solve(self._pairs.contact_velocity(self.V.apply(b)) - share * self._infeasibility)
+        dx = self.V.apply(self._pairs.reactions(dr))
+        return dr, dx, b - dx
+
+    def length(self, dx: FloatArray, dy: FloatArray) -> float:
+        """How far a step may go along these until either side is at the boundary, at most 1."""
+        return min(self.algebra.longest_step(self.V.point, dx), self.algebra.longest_step(self.V.point, dy))
