@@ -35,10 +35,7 @@ def pushed(model: Model, t: float, h: float) -> FloatArray | None:
     most = h**2 * float(np.abs(acceleration).max())
     if not most > 0 or not model.n_nodes:
         return None
-    some = np.flatnonzero(np.diff(model.node_offset))
-    least, largest = (f.reduceat(model.reference, model.node_offset[some]) for f in (np.minimum, np.maximum))
-    thinnest, extent = float((largest - least).min(axis=1).min()), float(np.ptp(model.reference, axis=0).max())
-    if not FAR * thinnest < most < ABSURD * extent:
+    if not most > FAR * model.thinnest or not most < ABSURD * float(np.ptp(model.reference, axis=0).max()):
         return None
     way = np.zeros(model.n_dofs)
     nodes = np.diff(first, append=model.dof_offset[-1])[:count] // d
