@@ -12,6 +12,8 @@ from fcsim.errors import EXIT_OK, InputError
 if TYPE_CHECKING:
     from fcsim.masonry import MasonryProblem
 
+OFF = 1e-6
+"""Of |q|: a stored u may differ by so much from that which the stored r has by the problem's equations."""
 MODELS = (".json", ".stl", ".obj", ".ply", ".off", ".3mf", ".glb", ".msh", ".vtu", ".vtk", ".xdmf", ".inp", ".mesh", ".med")
 
 
@@ -126,6 +128,9 @@ def _fclib(options: argparse.Namespace) -> int:
         if isinstance(problem, GlobalProblem | LocalProblem):
             judge = Judge(problem)
             stated += f", error {judge.scaled_error(content.solution.r):.3e} (published: {judge.error(content.solution.r):.3e})"
+            off = float(np.linalg.norm(content.solution.u - judge.velocity(content.solution.r))) / (judge.scale or 1.0)
+            if not off <= OFF:
+                stated += f"; the stored u is another one than that of the stored r, by {off:.1e} |q|"
         elif isinstance(problem, GlobalRollingProblem):
             scaled, published = rolling_errors(problem, content.solution.r)
             stated += f", error {scaled:.3e} (published: {published:.3e})"

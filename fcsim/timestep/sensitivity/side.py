@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +13,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
-from fcsim.timestep.encounter import Encounter, encounter, met_on_the_way
+from fcsim.timestep.encounter import Encounter, encounter
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Step
@@ -56,7 +57,7 @@ class Side:
     @classmethod
     def of(cls, build: Callable[..., Simulation], values: Mapping[str, float], name: str, distance: float) -> Side:
         """The side of the parameter `name`, at its initial state."""
-        simulation = build(**{**values, name: values[name] + distance})
+        simulation = built(build, {**values, name: values[name] + distance})
         return cls(simulation, distance, simulation.initial or at_rest(simulation.model, h=simulation.scheme.h))
 
     @cached_property
@@ -77,19 +78,16 @@ class Side:
 
     @cached_property
     def _met(self) -> Encounter:
-        """The contacts of a step of dynamics, which its unknowns do not change."""
+        """The contacts of the step, which its unknowns do not change."""
         s = self.simulation
         return encounter(s.model, s.detector, s.scheme, self.start, self._proportions, None)
 
-    def _equation(self, v: FloatArray) -> Equation:
+    @cached_property
+    def _equation(self) -> Equation:
         s = self.simulation
-        if s.scheme.timing.moving:
-            met = self._met
-        else:
-            met = met_on_the_way(s.model, s.detector, s.scheme, self.start, v, None, self._proportions, None)
         factor = s.system(s.scheme).with_rigid_mass(self._rigid_mass).turned(self._elastic.rotation)
         driven = s.scheme.driven(s.model, self.start)
-        return Equation(s.scheme, s.model, self.start, met, factor, self._rest, driven, self._elastic, 1.0)
+        return Equation(s.scheme, s.model, self.start, self._met, factor, self._rest, driven, self._elastic, 1.0)
 
     def _velocity(self, unknown: FloatArray) -> FloatArray:
         """v (n_dofs,) in world axes from a problem's unknowns, with what drives this side's supports."""
@@ -100,9 +98,8 @@ class Side:
         return model.world(v)
 
     def assembled(self, step: Step, unknown: FloatArray) -> Assembled:
-        """The step's equation at its unknowns (n,) for the contacts and reactions of `step`; of statics with contacts as found there."""
-        v = self._velocity(unknown)
-        equation = self._equation(v)
+        """The step's equation at its unknowns (n,) for the contacts and reactions of `step`."""
+        v, equation = self._velocity(unknown), self._equation
         iterate = self._elastic.first if self._elastic.rotation is None else v  # what is linear in v is in M
         load = self._rest - self._elastic.term(iterate) + self._elastic.push(iterate)
         problem = equation.problem(load)
@@ -118,8 +115,8 @@ class Side:
         return Assembled(equation, problem, load, v, residual, velocity.ravel(), mu, rows, present)
 
     def ended(self, step: Step, unknown: FloatArray, r: FloatArray, u: FloatArray) -> tuple[State, Step | None]:
-        """The state at the end for unknowns (n,), reactions and velocities (m,), and the whole step; None where its contacts are others
-        than those of `step`."""
+        """The state at the end for unknowns (n,), reactions and velocities (m,), and the whole step, without what is looked at and added up
+        after it (penetration, overlap); None where its contacts are others than those of `step`."""
         s, made = self.simulation, self.assembled(step, unknown)
         met = made.equation.met
         impulse = met.impulse(made.reaction(r))
@@ -141,6 +138,8 @@ class Side:
             encounter=met,
             support_impulse=s.support_impulse(s.scheme, answer, impulse, self._rigid_mass, after),
             last=None,
+            penetration=np.nan,
+            overlap=None,
         )
         return after, whole
 
@@ -154,13 +153,31 @@ def _found(wanted: IntArray, among: IntArray) -> tuple[BoolArray, IntArray]:
     return present, order[at[present]]
 
 
-def sides(build: Callable[..., Simulation], values: Mapping[str, float], name: str, distance: float, n_dofs: int) -> tuple[Side, Side]:
-    """Both sides of a parameter; InputError where they have other degrees of freedom than n_dofs."""
+def sides(build: Callable[..., Simulation], values: Mapping[str, float], name: str, distance: float, base: Simulation) -> tuple[Side, Side]:
+    """Both sides of a parameter; InputError where they are not of the base's meshes, bodies and steps."""
     pair = Side.of(build, values, name, -distance), Side.of(build, values, name, distance)
     for side in pair:
-        if side.simulation.model.n_dofs != n_dofs:
+        other, at = side.simulation, f"{values[name] + side.distance:g}"
+        if other.model.n_dofs != base.model.n_dofs:
             raise InputError(
-                f"parameter {name!r}: expected the same meshes for all values, got {side.simulation.model.n_dofs} degrees of freedom at "
-                f"{values[name] + side.distance:g} and {n_dofs} at {values[name]:g}"
+                f"parameter {name!r}: expected the same meshes for all values, got {other.model.n_dofs} degrees of freedom at {at} and "
+                f"{base.model.n_dofs} at {values[name]:g}"
+            )
+        if (other.scheme.h, other.steps) != (base.scheme.h, base.steps):
+            raise InputError(
+                f"parameter {name!r}: expected the same steps for all values, got {other.steps} of {other.scheme.h:g} s at {at} and "
+                f"{base.steps} of {base.scheme.h:g} s at {values[name]:g}"
             )
     return pair
+
+
+def built(build: Callable[..., Simulation], values: Mapping[str, float]) -> Simulation:
+    """What `build` makes of the values; InputError where that is no simulation or it does not take these names."""
+    try:
+        inspect.signature(build).bind(**values)
+    except TypeError as error:
+        raise InputError(f"build: expected a function of {', '.join(values)}: {error}") from None
+    simulation: object = build(**values)
+    if not isinstance(simulation, Simulation):
+        raise InputError(f"build: expected it to return a Simulation, got {type(simulation).__name__}")
+    return simulation

@@ -270,3 +270,13 @@ def test_a_stored_solution_with_rolling_friction_is_judged(tmp_path: Path, capsy
         path = write_fclib(tmp_path / f"{share}.hdf5", problem, solution=Solution(u, r, v))
         assert main(["info", str(path)]) == 0
         assert f"solution     stored, error {error} (published: {error})" in capsys.readouterr().out
+
+
+def test_info_says_where_the_stored_u_is_not_that_of_the_stored_r(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """W = 1, q = (-1, 0, 0), r = (1, 0, 0): u = 0; with (0, 3, 4) the file contradicts itself by 5 |q|, though r is an answer."""
+    problem = LocalProblem(np.eye(3), np.array([-1.0, 0.0, 0.0]), np.array([0.3]))
+    for u, said in ((np.zeros(3), False), (np.array([0.0, 3.0, 4.0]), True)):
+        path = tmp_path / f"{said}.hdf5"
+        write_fclib(path, problem, solution=Solution(u=u, r=np.array([1.0, 0.0, 0.0])))
+        assert main(["info", str(path)]) == 0
+        assert ("the stored u is another one than that of the stored r, by 5.0e+00 |q|" in capsys.readouterr().out) is said

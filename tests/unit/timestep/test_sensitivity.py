@@ -102,6 +102,43 @@ def test_a_block_pressed_in_statics() -> None:
         assert found[name].state.x[side] == pytest.approx(of_side, rel=1e-6, abs=1e-12)
 
 
+def rubbed(mu: float = 0.3, E: float = 1e6, way: float = 4e-3) -> Simulation:
+    """A block pressed onto a rough plane in statics and dragged along it by its top."""
+    part = brick("block", (1.0, 0.5, 0.4), (3, 2, 2), Material(E, 0.3, 1000.0), origin=(0, 0, 0))
+    ground = rigid_box("ground", (4, 4, 1), (0, 0, -0.5), 1.0)
+    along = Support("block", ("x",), "z+", velocity=lambda t: 4 * way if t > 0.25 else 0.0)
+    down = Support("block", ("z",), "z+", velocity=lambda t: -way if t <= 0.25 else 0.0)
+    aside = Support("block", ("y",), "z+")
+    model = build_model([Body("block", part), ground], supports=[HELD, down, along, aside])
+    return Simulation(model, Everything(model, mu), QuasiStatic(0.25), 5, EXACT, witness=None)
+
+
+def test_a_block_dragged_in_statics() -> None:
+    """Some of its foot sticks, some slides; against whole runs."""
+    values = {"mu": 0.3, "E": 1e6, "way": 4e-3}
+    found = list(sensitivities(rubbed, values))
+    u_T = np.linalg.norm(found[-1][0].result.u.reshape(-1, 3)[:, 1:], axis=1)
+    assert (u_T > 1e-5).any()
+    for name in values:
+        for (_, own), (x, _) in zip(found, differences(rubbed, values, name, 1e-5), strict=True):
+            assert np.abs(own[name].state.x - x).max() <= 1e-6 * np.abs(x).max() + 1e-11 / values[name]
+
+
+def test_rotation_vectors_beyond_half_a_turn() -> None:
+    """A ball that spins about z: its rotation is spin times t, whatever its rotation vector says of it."""
+
+    def spun(spin: float) -> Simulation:
+        simulation = ball(weight=1e-9, speed=1e-9, steps=40)
+        v = np.zeros(simulation.model.n_dofs)
+        v[5] = spin
+        return replace(simulation, initial=State(0.0, np.zeros(simulation.model.n_dofs), v))
+
+    rate = np.pi / 0.04  # half a turn at the end, one side before it and one beyond
+    step, found = list(sensitivities(spun, {"spin": rate}))[-1]
+    assert abs(abs(step.state.x[5]) - np.pi) < 1e-6
+    assert found["spin"].state.x[5] == pytest.approx(0.04, rel=1e-6)
+
+
 def differences(build: Callable[..., Simulation], values: dict[str, float], name: str, relative: float) -> list[tuple[Any, ...]]:
     """Central differences of whole runs, solved anew: of x, v and r step by step."""
     d = relative * values[name]
@@ -187,8 +224,23 @@ def test_the_wall_against_whole_runs() -> None:
 def test_refusals() -> None:
     with pytest.raises(InputError, match="parameter 'mu': expected a finite number other than 0"):
         list(sensitivities(ball, {"mu": 0.0}))
-    with pytest.raises(InputError, match=r"relative: expected a number > 0 and < 0\.1"):
-        list(sensitivities(ball, {"mu": 0.3}, relative=1.0))
+    for relative in (1.0, "a"):
+        with pytest.raises(InputError, match=r"relative: expected a number > 0 and < 0\.1"):
+            list(sensitivities(ball, {"mu": 0.3}, relative=relative))  # type: ignore[arg-type]
+    for value in ("a", None, float("nan")):
+        with pytest.raises(InputError, match="parameter 'mu': expected a finite number"):
+            list(sensitivities(ball, {"mu": value}))  # type: ignore[dict-item]
+    with pytest.raises(InputError, match="build: expected a function of weigth: got an unexpected keyword argument 'weigth'"):
+        list(sensitivities(ball, {"weigth": 9.81}))
+    with pytest.raises(InputError, match="build: expected it to return a Simulation, got int"):
+        list(sensitivities(lambda mu: 3, {"mu": 0.3}))  # type: ignore[arg-type, return-value]
+    with pytest.raises(InputError, match="parameters: expected values by name"):
+        list(sensitivities(ball, [0.3]))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"parameter 'h': expected the same steps for all values, got 40 of 0\.0009999 s"):
+        list(sensitivities(lambda h: replace(ball(), scheme=Theta(h)), {"h": 1e-3}))
+    speeds = iter(np.linspace(1, 2, 9))
+    with pytest.raises(InputError, match="step 1: expected a step that is determined by its beginning, got other"):
+        list(sensitivities(lambda mu: ball(mu, speed=next(speeds)), {"mu": 0.3}))
 
     def meshed(size: float = 1.0) -> Simulation:
         part = brick("block", (1, 1, 1), (3 if size > 1 else 2, 1, 1), Material(1e6, 0.3, 1000.0), origin=(0, 0, 0))
