@@ -25,10 +25,12 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.problem.motion import Motion
 from fcsim.problem.problem import LocalProblem
 
-REACTIONS, REACTIONS_OF_A_CASE = 1e10, 1e6
+REACTIONS, REACTIONS_OF_A_CASE = 1e12, 1e6
 """Times the reactions that the velocities would need by the contacts' own compliances that an answer would have to exceed, for a proof in
 floating point: W^T N y is never zero to the last digit; of a case whose equations are singular, where linear
 programming sees no further."""
+FEW = 300
+"""Contacts of a self-stress up to which what linear programming leaves of it, 1e-10, is taken out."""
 HEAVIEST = 1e-12
 """Times the largest compliance: what is below that is none, but round-off."""
 MISSED = 1e-5
@@ -60,9 +62,10 @@ class Certificate:
         if self.direction is None:
             near = "" if self.reactions == float("inf") else f", not with reactions of up to {self.reactions:.0e} times the usual"
             return f"no solution: contacts {few} can neither be open nor stick nor slide (all cases{near})"
+        needed = "no reactions" if self.reactions == float("inf") else f"only reactions of {self.reactions:.0e} times the usual"
         return (
             f"no solution: contacts {few} are squeezed, a self-stress of their normal forces works against what is prescribed "
-            f"(reactions of {self.reactions:.0e} times the usual would be needed)"
+            f"({needed} would keep them apart)"
         )
 
 
@@ -98,6 +101,7 @@ def squeezed(problem: LocalProblem) -> Certificate | None:
         return None
     y = np.maximum(found.x, 0.0)
     y[y < 1e-9 * y.max()] = 0.0
+    y = _exact(sp.csc_array(sp.diags_array(own) @ sp.csr_array(W[::d].T) @ sp.diags_array(own[::d])), y)
     work, leak = -float(cost @ y), float(np.linalg.norm(own * (W[::d].T @ (own[::d] * y))))
     usual = float(np.linalg.norm(own * problem.q))
     reactions = work / (leak * usual) if leak > 0 else float("inf")
@@ -106,6 +110,21 @@ def squeezed(problem: LocalProblem) -> Certificate | None:
     direction = np.zeros(problem.m)
     direction[::d] = own[::d] * y / (own[::d] @ y)
     return Certificate(np.flatnonzero(y), direction, reactions)
+
+
+def _exact(E: sp.csc_array, y: FloatArray) -> FloatArray:
+    """y (nc,) >= 0 with E y = 0 to round-off where that takes changes of what bears alone, and small ones; else y as it is."""
+    bears = np.flatnonzero(y)
+    if not 0 < len(bears) <= FEW:
+        return y
+    own = E[:, bears]
+    rows = own[np.unique(own.indices)].toarray()
+    left = np.linalg.lstsq(rows, rows @ y[bears], rcond=1e-9)[0]
+    if not np.abs(left).max() < 1e-3 * y.max() or np.any(y[bears] - left < 0):
+        return y
+    exact = y.copy()
+    exact[bears] -= left
+    return exact
 
 
 def _nothing_moves(problem: LocalProblem) -> Certificate:
