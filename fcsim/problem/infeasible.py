@@ -35,7 +35,7 @@ HEAVIEST = 1e-12
 """Times the largest compliance: what is below that is none, but round-off."""
 MISSED = 1e-5
 """Share of the contacts' speed, or of their largest reaction, by which the best of all cases must miss, for a proof by cases."""
-REGULAR = 1e8
+REGULAR = 1e12
 """Condition up to which the equations of a case are solved; of others the least that inequalities must be relaxed by is sought."""
 CASES = 3
 """Contacts up to which all cases are looked at: 64 linear programmes."""
