@@ -159,8 +159,8 @@ def number(value: float | None, unit: str = "") -> str:
 
 
 def duration(seconds: float) -> str:
-    """Three digits in the unit that suits: s, ms or µs."""
-    scale, unit = next(((scale, unit) for scale, unit in ((1.0, "s"), (1e-3, "ms")) if seconds >= scale), (1e-6, "µs"))
+    """Three digits in the unit that suits: s, ms or µs; what rounds to 1000 of one is 1 of the next."""
+    scale, unit = next(((scale, unit) for scale, unit in ((1.0, "s"), (1e-3, "ms")) if seconds >= 0.9995 * scale), (1e-6, "µs"))
     return number(seconds / scale, unit)
 
 

@@ -103,6 +103,7 @@ def test_tables_say_the_same(measurements):
 
 def test_numbers():
     assert [number(v) for v in (None, math.nan, math.inf, 0.1234, 12.34, 12345.6)] == ["–", "–", "–", "0.123", "12.3", "12346"]
+    assert [duration(v) for v in (0.9996, 0.9994, 9.996e-4)] == ["1 s", "999 ms", "1 ms"]
     assert [duration(v) for v in (12.34, 0.01234, 1.234e-5, math.nan)] == ["12.3 s", "12.3 ms", "12.3 µs", "–"]
 
 
