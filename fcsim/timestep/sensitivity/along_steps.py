@@ -33,8 +33,9 @@ from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Step
 
-RELATIVE = 1e-4
-"""Of a parameter: how far to either side what is assembled is differenced."""
+RELATIVE = 1e-3
+"""Of a parameter: how far to either side what is assembled is differenced. What is smooth is off by its square; round-off counts by its
+inverse, where a parameter hardly matters: at 1e-4 that was 5 % of dx/dE of a block that its E moves by 1e-11 of its way."""
 SETTLED, ROUND_OFF, ROUNDS = 1e-9, 1e-11, 60
 """Where forces follow v: change of dv from one round to the next over dv, and of v moved by it over v, that is none, in the largest
 entries; rounds at the most."""
@@ -85,7 +86,8 @@ def sensitivities(
 
     build       the simulation of the parameters, called by name: build(E=2e9, mu=0.5); the same bodies, meshes and steps for all values.
                 Whatever it makes of them counts: materials, friction, loads, motions of supports, initial velocities, sizes
-    parameters  their values, by name; each is differenced by `relative` times its size
+    parameters  their values, by name; each is differenced by `relative` times its size: where one hardly matters, a larger one is better,
+                and what two of them agree on is known
     margin      what counts as no reaction or velocity, see `Result.derivative`
 
     The solver's tol should be 1e-10 or less. InputError where contacts are on the border between two statuses or reactions are not unique
