@@ -8,9 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.assembly.model import Model
-
-FAINT = 1e-8
-"""Of a body's stiffness: the regularisation eta / h^2 M that is proposed to who has none, or one that round-off hides."""
+from fcsim.assembly.shares.group_factor import FAINT
 
 
 def floating(model: Model) -> Iterator[int]:

@@ -176,6 +176,9 @@ def solve_rolling_chain(
     return None
 
 
+MET = 1e-12  # tolerance that solvers meet in double precision, see `longest_flight`
+
+
 def not_converged(
     settings: SolverSettings,
     number: int,
@@ -201,7 +204,8 @@ def not_converged(
             "alone holds (a chain), a larger eta"
         )
     elif last.solver in SOLVERS and last.tol < 0.5 * min(settings.tol, OF_NEWTON):  # asked for by `longest_flight`
-        text += "; bodies fly farther than the model is large in one step: choose a smaller h, in statics a larger eta"
+        by = f" (about {MET / last.tol:.0e} times)" if last.tol < MET else ""
+        text += f"; bodies fly farther than the model is large in one step: choose a smaller h, in statics a larger eta{by}"
     return NotConverged("; ".join((text, *why)))
 
 

@@ -22,6 +22,9 @@ from fcsim.linear.over_ranks.rows import RowsOverRanks, whole
 from fcsim.linear.singularity import refuse_singular
 from fcsim.runtime import release_freed_memory
 
+FAINT = 1e-8
+"""Of a body's stiffness: the regularisation eta / h^2 M that is proposed to who has none, or one that round-off hides."""
+
 
 def own_surface(model: BodyLayout, group: Group, touched: BoolArray) -> IntArray:
     """Numbers of the contact dofs in the part, driven ones left out."""
@@ -45,7 +48,7 @@ class GroupFactor:
     @cached_property
     def factor(self) -> Factor:
         """Made where it is asked for, by all ranks together of a group that is `over_ranks`; InputError where it cannot be."""
-        group, mass = self._group, self._factors[0]
+        group, (mass, stiffness) = self._group, self._factors
         block = self._block()
         try:
             factor: Factor
@@ -57,11 +60,14 @@ class GroupFactor:
                 refuse_singular(block, factor)
         except SingularMatrix as error:
             why = "in statics a body needs supports, or a larger eta"
+            if mass and not np.any(group.M.diagonal()):
+                why = "it has no mass: in dynamics a part needs a density > 0, or supports that hold it; statics: QuasiStatic(h)"
+            elif mass:
+                sums = [float(A.diagonal().sum()) for A in (group.K, group.M)]
+                larger = FAINT * stiffness * sums[0] / (mass * sums[1])
+                units = "expected E, density, lengths and the step in one system of units"
+                why = f"its stiffness hides its mass in round-off: {units}, in statics a larger eta, about {larger:.0e} times"
             if mass:
-                units = "expected E, density, lengths and the step in one system of units, in statics a larger eta"
-                why = f"its stiffness hides its mass in round-off: {units}"
-                if not np.any(group.M.diagonal()):
-                    why = "it has no mass: in dynamics a part needs a density > 0, or supports that hold it; statics: QuasiStatic(h)"
                 error = SingularMatrix(str(error).removesuffix(" (a body without supports?)"))
             raise InputError(f"part {group.part.name!r}: its system matrix is singular ({error}); {why}") from None
         return factor

@@ -46,10 +46,10 @@ from fcsim.timestep.step_equation.loops.going_round import goes_round
 from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor
 from fcsim.timestep.step_equation.loops.lost_contacts import lost
 from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
-from fcsim.timestep.step_equation.loops.natural import leads_on
+from fcsim.timestep.step_equation.loops.natural import jams, leads_on
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
-from fcsim.timestep.step_equation.loops.positive import positive_factor
-from fcsim.timestep.step_equation.sequence import longest_flight
+from fcsim.timestep.step_equation.loops.positive import further_share, positive_factor
+from fcsim.timestep.step_equation.sequence import ROUND, longest_flight
 from fcsim.timestep.step_equation.tangent import made_positive, tangent_by_differences, tangent_by_formulas
 
 TOLERANCE = 1e-9
@@ -68,10 +68,6 @@ TIGHTER, TIGHTEST = 0.1, 1e-3
 not met and does not fall, and at the least."""
 
 CLOSER = 0.01  # of the solver's tolerance where a body is stiffened: what it leaves open, times that stiffness, is in the residual
-
-JAMMED = ((2, 1 / 32), (4, 1.0))
-"""How many iterations one after the other that went less than how far, after which one goes all the way, whatever the residual: contacts
-that press are between two states then. Without them it is a body that loses its stiffness."""
 
 _SHORTEST = 1 / 64
 
@@ -114,6 +110,7 @@ class _Newton:
         self.foreseen, self.ceiling = False, 0.0
         self.sizes: list[float] = []
         self.tighter = 1.0
+        self.least = 0.0
 
     def solve(self, past: Past) -> tuple[Answer | None, Past]:
         """See `solve_nonlinear`; long because it is one iteration from its matrix to its verdict."""
@@ -136,6 +133,7 @@ class _Newton:
             # what a solver leaves open is in the next iterate's contacts: they would not settle to less
             tol = self.settings.tol if self.anew is None else min(self.settings.tol, TOLERANCE)
             result: Result | None = None
+            tried, serving, least = list[Attempt](), past.serving, None
             for equation, pushed, settings in self._ways(plain, now):
                 posed = equation.problem(load + pushed)
                 assert isinstance(posed, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
@@ -148,7 +146,12 @@ class _Newton:
                 allowed = tol * flight * (CLOSER if share else 1.0) * self.tighter
                 if flight < 1.0 and equation.slanted is not None:
                     continue
-                tried, serving = list[Attempt](), past.serving
+                least = (
+                    further_share(self.least) if allowed < ROUND and self.anew is not None and not equation.elastic.held_by_mass else None
+                )
+                if least is not None:
+                    break
+                tried, serving = [], past.serving
                 once, allowed = looped(settings, equation, len(self.done), allowed)
                 if once:
                     result = contacts_once(reduction, equation, now.v, warm, settings, allowed)
@@ -161,7 +164,10 @@ class _Newton:
             self.clock.lap("solve")
             past = replace(past, serving=serving)
             if result is None:
-                return None, past
+                if least is None:
+                    return None, past
+                self.least, self.start = least, self.start if self.done else None
+                continue
             if not self.done and tried:
                 past = replace(past, lead=lead.after(tried[0].solver, tried[-1].solver))
             v = equation.velocity(result.v)  # type: ignore[arg-type]
@@ -178,7 +184,8 @@ class _Newton:
             self.ceiling = now.residual if self.foreseen else 0.0
             at_rest = self.anew is None or settled(equation.met, met, new.v, result.r)
             self.clock.lap("detection" if self.anew is not None else "assembly")
-            self._note(problem, result, warm, new, length, factor, share)
+            fresh = sum(group.fresh for group in factor.nonlinear_groups)
+            self.done.append(Linearised(problem, result, warm, TOLERANCE * new.residual, length, fresh, share))
             self.sizes.append(new.residual)
             if problem.nc and not result.iterations and new.residual > max(1.0, 0.5 * self.sizes[-2:][0]) and len(self.sizes) > 1:
                 self.tighter = max(TIGHTEST, TIGHTER * self.tighter)
@@ -196,7 +203,7 @@ class _Newton:
     def _factor(self, now: Iterate, past: Past) -> tuple[SystemFactor, float, Past]:
         """The factor of A_i, the share of the first stiffness in it, and the past that keeps it; raises Indefinite."""
         kept = None if past.serving is None else past.serving.earlier(KeptFactor)
-        factor, share, self.foreseen = positive_factor(self.equation, self.inner, now, None if kept is None else kept.factor)
+        factor, share, self.foreseen = positive_factor(self.equation, self.inner, now, None if kept is None else kept.factor, self.least)
         if past.serving is not None:
             past = replace(past, serving=past.serving.having(KeptFactor(np.empty(0, dtype=np.int64), factor=factor)))
         return factor, share, past
@@ -281,8 +288,7 @@ class _Newton:
         foreseen stresses it may be what it was before that (L. Grippo, F. Lampariello, S. Lucidi, SIAM J. Numer. Anal. 23, 1986): such
         iterations leave less than the next one does."""
         length, least, best = 1.0, np.inf, None
-        lengths = [one.length for one in self.done]
-        jammed = bool(np.any(result.r)) and any(len(lengths) >= n and max(lengths[-n:]) < limit for n, limit in JAMMED)
+        jammed = bool(np.any(result.r)) and jams([one.length for one in self.done])
         factor, free = equation.factor, own and equation.linked is None and not (np.any(result.r) or np.any(now.r))
         r0 = now.r if now.r.shape == result.r.shape else result.r
         l1 = np.empty(0) if result.multiplier is None else result.multiplier
@@ -326,12 +332,6 @@ class _Newton:
         carry = carried_in_space if self.in_space else carried
         r, left = (new.r, np.zeros(0)) if equation.met is earlier else carry(earlier.contacts, new.r, equation.met.contacts)
         return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l, new.push)), left
-
-    def _note(
-        self, problem: GlobalProblem, result: Result, start: FloatArray, new: Iterate, length: float, factor: SystemFactor, share: float
-    ) -> None:
-        fresh = sum(group.fresh for group in factor.nonlinear_groups)
-        self.done.append(Linearised(problem, result, start, TOLERANCE * new.residual, length, fresh, share))
 
     def _answer(self, equation: Equation, reduction: Reduction, new: Iterate, load: FloatArray, result: Result) -> Answer:
         """The answer; its right side is that of the nonlinear equation, so that what supports take is what they take of it."""

@@ -13,10 +13,21 @@ Source: P. Deuflhard, Newton methods for nonlinear problems, Springer, 2004, sec
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
+
+JAMMED = ((2, 1 / 32), (4, 1.0))
+"""How many iterations one after the other that went less than how far, after which one goes all the way, whatever the residual: contacts
+that press are between two states then. Without them it is a body that loses its stiffness."""
+
+
+def jams(lengths: Sequence[float]) -> bool:
+    """Whether iterations of these lengths jam, see `JAMMED`."""
+    return any(len(lengths) >= n and max(lengths[-n:]) < limit for n, limit in JAMMED)
 
 
 def leads_on(factor: SystemFactor, R: FloatArray, newton: FloatArray, length: float) -> bool:
