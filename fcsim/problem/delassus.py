@@ -136,8 +136,10 @@ class Delassus:
     @cached_property
     def diagonal_blocks(self) -> FloatArray:
         """The contacts' own blocks W_aa (nc, d, d)."""
-        own = diagonal_blocks(self.W, self.dimension)
-        return own if self.shift is None else own + self.shift[:, None, None] * np.eye(self.dimension)
+        if self.shift is None:
+            return diagonal_blocks(self.W, self.dimension)
+        own = diagonal_blocks(self.W, self.dimension) if self.unshifted is None else self.unshifted.diagonal_blocks
+        return own + self.shift[:, None, None] * np.eye(self.dimension)
 
     @cached_property
     def compliance(self) -> FloatArray:

@@ -9,8 +9,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.skin.boundary import Boundary
 from fcsim.contact_detection.skin._shape_kernels import facet_geometry
+from fcsim.contact_detection.skin.boundary import Boundary
 from fcsim.contact_detection.skin.skin import FLAT, ROUND, SMOOTH, Skin
 from fcsim.errors import InputError
 
