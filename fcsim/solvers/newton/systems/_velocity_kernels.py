@@ -63,7 +63,7 @@ def _closed(K, a):
 @njit(cache=True)
 def _times(K, h, a, Kh):
     """Kh (d, k) = K_a h_a, row by row, so that the compiler makes vectors."""
-    nc, d, k = h.shape
+    _, d, k = h.shape
     for i in range(d):
         f = K[a, i, 0]
         for j in range(k):
@@ -77,7 +77,7 @@ def _times(K, h, a, Kh):
 @njit(cache=True)
 def _row_of_share(h, a, i, Kh, share):
     """share (k,): row i of h_a^T K_a h_a."""
-    nc, d, k = h.shape
+    _, d, k = h.shape
     f = h[a, 0, i]
     for j in range(k):
         share[j] = f * Kh[0, j]
