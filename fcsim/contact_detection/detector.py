@@ -126,7 +126,7 @@ class Detector:
         way = self._checked(displacement)
         count = self._looks(x, way)
         times = np.arange(1, count + 1) / max(count, 1)
-        return with_swept(now, self._at, x, way, times, max(pair.alert for pair in self.pairs)) if count else now
+        return with_swept(now, lambda t: self._at(x + t * way), x, way, times, max(pair.alert for pair in self.pairs)) if count else now
 
     @cached_property
     def _nodes_of_pairs(self) -> list[tuple[IntArray, ...]]:

@@ -37,7 +37,7 @@ def samples(distance: float, spacing: float) -> int:
 
 def with_swept(
     now: Contacts,
-    detect: Callable[[FloatArray], Contacts],
+    detect: Callable[[float], Contacts],
     positions: FloatArray,
     displacement: FloatArray,
     times: FloatArray,
@@ -52,14 +52,19 @@ def with_swept(
     found, off = [now], [np.full(len(now), -1.0)]
     through = np.empty(0, dtype=np.int64)
     for t in times:
-        there = detect(positions + t * displacement)
-        there = there.take(~np.isin(there.identity, now.identity))
+        there = detect(t)
+        other = ~np.isin(there.identity, now.identity)
+        if not other.any():
+            continue
+        there = there.take(other)
         there = there.take((there.gap >= 0) | ~np.isin(_passages(there), through).any(axis=1))
         closes = brought_back(there, positions + displacement).gap
         entered = there.take((there.gap >= 0) & (closes < 0) & (np.count_nonzero(_slaves(there), axis=1) == 1))
         through = np.union1d(through, _passages(entered)[_slaves(entered)])
         found.append(brought_back(there, positions).take(closes <= alert))
         off.append(np.abs(there.gap)[closes <= alert])
+    if len(found) == 1 and np.all(now.identity[1:] > now.identity[:-1]):
+        return now
     every = join([now, *(bounded(swept, now) for swept in found[1:])])
     order = np.lexsort((np.concatenate(off), every.identity))
     identity = every.identity[order]

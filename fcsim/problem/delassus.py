@@ -54,6 +54,7 @@ class Delassus:
     unshifted: Delassus | None = None
     shares: KnownShares | None = None
     _made: dict[Hashable, object] = field(default_factory=dict, init=False, repr=False)
+    _last: list[tuple[FloatArray, FloatArray]] = field(default_factory=list, init=False, repr=False)
 
     __repr__ = brief
 
@@ -92,12 +93,23 @@ class Delassus:
 
     def __matmul__(self, x: FloatArray) -> FloatArray:
         """(W + diag(shift)) x for x (m,) or (m, k)."""
-        W, of_one = self.W, x.ndim == 1 and x.dtype == np.float64
-        if of_one and isinstance(W, LateRows):
+        if isinstance(self.W, LateRows) and x.ndim == 1 and x.dtype == np.float64:
             return self.affine(x, np.zeros(self.size))
+        image = self._product(x) if self.unshifted is None else self.unshifted._product(x)
+        return image if self.shift is None else image + (self.by_unknown * x.T).T
+
+    def _product(self, x: FloatArray) -> FloatArray:
+        """W x for x (m,) or (m, k); that of the last vector is kept: a proximal step's inner problem begins with the product that the step
+        before has ended with."""
+        W, of_one = self.W, x.ndim == 1 and x.dtype == np.float64
+        for last, product in self._last:
+            if of_one and np.array_equal(last, x):
+                return product.copy()
         by_blocks = of_one and isinstance(W, sp.bsr_array) and W.blocksize == (3, 3) and len(W.indices) >= 2 * BLOCKS_A_PIECE
         image: FloatArray = product_by_rows(W, np.zeros(self.size), x) if by_blocks else W @ x
-        return image if self.shift is None else image + (self.by_unknown * x.T).T
+        if of_one:
+            self._last[:] = [(x.copy(), image.copy())]
+        return image
 
     def transposed_product(self, x: FloatArray) -> FloatArray:
         """(W + diag(shift))^T x for x (m,) or (m, k)."""
@@ -136,8 +148,10 @@ class Delassus:
     @cached_property
     def diagonal_blocks(self) -> FloatArray:
         """The contacts' own blocks W_aa (nc, d, d)."""
-        own = diagonal_blocks(self.W, self.dimension)
-        return own if self.shift is None else own + self.shift[:, None, None] * np.eye(self.dimension)
+        if self.shift is None:
+            return diagonal_blocks(self.W, self.dimension)
+        own = diagonal_blocks(self.W, self.dimension) if self.unshifted is None else self.unshifted.diagonal_blocks
+        return own + self.shift[:, None, None] * np.eye(self.dimension)
 
     @cached_property
     def compliance(self) -> FloatArray:

@@ -133,7 +133,8 @@ class ExactContacts:
             return self._at(now, x, alert + closing)
         further, times = max(alert, closing), np.arange(1, count + 1) / count
 
-        def met_at(there: FloatArray) -> Contacts:
+        def met_at(t: float) -> Contacts:
+            there = x + t * way
             return self._at(placed(self.solids, there), there, further, now)
 
         met = with_swept(self._at(now, x, alert), met_at, x, way, times, alert)

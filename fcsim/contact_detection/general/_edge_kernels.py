@@ -51,7 +51,7 @@ def _pierces(
     """How many of the two faces of the edge b the edge a goes through."""
     count = 0
     for k in range(2):
-        if pierced(point[edges[a, 0]], point[edges[a, 1]], edge_facets[b, k], near, point, normals, facets, sides):
+        if pierced(at(point, edges[a, 0]), at(point, edges[a, 1]), edge_facets[b, k], near, point, normals, facets, sides):
             count += 1
     return count
 

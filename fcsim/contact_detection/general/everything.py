@@ -126,9 +126,13 @@ class Everything:
         if displacement is None:
             return now
         way = self._checked("displacement", displacement)
-        fast, count, alert = self._fast(x, way, beyond)
-        times = np.arange(count + 1) / max(count, 1)
-        return with_swept(now, lambda there: self._at(there, fast)[0], x, way, times, alert) if count else now
+        fast, count, alert, own = self._fast(x, way, beyond)
+        if not count:
+            return now
+        times, farther = np.arange(count + 1) / count, fast.take(fast.alert > own)
+        if not len(farther.bodies):  # all that is found at the beginning of those with their own alert distances is among `now`
+            times = times[1:]
+        return with_swept(now, lambda t: self._at(x + t * way, fast if t > 0.0 else farther)[0], x, way, times, alert)
 
     def _here(self, x: FloatArray) -> tuple[Contacts, IntArray]:
         """`_at` x of all bodies. The last two answers are kept: a step looks ahead where the next begins, and at its end."""
@@ -161,9 +165,9 @@ class Everything:
             keep &= ~np.isin(a * self.skin.n_bodies + b, self.excluded)
         return near if keep.all() else near.take(keep)
 
-    def _fast(self, x: FloatArray, way: FloatArray, beyond: IntArray) -> tuple[NearBodies, int, float]:
-        """Bodies that may meet on their way, into how many parts it is cut, and the largest of their alert distances [m]. Slow ones
-        have all that they may meet among their contacts at x, but corners `beyond` each other's rims."""
+    def _fast(self, x: FloatArray, way: FloatArray, beyond: IntArray) -> tuple[NearBodies, int, float, FloatArray]:
+        """Bodies that may meet on their way, into how many parts it is cut, the largest of their alert distances [m], and what these are
+        where nothing moves. Slow ones have all that they may meet among their contacts at x, but corners `beyond` each other's rims."""
         skin = self.skin
         here, move = (np.pad(field[skin.node], ((0, 0), (0, 3 - skin.dimension))) for field in (x, way))
         least, most = (f.reduceat(move, skin.first_vertex[:-1], axis=0) for f in (np.minimum, np.maximum))
@@ -179,13 +183,14 @@ class Everything:
         moving = distance > np.where(np.isin(a * skin.n_bodies + b, beyond), _CREEPS, _SLOW) * near.alert
         near, distance = near.take(moving), distance[moving]
         if not len(distance):
-            return near, 0, 0.0
+            return near, 0, 0.0, near.alert
         a, b = near.bodies.T
         spacing = np.maximum(near.alert, _BETWEEN * np.minimum(self.lengths.extent[a], self.lengths.extent[b]))
         most_looks = int(np.argmax(distance / spacing))
         count = samples(float(distance[most_looks]), float(spacing[most_looks]))
         # at every look, all that the motion to the next one may close
-        return near._replace(alert=np.maximum(near.alert, distance / max(count, 1))), count, float(near.alert.max())
+        fast = near._replace(alert=np.maximum(near.alert, distance / max(count, 1)))
+        return fast, count, float(near.alert.max()), near.alert
 
     def _contacts(self, x: FloatArray, vertices: VertexContacts, edges: EdgeContacts) -> Contacts:
         """Contacts of both kinds, sorted by identity: (vertex, smooth side of the other body), then (edge, edge)."""

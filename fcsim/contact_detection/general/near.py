@@ -76,8 +76,7 @@ def near_vertices(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
 
 def near_edges_and_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
     """Rows (edge of the first body, facet of the second, pair) whose boxes overlap."""
-    ends = shape.point[skin.edges]
-    items = (skin.first_edge, ends.min(axis=1), ends.max(axis=1))
+    items = (skin.first_edge, shape.edge_low, shape.edge_high)
     none = np.zeros(len(near.bodies))
     facets = (skin.first_facet, shape.low, shape.high)
     return kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items, *facets, none, none)
@@ -91,10 +90,8 @@ def near_facets_of_both(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
 
 def near_edges(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
     """Rows (sharp edge of the first body, sharp edge of the second, pair); of a body with itself each two once that share no end."""
-    sharp = np.flatnonzero(skin.sharp)
-    first = np.searchsorted(sharp, skin.first_edge)
-    ends = shape.point[skin.edges[sharp]]
-    items = (first, ends.min(axis=1), ends.max(axis=1))
+    sharp = skin.sharp_edges
+    items = (skin.first_sharp_edge, shape.edge_low[sharp], shape.edge_high[sharp])
     reach = np.maximum(near.alert, 0.2 * near.depth)
     rows = kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items, *items, reach, reach)
     rows[:, :2] = sharp[rows[:, :2]]

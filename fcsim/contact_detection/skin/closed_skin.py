@@ -9,8 +9,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.skin._shape_kernels import facet_geometry
 from fcsim.contact_detection.skin.boundary import Boundary
-from fcsim.contact_detection.skin.shape import facet_geometry
 from fcsim.contact_detection.skin.skin import FLAT, ROUND, SMOOTH, Skin
 from fcsim.errors import InputError
 
@@ -32,7 +32,7 @@ def closed_skin(boundary: Boundary, positions: FloatArray, names: Sequence[str])
     vertex_body = np.zeros(len(node), dtype=np.int64)
     vertex_body[facets[real]] = np.broadcast_to(boundary.body[:, None], facets.shape)[real]
     points = np.pad(positions[node], ((0, 0), (0, 3 - d)))
-    normal, centre, size = facet_geometry(points[facets], boundary.sides)
+    normal, centre, size = facet_geometry(points, facets, boundary.sides)
     _refuse_without_area(size, points[facets], boundary, names)
     neighbours = _edges(facets, boundary, names, node) if d == 3 else _joints(facets, boundary, names, node)
     _refuse_inside_out(normal, centre, size, boundary, names, d)

@@ -73,6 +73,16 @@ class Skin:
         return self.sharp & ~self.smooth
 
     @cached_property
+    def sharp_edges(self) -> IntArray:
+        """Numbers of the sharp edges, body after body."""
+        return np.flatnonzero(self.sharp)
+
+    @cached_property
+    def first_sharp_edge(self) -> IntArray:
+        """(nb + 1,): as first_edge, of `sharp_edges`."""
+        return np.searchsorted(self.sharp_edges, self.first_edge)
+
+    @cached_property
     def real(self) -> BoolArray:
         """(nf, 4): which places of `facets` are corners."""
         return np.arange(4) < self.sides[:, None]
@@ -81,7 +91,8 @@ class Skin:
 @dataclass(frozen=True, eq=False)
 class Shape:
     """A skin at given positions: point (nv, 3) [m] with z = 0 in 2D; normal, centre (nf, 3) and size (nf,) of facets, the square root of
-    their area (2D: length); mean (nv, 3) angle-weighted normal of a vertex; low, high of facets, bodies: their boxes."""
+    their area (2D: length); mean (nv, 3) angle-weighted normal of a vertex; low, high of facets, edges,
+    bodies: their boxes."""
 
     point: FloatArray
     normal: FloatArray
@@ -90,6 +101,8 @@ class Shape:
     mean: FloatArray
     low: FloatArray
     high: FloatArray
+    edge_low: FloatArray
+    edge_high: FloatArray
     body_low: FloatArray
     body_high: FloatArray
 

@@ -124,7 +124,7 @@ def factorise(indptr, indices, mirror, blocks, order, first, starts, rows, numbe
     for s in range(ns):
         front[first[s] : first[s + 1]] = s
         largest = max(largest, d * (own[s] + border[s]))
-    scratch = np.empty(largest * largest)
+    scratch, target = np.empty(largest * largest), np.empty(largest, dtype=np.int64)
     stack = np.empty(1 << 12)
     begin = np.empty(ns, dtype=np.int64)  # of a waiting complement in the stack
     waiting, taker = np.empty(ns, dtype=np.int64), np.empty(ns, dtype=np.int64)  # fronts with a waiting complement, and who takes it
@@ -159,7 +159,13 @@ def factorise(indptr, indices, mirror, blocks, order, first, starts, rows, numbe
                 i = place[indices[e]]
                 if i < c0 or number[i] < 0:
                     continue
-                column, w, back = d * local[i], blocks[e], blocks[mirror[e]]
+                column = d * local[i]
+                if d == 1:
+                    F[row, column] = blocks[e, 0, 0]
+                    if i >= c1:
+                        F[column, row] = blocks[mirror[e], 0, 0]
+                    continue
+                w, back = blocks[e], blocks[mirror[e]]
                 for p in range(d):
                     for q in range(d):
                         F[row + p, column + q] = w[p, q]
@@ -172,20 +178,16 @@ def factorise(indptr, indices, mirror, blocks, order, first, starts, rows, numbe
             top = begin[count]
             size = d * border[child]
             V = stack[top : top + size * size].reshape(size, size)
-            ib = 0
+            k = 0
             for i in child_rows:
-                if number[i] < 0:
-                    continue
-                jb = 0
-                for j in child_rows:
-                    if number[j] < 0:
-                        continue
-                    li, lj = d * local[i], d * local[j]
+                if number[i] >= 0:
                     for p in range(d):
-                        for q in range(d):
-                            F[li + p, lj + q] += V[ib + p, jb + q]
-                    jb += d
-                ib += d
+                        target[k] = d * local[i] + p
+                        k += 1
+            for ib in range(size):
+                out, own_row = F[target[ib]], V[ib]
+                for jb in range(size):
+                    out[np.uint64(target[jb])] += own_row[jb]
         if not eliminate(F, n1, pivots[done : done + n1]):
             return False
         done += n1

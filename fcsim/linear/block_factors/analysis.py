@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from functools import cached_property
 
 import numpy as np
@@ -35,3 +36,24 @@ class Analysis:
     def mirror(self) -> IntArray:
         """For each entry (a, b) the place of (b, a), where rows are sorted and the pattern is symmetric."""
         return mirrored(self.indptr, self.indices)
+
+
+_RECENT, _UP_TO = 4, 300_000
+_recent: dict[tuple[bytes, bytes], Analysis] = {}
+_changing = threading.Lock()
+
+
+def analysed(indptr: IntArray, indices: IntArray) -> Analysis:
+    """The analysis of a pattern of single unknowns, sorted rows with their diagonal; one of the last few patterns is not analysed anew: as
+    long as the same bodies touch, the problems of all steps have one. (A large pattern is not kept: its memory is another's.)"""
+    key = (indptr.tobytes(), indices.tobytes()) if len(indices) <= _UP_TO else None
+    known = None if key is None else _recent.get(key)
+    if known is None:
+        n = len(indptr) - 1
+        known = Analysis(sp.bsr_array((np.ones((len(indices), 1, 1)), indices, indptr), shape=(n, n)))
+        if key is not None:
+            with _changing:
+                while len(_recent) >= _RECENT:
+                    del _recent[next(iter(_recent))]
+                _recent[key] = known
+    return known

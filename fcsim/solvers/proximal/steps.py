@@ -47,7 +47,7 @@ def proximal_turns(
 ) -> Turns:
     """The same by turns of one inner problem each; inside: as in `InnerProblems`."""
     inner, by_steps, moving = InnerProblems(problem, monitor, options, inside), options.counts == "steps", options.strategy == "prox"
-    W, q, origin = problem.W, problem.q, np.zeros_like(r)
+    W, q, origin = problem.delassus, problem.q, np.zeros_like(r)
     error = monitor.record(r, W @ r + q)
     regularisation = Regularisation.first(error, options)
     best, least, waited = r, error, 0

@@ -84,7 +84,7 @@ class StepCompliance:
             matrix = sp.csr_array(matrix - (matrix @ self.leaning.H) @ self.leaning.to_straight)
         if self.joint is None:
             return matrix
-        return sp.csr_array(sp.block_diag([matrix, sp.diags_array(1 / self.joint[self._soft])], format="csr"))
+        return _with_diagonal_block(matrix, 1 / self.joint[self._soft])
 
     def problem_matrix(self) -> Matrix:
         """M of the problem: its products alone where ranks have a body together, made when it is read where materials are linear."""
@@ -101,8 +101,9 @@ class StepCompliance:
         """The problem's H (n, m) from that of the bodies' unknowns."""
         if self.joint is None:
             return H
-        k = len(self._soft)
-        return sp.csr_array(sp.vstack([H, sp.csr_array((np.ones(k), (np.arange(k), self._soft)), shape=(k, H.shape[1]))]))
+        H, k = sp.csr_array(H), len(self._soft)
+        data, indices = np.concatenate([H.data, np.ones(k)]), np.concatenate([H.indices, self._soft.astype(H.indices.dtype)])
+        return sp.csr_array((data, indices, _further_rows(H.indptr, k)), shape=(H.shape[0] + k, H.shape[1]))
 
     def load(self, f: FloatArray) -> FloatArray:
         """The problem's f (n,) from that of the bodies' unknowns."""
@@ -306,6 +307,18 @@ def _blocks_of(bodies: IntArray, mine: BoolArray) -> int:
     both = bodies[own.all(axis=1)]
     shared = np.unique(both[:, 0] * len(mine) + both[:, 1], return_counts=True)[1]
     return int(np.sum(np.bincount(bodies[own]) ** 2) - np.sum(shared**2))
+
+
+def _further_rows(indptr: IntArray, k: int) -> IntArray:
+    """Starts of rows, and of k more of one entry each."""
+    return np.concatenate([indptr, indptr[-1] + np.arange(1, k + 1, dtype=indptr.dtype)])
+
+
+def _with_diagonal_block(A: sp.csr_array, diagonal: FloatArray) -> sp.csr_array:
+    """A (n, n) with k unknowns more, coupled to nothing, and their entries (k,) on the diagonal."""
+    n, k = A.shape[0], len(diagonal)
+    indices = np.concatenate([A.indices, np.arange(n, n + k, dtype=A.indices.dtype)])
+    return sp.csr_array((np.concatenate([A.data, diagonal]), indices, _further_rows(A.indptr, k)), shape=(n + k, n + k))
 
 
 def _rows_of(H: sp.csc_array) -> BoolArray:

@@ -168,3 +168,18 @@ def test_what_has_products_alone_is_not_eliminated() -> None:
             getattr(op, ask)
     with pytest.raises(InputError, match="W: expected a NumPy array, a SciPy sparse array or a LinearOperator, got a list"):
         Delassus([[1.0]], 1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_a_product_that_is_kept_is_that_of_its_vector(storage: str) -> None:
+    """Vectors and images that their owners change, and shifts that share W."""
+    made, W = operator(storage, 3)
+    x = np.random.default_rng(1).standard_normal(len(W))
+    shifted, D = made.shifted(np.arange(1.0, 9.0)), np.diag(np.repeat(np.arange(1.0, 9.0), 3))
+    for _ in range(2):
+        for asked, matrix in ((made, W), (shifted, W + D), (made, W)):
+            image = asked @ x
+            assert_allclose(image, matrix @ x, atol=1e-12)
+            image[:] = np.nan
+        x *= -2.0
+        x[0] = 7.0

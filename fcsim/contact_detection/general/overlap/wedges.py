@@ -16,6 +16,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._foot_kernels import feet
 from fcsim.contact_detection.general._pierce_kernels import inside, inside_polygon
 from fcsim.contact_detection.general.near import NearBodies, near_edges, near_vertices
+from fcsim.contact_detection.general.overlap._wedge_kernels import may_pass
 from fcsim.contact_detection.general.vertices import VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
 
@@ -45,7 +46,11 @@ class _Corners(NamedTuple):
 
 def wedge_contacts(skin: Skin, shape: Shape, near: NearBodies, touch: FloatArray) -> tuple[VertexContacts, IntArray]:
     """Contacts of corners that overlap by more than `touch` (np,) [m] of pairs of bodies without any, and which pairs these are."""
-    corners = _vertices(skin, shape, near) if skin.dimension == 2 else _edges(skin, shape, near)
+    none = np.empty(0, dtype=np.int64)
+    nothing = VertexContacts(none, none, np.empty((0, 4)), np.empty((0, 3)), np.empty(0)), none
+    corners = _vertices(skin, shape, near) if skin.dimension == 2 else _edges(skin, shape, near, touch)
+    if corners is None:
+        return nothing
     normals = shape.normal[corners.facet]
     way = corners.origin[:, 0] - corners.origin[:, 1]
     # directions from the second corner to the first: the second's normals, and against the first's
@@ -56,8 +61,7 @@ def wedge_contacts(skin: Skin, shape: Shape, near: NearBodies, touch: FloatArray
     rows = np.flatnonzero((most < -touch[corners.pair]) & np.isfinite(most))
     rows = rows[_overlap(skin, shape, corners.take(rows), -most[rows], near)]
     if not len(rows):
-        none = np.empty(0, dtype=np.int64)
-        return VertexContacts(none, none, np.empty((0, 4)), np.empty((0, 3)), np.empty(0)), none
+        return nothing
     rows = rows[np.lexsort((-most[rows], corners.pair[rows]))]
     new = np.append(True, np.diff(corners.pair[rows]) != 0)
     best = rows[new][np.cumsum(new) - 1]  # of each row's two bodies the least deep
@@ -89,9 +93,13 @@ def _vertices(skin: Skin, shape: Shape, near: NearBodies) -> _Corners:
     return corners.take(convex.all(axis=1))
 
 
-def _edges(skin: Skin, shape: Shape, near: NearBodies) -> _Corners:
-    """Sharp edges near each other that run along each other over some length."""
+def _edges(skin: Skin, shape: Shape, near: NearBodies, touch: FloatArray) -> _Corners | None:
+    """Sharp edges near each other that run along each other over some length and may overlap by more than `touch` (np,) [m]; None where
+    there are none."""
     rows = near_edges(skin, shape, near._replace(alert=near.depth))
+    rows = rows[may_pass(rows, near.near, touch, _ALONG, _ROUND, shape.point, shape.normal, skin.edges, skin.edge_facets)]
+    if not len(rows):
+        return None
     e = rows[:, :2]
     ends = shape.point[skin.edges[e]]
     axis = ends[:, :, 1] - ends[:, :, 0]

@@ -51,29 +51,59 @@ def contacts_eliminated(A, B, shift, rhs):
 
 
 @njit(cache=True)
+def _closed(K, a):
+    """Whether the contact a has a share: its K (d, d) is not zero."""
+    closed = False
+    for i in range(K.shape[1]):
+        for j in range(K.shape[2]):
+            closed = closed or K[a, i, j] != 0.0
+    return closed
+
+
+@njit(cache=True)
+def _times(K, h, a, Kh):
+    """Kh (d, k) = K_a h_a, row by row, so that the compiler makes vectors."""
+    _, d, k = h.shape
+    for i in range(d):
+        f = K[a, i, 0]
+        for j in range(k):
+            Kh[i, j] = f * h[a, 0, j]
+        for l in range(1, d):
+            f = K[a, i, l]
+            for j in range(k):
+                Kh[i, j] += f * h[a, l, j]
+
+
+@njit(cache=True)
+def _row_of_share(h, a, i, Kh, share):
+    """share (k,): row i of h_a^T K_a h_a."""
+    _, d, k = h.shape
+    f = h[a, 0, i]
+    for j in range(k):
+        share[j] = f * Kh[0, j]
+    for l in range(1, d):
+        f = h[a, l, i]
+        for j in range(k):
+            share[j] += f * Kh[l, j]
+
+
+@njit(cache=True)
 def add_shares(S, unknowns, h, K):
     """Add h_a^T K_a h_a of every contact to S (n, n): h (nc, d, k) on the unknowns (nc, k), -1 where a contact has fewer; K (nc, d, d)."""
     nc, d, k = h.shape
-    Kh = np.empty((d, k))
+    Kh, share = np.empty((d, k)), np.empty(k)
     for a in range(nc):
-        for i in range(d):
-            for j in range(k):
-                total = 0.0
-                for l in range(d):
-                    total += K[a, i, l] * h[a, l, j]
-                Kh[i, j] = total
-        for i in range(k):
-            row = unknowns[a, i]
-            if row < 0:
-                break
-            for j in range(k):
-                column = unknowns[a, j]
-                if column < 0:
-                    break
-                total = 0.0
-                for l in range(d):
-                    total += h[a, l, i] * Kh[l, j]
-                S[row, column] += total
+        if not _closed(K, a):
+            continue
+        _times(K, h, a, Kh)
+        count = 0
+        while count < k and unknowns[a, count] >= 0:
+            count += 1
+        for i in range(count):
+            _row_of_share(h, a, i, Kh, share)
+            out, to = S[unknowns[a, i]], unknowns[a]
+            for j in range(count):
+                out[np.uint64(to[j])] += share[j]  # without a sign: no index counts from the end
 
 
 @njit(cache=True)
@@ -86,11 +116,14 @@ def places(indptr, indices, unknowns):
             row = unknowns[a, i]
             if row < 0:
                 break
-            columns = indices[indptr[row] : indptr[row + 1]]
+            columns, at = indices[indptr[row] : indptr[row + 1]], -1
             for j in range(k):
                 if unknowns[a, j] < 0:
                     break
-                found[a, i, j] = indptr[row] + np.searchsorted(columns, unknowns[a, j])
+                at += 1  # a body's unknowns stand one after the other
+                if at == len(columns) or columns[at] != unknowns[a, j]:
+                    at = np.searchsorted(columns, unknowns[a, j])
+                found[a, i, j] = indptr[row] + at
     return found
 
 
@@ -98,29 +131,19 @@ def places(indptr, indices, unknowns):
 def add_shares_to_rows(values, places, h, K):
     """As `add_shares` to a sparse matrix whose `values` have these places (nc, k, k); contacts that are open (K = 0) are passed over."""
     nc, d, k = h.shape
-    Kh = np.empty((d, k))
+    Kh, share = np.empty((d, k)), np.empty(k)
     for a in range(nc):
-        if not np.any(K[a] != 0.0):
+        if not _closed(K, a):
             continue
-        own = h[a]
-        for i in range(d):
-            for j in range(k):
-                Kh[i, j] = 0.0
-            for l in range(d):
-                f = K[a, i, l]
-                for j in range(k):
-                    Kh[i, j] += f * own[l, j]
-        for i in range(k):
-            if places[a, i, 0] < 0:
-                break
+        _times(K, h, a, Kh)
+        count = 0
+        while count < k and places[a, count, 0] >= 0:
+            count += 1
+        for i in range(count):
+            _row_of_share(h, a, i, Kh, share)
             to = places[a, i]
-            for j in range(k):
-                if to[j] < 0:
-                    break
-                total = 0.0
-                for l in range(d):
-                    total += own[l, i] * Kh[l, j]
-                values[to[j]] += total
+            for j in range(count):
+                values[np.uint64(to[j])] += share[j]
 
 
 @njit(cache=True)

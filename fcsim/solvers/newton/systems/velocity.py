@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear import storage
 from fcsim.linear.block_factors._lu_kernels import taking_part
-from fcsim.linear.block_factors.analysis import Analysis
+from fcsim.linear.block_factors.analysis import Analysis, analysed
 from fcsim.linear.block_factors.lu import BlockLU
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem import Delassus
@@ -68,8 +68,7 @@ class Bodies:
 
     def _analysed(self, indptr: IntArray, indices: IntArray, values: FloatArray) -> tuple[Analysis, IntArray, FloatArray]:
         """Fronts of the bodies' matrix, where its pattern has the contacts' shares, and M in it."""
-        n = self.HT.shape[1]
-        analysis = Analysis(sp.bsr_array((np.ones((len(indices), 1, 1)), indices, indptr), shape=(n, n)))
+        analysis = analysed(indptr, indices)
         return analysis, places(analysis.indptr, analysis.indices, self.unknowns), values
 
     @cached_property

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim.linear.block_factors import _lu_kernels as kernels
-from fcsim.linear.block_factors.analysis import Analysis
+from fcsim.linear.block_factors.analysis import Analysis, analysed
 from fcsim.linear.block_factors.lu import BlockLU
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem.shifted_factor import complete_rows
@@ -103,3 +103,19 @@ def test_a_front_without_a_pivot_is_said() -> None:
     rows = complete_rows(A, 2)
     with pytest.raises(SingularMatrix):
         BlockLU(Analysis(rows), rows.data)
+
+
+def test_a_pattern_is_analysed_once() -> None:
+    """The factors of a matrix by the analysis of its pattern, whichever were asked for between."""
+    rng = np.random.default_rng(5)
+    patterns = [sp.csr_array(grid(k) + np.eye(k * k)) for k in range(3, 9)]
+    for pattern in (*patterns, patterns[0], patterns[-1]):
+        pattern.sort_indices()
+        analysis = analysed(pattern.indptr, pattern.indices)
+        assert analysed(pattern.indptr.copy(), pattern.indices.copy()) is analysis
+        values = rng.standard_normal(pattern.nnz)
+        A = sp.csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape) + 8 * sp.eye_array(pattern.shape[0])
+        x = rng.standard_normal(pattern.shape[0])
+        A = sp.csr_array(A)
+        A.sort_indices()
+        assert_allclose(BlockLU(analysis, A.data.reshape(-1, 1, 1)).solve(A @ x), x, atol=1e-10)
