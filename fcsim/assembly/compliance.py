@@ -49,6 +49,7 @@ class SystemFactor:
         self.places = self._bodies_of_dofs()
         self.rotation: FloatArray | None = None
         self._where: dict[Shares, tuple[IntArray, IntArray]] = {}  # of this factor and all that follow from it
+        self._mine: dict[Shares, tuple[BoolArray, IntArray]] = {}  # see `own_bodies`
         self._last_product: tuple[FloatArray, FloatArray] | None = None
         self._set_rigid_mass(model.rigid_mass())
 
@@ -195,7 +196,7 @@ class SystemFactor:
         y = self.mass * self.model.apply_mass(v, self.rigid_mass)
         if self.stiffness and np.any(v[: self.model.n_elastic]):
             y += self.stiffness * self._stiffness_times(v)
-        return y + self.apply_tangents(v)
+        return y + self.apply_tangents(v) if self.nonlinear_groups else y
 
     def _stiffness_times(self, v: FloatArray) -> FloatArray:
         """K v (n_dofs,) of the linear materials; that of the last v is kept: momentum and supports are asked of the same one."""
@@ -263,6 +264,14 @@ class SystemFactor:
         count = len(self.model.bodies)
         members = [group.members for group in self._groups] + [np.arange(count - len(self._rigid_inverse), count)]
         return self.model.shares.owner[np.concatenate(members)]
+
+    def own_bodies(self, shares: Shares) -> tuple[BoolArray, IntArray]:
+        """Which bodies (nb,) are this rank's, in the order of `places`, and the body of each dof (n_dofs,) as there, -1 for those of
+        others too."""
+        if shares not in self._mine:
+            body, mine = self.places[0], self.ranks() == shares.world.number
+            self._mine[shares] = mine, np.where(body >= 0, np.where(mine, np.arange(len(mine)), -1)[body], -1)
+        return self._mine[shares]
 
     def compliances(self, asked: BoolArray) -> Iterator[tuple[int, FloatArray, IntArray]]:
         """The compliances of the bodies that this rank works on, in the order of `places`: (first body, C (c, k, k), which of them is

@@ -171,13 +171,14 @@ class World:
             self.broken = True
             raise RankFailed(f"{what}: {type(error).__name__}: {error}") from error
 
-    def _gathered(self, own: NDArray, counts: IntArray) -> NDArray:
-        everything = np.empty(int(counts.sum()), dtype=own.dtype)
-        self._wait(self._data.Iallgatherv(np.ascontiguousarray(own), [everything, counts.tolist()]))
+    def _gathered(self, own: NDArray, counts: IntArray | list[int]) -> NDArray:
+        counts = counts if isinstance(counts, list) else counts.tolist()
+        everything = np.empty(sum(counts), dtype=own.dtype)
+        self._wait(self._data.Iallgatherv(np.ascontiguousarray(own), [everything, counts]))
         self._count(own.nbytes, self.size - 1)
         return everything
 
-    def gathered[T: np.generic](self, own: NDArray[T], counts: IntArray) -> NDArray[T]:
+    def gathered[T: np.generic](self, own: NDArray[T], counts: IntArray | list[int]) -> NDArray[T]:
         """The numbers (sum of counts,) of all ranks in their order, counts (size,); own (counts[number],): this rank's."""
         return self._gathered(own, counts)
 

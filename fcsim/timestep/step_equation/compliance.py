@@ -211,7 +211,7 @@ class StepCompliance:
 
         def make() -> BodyShares:
             on_compliances = self._on_compliances(sp.csc_array(H))
-            compliances = tuple(self.factor.compliances(_rows_of(on_compliances)))
+            compliances = tuple(self.factor.compliances(self._asked(on_compliances)))
             return shares_of(on_compliances, *self.factor.places, len(model.bodies), dimension, compliances)
 
         return make
@@ -238,8 +238,8 @@ class StepCompliance:
         model, H = self.factor.model, self._on_compliances(H)
         W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
         if late and model.shares is None:
-            return summed_late(W, tuple(self.factor.compliances(_rows_of(H))))
-        for first, compliances, kind in self.factor.compliances(_rows_of(H)):
+            return summed_late(W, tuple(self.factor.compliances(self._asked(H))))
+        for first, compliances, kind in self.factor.compliances(self._asked(H)):
             W.add(first, compliances, kind)
         if model.shares is not None:
             model.shares.world.summed("W", W.values)
@@ -269,14 +269,21 @@ class StepCompliance:
         if self.over_ranks_elastic and not elastic.all():
             return None
         with shares.world.together("W"):
-            mine = rank == shares.world.number
-            own = np.where(body >= 0, np.where(mine, np.arange(count), -1)[body], -1)
+            mine, own = self.factor.own_bodies(shares)
             blocks = None if bodies is None else _blocks_of(bodies, mine)
             W = DelassusSum(H[:, layout.own_unknowns], own, column, count, dimension, blocks)
-            runs = tuple(self.factor.compliances(_rows_of(H)))
+            runs = tuple(self.factor.compliances(self._asked(H)))
             late = late_sum(W, runs)
             share = in_blocks(summed(W, runs), dimension) if late is None else late
         return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, bodies, runs, rank, nc)))
+
+    def _asked(self, H: sp.csc_array) -> BoolArray:
+        """Which rows (n,) of H have entries, as `SystemFactor.compliances` asks; none where no body has a factor of its own, which alone
+        reads it."""
+        touched = np.zeros(H.shape[0], dtype=bool)
+        if self.factor.nonlinear_groups:
+            touched[H.indices] = True
+        return touched
 
     def _on_compliances(self, H: sp.csc_array) -> sp.csc_array:
         """H on the dofs (n_dofs,), in the axes of the bodies' compliances."""
@@ -306,13 +313,6 @@ def _blocks_of(bodies: IntArray, mine: BoolArray) -> int:
     both = bodies[own.all(axis=1)]
     shared = np.unique(both[:, 0] * len(mine) + both[:, 1], return_counts=True)[1]
     return int(np.sum(np.bincount(bodies[own]) ** 2) - np.sum(shared**2))
-
-
-def _rows_of(H: sp.csc_array) -> BoolArray:
-    """Which rows (n,) of H have entries."""
-    touched = np.zeros(H.shape[0], dtype=bool)
-    touched[H.indices] = True
-    return touched
 
 
 def _chosen(rows: IntArray, n: int, d: int) -> sp.csc_array:
