@@ -20,7 +20,7 @@ from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import turned_matrices
 from fcsim.assembly.shares.group_factor import GroupFactor, own_surface
-from fcsim.assembly.shares.shares import Shares
+from fcsim.assembly.shares.shares import Shares, runs
 from fcsim.errors import InputError
 
 
@@ -266,8 +266,7 @@ class SystemFactor:
         return self.model.shares.owner[np.concatenate(members)]
 
     def own_bodies(self, shares: Shares) -> tuple[BoolArray, IntArray]:
-        """Which bodies (nb,) are this rank's, in the order of `places`, and the body of each dof (n_dofs,) as there, -1 for those of
-        others too."""
+        """Which bodies (nb,) are this rank's, and the body of each dof (n_dofs,), both as in `places`; -1 for others' too."""
         if shares not in self._mine:
             body, mine = self.places[0], self.ranks() == shares.world.number
             self._mine[shares] = mine, np.where(body >= 0, np.where(mine, np.arange(len(mine)), -1)[body], -1)
@@ -281,20 +280,13 @@ class SystemFactor:
             own = self._own(group.members)
             if isinstance(group, BodyFactors):
                 C, kind = group.compliances(own, asked)
-                yield from _runs(begin, C, kind)
+                yield from runs(begin, C, kind)
             elif own.any():
-                yield from _runs(begin, group.compliance[None], np.where(own, 0, -1))
+                yield from runs(begin, group.compliance[None], np.where(own, 0, -1))
             begin += len(group.first)
         count = len(self._rigid_inverse)
         own = self._own(np.arange(len(self.model.bodies) - count, len(self.model.bodies)))
-        yield from _runs(begin, self._rigid_inverse, np.where(own, np.arange(count), -1))
-
-
-def _runs(begin: int, C: FloatArray, kind: IntArray) -> Iterator[tuple[int, FloatArray, IntArray]]:
-    """Bodies one after the other whose kind (nb,) is not -1, as `SystemFactor.compliances` yields them."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], kind >= 0, [False]])))
-    for first, last in edges.reshape(-1, 2).tolist():
-        yield begin + first, C, kind[first:last]
+        yield from runs(begin, self._rigid_inverse, np.where(own, np.arange(count), -1))
 
 
 class _ElasticMatrix:

@@ -279,17 +279,13 @@ class Reduction:
         """u = H^T v + w with v, l and the momentum residual."""
         impulse = self._H @ r
         v, multiplier = self.split(self.unloaded + self.factor.solve(impulse))
-        residual = self._momentum_residual(impulse[: self.problem.n], v, multiplier)
+        residual = self.momentum_residual(r, v, multiplier, impulse[: self.problem.n])
         return Answer(transposed_times(self.problem.H, v) + self.problem.w, v, multiplier, residual)
 
-    def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None) -> float:
-        """Return ||M v - H r - G l - f|| / ||f||."""
-        return self._momentum_residual(self.problem.H @ r, v, multiplier)
-
-    def _momentum_residual(self, impulse: FloatArray, v: FloatArray, multiplier: FloatArray | None) -> float:
-        """`momentum_residual` with H r (n,)."""
+    def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None, impulse: FloatArray | None = None) -> float:
+        """Return ||M v - H r - G l - f|| / ||f||; impulse (n,): H r, where it is known."""
         p = self.problem
-        residual = p.momentum(v) - impulse - p.f
+        residual = p.momentum(v) - (p.H @ r if impulse is None else impulse) - p.f
         if p.G is not None and multiplier is not None:
             residual = residual - p.G @ multiplier
         scale = float(np.linalg.norm(p.f))

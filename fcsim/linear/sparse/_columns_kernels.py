@@ -33,18 +33,17 @@ def transposed_times_columns(indptr, indices, data, x):
 @njit(cache=True)
 def squares_of_touched_columns(indptr, indices, data, weight, some, step, count):
     """See `normals_of_some`, by rows: columns that `some` rows have no entry in, most of them, are passed over."""
-    whole, others, touched = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_)
+    whole, others, touched = np.zeros(count), np.zeros(count), np.zeros((count + 1) * step, dtype=np.bool_)
     for i in range(len(indptr) - 1):
         if some[i]:
             for k in range(indptr[i], indptr[i + 1]):
                 if indices[k] % step == 0:
-                    touched[indices[k] // step] = True
+                    touched[indices[k]] = True
     for i in range(len(indptr) - 1):
         for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k] // step
-            if touched[j] and indices[k] == j * step:
+            if touched[indices[k]]:
                 square = weight[i] * data[k] ** 2
-                whole[j] += square
+                whole[indices[k] // step] += square
                 if not some[i]:
-                    others[j] += square
-    return whole, others, touched
+                    others[indices[k] // step] += square
+    return whole, others, touched[: count * step : step].copy()
