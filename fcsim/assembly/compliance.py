@@ -20,7 +20,7 @@ from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import turned_matrices
 from fcsim.assembly.shares.group_factor import GroupFactor, own_surface
-from fcsim.assembly.shares.shares import Shares
+from fcsim.assembly.shares.shares import Shares, runs
 from fcsim.errors import InputError
 
 
@@ -49,6 +49,7 @@ class SystemFactor:
         self.places = self._bodies_of_dofs()
         self.rotation: FloatArray | None = None
         self._where: dict[Shares, tuple[IntArray, IntArray]] = {}  # of this factor and all that follow from it
+        self._mine: dict[Shares, tuple[BoolArray, IntArray]] = {}  # see `own_bodies`
         self._last_product: tuple[FloatArray, FloatArray] | None = None
         self._set_rigid_mass(model.rigid_mass())
 
@@ -195,7 +196,7 @@ class SystemFactor:
         y = self.mass * self.model.apply_mass(v, self.rigid_mass)
         if self.stiffness and np.any(v[: self.model.n_elastic]):
             y += self.stiffness * self._stiffness_times(v)
-        return y + self.apply_tangents(v)
+        return y + self.apply_tangents(v) if self.nonlinear_groups else y
 
     def _stiffness_times(self, v: FloatArray) -> FloatArray:
         """K v (n_dofs,) of the linear materials; that of the last v is kept: momentum and supports are asked of the same one."""
@@ -264,6 +265,13 @@ class SystemFactor:
         members = [group.members for group in self._groups] + [np.arange(count - len(self._rigid_inverse), count)]
         return self.model.shares.owner[np.concatenate(members)]
 
+    def own_bodies(self, shares: Shares) -> tuple[BoolArray, IntArray]:
+        """Which bodies (nb,) are this rank's, and the body of each dof (n_dofs,), both as in `places`; -1 for others' too."""
+        if shares not in self._mine:
+            body, mine = self.places[0], self.ranks() == shares.world.number
+            self._mine[shares] = mine, np.where(body >= 0, np.where(mine, np.arange(len(mine)), -1)[body], -1)
+        return self._mine[shares]
+
     def compliances(self, asked: BoolArray) -> Iterator[tuple[int, FloatArray, IntArray]]:
         """The compliances of the bodies that this rank works on, in the order of `places`: (first body, C (c, k, k), which of them is
         whose (nb,)); of bodies with factors of their own between the dofs `asked` (n_dofs,) alone."""
@@ -272,20 +280,13 @@ class SystemFactor:
             own = self._own(group.members)
             if isinstance(group, BodyFactors):
                 C, kind = group.compliances(own, asked)
-                yield from _runs(begin, C, kind)
+                yield from runs(begin, C, kind)
             elif own.any():
-                yield from _runs(begin, group.compliance[None], np.where(own, 0, -1))
+                yield from runs(begin, group.compliance[None], np.where(own, 0, -1))
             begin += len(group.first)
         count = len(self._rigid_inverse)
         own = self._own(np.arange(len(self.model.bodies) - count, len(self.model.bodies)))
-        yield from _runs(begin, self._rigid_inverse, np.where(own, np.arange(count), -1))
-
-
-def _runs(begin: int, C: FloatArray, kind: IntArray) -> Iterator[tuple[int, FloatArray, IntArray]]:
-    """Bodies one after the other whose kind (nb,) is not -1, as `SystemFactor.compliances` yields them."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], kind >= 0, [False]])))
-    for first, last in edges.reshape(-1, 2).tolist():
-        yield begin + first, C, kind[first:last]
+        yield from runs(begin, self._rigid_inverse, np.where(own, np.arange(count), -1))
 
 
 class _ElasticMatrix:

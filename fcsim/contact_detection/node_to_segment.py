@@ -17,9 +17,13 @@ from fcsim.contact_detection.surfaces.facets import FacetGeometry
 from fcsim.contact_detection.surfaces.projection import closest_on_boundary, project_on_facets
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 from fcsim.contact_detection.surfaces.verlet_list import VerletList
+from fcsim.ranks import World, world
 
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
+
+SHARED_FROM = 20_000
+"""Possible pairs from which ranks share them out."""
 
 VALLEY = 3
 """How many contacts a candidate may have with one body where that is asked for, see `valleys`."""
@@ -85,8 +89,27 @@ class NodeToSegment:
 
     def feet(self, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
         """The feet of the contacts among the possible pairs, sorted by `number`."""
-        feet = self._truly(now, self._once_per_body(now, *self.plausible(now, candidate, facet)))
-        return self._once_per_place(now, feet)
+        ranks = world()
+        shared = ranks is not None and len(candidate) >= SHARED_FROM
+        nearest = self._of_ranks(ranks, now, candidate, facet) if shared and ranks is not None else self._nearest(now, candidate, facet)
+        return self._once_per_place(now, self._truly(now, nearest))
+
+    def _nearest(self, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
+        """The nearest foot of each candidate on each master body among the possible pairs, sorted by (candidate, body)."""
+        return self._once_per_body(now, *self.plausible(now, candidate, facet))
+
+    def _of_ranks(self, ranks: World, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
+        """`_nearest`, each rank of some candidates, which do not ask of one another, and gathered: candidates of possible pairs ascend."""
+        starts = candidate[len(candidate) * np.arange(1, ranks.size) // ranks.size] if len(candidate) else candidate
+        cuts = [0, *np.searchsorted(candidate, starts).tolist(), len(candidate)]
+        own = slice(cuts[ranks.number], cuts[ranks.number + 1])
+        with ranks.together("contacts"):
+            found = self._nearest(now, candidate[own], facet[own])
+            rows = np.column_stack(found)
+        widths = [1 if array.ndim == 1 else array.shape[1] for array in found]
+        counts = ranks.gathered(np.array([rows.size]), np.ones(ranks.size, dtype=np.int64))
+        every = np.split(ranks.gathered(rows.ravel(), counts).reshape(-1, sum(widths)), np.cumsum(widths)[:-1], axis=1)
+        return Feet._make(part.reshape(-1, *array.shape[1:]).astype(array.dtype) for part, array in zip(every, found, strict=True))
 
     def of_feet(self, feet: Feet) -> tuple[Contacts, IntArray]:
         """The contacts of feet that are sorted by `number`, those of one number in a row, and their pairs."""

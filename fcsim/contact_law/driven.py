@@ -19,7 +19,7 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import Terms
 from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
-from fcsim.linear.sparse.columns import weighted_squares
+from fcsim.linear.sparse.columns import normals_of_some
 
 FREE = 1e-6
 """Of a contact's row along its normal: less of it on free unknowns is none."""
@@ -61,9 +61,10 @@ def moved_by_supports(model: Model, H: sp.sparray, dimension: int, proportions: 
     weight = np.ones(model.n_dofs)
     size = proportions.size[len(model.deformable) :, None]
     model.rigid_part(weight)[:, model.dimension :] /= np.where(size > 0, size, 1.0) ** 2
-    whole = weighted_squares(rows, weight)[::dimension]
-    weight[model.driven_dofs] = 0.0
-    return np.asarray(weighted_squares(rows, weight)[::dimension] <= FREE**2 * whole)
+    driven = np.zeros(model.n_dofs, dtype=bool)
+    driven[model.driven_dofs] = True
+    whole, free, touched = normals_of_some(rows, weight, driven, dimension)
+    return touched & np.asarray(free <= FREE**2 * whole)
 
 
 def without_force(terms: Terms) -> bool:

@@ -274,15 +274,18 @@ class Reduction:
         """v (n,) and l (p,), None without equality constraints, of a solution x with the factor."""
         return (x, None) if self.problem.G is None else (x[: self.problem.n], x[self.problem.n :])
 
+    @limited_threads()
     def answer(self, r: FloatArray) -> Answer:
         """u = H^T v + w with v, l and the momentum residual."""
-        v, multiplier = self.velocity(r)
-        return Answer(transposed_times(self.problem.H, v) + self.problem.w, v, multiplier, self.momentum_residual(r, v, multiplier))
+        impulse = self._H @ r
+        v, multiplier = self.split(self.unloaded + self.factor.solve(impulse))
+        residual = self.momentum_residual(r, v, multiplier, impulse[: self.problem.n])
+        return Answer(transposed_times(self.problem.H, v) + self.problem.w, v, multiplier, residual)
 
-    def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None) -> float:
-        """Return ||M v - H r - G l - f|| / ||f||."""
+    def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None, impulse: FloatArray | None = None) -> float:
+        """Return ||M v - H r - G l - f|| / ||f||; impulse (n,): H r, where it is known."""
         p = self.problem
-        residual = p.momentum(v) - p.H @ r - p.f
+        residual = p.momentum(v) - (p.H @ r if impulse is None else impulse) - p.f
         if p.G is not None and multiplier is not None:
             residual = residual - p.G @ multiplier
         scale = float(np.linalg.norm(p.f))

@@ -24,6 +24,7 @@ from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import FcsimError
 from fcsim.interrupts import Ended, held_back
+from fcsim.ranks._digest_kernels import digest as digest_of_words
 
 AWAKE, NAP = 5e-4, 2e-4
 """[s] A rank that waits looks again and again for so long, and then after so many seconds each."""
@@ -170,13 +171,14 @@ class World:
             self.broken = True
             raise RankFailed(f"{what}: {type(error).__name__}: {error}") from error
 
-    def _gathered(self, own: NDArray, counts: IntArray) -> NDArray:
-        everything = np.empty(int(counts.sum()), dtype=own.dtype)
-        self._wait(self._data.Iallgatherv(np.ascontiguousarray(own), [everything, counts.tolist()]))
+    def _gathered(self, own: NDArray, counts: IntArray | list[int]) -> NDArray:
+        counts = counts if isinstance(counts, list) else counts.tolist()
+        everything = np.empty(sum(counts), dtype=own.dtype)
+        self._wait(self._data.Iallgatherv(np.ascontiguousarray(own), [everything, counts]))
         self._count(own.nbytes, self.size - 1)
         return everything
 
-    def gathered[T: np.generic](self, own: NDArray[T], counts: IntArray) -> NDArray[T]:
+    def gathered[T: np.generic](self, own: NDArray[T], counts: IntArray | list[int]) -> NDArray[T]:
         """The numbers (sum of counts,) of all ranks in their order, counts (size,); own (counts[number],): this rank's."""
         return self._gathered(own, counts)
 
@@ -214,7 +216,7 @@ class World:
         """Drifted where these bytes are not the same on every rank."""
         digest = hashlib.sha256()
         for part in parts:
-            digest.update(part if isinstance(part, bytes) else memoryview(np.ascontiguousarray(part)))
+            digest.update(part if isinstance(part, bytes) else _lanes(part))
         mine = np.frombuffer(digest.digest(), dtype=np.int64)
         all_ranks = np.empty((self.size, 4), dtype=np.int64)
         self._agree(what)
@@ -255,6 +257,16 @@ class World:
                 time.sleep(NAP)
         elif self.number:
             time.sleep(LAST_WORD)
+
+
+def _lanes(numbers: NDArray) -> bytes:
+    """What stands for numbers in a digest: of eight bytes each, which are many, a quick one; others themselves."""
+    numbers = np.ascontiguousarray(numbers)
+    if numbers.itemsize != 8:
+        return numbers.tobytes()
+    out = np.empty(4, dtype=np.uint64)
+    digest_of_words(numbers.ravel().view(np.uint64), out)
+    return out.tobytes()
 
 
 def _pickled(error: BaseException) -> bytes:

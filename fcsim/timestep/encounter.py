@@ -111,7 +111,16 @@ class Encounter:
 
     def outcome(self, u: FloatArray, r: FloatArray, v: FloatArray) -> Outcome:
         """What the law is told of the problem's u, r (m,) and the velocity v (n_dofs,)."""
-        return Outcome(self.terms, self.forces(u), self.forces(r), transposed_times(self.H, v).reshape(self.terms.w.shape))
+        return Outcome(self.terms, self.forces(u), self.forces(r), self.relative(v).reshape(self.terms.w.shape))
+
+    def relative(self, v: FloatArray) -> FloatArray:
+        """H^T v (d nc,) of v (n_dofs,), read-only; of the same array once: where a step leads and what the law remembers ask for it."""
+        last = self.__dict__.get("_relative")
+        if last is None or last[0] is not v:
+            found = transposed_times(self.H, v)
+            found.setflags(write=False)
+            last = self.__dict__["_relative"] = v, found
+        return last[1]
 
     def tried(self, law: Law, trial: Variables) -> Encounter:
         """The same contacts under a law that is told `trial`, see `Implicit`."""

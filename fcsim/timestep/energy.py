@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_law.law import Breaking
 from fcsim.linear.sparse.columns import transposed_times
+from fcsim.ranks import shared_out
 from fcsim.timestep.state import State
 
 
@@ -114,6 +116,18 @@ class Ledger:
 
 
 UNWRITTEN = Ledger()
+
+
+SHARED_FROM = 15_000
+"""Degrees of freedom from which ranks share the terms of a balance out: it then takes more than what they exchange."""
+
+
+def of_ranks(model: Model, terms: Sequence[tuple[int, Callable[[], FloatArray]]]) -> list[FloatArray]:
+    """Terms of a balance, so many numbers each, each by one of the ranks; by every one where a model is small, or its products are
+    exchanges."""
+    if model.n_dofs < SHARED_FROM or any(group.over_ranks for group in model.groups):
+        return [make() for _, make in terms]
+    return shared_out("energies", terms)
 
 
 def momentum(model: Model, state: State) -> FloatArray:

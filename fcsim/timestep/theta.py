@@ -18,11 +18,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
-from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum, pushing
+from fcsim.timestep.energy import Acting, ContactWork, Energy, balance, contact_work, inner_force, inner_work, momentum, of_ranks, pushing
 from fcsim.timestep.scheme import Dynamic, positive
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -139,24 +141,35 @@ class Theta(Dynamic):
         v0 = self.velocity_before(model, before)
         v1 = model.keep_momentum(after.v, model.rigid_mass(after.x), middle)
         v, dv = theta * v1 + (1 - theta) * v0, v1 - v0
-        M0, M1 = momentum(model, before), momentum(model, after)
-        first, last = model.elastic.at(before.x), model.elastic.at(after.x)
-        elastic, loss = model.elastic.energies(first, last)
         supports = float(v @ support)
         dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
         inner = before.x + theta * dx, self.elastic_time, theta
-        load = self._force(model, before) + pushing(model, inner[0], self.when(before))
+
+        def of_strain() -> FloatArray:
+            energies, loss = model.elastic.energies(model.elastic.at(before.x), model.elastic.at(after.x))
+            return np.array([*energies, loss])
+
+        def of_motion() -> FloatArray:
+            M0, M1 = momentum(model, before), momentum(model, after)
+            load = self._force(model, before) + pushing(model, inner[0], self.when(before))
+            works = v @ load, v @ (theta * M1 + (1 - theta) * M0), dv @ (M1 - M0), (before.v - v0) @ M0, (after.v - v1) @ M1
+            contact = contact_work(acting, v)
+            return np.array([before.v @ M0, after.v @ M1, *works, contact.normal, contact.tangential, contact.friction_dissipation])
+
+        strain, motion = of_ranks(model, ((3, of_strain), (10, of_motion)))
+        (energy0, energy1, loss), (kinetic0, kinetic1, loads, damped, change, turned0, turned1, *contact) = strain.tolist(), motion.tolist()
         if model.held.turns:
             drift = model.driven_share(dx - h * mean)
             mean = mean + drift / h
+            first, last = model.elastic.at(before.x), model.elastic.at(after.x)
             supports += float(drift @ (model.elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
         return balance(
-            kinetic=(0.5 * float(before.v @ M0), 0.5 * float(after.v @ M1)),
-            elastic=elastic,
-            loads=h * float(v @ load),
+            kinetic=(0.5 * kinetic0, 0.5 * kinetic1),
+            elastic=(energy0, energy1),
+            loads=h * loads,
             supports=supports,
-            damping=h * model.alpha * float(v @ (theta * M1 + (1 - theta) * M0)) + model.beta / h * loss,
-            numerical=(theta - 0.5) * (float(dv @ (M1 - M0)) + loss) + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
-            contact=contact_work(acting, v),
+            damping=h * model.alpha * damped + model.beta / h * loss,
+            numerical=(theta - 0.5) * (change + loss) + 0.5 * (turned0 - turned1),
+            contact=ContactWork(*contact),
             inner=inner_work(model, before, after, dx, inner, mean),
         )

@@ -9,7 +9,7 @@ factor and solves for all of them: the others would wait, and then for what is e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 from weakref import WeakKeyDictionary
@@ -112,3 +112,10 @@ def _shares(layout: BodyLayout, ranks: World) -> Shares:
     weight = [1.0 if is_linear(body.part.material) else NONLINEAR for body in layout.deformable]
     costs = np.concatenate([weight * nodes[: len(weight)], np.full(len(layout.rigid), RIGID)])
     return Shares(ranks, partition(centres, costs, ranks.size))
+
+
+def runs(begin: int, C: FloatArray, kind: IntArray) -> Iterator[tuple[int, FloatArray, IntArray]]:
+    """Bodies one after the other whose kind (nb,) is not -1, as `SystemFactor.compliances` yields them."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], kind >= 0, [False]])))
+    for first, last in edges.reshape(-1, 2).tolist():
+        yield begin + first, C, kind[first:last]

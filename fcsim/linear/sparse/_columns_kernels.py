@@ -31,11 +31,19 @@ def transposed_times_columns(indptr, indices, data, x):
 
 
 @njit(cache=True)
-def weighted_squares_rows(indptr, indices, data, weight, size):
-    """sum_i weight_i A_ij^2 (size,) of the columns of A (n, size) by rows, weight (n,)."""
-    y = np.zeros(size)
+def squares_of_touched_columns(indptr, indices, data, weight, some, step, count):
+    """See `normals_of_some`, by rows: columns that `some` rows have no entry in, most of them, are passed over."""
+    whole, others, touched = np.zeros(count), np.zeros(count), np.zeros((count + 1) * step, dtype=np.bool_)
     for i in range(len(indptr) - 1):
-        if weight[i] != 0.0:
+        if some[i]:
             for k in range(indptr[i], indptr[i + 1]):
-                y[indices[k]] += weight[i] * data[k] ** 2
-    return y
+                if indices[k] % step == 0:
+                    touched[indices[k]] = True
+    for i in range(len(indptr) - 1):
+        for k in range(indptr[i], indptr[i + 1]):
+            if touched[indices[k]]:
+                square = weight[i] * data[k] ** 2
+                whole[indices[k] // step] += square
+                if not some[i]:
+                    others[indices[k] // step] += square
+    return whole, others, touched[: count * step : step].copy()

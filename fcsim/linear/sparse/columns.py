@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.linear.sparse import _columns_kernels as kernels
 
 
@@ -22,7 +22,9 @@ def transposed_times(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
     return other
 
 
-def weighted_squares(A: sp.csr_array, weight: FloatArray) -> FloatArray:
-    """sum_i weight_i A_ij^2 (m,) of the columns of A (n, m); weight (n,)."""
-    squares: FloatArray = kernels.weighted_squares_rows(A.indptr, A.indices, A.data, weight, A.shape[1])
-    return squares
+def normals_of_some(A: sp.csr_array, weight: FloatArray, some: BoolArray, step: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Of each `step`-th column j of A (n, m): sum_i weight_i A_ij^2 over all rows and over those that are not `some` (n,), and whether
+    it has entries in `some`; the sums are zero where it has none. weight (n,)."""
+    sums: tuple[FloatArray, FloatArray, BoolArray]
+    sums = kernels.squares_of_touched_columns(A.indptr, A.indices, A.data, weight, some, step, A.shape[1] // step)
+    return sums

@@ -34,7 +34,7 @@ class ContactParts:
     def summed[T: np.floating](self, values: NDArray[T]) -> NDArray[T]:
         """The sum over the ranks of values (k,), of as many on each."""
         size = self.world.size
-        total: NDArray[T] = self.world.gathered(values, np.full(size, len(values))).reshape(size, -1).sum(axis=0)
+        total: NDArray[T] = self.world.gathered(values, [len(values)] * size).reshape(size, -1).sum(axis=0)
         return total
 
 

@@ -18,6 +18,7 @@ from fcsim.brief import brief
 from fcsim.linear.factors import Factor, factorise
 from fcsim.linear.late.late_rows import in_blocks
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
+from fcsim.linear.sparse.further_unknowns import further_rows, with_diagonal_block
 from fcsim.problem._delassus_kernels import bodies_of_contacts, entries_by_body
 from fcsim.problem.bodies.late import late_sum, summed, summed_late
 from fcsim.problem.bodies.shares import BodyShares, shares_of
@@ -84,7 +85,7 @@ class StepCompliance:
             matrix = sp.csr_array(matrix - (matrix @ self.leaning.H) @ self.leaning.to_straight)
         if self.joint is None:
             return matrix
-        return _with_diagonal_block(matrix, 1 / self.joint[self._soft])
+        return with_diagonal_block(matrix, 1 / self.joint[self._soft])
 
     def problem_matrix(self) -> Matrix:
         """M of the problem: its products alone where ranks have a body together, made when it is read where materials are linear."""
@@ -103,7 +104,7 @@ class StepCompliance:
             return H
         H, k = sp.csr_array(H), len(self._soft)
         data, indices = np.concatenate([H.data, np.ones(k)]), np.concatenate([H.indices, self._soft.astype(H.indices.dtype)])
-        return sp.csr_array((data, indices, _further_rows(H.indptr, k)), shape=(H.shape[0] + k, H.shape[1]))
+        return sp.csr_array((data, indices, further_rows(H.indptr, k)), shape=(H.shape[0] + k, H.shape[1]))
 
     def load(self, f: FloatArray) -> FloatArray:
         """The problem's f (n,) from that of the bodies' unknowns."""
@@ -212,7 +213,7 @@ class StepCompliance:
 
         def make() -> BodyShares:
             on_compliances = self._on_compliances(sp.csc_array(H))
-            compliances = tuple(self.factor.compliances(_rows_of(on_compliances)))
+            compliances = tuple(self.factor.compliances(self._asked(on_compliances)))
             return shares_of(on_compliances, *self.factor.places, len(model.bodies), dimension, compliances)
 
         return make
@@ -239,8 +240,8 @@ class StepCompliance:
         model, H = self.factor.model, self._on_compliances(H)
         W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
         if late and model.shares is None:
-            return summed_late(W, tuple(self.factor.compliances(_rows_of(H))))
-        for first, compliances, kind in self.factor.compliances(_rows_of(H)):
+            return summed_late(W, tuple(self.factor.compliances(self._asked(H))))
+        for first, compliances, kind in self.factor.compliances(self._asked(H)):
             W.add(first, compliances, kind)
         if model.shares is not None:
             model.shares.world.summed("W", W.values)
@@ -270,14 +271,21 @@ class StepCompliance:
         if self.over_ranks_elastic and not elastic.all():
             return None
         with shares.world.together("W"):
-            mine = rank == shares.world.number
-            own = np.where(body >= 0, np.where(mine, np.arange(count), -1)[body], -1)
+            mine, own = self.factor.own_bodies(shares)
             blocks = None if bodies is None else _blocks_of(bodies, mine)
             W = DelassusSum(H[:, layout.own_unknowns], own, column, count, dimension, blocks)
-            runs = tuple(self.factor.compliances(_rows_of(H)))
+            runs = tuple(self.factor.compliances(self._asked(H)))
             late = late_sum(W, runs)
             share = in_blocks(summed(W, runs), dimension) if late is None else late
         return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, bodies, runs, rank, nc)))
+
+    def _asked(self, H: sp.csc_array) -> BoolArray:
+        """Which rows (n,) of H have entries, as `SystemFactor.compliances` asks; none where no body has a factor of its own, which alone
+        reads it."""
+        touched = np.zeros(H.shape[0], dtype=bool)
+        if self.factor.nonlinear_groups:
+            touched[H.indices] = True
+        return touched
 
     def _on_compliances(self, H: sp.csc_array) -> sp.csc_array:
         """H on the dofs (n_dofs,), in the axes of the bodies' compliances."""
@@ -307,25 +315,6 @@ def _blocks_of(bodies: IntArray, mine: BoolArray) -> int:
     both = bodies[own.all(axis=1)]
     shared = np.unique(both[:, 0] * len(mine) + both[:, 1], return_counts=True)[1]
     return int(np.sum(np.bincount(bodies[own]) ** 2) - np.sum(shared**2))
-
-
-def _further_rows(indptr: IntArray, k: int) -> IntArray:
-    """Starts of rows, and of k more of one entry each."""
-    return np.concatenate([indptr, indptr[-1] + np.arange(1, k + 1, dtype=indptr.dtype)])
-
-
-def _with_diagonal_block(A: sp.csr_array, diagonal: FloatArray) -> sp.csr_array:
-    """A (n, n) with k unknowns more, coupled to nothing, and their entries (k,) on the diagonal."""
-    n, k = A.shape[0], len(diagonal)
-    indices = np.concatenate([A.indices, np.arange(n, n + k, dtype=A.indices.dtype)])
-    return sp.csr_array((np.concatenate([A.data, diagonal]), indices, _further_rows(A.indptr, k)), shape=(n + k, n + k))
-
-
-def _rows_of(H: sp.csc_array) -> BoolArray:
-    """Which rows (n,) of H have entries."""
-    touched = np.zeros(H.shape[0], dtype=bool)
-    touched[H.indices] = True
-    return touched
 
 
 def _chosen(rows: IntArray, n: int, d: int) -> sp.csc_array:

@@ -26,7 +26,6 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Everything
 from fcsim.contact_detection.contacts import join
 from fcsim.contact_detection.sweep import brought_back
-from fcsim.linear.sparse.columns import transposed_times
 from fcsim.timestep.encounter import Encounter, under_law
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -62,7 +61,7 @@ def looked_ahead(
     size = met.meeting.proportions.size_at(there)
     place, known = places(held.identity, there.identity)
     bend = np.zeros(len(held)) if met.meeting.bend is None else met.meeting.bend.copy()
-    straight = held.gap + timing.length_per_u * transposed_times(met.H, v).reshape(-1, held.dimension)[:, 0]
+    straight = held.gap + timing.length_per_u * met.relative(v).reshape(-1, held.dimension)[:, 0]
     meant = np.where(known, np.append(straight + bend, 0.0)[place], 0.0)
     deeper = there.gap < np.minimum(meant, 0.0) - np.where(there.cables, BORNE_BY_CABLES, BORNE) * size
     given = np.append(bend, 0.0)[place]
@@ -122,7 +121,7 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     held = met.meeting.contacts
     if not len(held):
         return False
-    slide = scheme.timing.length_per_u * np.abs(transposed_times(met.H, v).reshape(len(held), -1)[:, 1:]).max(axis=1)
+    slide = scheme.timing.length_per_u * np.abs(met.relative(v).reshape(len(held), -1)[:, 1:]).max(axis=1)
     if slide.max(where=held.cables, initial=0.0) > _TURNS_A_CABLE * smallest:
         return True
     if slide.max() * np.abs(straight).max(initial=0.0) <= 0.25 * smallest * counts:  # no node moves by more than twice that beside the mean

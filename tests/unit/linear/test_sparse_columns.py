@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fcsim.linear.sparse.columns import transposed_times, weighted_squares
+from fcsim.linear.sparse.columns import normals_of_some, transposed_times
 
 
 @pytest.mark.parametrize("form", ["csr", "csc", "coo", "dense"])
@@ -25,8 +25,14 @@ def test_a_vector_of_another_length_is_refused_as_scipy_does() -> None:
         transposed_times(sp.csr_array((40, 27)), np.zeros(27))
 
 
-def test_weighted_squares() -> None:
+def test_squares_of_every_third_column_that_some_rows_touch() -> None:
     rng = np.random.default_rng(2)
     A, weight = sp.random_array((40, 27), density=0.2, rng=rng, format="csr"), rng.uniform(size=40)
-    weight[::3] = 0.0
-    assert_allclose(weighted_squares(A, weight), weight @ A.toarray() ** 2, rtol=1e-14)
+    some = np.zeros(40, dtype=bool)
+    some[[3, 17]] = True
+    whole, others, touched = normals_of_some(A, weight, some, 3)
+    dense = A.toarray()[:, ::3]
+    assert_array_equal(touched, (dense[some] != 0).any(axis=0))
+    assert touched.any() and not touched.all()
+    assert_allclose(whole, np.where(touched, weight @ dense**2, 0.0), rtol=1e-14)
+    assert_allclose(others, np.where(touched, (weight * ~some) @ dense**2, 0.0), rtol=1e-14)

@@ -76,19 +76,19 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     own = x[parts.own]
     A, B = linearisation(len(x), float(W.diagonal().mean()))
     P = PreconditionerOverRanks(joints, W.layout)
-    P.update(A, B)
+    P.update(A[joints.order], B[joints.order])
     first = parts.whole(P(own.ravel()).reshape(own.shape))
     kept = P.following(bodies, joints.diagonal_of_W)
     assert kept is not None
     changed_A, changed_B = A.copy(), B.copy()
     changed_A[::7], changed_B[::7] = 0, np.eye(3)
-    kept.update(changed_A, changed_B)
+    kept.update(changed_A[joints.order], changed_B[joints.order])
     solved = [TwoLevelOverRanks(W, behind).solve(A, B, x, needed) for needed in (NEAR, FAR)]
     return {
         "product": parts.whole(ProductByParts(W, parts)(own)).ravel().tolist(),
         "preconditioned": first.ravel().tolist(),
         "changed": parts.whole(kept(own.ravel()).reshape(own.shape)).ravel().tolist(),
-        "before": parts.whole(P(own.ravel()).reshape(own.shape)).ravel().tolist(),
+        "given away": [P.given_away, P.following(bodies, joints.diagonal_of_W) is None, kept.given_away],
         "solved": [[part.tolist() for part in found] for found in solved if found is not None],
         "own": parts.own.tolist(),
         "entries": len(joints.E),

@@ -77,23 +77,24 @@ class CoarseFactor:
         if info > 0:
             raise SingularMatrix("the bodies' motions on their joints are singular")
         self._fronts = self._values, k * pattern.sizes, k * pattern.firsts, dofs_of(pattern.borders, k)
-        self._unknowns = [dofs_of(places, k) for places in pattern.by_rank]
-        self._of_top = dofs_of(pattern.places, k)
+        self._own, self._of_top = dofs_of(pattern.by_rank[world.number], k), dofs_of(pattern.places, k)
+        self._counts = [k * len(places) for places in pattern.by_rank]
+        self._order = dofs_of(pattern.tree[0], k)  # of c, in the order of elimination
+        self._eliminated, self._left = self._order[dofs_of(np.concatenate(pattern.by_rank), k)], self._order[self._of_top]
 
     def solve[T: np.floating](self, c: NDArray[T]) -> NDArray[T]:
         """S^-1 c (n, k), on all ranks."""
-        pattern, world = self._pattern, self._pattern.world
-        order, own = pattern.tree[0], self._unknowns[world.number]
-        x = c[order].astype(np.float64).ravel()
+        world = self._pattern.world
+        own, x = self._own, c.reshape(-1)[self._order].astype(np.float64)
         given = x[self._of_top]
         x[self._of_top] = 0
         kernels.forward(*self._fronts, x)
         if len(given):
-            others = world.gathered(x[self._of_top], np.full(world.size, len(given))).reshape(world.size, -1).sum(axis=0)
+            others = world.gathered(x[self._of_top], [len(given)] * world.size).reshape(world.size, -1).sum(axis=0)
             x[self._of_top] = sla.lapack.dgetrs(self._lu, self._pivots, given + others, trans=1)[0]
         kernels.backward(*self._fronts, x)
-        counts = np.array([len(unknowns) for unknowns in self._unknowns])
-        x[np.concatenate(self._unknowns)] = world.gathered(x[own], counts)
         solution = np.empty_like(c)
-        solution[order] = x.reshape(c.shape)
+        numbers = solution.reshape(-1)
+        numbers[self._eliminated] = world.gathered(x[own], self._counts)
+        numbers[self._left] = x[self._of_top]
         return solution

@@ -24,7 +24,7 @@ class PreconditionerOverRanks:
     joint of one or the bodies' motions are singular."""
 
     def __init__(self, joints: OwnJoints, layout: ContactLayout) -> None:
-        self.joints, self._layout, self._steps = joints, layout, 0
+        self.joints, self._layout, self._steps, self.given_away = joints, layout, 0, False
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q, by the joints' order
         self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
         self._T = np.empty(joints.T_starts[-1])
@@ -36,13 +36,13 @@ class PreconditionerOverRanks:
         return self._steps > 0
 
     def update(self, A: FloatArray, B: FloatArray) -> None:
-        """Make it the one of A and B (nc, d, d), but for changes up to CHANGED."""
+        """Make it the one of A and B (k, d, d) by the joints' order, but for changes up to CHANGED."""
         joints, k = self.joints, MOTIONS
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
         out = (self._Q, joints.Q_starts, self._V, joints.V_starts, self._T, joints.T_starts)
         S = np.zeros((len(joints.coarse.columns), k, k))
         with self._layout.together("joints of A W + B"):
-            changed = self._changed(A[joints.order], B[joints.order])
+            changed = self._changed(A, B)
             which = [i + np.flatnonzero(changed[i:j]) for i, j in joints.ranges]
             try:
                 side_by_side([partial(kernels.invert_joints, *given, out, own) for own in which if len(own)])
@@ -65,15 +65,17 @@ class PreconditionerOverRanks:
         return np.logical_or.reduceat(far[joints.wide], joints.begins[:-1])
 
     def following(self, bodies: IntArray, diagonal: FloatArray) -> PreconditionerOverRanks | None:
-        """The same for the W of a later step, as in `Preconditioner`."""
+        """The same for the W of a later step, as in `Preconditioner`, which it then serves alone: it has this one's blocks, of which few
+        are made anew, and no copy of them."""
         joints = self.joints
-        if self._steps >= LASTS or not np.array_equal(joints.all_bodies, bodies) or diagonal.shape != joints.diagonal_of_W.shape:
+        if self.given_away or self._steps >= LASTS:
+            return None
+        if not np.array_equal(joints.all_bodies, bodies) or diagonal.shape != joints.diagonal_of_W.shape:
             return None
         if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
             return None
         other = copy(self)
-        other._A, other._B, other._Q, other._V, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._V, self._T))
-        other._steps += 1
+        other._steps, self.given_away = self._steps + 1, True
         return other
 
     def _joint_by_joint(self, x: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -44,17 +44,18 @@ class TwoLevelOverRanks:
             self.pays = False
             return None
         diagonal = self._W.diagonal().reshape(rhs.shape)
-        A, B, rhs = kernels.normalised(A, B, rhs, diagonal.mean(1))
         limits = self._demand.following(needed, foreseen=foreseen)
         found = None
+        if self._precondition is not None and self._precondition.given_away:  # to a later W
+            self._precondition = None
         if self._precondition is None and self._kept is not None:
             self._precondition = self._kept.following(bodies, diagonal)
         if self._precondition is not None:
-            found = self._by(self._precondition, A, B, rhs, limits)
+            found = self._by(self._precondition, (A, B, rhs, diagonal), limits)
         if found is None and (self._precondition is None or self._precondition.earlier):
             self._precondition = self._kept = None  # the old one makes room for the new
             self._precondition = self._anew(bodies)
-            found = self._by(self._precondition, A, B, rhs, limits)
+            found = self._by(self._precondition, (A, B, rhs, diagonal), limits)
         self.pays = found is not None
         return found
 
@@ -66,7 +67,7 @@ class TwoLevelOverRanks:
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
     ) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) as `TwoLevelSystem.settled`, all (nc, ...) whole on every rank: each solves its own joints."""
-        if self._precondition is None or not self.pays:
+        if self._precondition is None or self._precondition.given_away or not self.pays:
             return None
         joints = self._precondition.joints
         own = joints.parts.own
@@ -86,27 +87,33 @@ class TwoLevelOverRanks:
         return self._by_parts(x)
 
     def _by(
-        self, precondition: PreconditionerOverRanks, A: FloatArray, B: FloatArray, rhs: FloatArray, limits: tuple[float, float]
+        self,
+        precondition: PreconditionerOverRanks,
+        given: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+        limits: tuple[float, float],
     ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr by GMRES with this preconditioner, as in `TwoLevelSystem`."""
+        """dr and W dr by GMRES with this preconditioner, as in `TwoLevelSystem`; given: A, B, rhs and the diagonal of W, by contacts, whose
+        rows are normalised where this rank has them."""
+        parts = precondition.joints.parts
+        A, B, rhs, diagonal = (values[precondition.joints.order] for values in given)
+        A, B, rhs = kernels.normalised(A, B, rhs, diagonal.mean(1))
         try:
             precondition.update(A, B)
         except SingularMatrix:
             return None
-        parts, shape = precondition.joints.parts, rhs.shape
-        own_A, own_B = A[parts.own], B[parts.own]
+        count, d = len(parts.own), rhs.shape[1]
+        own_A, own_B = A[:count], B[:count]
 
         def product(x: FloatArray) -> FloatArray:
-            x = x.reshape(-1, shape[1])
+            x = x.reshape(-1, d)
             image: FloatArray = apply_blocks(own_A, self._product(x), own_B, x)
             return image.ravel()
 
-        given = rhs[parts.own].ravel()
         with parts.world.unasked("GMRES over ranks"):
-            found = gmres_over_ranks(product, precondition, given, parts.summed, *limits, ITERATIONS, ENOUGH)
+            found = gmres_over_ranks(product, precondition, rhs[:count].ravel(), parts.summed, *limits, ITERATIONS, ENOUGH)
             if found is None:
                 return None
-            step = found.reshape(-1, shape[1])
+            step = found.reshape(-1, d)
             return parts.whole(step).ravel(), parts.whole(self._product(step)).ravel()
 
 
