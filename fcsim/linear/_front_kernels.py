@@ -69,6 +69,35 @@ def fill(own, border, local, indptr, indices, W, A, B, d, F11, F12, F21):
 
 
 @njit(cache=True)
+def write_blocks(first, last, indices, local, low, high, W, out, i):
+    """Write the blocks W (nnz, d, d) of the entries first, ..., last - 1 with low <= local < high to the rows d i of out."""
+    d = W.shape[1]
+    for e in range(first, last):
+        j = local[indices[e]]
+        if low <= j < high:
+            for p in range(d):
+                target, source = out[d * i + p, d * (j - low) : d * (j - low + 1)], W[e, p]
+                for q in range(len(target)):
+                    target[q] = source[q]
+
+
+@njit(cache=True)
+def fill_blocks(own, border, local, indptr, indices, W, F11, F12, F21):
+    """As `fill` for the blocks of W (nnz, d, d) themselves."""
+    n = len(own)
+    number(own, border, local)
+    for i in range(n):
+        a = own[i]
+        write_blocks(indptr[a], indptr[a + 1], indices, local, 0, n, W, F11, i)
+        write_blocks(indptr[a], indptr[a + 1], indices, local, n, len(local), W, F12, i)
+    for i in range(len(border)):
+        a = border[i]
+        write_blocks(indptr[a], indptr[a + 1], indices, local, 0, n, W, F21, i)
+    local[own] = -1
+    local[border] = -1
+
+
+@njit(cache=True)
 def add_part(S, row, place, first, last, shift, d, out, to):
     """Add blocks first to last of a row of S to the blocks place - shift of a row of out."""
     if d == 3:
@@ -78,9 +107,16 @@ def add_part(S, row, place, first, last, shift, d, out, to):
             out[to, column + 1] += S[row, 3 * j + 1]
             out[to, column + 2] += S[row, 3 * j + 2]
         return
-    for j in range(first, last):
-        for q in range(d):
-            out[to, d * (place[j] - shift) + q] += S[row, d * j + q]
+    j = first
+    while j < last:  # runs of places one after the other, long enough for vectors
+        end = j + 1
+        while end < last and place[end] == place[end - 1] + 1:
+            end += 1
+        column = d * (place[j] - shift)
+        target, source = out[to, column : column + d * (end - j)], S[row, d * j : d * end]
+        for q in range(len(target)):
+            target[q] += source[q]
+        j = end
 
 
 @njit(cache=True)

@@ -20,7 +20,7 @@ import scipy.linalg as sla
 from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.linear._front_kernels import backward, extend_add, extend_add_upper, fill, fill_symmetric, forward, solve_by_fronts
+from fcsim.linear._front_kernels import backward, extend_add, extend_add_upper, fill, fill_blocks, fill_symmetric, forward, solve_by_fronts
 from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.elimination_tree import EliminationTree
 from fcsim.linear.factors import SingularMatrix, mirror
@@ -79,16 +79,17 @@ class _Assembly:
 
 
 class Multifrontal:
-    """LU of A W + B on the active contacts (nc,) of `rows`; fronts of the given precision.
+    """LU of A W + B on the active contacts (nc,) of `rows`, or of W itself; fronts of the given precision.
 
     They are filled by rows of W, without gaps, and LAPACK, for which matrices are stored by columns, factors their transposes."""
 
-    def __init__(self, rows: BlockRows, A: FloatArray, B: FloatArray, active: BoolArray, dtype: DTypeLike = np.float64) -> None:
-        d = A.shape[1]
+    def __init__(self, rows: BlockRows, AB: tuple[FloatArray, FloatArray] | None, active: BoolArray, dtype: DTypeLike = np.float64) -> None:
+        """AB: A and B (nc, d, d), None for W itself."""
+        d = rows.blocks.shape[1]
         getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), dtype=dtype)
         self._dtype = dtype
         local = np.full(len(active), -1)
-        W, A, B = rows.blocks.ravel(), A.ravel(), B.ravel()
+        flat = None if AB is None else (rows.blocks.ravel(), *(x.ravel() for x in AB))
         assembly = _Assembly(rows.tree, active)
         self.contacts = assembly.contacts
         values, end = np.zeros(assembly.most_entries(d, both=True), dtype=dtype), 0  # of all fronts in one array, as `solve_by_fronts` asks
@@ -98,7 +99,10 @@ class Multifrontal:
             first, second, after = end + d * d * n * n, end + d * d * n * (n + b), end + d * d * n * (n + 2 * b)
             F11, F21 = values[end:first].reshape(d * n, d * n), values[first:second].reshape(d * b, d * n)
             F12, F22, end = values[second:after].reshape(d * n, d * b), np.zeros((d * b, d * b), dtype=dtype), after
-            fill(own, border, local, rows.indptr, rows.indices, W, A, B, d, F11, F12, F21)
+            if flat is None:
+                fill_blocks(own, border, local, rows.indptr, rows.indices, rows.blocks, F11, F12, F21)
+            else:
+                fill(own, border, local, rows.indptr, rows.indices, *flat, d, F11, F12, F21)
             for place, S in children:
                 extend_add(S, place, n, d, F11, F12, F21, F22)
             if n:

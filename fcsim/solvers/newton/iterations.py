@@ -14,17 +14,18 @@ from functools import partial
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Followed, LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.memory import Kept, Memory
+from fcsim.solvers.newton.expected import LastVelocities, with_velocities
 from fcsim.solvers.newton.formulations import FORMULATIONS, Formulation
 from fcsim.solvers.newton.line_search import LINE_SEARCHES, REFERENCES, Merit
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.spaces import FollowingSpace, LocalSpace, NewtonSpace
-from fcsim.solvers.newton.statuses import LEAST, Statuses
+from fcsim.solvers.newton.statuses import LEAST, Statuses, made_to_slide
 from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
 from fcsim.solvers.newton.systems.interface import NewtonSystem
@@ -55,28 +56,15 @@ def _rho(first: FloatArray, memory: Memory | None) -> FloatArray:
     return np.clip(rho, *adaptive_range(first))
 
 
-@dataclass(frozen=True, eq=False)
-class LastVelocity(Kept):
-    """u (nc, d) of a solution."""
-
-    u: FloatArray
-
-
-def _expected(u: FloatArray, r: FloatArray, memory: Memory | None, options: NewtonOptions) -> FloatArray | None:
-    """The velocities (nc, d) at which the first step is linearised: those of the last solution, u (nc, d) of the start where contacts are
-    new. None where nothing is known, r begins at zero, or a line search would measure F at u.
-
-    A start r near the answer has statuses far from the answer's: u = W r + q takes what is wrong with r for opening and sliding. The
-    last solution's statuses are nearly the right ones.
-    """
-    earlier = None if memory is None else memory.earlier(LastVelocity)
+def _expected(u: FloatArray, r: FloatArray, memory: Memory | None, options: NewtonOptions) -> tuple[FloatArray, BoolArray] | None:
+    """The velocities (nc, d) at which the first step is linearised, and which contacts slide there (nc,), see `expected`; u (nc, d): of the
+    start. None where nothing is known, r begins at zero, or a line search would measure F at u."""
+    earlier = None if memory is None else memory.earlier(LastVelocities)
     if memory is None or earlier is None or earlier.u.shape[1] != u.shape[1]:
         return None
     if options.line_search != "none" or options.safeguard or not r.any():
         return None
-    place, expected = earlier.places(memory.identity), u.copy()
-    expected[place >= 0] = earlier.u[place[place >= 0]]
-    return expected
+    return earlier.at(u, memory.identity)
 
 
 def newton(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: NewtonOptions, *, once: bool = False) -> Iterate:
@@ -107,7 +95,8 @@ def local_turns(
     expected = None if once else _expected(space.u.reshape(shape), r, monitor.memory, options)
     iterate = yield from newton_turns(space, r, problem.diagonal_blocks, problem.mu, monitor, options, expected)
     if iterate.status is Status.SOLVED and monitor.memory is not None and not once:
-        monitor.memory = monitor.memory.having(LastVelocity(monitor.memory.identity, space.u.reshape(shape)))
+        known = (space.u.reshape(shape), iterate.r.reshape(shape), problem.mu, monitor.compliance)
+        monitor.memory = with_velocities(monitor.memory, *known)
     if monitor.memory is not None and isinstance(system, CondensedSystem | SystemOverRanks):
         kind = KeptCondensation if isinstance(system, CondensedSystem) else KeptPreconditioner
         left, memory = system.left(monitor.memory.identity), monitor.memory.without(kind)
@@ -172,7 +161,7 @@ def newton_turns(
     mu: FloatArray,
     monitor: Monitor,
     options: NewtonOptions,
-    expected: FloatArray | None = None,
+    expected: tuple[FloatArray, BoolArray] | None = None,
     formulation: Formulation | None = None,
 ) -> Turns:
     """Newton's method by turns of one iteration each; the steps' numbers are those of De Luca, Facchinei, Kanzow 1996.
@@ -180,7 +169,8 @@ def newton_turns(
     formulation: the equations of another cone than Coulomb's, in the place of the option's.
 
     Where an adapted rho led to a solution, the next solve with this memory begins near it. With velocities u_e that are
-    `expected` (nc, d) the first step is Newton's in (u, r) from there, where u_e need not be W r + q:
+    `expected` (nc, d) the first step is Newton's in (u, r) from there, where u_e need not be W r + q, with the equations of sliding for the
+    contacts (nc,) that are to slide:
     A du + B dr = -(F(u_e, r) + A (u - u_e)),  A and B those of (u_e, r).
     Long because it is one iteration from its verdict to the next.
     """
@@ -205,14 +195,16 @@ def newton_turns(
                 monitor.memory = monitor.memory.having(AdaptedRho(monitor.memory.identity, np.sqrt(rho * first_rho)))
             return Iterate(r, status)
         u = space.u.reshape(shape)
-        F, A, B = formulation(u if expected is None else expected, r.reshape(shape), mu, rho)
+        at, slides = (u, None) if expected is None else expected
+        F, A, B = formulation(at, r.reshape(shape), mu, rho)
+        if slides is not None and formulation is FORMULATIONS["AC"]:
+            F, A, B = made_to_slide((F, A, B), slides, at, r.reshape(shape), mu, rho)
         if joined is not None and joined.knows_joints:
-            at = u if expected is None else expected
             allowed = LEAST * 0.5**progress.stalled * monitor.tol * monitor.scale
             F, A, B = statuses.kept((F, A, B), at, r.reshape(shape), mu, rho, monitor.compliance, allowed)
         space.foreseen = expected is not None
         if expected is not None:
-            F, expected = F + np.einsum("aij,aj->ai", A, u - expected), None
+            F, expected = F + np.einsum("aij,aj->ai", A, u - at), None
         value = 0.5 * float(np.sum(F * F))
         space.needed = monitor.tol / progress.error
         try:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.solvers.newton.formulations import Linearisation
 from fcsim.solvers.newton.systems._condensed_kernels import roles
 
@@ -52,6 +52,15 @@ class Statuses:
         F[own], A[own], B[own] = (x[keep] for x in old)
         now[own] = before[own]
         return F, A, B
+
+
+def made_to_slide(given: Linearisation, slides: BoolArray, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray) -> Linearisation:
+    """F, A, B `given` at u, r (nc, d) with the equations of sliding for those sticking contacts that are to slide (nc,); they are written
+    to."""
+    F, A, B = given
+    own = np.flatnonzero(roles(A, B)[1] & slides)
+    F[own], A[own], B[own] = equations(u[own], r[own], mu[own], rho[own], np.full(len(own), SLIDING))
+    return F, A, B
 
 
 def equations(u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, status: IntArray) -> Linearisation:

@@ -77,13 +77,29 @@ def test_lu(d: int, open_share: float, precision: type) -> None:
     W, joint = wall(3, 3, 8, d, 1)
     A, B = linearisation(len(joint), d, rng, open_share)
     active = A.any(axis=(1, 2))
-    factor = Multifrontal(BlockRows(W, d), A, B, active, precision)
+    factor = Multifrontal(BlockRows(W, d), (A, B), active, precision)
     assert_array_equal(np.sort(factor.contacts), np.flatnonzero(active))
     dofs = (d * factor.contacts[:, None] + np.arange(d)).ravel()
     J = (sla.block_diag(*A) @ W.toarray() + sla.block_diag(*B))[np.ix_(dofs, dofs)]
     rhs = rng.standard_normal((len(factor.contacts), d))
     residual = J @ factor.solve(rhs).ravel() - rhs.ravel()
     assert np.linalg.norm(residual) <= 1e3 * np.finfo(precision).eps * np.linalg.cond(J) ** 0.5 * np.linalg.norm(rhs)
+
+
+@pytest.mark.parametrize("d", [2, 3, 12])
+def test_lu_of_the_matrix_itself(d: int) -> None:
+    """Blocks that are no longer symmetric, of contacts or of bodies' twelve motions: each front's rows, columns and complement differ."""
+    rng = np.random.default_rng(9)
+    pattern, joint = wall(3, 3, 8, 2, 1)
+    n = len(joint)
+    blocks = rng.standard_normal((len(pattern.indices), d, d))
+    W = sp.bsr_array((blocks, pattern.indices, pattern.indptr), shape=(n * d, n * d))
+    W = sp.bsr_array(W + 20 * np.sqrt(n * d) * sp.eye_array(n * d), blocksize=(d, d))
+    factor = Multifrontal(BlockRows(W, d), None, np.ones(n, dtype=bool))
+    rhs = rng.standard_normal((n, d))
+    x = np.empty((n, d))
+    x[factor.contacts] = factor.solve(rhs[factor.contacts])
+    assert_allclose(W @ x.ravel(), rhs.ravel(), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.7, 1.0])

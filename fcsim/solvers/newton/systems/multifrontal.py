@@ -65,7 +65,7 @@ class MultifrontalSystem:
 
         while True:
             try:
-                factor = Multifrontal(self._rows, A, B, active, self._precision)
+                factor = Multifrontal(self._rows, (A, B), active, self._precision)
                 found = gmres(product, _preconditioner(factor, number), rhs.ravel(), ACCURACY * size, ITERATIONS)
             except SingularMatrix:
                 found = None

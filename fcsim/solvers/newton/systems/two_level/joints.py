@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from fcsim.arrays import IntArray
-from fcsim.linear.joints import BlockRows
+from fcsim.linear.joints import BlockRows, Pattern
 from fcsim.problem.bodies.shares import EIGEN_UP_TO, BodyShares
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.threads import pieces_by_work, side_by_side
@@ -63,6 +63,7 @@ class Joints:
         places = places.reshape(-1)
         self.places, self.diagonal = places[: len(row)], places[2 * len(row) :]
         self.coarse_columns, self.coarse_begins = key % self.count, np.searchsorted(key, self.count * np.arange(self.count + 1))
+        self.coarse_pattern: Pattern | None = None  # with its elimination tree, once that is known
 
 
 def numbers_of_pairs(bodies: IntArray, count: int) -> IntArray:

@@ -116,9 +116,9 @@ class Preconditioner:
         S = np.zeros((len(joints.coarse_columns), k, k))
         S[joints.diagonal] = np.eye(k)
         kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
-        coarse = BlockRows(sp.bsr_array((S, joints.coarse_columns, joints.coarse_begins), shape=(n * k, n * k)), k)
-        one, none = np.broadcast_to(np.eye(k), (n, k, k)), np.zeros((n, k, k))
-        return Multifrontal(coarse, one, none, np.ones(n, dtype=bool), np.float32)
+        coarse = BlockRows(sp.bsr_array((S, joints.coarse_columns, joints.coarse_begins), shape=(n * k, n * k)), k, joints.coarse_pattern)
+        joints.coarse_pattern = coarse.pattern
+        return Multifrontal(coarse, None, np.ones(n, dtype=bool), np.float32)
 
     def following(self, shares: BodyShares, bodies: IntArray, diagonal: FloatArray) -> Preconditioner | None:
         """The same for the W of a later step, a value of its own; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly
