@@ -12,6 +12,7 @@ from fcsim.problem.infeasible import certificate
 from fcsim.solvers.automatic.closed import edges, faces
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
+from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await
 from fcsim.solvers.gauss_seidel.conjugate import nncg
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.rows import ContactRows
@@ -90,16 +91,16 @@ def conjugate_sweeps(race: Race, monitor: ShareOfMonitor, rows: ContactRows) -> 
     """NNCG whose direction is kept from turn to turn, and lost only where it begins anew from an iterate that is well ahead."""
     one, d, order = ONE_CONTACT[SWEEPS.one_contact], race.problem.dimension, np.arange(race.problem.nc)
     frozen, most = np.zeros(len(order), dtype=np.int64), race.options.max_iterations
-    r, ahead = race.best_r(), True
+    r, ahead, awaited = race.best_r(), True, monitor.tol
     while True:
         if ahead:
             reaction = embed_vector(race.best_r(), d)
             start, direction, last = reaction.copy(), np.zeros_like(reaction), 0.0
         turn = max(race.options.probe, min(monitor.iterations // TURN, LONGEST_TURN))
-        last, _, done = one.sweep_conjugate(
+        last, size, done = one.sweep_conjugate(
             *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order, reaction, frozen),
             *(start, direction, last, SWEEPS.local_tolerance, SWEEPS.local_iterations, SWEEPS.relaxation),
-            *(min(turn, most - monitor.iterations), monitor.tol),
+            *(min(turn, most - monitor.iterations), awaited),
         )
         monitor.iterations += done
         r = reaction[:, :d].flatten()
@@ -109,6 +110,8 @@ def conjugate_sweeps(race: Race, monitor: ShareOfMonitor, rows: ContactRows) -> 
         status = Status.STAGNATED if last == 0.0 else monitor.stopped(error, most)
         if status is not None:
             return Iterate(r, status)
+        if done < turn and size > 0.0:  # where some reactions are far larger than others it may stay so
+            awaited = change_to_await(awaited, float(np.sqrt(last / size)), monitor.tol / error)
         yield
         ahead = race.best < OVERTAKEN * monitor.best
 
