@@ -10,9 +10,27 @@ from fcsim.solvers.newton.systems._velocity_kernels import velocities_held
 STICKING = 1e-6
 """Share of the friction cone next to its surface where a contact is not said to stick."""
 
+POINTS = 3.0
+"""Contacts a pair of bodies from which they may be faces, which three points span: 4 and more in blocks, 1.6 to 2.3 in beds."""
+NEARLY = 0.9
+"""Velocities held, over those that there are, from which a bed is nearly held: 0.96 to 1.2 in beds with friction up to 5, 0.8 in beds of
+rocks, 0.45 to 0.85 of spheres of unlike masses."""
 FACES = 1.3
 """Velocities held, over those that there are, beyond which it is faces that hold: 1.3 to 5 after the first sweeps in walls, towers, layers
 of boxes, at most 1.2 in beds of rocks with up to three points a pair."""
+
+
+def points_a_pair(race: Race) -> float:
+    """Contacts over the pairs of bodies that they are between, about, counted once: pairs are told by the first and the last velocity
+    behind each contact, so that a body's pairs with fixed ones count as one; 0 where the bodies behind W are not known."""
+    if race.points is None:
+        motion, d = race.problem.delassus.motion, race.problem.dimension
+        race.points = 0.0
+        if motion is not None and race.problem.nc and np.all(np.diff(motion.HT.indptr[::d]) > 0):
+            columns, begins = motion.HT.indices, motion.HT.indptr[:-1:d]
+            pairs = np.minimum.reduceat(columns, begins) * np.int64(motion.HT.shape[1]) + np.maximum.reduceat(columns, begins)
+            race.points = race.problem.nc / len(np.unique(pairs))
+    return race.points
 
 
 def closed(race: Race) -> int:
@@ -37,14 +55,20 @@ def singular_here(race: Race) -> bool:
     return held(race) > 1
 
 
+def nearly_held(race: Race) -> bool:
+    """Whether the closed contacts hold about as many velocities as the bodies have: few of them slide, as where friction is large."""
+    return held(race) > NEARLY
+
+
 def edges(race: Race) -> bool:
     """Whether edges of bodies in 2D hold one another: two points an edge hold four unknowns of two bodies' three velocities."""
     return race.problem.dimension == 2 and singular_here(race)
 
 
 def faces(race: Race) -> bool:
-    """Whether faces of bodies in 3D hold one another: four points a face hold twelve unknowns of two bodies' six velocities."""
-    return race.problem.dimension == 3 and held(race) > FACES
+    """Whether faces of bodies in 3D hold one another: four points a face hold twelve unknowns of two bodies' six velocities. Grains that
+    stick in single points may hold as much, but are no faces."""
+    return race.problem.dimension == 3 and held(race) > FACES and points_a_pair(race) >= POINTS
 
 
 def held_as_blocks(race: Race) -> bool:

@@ -1,4 +1,4 @@
-"""What Newton's methods are expected to need from where a race is, and whether what others still cost is more than that."""
+"""What sweeps and Newton's methods are expected to need from where a race is, and whether what others still cost is more than that."""
 
 from __future__ import annotations
 
@@ -29,9 +29,30 @@ LOOSE, EDGES, FACES = Expected(60, 30), Expected(20, 10), Expected(8, 4)
 """Proximal Newton where bodies touch loosely, where edges of 2D bodies hold one another, and where faces do. In beds of grains it has to
 find out which contacts slide, for which it takes 30 to 400 iterations, and sweeps get on; a wall of bricks takes it 10 to 25, and sweeps
 hundreds for each tenfold, since four points a face share their load in many ways."""
+PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
+"""Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
+SETTLED = 10
+"""Times `probe` sweeps after which a last quarter that made the error no tenth smaller says that they are at an end."""
 BELIEVED, BELIEVED_OF_FACES = 10, 2
 """Iterations of Newton whose cost the sweeps of a problem of few contacts spend before their rate is believed, as in `small.door`; and
 where faces hold one another."""
+
+
+def swept(race: Race) -> float:
+    """What the sweeps will still cost; nothing as long as none was done, infinite where they are left out or stand still."""
+    if "sweeps" in race.options.without:
+        return float("inf")
+    runner = race.runners.get("sweeps")
+    if runner is None or not runner.spent:
+        return 0.0
+    if runner.monitor.iterations >= SETTLED * race.options.probe and runner.gain(1 / 4) < 1 / 0.9:
+        return float("inf")  # what they need by the second half of their course would say so later
+    return runner.needs()
+
+
+def at_first(runner: Runner) -> bool:
+    """Whether proximal Newton is in those of its iterations that are its own."""
+    return runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades()
 
 
 def proximal_newton(race: Race) -> Expected:

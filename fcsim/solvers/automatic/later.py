@@ -1,10 +1,10 @@
-"""When the later stages of `auto` enter: paths, least squares, and proximal Newton from zero."""
+"""When the later stages of `auto` enter: ADMM in the place of sweeps, paths, least squares, and proximal Newton from zero."""
 
 from __future__ import annotations
 
-from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, singular_here
-from fcsim.solvers.automatic.expected import FAR
-from fcsim.solvers.automatic.race import Race
+from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, nearly_held, singular_here
+from fcsim.solvers.automatic.expected import FAR, at_first, swept
+from fcsim.solvers.automatic.race import Race, Runner
 
 LEAST_SQUARES_AFTER = 4.0
 """Times what an iteration of least squares costs that was spent when it enters."""
@@ -18,6 +18,17 @@ STUCK, FRESH = 100, 250
 """Iterations of proximal Newton after which it may be stuck, and those after which a fresh start is due where it is."""
 
 
+def in_place_of_sweeps(race: Race) -> bool:
+    """Whether ADMM is to do what sweeps do not: these stand still in a bed of grains whose contacts nearly hold the bodies, as where
+    friction is large, and proximal Newton is past the iterations that are its own and the cost of ADMM's first ones."""
+    if race.warm or race.joints is not None or not race.prices.in_velocities or swept(race) < float("inf"):
+        return False
+    runner = race.runners.get("proximal Newton")
+    if runner is None or (runner.result is None and at_first(runner)):
+        return False
+    return runner.spent >= race.prices.splitting(race.options.splitting) and nearly_held(race) and not held_as_blocks(race)
+
+
 def enter_paths(race: Race) -> bool:
     """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
     there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about
@@ -25,8 +36,10 @@ def enter_paths(race: Race) -> bool:
     runner = race.runners.get("proximal Newton")
     if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
         return False
+    if not race.warm and not held_as_blocks(race):
+        return stuck_for_long(runner)
     pieces = PIECES_OF_FACES if faces(race) else PIECES_OF_EDGES
-    if not race.warm and (race.spent() < pieces * race.problem.nc * race.prices.piece or not held_as_blocks(race)):
+    if not race.warm and race.spent() < pieces * race.problem.nc * race.prices.piece:
         return False
     if not singular_here(race):
         return False
@@ -49,6 +62,11 @@ def enter_least_squares_again(race: Race) -> bool:
     return runner is not None and not race.running() and race.best < runner.monitor.best
 
 
+def stuck_for_long(runner: Runner) -> bool:
+    """Whether proximal Newton has ended, or has made the error no tenth smaller in half of many iterations."""
+    return runner.result is not None or (runner.monitor.iterations >= FRESH and runner.gain(0.5) < 1 / 0.9)
+
+
 def enter_from_zero(race: Race) -> bool:
     """Where proximal Newton from the best iterate ended, or has made the error no tenth smaller in half of many iterations."""
     runner = race.runners.get("proximal Newton")
@@ -56,4 +74,4 @@ def enter_from_zero(race: Race) -> bool:
         return not race.running() and race.over("proximal Newton")
     if race.warm:
         return not race.running() and runner.result is not None
-    return runner.result is not None or (runner.monitor.iterations >= FRESH and runner.gain(0.5) < 1 / 0.9)
+    return stuck_for_long(runner)

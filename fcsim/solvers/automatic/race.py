@@ -180,7 +180,8 @@ def _fall(course: Sequence[tuple[float, float]], share: float) -> float:
 
 @dataclass(eq=False)
 class Race:
-    """What the stages' conditions look at. problem: with W as `storage` fits it; swept: the storage that sweeps read."""
+    """What the stages' conditions look at. problem: with W as `storage` fits it; swept: the storage that sweeps read; points: see
+    `closed.points_a_pair`."""
 
     problem: LocalProblem
     swept: LocalProblem
@@ -191,6 +192,7 @@ class Race:
     joints: BlockRows | None
     start: FloatArray
     runners: dict[str, Runner] = field(default_factory=dict)
+    points: float | None = None
 
     @property
     def best(self) -> float:

@@ -25,14 +25,13 @@ from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.closed import closed, held_as_blocks, singular_here
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.expected import FAR, NEWTON, dearer_than_newton, dearer_than_proximal, opening
-from fcsim.solvers.automatic.later import enter_from_zero, enter_least_squares, enter_least_squares_again, enter_paths
+from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, swept
+from fcsim.solvers.automatic.later import enter_from_zero, enter_least_squares, enter_least_squares_again, enter_paths, in_place_of_sweeps
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
-from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, Stage, run
+from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.turns import Turns
 
-PROXIMAL_ALONE, PROXIMAL_DECADE = 20, 10
-"""Iterations that proximal Newton needs where all goes well: they are its own before it shares with others, and more for each tenfold."""
 JOINTS_SHARE = 100
 """ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
 SWEEPS_BESIDE = 0.1
@@ -54,8 +53,6 @@ BEHIND = 10.0
 """Times the best error beyond which ADMM's own is far behind."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
-SETTLED = 10
-"""Times `probe` sweeps after which a last quarter that made the error no tenth smaller says that they are at an end."""
 PLATEAU = 50
 """Times `probe` sweeps after which Gauss-Seidel may be given up, where the last two thirds made the error no tenth smaller."""
 
@@ -75,18 +72,6 @@ class AutomaticOptions(RaceOptions):
 def _newton(race: Race) -> float:
     """The price of an iteration of Newton from here."""
     return race.prices.newton(closed(race))
-
-
-def _swept(race: Race) -> float:
-    """What the sweeps will still cost; nothing as long as none was done, infinite where they are left out."""
-    if "sweeps" in race.options.without:
-        return float("inf")
-    runner = race.runners.get("sweeps")
-    if runner is None or not runner.spent:
-        return 0.0
-    if runner.monitor.iterations >= SETTLED * race.options.probe and runner.gain(1 / 4) < 1 / 0.9:
-        return float("inf")  # what they need by the second half of their course would say so later
-    return runner.needs()
 
 
 def _share(race: Race) -> int:
@@ -122,13 +107,17 @@ def _splitting_first(race: Race) -> bool:
 
 
 def _enter_splitting(race: Race) -> bool:
-    if not race.options.splitting or race.best <= FAR:
+    if not race.options.splitting:
+        return False
+    if in_place_of_sweeps(race):
+        return True
+    if race.best <= FAR:
         return False
     if _splitting_first(race):
         return True
     if _proximal_before_splitting(race):
         return False
-    cost, share = SLOWING * _swept(race), race.options.splitting
+    cost, share = SLOWING * swept(race), race.options.splitting
     return cost > race.prices.least_splitting(share) and cost > race.prices.splitting(share)
 
 
@@ -139,7 +128,7 @@ def _proximal_before_splitting(race: Race) -> bool:
     if race.joints is not None or not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
     runner = race.runners.get("proximal Newton")
-    if runner is None or runner.result is not None or not _at_first(race, runner):
+    if runner is None or runner.result is not None or not at_first(runner):
         return runner is None
     return race.warm or not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
 
@@ -163,20 +152,15 @@ def _enter_newton(race: Race) -> bool:
         return False
     if _splitting_first(race):
         return race.over("splitting")
-    return newton_first(race) or dearer_than_newton(race, _swept(race))
+    return newton_first(race) or dearer_than_newton(race, swept(race))
 
 
 def _enter_proximal(race: Race) -> bool:
     if race.over("sweeps") and (race.over("Newton") or singular_here(race)):
         return True
     if not race.over("Newton"):
-        return singular_here(race) and dearer_than_proximal(race, _swept(race))
-    return race.warm or race.joints is not None or dearer_than_proximal(race, _swept(race))
-
-
-def _at_first(race: Race, runner: Runner) -> bool:
-    """Whether proximal Newton is in those of its iterations that are its own."""
-    return runner.monitor.iterations < PROXIMAL_ALONE + PROXIMAL_DECADE * runner.decades()
+        return singular_here(race) and dearer_than_proximal(race, swept(race))
+    return race.warm or race.joints is not None or dearer_than_proximal(race, swept(race))
 
 
 def _share_of_sweeps(race: Race) -> float:
@@ -185,9 +169,15 @@ def _share_of_sweeps(race: Race) -> float:
 
 
 def _share_of_splitting(race: Race) -> float:
-    """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate."""
+    """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate, unless
+    it has come for the sweeps."""
     behind = race.best < FAR and race.runners["splitting"].monitor.best > BEHIND * race.best
-    return LITTLE if behind else 1.0
+    return LITTLE if behind and not in_place_of_sweeps(race) else 1.0
+
+
+def _splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
+    options = methods.SPLITTING if race.joints is None else methods.SPLITTING_OF_JOINTS
+    return methods.splitting(race, monitor, methods.SPLITTING_OF_BEDS if in_place_of_sweeps(race) else options)
 
 
 def _plateau(race: Race, runner: Runner) -> bool:
@@ -210,10 +200,11 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "splitting",
         "ADMM. Enters far from a solution where the sweeps need more than its factor costs, in joints where Newton costs more; after "
-        "proximal Newton's first iterations where that is in the bodies' velocities. "
+        "proximal Newton's first iterations where that is in the bodies' velocities; in beds of grains that nearly hold their bodies once "
+        "the sweeps stand still. "
         "Goes on alone as long as each share of iterations brings the error down tenfold.",
         enters=_enter_splitting,
-        turns=methods.splitting,
+        turns=_splitting,
         price=lambda race: race.prices.admm,
         alone=_on_track,
         steady=True,
@@ -237,7 +228,7 @@ STAGES: tuple[Stage, ...] = (
         enters=_enter_proximal,
         turns=methods.proximal,
         price=lambda race: race.prices.running(closed(race)),
-        alone=_at_first,
+        alone=lambda race, runner: at_first(runner),
     ),
     Stage(
         "paths",
@@ -247,7 +238,7 @@ STAGES: tuple[Stage, ...] = (
         enters=enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,
-        alone=lambda race, runner: race.warm or runner.spent < PATHS_ALONE * (race.spent() - runner.spent),
+        alone=lambda race, runner: race.warm or (held_as_blocks(race) and runner.spent < PATHS_ALONE * (race.spent() - runner.spent)),
     ),
     Stage(
         "proof",

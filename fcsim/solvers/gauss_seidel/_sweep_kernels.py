@@ -43,6 +43,15 @@ def off_diagonal(indptr, indices, blocks, a, q0, q1, q2, r):
     return q0, q1, q2
 
 
+def change_to_await(awaited, change, share):
+    """The relative change of the next sweep that is small enough for a look at the error, after one of `change` <= awaited at which the
+    error was the tolerance over `share`: in proportion, but from a half to a thousandth of the last."""
+    return min(0.5 * awaited, max(change * share, 1e-3 * awaited))
+
+
+change_to_await_next = njit(cache=True)(change_to_await)
+
+
 @njit(cache=True, forceinline=True)
 def block(blocks, k):
     """blocks[k] as a tuple of rows, which stays in registers; a view of the array would be counted and freed at every visit."""

@@ -16,6 +16,7 @@ from fcsim.errors import InputError
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
+from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT, OneContact
 from fcsim.solvers.gauss_seidel.rows import ContactRows
 
@@ -205,7 +206,7 @@ def iterate(sweep: Sweep, point: Point, nc: int, monitor: Monitor, options: Swee
                 return Iterate(r, Status.STAGNATED)
             caution *= 0.1  # every contact is as good as it was asked to be: ask for more
         if light <= tau:
-            tau = min(0.5 * tau, max(light * monitor.tol / error, 1e-3 * tau))
+            tau = change_to_await(tau, light, monitor.tol / error)
         if options.error_evaluation == "adaptive":
             # sweeps left at the rate of decrease just seen
             left = np.log(error / monitor.tol) / np.log(previous / error) * waited if error < previous else np.inf

@@ -17,6 +17,7 @@ from fcsim.problem._cone_kernels import cone_projection
 from fcsim.problem._judge_kernels import squared_natural_residual
 from fcsim.solvers.automatic.costs import LP_STEPS, NEWTON_STEPS, PASSES
 from fcsim.solvers.automatic.costs import ONE_CONTACT as OPERATIONS
+from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await_next
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.newton._formulation_kernels import split_compliances
 from fcsim.solvers.small._gauss_seidel_kernels import (
@@ -138,7 +139,7 @@ def solve_automatically(
     if not np.all(largest > 0.0):
         return NOT_HERE, 0, 0, zero, q, 0.0, 0.0, 0.0, none
     rho, order, frozen = np.ascontiguousarray(1.0 / largest[:, :2]), np.arange(nc), np.zeros(nc, dtype=np.int64)
-    from_here, direction, last = r3.copy(), np.zeros_like(r3), 0.0
+    from_here, direction, last, awaited = r3.copy(), np.zeros_like(r3), 0.0, tol
     r, u = zero.copy(), q.copy()
     least = error_of(starts, columns, blocks, q3, r3, mu, weights, scale, r, u, d)
     best = r.copy()
@@ -153,13 +154,15 @@ def solve_automatically(
         price, elsewhere = newton_price(best, d, velocities, many)
         allowed = of_newton if turn else first * price
         while sweeping and not far and not least <= tol:
-            change, _, swept = sweep_conjugate(
+            change, size, swept = sweep_conjugate(
                 starts, columns, blocks, diagonal, shift, q3, mu, rho, order, r3, frozen, from_here, direction, last, local_tolerance,
-                local_iterations, 1.0, look, tol,
+                local_iterations, 1.0, look, awaited,
             )  # fmt: skip
             last = change
             sweeps += swept
             error = error_of(starts, columns, blocks, q3, r3, mu, weights, scale, r, u, d)
+            if swept < look and error > tol and size > 0.0:  # where some reactions are far larger than others it may stay so
+                awaited = change_to_await_next(awaited, np.sqrt(change / size), tol / error)
             if not np.isfinite(error) or (change == 0.0 and error > tol):
                 sweeping = False
             if error < least:

@@ -13,6 +13,7 @@ from numba import njit
 
 from fcsim.linear._block_rows_kernels import block_rows_of_dense, own_blocks, product
 from fcsim.problem._judge_kernels import squared_natural_residual, violations
+from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await_next
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.newton._formulation_kernels import split_compliances
 
@@ -150,7 +151,7 @@ def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_toler
                 ended = STAGNATED
                 break
             if light <= tau and error > tol:
-                tau = min(0.5 * tau, max(light * tol / error, 1e-3 * tau))
+                tau = change_to_await_next(tau, light, tol / error)
         if ended != SOLVED:
             r = best
     u, scaled, plain, found = judged(W, q, mu, compliance, r, d)

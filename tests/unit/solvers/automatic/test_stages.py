@@ -18,7 +18,7 @@ from fcsim.solvers import solve
 from fcsim.solvers.automatic import stages
 from fcsim.solvers.automatic.closed import held
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.expected import EDGES, FACES, LOOSE, Expected, proximal_newton
+from fcsim.solvers.automatic.expected import EDGES, FACES, LOOSE, PROXIMAL_ALONE, Expected, proximal_newton
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor, Stage, run
 from fcsim.solvers.automatic.stages import STAGES, AutomaticOptions
 from fcsim.solvers.base import Iterate, Monitor
@@ -301,7 +301,32 @@ def test_admm_waits_for_what_its_first_iterations_cost_where_bodies_may_rest(mon
     monkeypatch.setattr("fcsim.solvers.automatic.stages.STAGES", tuple(noted(stage) for stage in STAGES))
     assert solve(local("arches", 1000, 42), "auto").solved
     (iterations, share), *others = spent
-    assert not others and share >= 1 and iterations < stages.PROXIMAL_ALONE
+    assert not others and share >= 1 and iterations < PROXIMAL_ALONE
+
+
+def test_paths_solve_a_bed_in_which_proximal_newton_is_stuck() -> None:
+    """Rocks whose best iterate stays at 7e-7 for 13 000 iterations of all others; a path of some pieces leads on from there."""
+    p = local("rocks", 600, 1042)
+    result = solve(p, "auto", tol=1e-8, max_iterations=15_000)
+    assert result.solved and result.error <= 1e-8
+    assert not solve(p, "auto", tol=1e-8, max_iterations=15_000, without=("paths",)).solved
+
+
+def test_admm_does_what_sweeps_that_stand_still_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bed with friction up to 5 whose contacts hold about all of its velocities: without ADMM below 1e-3 all spend twice as much."""
+    spent = []
+
+    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
+        iterate = run(race, entering)
+        spent.append(race.spent())
+        return iterate
+
+    monkeypatch.setattr(stages, "run", noted)
+    p = local("frictions", 600, 954)
+    assert solve(p, "auto", tol=1e-4).solved
+    monkeypatch.setattr(stages, "in_place_of_sweeps", lambda race: False)
+    assert solve(p, "auto", tol=1e-4).solved
+    assert 2 * spent[0] < spent[1]
 
 
 @pytest.mark.slow

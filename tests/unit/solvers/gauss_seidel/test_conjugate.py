@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from fcsim.bench.families import problems
 from fcsim.solvers import solve
 from fcsim.solvers.gauss_seidel._conjugate_kernels import follow_direction
+from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await, change_to_await_next
 
 
 @pytest.mark.parametrize("last", [0.0, 1e-3, 1e6])
@@ -33,3 +34,18 @@ def test_half_the_sweeps_of_gauss_seidel_on_rank_deficient_problems(family: str,
     plain, conjugate = (solve(problem, name, tol=1e-7) for name in ("NSGS-AC", "NNCG"))
     assert plain.solved and conjugate.solved
     assert 2 * conjugate.iterations < plain.iterations
+
+
+@pytest.mark.parametrize(("change", "share", "awaited"), [(1e-5, 0.1, 1e-6), (9e-5, 0.9, 5e-5), (1e-6, 1e-6, 1e-7)])
+def test_the_next_change_to_await_is_in_proportion_but_neither_too_near_nor_too_far(change: float, share: float, awaited: float) -> None:
+    """1e-4 was awaited: a half of it at the most, a thousandth at the least; in Python and compiled."""
+    for by in (change_to_await, change_to_await_next):
+        assert by(1e-4, change, share) == pytest.approx(awaited, rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [100, 600])
+def test_sweeps_of_auto_do_not_look_at_the_error_after_each_where_heavy_bodies_hide_the_light_ones(size: int) -> None:
+    """Masses of 1 to 1e9: a sweep changes all reactions together by less than the tolerance from the first one on."""
+    result = solve(problems("mass-ratios", size, 811), "auto", tol=1e-4, max_iterations=3000)
+    assert result.iterations > 500
+    assert len(result.history) < 0.2 * result.iterations

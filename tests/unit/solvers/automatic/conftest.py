@@ -1,0 +1,11 @@
+"""What contacts hold, written down: for tests of the rules of `auto` on states that are no problem's."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.fixture
+def what_is_held_is_written_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Contacts hold what the state says."""
+    monkeypatch.setattr("fcsim.solvers.automatic.closed.held", lambda race: race.holds)

@@ -1,0 +1,197 @@
+"""When later stages enter and what is expected of methods, rule by rule, each with a case on either side of it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from fcsim.bench.families import problems
+from fcsim.problem.reduction import reduce
+from fcsim.solvers.automatic import closed, expected, later, stages
+from tests.unit.solvers.automatic.states import AFAR, EDGES_HELD, ENDED, FACES_HELD, INF, LOOSE, NEAR, STILL, Shown, newton, state
+
+pytestmark = pytest.mark.usefixtures("what_is_held_is_written_down")
+
+
+@pytest.mark.parametrize(
+    ("changes", "sweeps", "proximal", "due"),
+    [
+        ({}, STILL, newton(), True),
+        ({"best": NEAR}, STILL, newton(), True),
+        ({}, Shown(iterations=200, spent=200.0, fell=1.12, needed=500.0), newton(), False),
+        ({}, Shown(iterations=199, spent=199.0, fell=1.1, needed=500.0), newton(), False),
+        ({"holds": 0.89}, STILL, newton(), False),
+        ({"holds": 1.2}, STILL, newton(), True),
+        ({"holds": 1.2, "dimension": 2}, STILL, newton(), False),
+        ({"holds": FACES_HELD}, STILL, newton(), False),
+        ({}, STILL, newton(spent=159.0), False),
+        ({}, STILL, newton(spent=160.0), True),
+        ({}, STILL, newton(iterations=19), False),
+        ({}, STILL, newton(iterations=19, result=ENDED), True),
+        ({}, STILL, newton(tenfolds=6.0), False),
+        ({}, STILL, None, False),
+        ({"warm": True}, STILL, newton(), False),
+        ({"joints": object()}, STILL, newton(), False),
+        ({"in_velocities": False}, STILL, newton(), False),
+    ],
+)
+def test_admm_comes_in_the_place_of_sweeps_that_stand_still(
+    changes: dict[str, Any], sweeps: Shown, proximal: Shown | None, due: bool
+) -> None:
+    runners = {"sweeps": sweeps, **({} if proximal is None else {"proximal Newton": proximal})}
+    race = state(runners=runners, **{"holds": 0.91, "best": NEAR, **changes})
+    assert later.in_place_of_sweeps(race) is due
+    assert stages._enter_splitting(race) is due
+    race.splitting = 0
+    assert not stages._enter_splitting(race)
+
+
+@pytest.mark.parametrize(
+    ("changes", "proximal", "others", "due"),
+    [
+        ({}, newton(), 0.0, True),
+        ({}, None, 900.0, False),
+        ({"in_velocities": False}, newton(), 0.0, False),
+        ({"best": AFAR}, newton(), 0.0, False),
+        ({"best": AFAR, "without": ("proof",)}, newton(), 0.0, True),
+        ({"holds": 1.2}, newton(), 0.0, False),  # loose, from zero
+        ({"holds": FACES_HELD, "points": 2.9}, newton(), 0.0, False),
+        ({"holds": LOOSE}, newton(iterations=250, fell=1.1), 0.0, True),
+        ({"holds": LOOSE}, newton(iterations=249, fell=1.1), 0.0, False),
+        ({"holds": LOOSE}, newton(iterations=250, fell=1.12), 0.0, False),
+        ({"holds": LOOSE}, newton(iterations=3, result=ENDED), 0.0, True),
+        ({"holds": LOOSE, "best": AFAR}, newton(iterations=250, fell=1.1), 0.0, False),
+        ({"holds": LOOSE, "in_velocities": False}, newton(iterations=250, fell=1.1), 0.0, False),
+        ({"holds": 1.2, "warm": True}, newton(), 0.0, True),
+        ({"holds": 0.9, "warm": True}, newton(), 0.0, False),
+        ({}, newton(iterations=59, spent=500.0, needed=499.0), 0.0, False),
+        ({}, newton(iterations=60, spent=500.0, needed=499.0), 0.0, True),
+        ({}, newton(iterations=30, spent=500.0, needed=501.0), 0.0, True),
+        ({}, newton(iterations=29, spent=500.0, needed=501.0), 0.0, False),
+        ({}, newton(iterations=3, result=ENDED), 0.0, True),
+        ({"nc": 100}, newton(spent=150.0), 49.0, False),  # half a piece a contact in faces: 200
+        ({"nc": 100}, newton(spent=150.0), 50.0, True),
+        ({"nc": 100, "warm": True}, newton(spent=150.0), 49.0, True),
+        ({"nc": 100, "dimension": 2}, newton(spent=350.0), 49.0, False),  # a piece a contact in edges: 400
+        ({"nc": 100, "dimension": 2}, newton(spent=350.0), 50.0, True),
+    ],
+)
+def test_paths_enter(changes: dict[str, Any], proximal: Shown | None, others: float, due: bool) -> None:
+    runners = {"sweeps": Shown(spent=others), **({} if proximal is None else {"proximal Newton": proximal})}
+    assert later.enter_paths(state(runners=runners, **{"best": NEAR, "holds": FACES_HELD, **changes})) is due
+
+
+@pytest.mark.parametrize(
+    ("best", "proximal", "due"),
+    [
+        (NEAR, newton(iterations=101, spent=100.0, fell=1.1), True),
+        (AFAR, newton(iterations=101, spent=100.0, fell=1.1), False),
+        (NEAR, newton(iterations=100, spent=100.0, fell=1.1), False),
+        (NEAR, newton(iterations=101, spent=100.0, fell=1.12), False),
+        (NEAR, newton(iterations=101, spent=99.0, fell=1.1), False),
+        (NEAR, newton(iterations=5, spent=1.0, result=ENDED), True),
+        (NEAR, None, False),
+    ],
+)
+def test_least_squares_enter(best: float, proximal: Shown | None, due: bool) -> None:
+    assert later.enter_least_squares(state(best=best, runners={} if proximal is None else {"proximal Newton": proximal})) is due
+
+
+@pytest.mark.parametrize(
+    ("best", "ended", "running", "due"),
+    [(1e-5, 1.1e-5, False, True), (1e-5, 1e-5, False, False), (1e-5, 1.1e-5, True, False), (1e-5, None, False, False)],
+)
+def test_least_squares_enter_again_where_another_came_nearer(best: float, ended: float | None, running: bool, due: bool) -> None:
+    runners = {} if ended is None else {"least squares": Shown(best=ended, result=ENDED)}
+    if running:
+        runners["sweeps"] = Shown()
+    assert later.enter_least_squares_again(state(best=best, runners=runners)) is due
+
+
+@pytest.mark.parametrize(
+    ("changes", "proximal", "sweeping", "due"),
+    [
+        ({}, newton(iterations=250, fell=1.1), True, True),
+        ({}, newton(iterations=249, fell=1.1), True, False),
+        ({}, newton(iterations=250, fell=1.12), True, False),
+        ({}, newton(iterations=3, result=ENDED), True, True),
+        ({"warm": True}, newton(iterations=250, fell=1.1), False, False),
+        ({"warm": True}, newton(iterations=3, result=ENDED), False, True),
+        ({"warm": True}, newton(iterations=3, result=ENDED), True, False),
+        ({}, None, False, False),
+        ({"without": ("proximal Newton",)}, None, False, True),
+        ({"without": ("proximal Newton",)}, None, True, False),
+    ],
+)
+def test_proximal_newton_from_zero_enters(changes: dict[str, Any], proximal: Shown | None, sweeping: bool, due: bool) -> None:
+    runners = {"sweeps": Shown(result=None if sweeping else ENDED), **({} if proximal is None else {"proximal Newton": proximal})}
+    assert later.enter_from_zero(state(runners=runners, **changes)) is due
+
+
+@pytest.mark.parametrize(
+    ("holds", "points", "dimension", "are_faces"),
+    [(1.31, 3.0, 3, True), (1.3, 3.0, 3, False), (1.31, 2.9, 3, False), (1.31, 3.0, 2, False)],
+)
+def test_faces_hold_more_than_the_bodies_velocities_in_three_points_a_pair(
+    holds: float, points: float, dimension: int, are_faces: bool
+) -> None:
+    assert closed.faces(state(holds=holds, points=points, dimension=dimension)) is are_faces
+
+
+@pytest.mark.parametrize(("family", "points"), [("walls", 4.0), ("boxes", 4.0), ("arches", 2.0)])
+def test_points_a_pair_of_blocks_are_the_corners_of_their_faces(family: str, points: float) -> None:
+    problem = reduce(problems(family, 300, 7)).local  # type: ignore[arg-type]
+    race: Any = SimpleNamespace(problem=problem, points=None)
+    assert closed.points_a_pair(race) == race.points == pytest.approx(points, rel=0.02)
+
+
+def test_what_sweeps_still_cost() -> None:
+    assert expected.swept(state()) == 0
+    assert expected.swept(state(runners={"sweeps": Shown(needed=5.0)})) == 0  # none was done
+    assert expected.swept(state(runners={"sweeps": Shown(iterations=20, spent=20.0, fell=1.0, needed=5.0)})) == 5
+    assert expected.swept(state(runners={"sweeps": STILL})) == INF
+    assert expected.swept(state(without=("sweeps",))) == INF
+
+
+@pytest.mark.parametrize(("iterations", "tenfolds", "own"), [(19, 0, True), (20, 0, False), (39, 2, True), (40, 2, False)])
+def test_proximal_newton_s_own_iterations(iterations: int, tenfolds: float, own: bool) -> None:
+    assert expected.at_first(Shown(iterations=iterations, tenfolds=tenfolds)) is own  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("holds", "dimension", "iterations"),
+    [(LOOSE, 3, (60, 30)), (1.2, 3, (60, 30)), (FACES_HELD, 3, (8, 4)), (LOOSE, 2, (60, 30)), (EDGES_HELD, 2, (20, 10))],
+)
+@pytest.mark.parametrize("in_velocities", [True, False])
+def test_proximal_newton_is_asked_where_sweeps_cost_more(
+    holds: float, dimension: int, iterations: tuple[int, int], in_velocities: bool
+) -> None:
+    for best, many in zip((AFAR, NEAR), iterations, strict=True):
+        race = state(holds=holds, dimension=dimension, best=best, in_velocities=in_velocities)
+        assert not expected.dearer_than_proximal(race, 10.0 * many)
+        assert expected.dearer_than_proximal(race, 10.0 * many + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "spent", "needed", "alone"),
+    [
+        ({}, 99.0, INF, True),  # ten iterations of Newton's
+        ({}, 100.0, INF, False),
+        ({}, 100.0, 499.0, True),  # sixty in all
+        ({}, 100.0, 500.0, False),
+        ({"holds": FACES_HELD}, 19.0, INF, True),
+        ({"holds": FACES_HELD}, 20.0, INF, False),
+        ({"holds": FACES_HELD}, 20.0, 59.0, True),
+        ({"warm": True}, 99.0, INF, False),
+        ({"joints": object()}, 99.0, INF, False),
+        ({"nc": 20_001}, 99.0, INF, False),
+    ],
+)
+def test_sweeps_go_on_before_anyone_is_asked(changes: dict[str, Any], spent: float, needed: float, alone: bool) -> None:
+    sweeps = Shown(iterations=int(spent), spent=spent, needed=needed)
+    race = state(runners={"sweeps": sweeps}, **changes)
+    assert expected.opening(race, sweeps) is alone  # type: ignore[arg-type]
+    race.runners["Newton"] = Shown()
+    assert not expected.opening(race, sweeps)  # type: ignore[arg-type]

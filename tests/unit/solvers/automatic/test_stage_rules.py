@@ -1,0 +1,260 @@
+"""When the first stages enter, go alone, share and are left, rule by rule, each with a case on either side of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from fcsim.solvers.automatic import methods, stages
+from fcsim.solvers.automatic.race import LITTLE, Stage
+from tests.unit.solvers.automatic.states import (
+    AFAR,
+    EDGES_HELD,
+    ENDED,
+    FACES_HELD,
+    INF,
+    LOOSE,
+    NEAR,
+    STILL,
+    Shown,
+    newton,
+    state,
+)
+
+pytestmark = pytest.mark.usefixtures("what_is_held_is_written_down")
+
+JOINTS: dict[str, Any] = {"joints": object(), "in_velocities": False}
+
+
+def stage(name: str) -> Stage:
+    """The stage of that name."""
+    return next(stage for stage in stages.STAGES if stage.name == name)
+
+
+def sweeping(needed: float, **changes: Any) -> Shown:
+    """Sweeps that get on and need so much more."""
+    return Shown(**{"iterations": 40, "spent": 40.0, "needed": needed, **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "enters"),
+    [
+        ({"needed": 45.7}, False),  # ADMM's factor and 30 iterations cost 160, rates fall 3.5-fold
+        ({"needed": 45.8}, True),
+        ({"needed": INF, "best": NEAR}, False),
+        ({"needed": INF, "splitting": 0}, False),
+        ({"needed": INF, "in_velocities": True}, False),
+        ({"needed": INF, "in_velocities": True, "without": ("proximal Newton",)}, True),
+    ],
+)
+def test_admm_enters_where_sweeps_need_more(changes: dict[str, Any], enters: bool) -> None:
+    changes = {"in_velocities": False, **changes}
+    assert stage("splitting").enters(state(runners={"sweeps": sweeping(changes.pop("needed"))}, **changes)) is enters
+
+
+@pytest.mark.parametrize(
+    ("changes", "proximal", "enters"),
+    [
+        ({}, newton(iterations=19), False),
+        ({}, newton(iterations=20), True),
+        ({}, newton(iterations=5, result=ENDED), True),
+        ({"holds": EDGES_HELD, "dimension": 2}, newton(iterations=5, spent=159.0), False),
+        ({"holds": EDGES_HELD, "dimension": 2}, newton(iterations=5, spent=160.0), True),
+        ({"holds": EDGES_HELD, "dimension": 2, "warm": True}, newton(iterations=5, spent=160.0), False),
+        ({"holds": 1.0, "dimension": 2}, newton(iterations=5, spent=160.0), False),
+    ],
+)
+def test_admm_waits_for_proximal_newton_in_the_bodies_velocities(changes: dict[str, Any], proximal: Shown, enters: bool) -> None:
+    race = state(runners={"sweeps": sweeping(50.0), "proximal Newton": proximal}, **changes)
+    assert stage("splitting").enters(race) is enters
+
+
+@pytest.mark.parametrize(
+    ("changes", "first"),
+    [
+        ({"newton_price": 43.0}, True),  # 100 iterations of ADMM cost 300: 300 + 7 n < 14 n
+        ({"newton_price": 42.0}, False),
+        ({"newton_price": 43.0, "warm": True}, False),
+        ({"newton_price": 43.0, "splitting": 0}, False),
+        ({"newton_price": 43.0, "in_velocities": True}, True),
+        ({"newton_price": 43.0, "joints": None}, False),
+    ],
+)
+def test_in_joints_admm_is_first_where_newton_is_dear(changes: dict[str, Any], first: bool) -> None:
+    race = state(**{**JOINTS, **changes})
+    assert stages._splitting_first(race) is first
+    if race.joints is not None and race.splitting:
+        assert stage("splitting").enters(race) is first
+        assert stage("sweeps").enters(race) is False
+        assert stage("Newton").enters(race) is not first
+        race.runners["splitting"] = Shown(result=ENDED)
+        assert stage("Newton").enters(race) and stage("sweeps").enters(race)
+
+
+def test_not_where_proximal_newton_in_velocities_costs_less_than_admm_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """20 of its iterations for 300."""
+    monkeypatch.setattr(stages, "NEWTON", stages.NEWTON.__class__(far=20, near=0))
+    assert stages._splitting_first(state(joints=object(), newton_price=22.0, in_velocities=True))
+    assert not stages._splitting_first(state(joints=object(), newton_price=14.9, in_velocities=True))
+
+
+@pytest.mark.parametrize(
+    ("changes", "runner", "alone"),
+    [
+        ({}, Shown(iterations=29), True),
+        ({}, Shown(iterations=30), False),
+        ({}, Shown(iterations=59, tenfolds=1.0), True),
+        ({}, Shown(iterations=60, tenfolds=1.9), False),
+        ({}, Shown(iterations=14, fell=1.0), True),
+        ({}, Shown(iterations=15, fell=1.0), False),
+        (JOINTS, Shown(iterations=99, fell=1.0), True),
+        (JOINTS, Shown(iterations=100, fell=1.0), False),
+        ({}, Shown(iterations=240, slows=1.5, slowed_by=2.0), True),  # bodies come to rest
+        ({}, Shown(iterations=241, slows=1.5, slowed_by=2.0), False),
+        ({}, Shown(iterations=240, slows=1.4, slowed_by=2.0), False),
+        (JOINTS, Shown(iterations=241, slows=1.5, slowed_by=2.0), True),
+    ],
+)
+def test_admm_goes_on_alone(changes: dict[str, Any], runner: Any, alone: bool) -> None:
+    race = state(runners={"splitting": runner}, **changes)
+    assert stage("splitting").alone(race, runner) is alone
+    assert stage("splitting").left(race, runner) is (race.joints is not None and not alone)
+
+
+@pytest.mark.parametrize(
+    ("best", "own", "sweeps", "share"),
+    [
+        (NEAR, 11 * NEAR, sweeping(5.0), LITTLE),
+        (NEAR, 9 * NEAR, sweeping(5.0), 1.0),
+        (AFAR, 11 * AFAR, sweeping(5.0), 1.0),
+        (NEAR, 11 * NEAR, STILL, 1.0),
+    ],
+)
+def test_admm_far_behind_spends_little_unless_it_came_for_the_sweeps(best: float, own: float, sweeps: Shown, share: float) -> None:
+    race = state(best=best, holds=0.95, runners={"splitting": Shown(best=own), "sweeps": sweeps, "proximal Newton": newton()})
+    assert stage("splitting").share(race) == share
+
+
+@pytest.mark.parametrize(
+    ("changes", "options"), [({}, "SPLITTING_OF_BEDS"), ({"holds": LOOSE}, "SPLITTING"), (JOINTS, "SPLITTING_OF_JOINTS")]
+)
+def test_admm_s_rule_of_rho_follows_from_why_it_enters(changes: dict[str, Any], options: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = []
+    monkeypatch.setattr(methods, "splitting", lambda race, monitor, chosen: given.append(chosen))
+    race = state(runners={"sweeps": STILL, "proximal Newton": newton()}, **{"holds": 0.95, **changes})
+    stage("splitting").turns(race, None)  # type: ignore[arg-type]
+    assert given == [getattr(methods, options)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "needed", "enters"),
+    [
+        ({}, 200.1, True),  # twenty iterations at 10
+        ({}, 200.0, False),
+        ({"best": NEAR}, 70.1, True),
+        ({"best": NEAR}, 70.0, False),
+        ({"holds": 1.1}, INF, False),
+        ({"holds": 1.0}, INF, True),
+        ({"patience": 0}, INF, False),
+        ({"warm": True}, 1.0, True),
+        ({"warm": True, "holds": 1.1}, 1.0, False),
+        ({"warm": True, "sparse": True, "newton_price": 20.0}, 1.0, True),  # a probe of sweeps costs 20
+        ({"warm": True, "sparse": True, "newton_price": 20.1}, 1.0, False),
+        ({"warm": True, "sparse": True, "newton_price": 20.1, "without": ("sweeps",)}, 1.0, True),
+        ({**JOINTS}, 1.0, True),
+    ],
+)
+def test_newton_enters(changes: dict[str, Any], needed: float, enters: bool) -> None:
+    assert stage("Newton").enters(state(runners={"sweeps": sweeping(needed)}, **changes)) is enters
+
+
+@pytest.mark.parametrize(
+    ("changes", "over", "enters"),
+    [
+        ({}, (), True),
+        ({"warm": True}, (), False),
+        ({"warm": True}, ("Newton",), True),
+        ({"warm": True, "holds": 1.1}, (), True),
+        (JOINTS, (), False),
+        (JOINTS, ("Newton",), True),
+    ],
+)
+def test_sweeps_enter(changes: dict[str, Any], over: tuple[str, ...], enters: bool) -> None:
+    assert stage("sweeps").enters(state(runners={name: Shown(result=ENDED) for name in over}, **changes)) is enters
+
+
+@pytest.mark.parametrize(
+    ("changes", "newton_over", "sweeps", "enters"),
+    [
+        ({}, True, sweeping(600.1), True),  # sixty iterations at 10
+        ({}, True, sweeping(600.0), False),
+        ({}, False, sweeping(600.1), False),
+        ({"holds": 1.2}, False, sweeping(600.1), True),
+        ({"holds": 1.2}, False, sweeping(600.0), False),
+        ({"warm": True}, True, sweeping(1.0), True),
+        ({"joints": object()}, True, sweeping(1.0), True),
+        ({}, True, sweeping(1.0, result=ENDED), True),
+        ({}, False, sweeping(1.0, result=ENDED), False),
+        ({"holds": 1.2}, False, sweeping(1.0, result=ENDED), True),
+    ],
+)
+def test_proximal_newton_enters(changes: dict[str, Any], newton_over: bool, sweeps: Shown, enters: bool) -> None:
+    race = state(runners={"sweeps": sweeps, "Newton": Shown(result=ENDED if newton_over else None)}, **changes)
+    assert stage("proximal Newton").enters(race) is enters
+
+
+@pytest.mark.parametrize(("iterations", "alone"), [(19, True), (20, False)])
+def test_proximal_newton_begins_alone(iterations: int, alone: bool) -> None:
+    assert stage("proximal Newton").alone(state(), Shown(iterations=iterations)) is alone  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("holds", "begun", "share"), [(FACES_HELD, True, 0.1), (FACES_HELD, False, 1.0), (1.2, True, 1.0)])
+def test_sweeps_spend_a_tenth_beside_proximal_newton_where_faces_hold(holds: float, begun: bool, share: float) -> None:
+    runners = {"sweeps": sweeping(5.0), **({"proximal Newton": newton()} if begun else {})}
+    assert stage("sweeps").share(state(holds=holds, runners=runners)) == share
+
+
+@pytest.mark.parametrize(("sweeps", "fell", "left"), [(999, 1.1, False), (1000, 1.1, True), (1000, 1.12, False)])
+def test_sweeps_are_left_where_they_stand_still(sweeps: int, fell: float, left: bool) -> None:
+    assert stage("sweeps").left(state(), Shown(iterations=sweeps, fell=fell)) is left  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("spent", "holds", "warm", "alone"),
+    [(399.0, FACES_HELD, False, True), (400.0, FACES_HELD, False, False), (399.0, LOOSE, False, False), (400.0, LOOSE, True, True)],
+)
+def test_paths_of_blocks_go_alone_until_they_spent_twice_as_much_as_all_others(spent: float, holds: float, warm: bool, alone: bool) -> None:
+    paths: Any = Shown(spent=spent)
+    race = state(warm=warm, holds=holds, runners={"paths": paths, "sweeps": Shown(spent=200.0)})
+    assert stage("paths").alone(race, paths) is alone
+
+
+@pytest.mark.parametrize(
+    ("best", "spent", "enters", "alone"),
+    [
+        (AFAR, 100.0, False, False),
+        (AFAR, 100.1, True, False),
+        (AFAR, 200.0, True, False),
+        (AFAR, 200.1, True, True),
+        (NEAR, 900.0, False, False),
+    ],
+)
+def test_a_proof_costs_half_of_what_was_spent_when_it_enters(best: float, spent: float, enters: bool, alone: bool) -> None:
+    race = state(best=best, runners={"proximal Newton": newton(spent=spent)})
+    assert stage("proof").enters(race) is enters
+    assert stage("proof").alone(race, Shown()) is alone  # type: ignore[arg-type]
+    race.runners = {"sweeps": Shown(spent=spent)}
+    assert not stage("proof").enters(race)
+
+
+@pytest.mark.parametrize(
+    ("spent", "running", "from_zero", "enters"),
+    [(800.0, False, True, True), (799.0, False, True, False), (800.0, True, True, False), (800.0, False, False, False)],
+)
+def test_fischer_burmeister_enters_last(spent: float, running: bool, from_zero: bool, enters: bool) -> None:
+    """Half of what was spent pays for forty iterations at 10."""
+    runners = {"sweeps": Shown(spent=spent, result=None if running else ENDED)}
+    if from_zero:
+        runners["proximal Newton from zero"] = Shown(result=ENDED)
+    assert stage("Fischer-Burmeister").enters(state(runners=runners)) is enters
