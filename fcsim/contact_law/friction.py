@@ -124,11 +124,15 @@ def friction_terms(friction: Friction | Elliptic | None, meeting: Meeting) -> Fr
         return FrictionTerms(contacts.mu)
     if isinstance(friction, Elliptic):
         return _elliptic(friction, meeting)
+    if not callable(friction):
+        raise InputError(
+            f"friction: expected a function of what slides, or None for the pairs' own coefficients (mu), got {friction!r:.60}"
+        )
     velocity = np.sqrt(np.einsum("ai,ai->a", meeting.before[:, 1:], meeting.before[:, 1:]))
     sliding = Sliding(meeting.recall("slip", np.zeros(len(contacts))), velocity, contacts.point, meeting.t, contacts.mu)
     mu = np.asarray(friction(sliding), dtype=np.float64)
     if mu.shape != contacts.mu.shape or not np.all(np.isfinite(mu) & (mu >= 0)):
-        raise InputError(f"friction {friction!r}: expected {len(contacts)} finite coefficients >= 0, got {mu.shape}, {mu.tolist()[:5]} ...")
+        raise InputError(f"friction {friction!r}: expected {len(contacts)} finite coefficients >= 0, got {mu.shape}, {mu.ravel()[:5]} ...")
     return FrictionTerms(mu)
 
 

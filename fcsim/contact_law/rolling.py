@@ -26,6 +26,8 @@ class _Resistance:
         name, symbol = type(self).__name__, "mu_s" if isinstance(self, Spinning) else "mu_r"
         if not (np.isfinite(self.resistance) and self.resistance >= 0):
             raise InputError(f"{name}, resistance: expected a length {symbol} >= 0 in m, got {self.resistance}")
+        if isinstance(self.law, type) or not callable(getattr(self.law, "terms", None)):
+            raise InputError(f"{name}, law: expected a contact law, as Gap(), got {self.law!r:.60}")
         if _has(self.law, type(self)):
             raise InputError(f"{name}, law: expected a law without {name.lower()} resistance, got another {name}")
 

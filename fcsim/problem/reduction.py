@@ -105,7 +105,7 @@ class BlockFactor:
         return x
 
     def _solve(self, rhs: FloatArray) -> FloatArray:
-        columns = rhs.reshape(self.n, -1)
+        columns = rhs.reshape(self.n, rhs.size // self.n if self.n else 0)
         x = np.empty_like(columns)
         x[self._single] = self._inverse_diagonal[:, None] * columns[self._single]
         for small in self._small:

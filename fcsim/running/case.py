@@ -73,6 +73,11 @@ class Case:
     __repr__ = brief
 
     def __post_init__(self) -> None:
+        if not isinstance(self.simulation, Simulation):
+            raise InputError(f"case {self.name!r}, simulation: expected a Simulation, got {type(self.simulation).__name__}")
+        for sensor in self.sensors:
+            if not isinstance(sensor, Sensor):
+                raise InputError(f"case {self.name!r}, sensors: expected each a Sensor, got {type(sensor).__name__}")
         columns = [sensor.column for sensor in self.sensors]
         twice = sorted({column for column in columns if columns.count(column) > 1})
         if twice:

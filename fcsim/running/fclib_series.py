@@ -113,7 +113,7 @@ class _Files:
             guesses=(guess,),
             title=self._title,
             description=self._description,
-            math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / problem.n:.4g}; solved by {result.method} in "
+            math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / max(problem.n, 1):.4g}; solved by {result.method} in "
             f"{result.iterations} iterations, error {result.error:.3e}; {self._length}",
             compression=self._compression,
         )

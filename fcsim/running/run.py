@@ -31,6 +31,7 @@ from fcsim.running.refusals.own_files import check_folder, empty, make_folder
 from fcsim.running.refusals.same_case import same_case, shared_work
 from fcsim.running.refusals.size import size_of
 from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
+from fcsim.running.step_table import refuse_taken
 from fcsim.runtime import limited_threads
 from fcsim.timestep.step import Moment, Step
 
@@ -129,6 +130,7 @@ def run_case(
         parameters = parse_parameters(script, assignments)
         with files_read() as read:
             case = script.build(parameters)
+        refuse_taken(case.name, case.sensors)
         case = replace(case, simulation=witnessed(case.simulation, options))
         size = size_of(case.simulation)
         size.refuse()

@@ -48,7 +48,7 @@ class StepTable:
     def row(self, step: Step) -> Row:
         """What the row of a step says, but for the seconds."""
         values = [_text(measure(step)) for _, measure in COLUMNS.values()]
-        measured = [_text(sensor.measure(step)) for sensor in self._sensors]
+        measured = [_text(_number(sensor, step)) for sensor in self._sensors]
         end_forks_of(self._process)
         return Row(values, measured)
 
@@ -98,6 +98,27 @@ def write_hdf5(table: Path, path: Path, sensors: Sequence[Sensor]) -> None:
             content[name].attrs["unit"] = units[name]
             if name in labels:
                 content[name].attrs["label"] = labels[name]
+
+
+def refuse_taken(case: str, sensors: Sequence[Sensor]) -> None:
+    """Refuse sensors whose columns are those of every run."""
+    taken = {*COLUMNS, *(f"seconds_{phase}" for phase in PHASES)}
+    for sensor in sensors:
+        if sensor.column in taken:
+            raise InputError(f"case {case!r}, sensors: expected columns that no run has by itself, got {sensor.column!r}")
+
+
+def _number(sensor: Sensor, step: Step) -> float | int:
+    """What a sensor measures; a function that fails, or returns something else than a number, is the case's fault and said in one line."""
+    try:
+        value: object = sensor.measure(step)
+    except (ArithmeticError, LookupError, TypeError, ValueError, AttributeError, NameError) as error:
+        raise InputError(f"sensor {sensor.column!r}, step {step.number}: {type(error).__name__}: {error}") from error
+    if isinstance(value, np.ndarray | np.generic) and np.ndim(value) == 0:
+        value = value.item()
+    if not isinstance(value, int | float):
+        raise InputError(f"sensor {sensor.column!r}, step {step.number}: expected a number, got {type(value).__name__} {value!s:.60}")
+    return value
 
 
 def _text(value: object) -> str:

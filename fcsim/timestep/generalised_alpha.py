@@ -34,7 +34,7 @@ from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum, pushing, turning
-from fcsim.timestep.scheme import Dynamic
+from fcsim.timestep.scheme import Dynamic, refuse_law
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
 
@@ -54,6 +54,7 @@ class GeneralisedAlpha(Dynamic):
         super().__post_init__()
         if not 0 <= self.rho <= 1:
             raise InputError(f"rho: expected a spectral radius between 0 and 1, got {self.rho}")
+        refuse_law(self.law)
 
     @property
     def alpha_m(self) -> float:

@@ -17,7 +17,7 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_work, pushing
-from fcsim.timestep.scheme import positive
+from fcsim.timestep.scheme import positive, refuse_law
 from fcsim.timestep.state import State
 
 
@@ -37,6 +37,7 @@ class QuasiStatic:
         positive("h", self.h)
         if not self.eta >= 0:
             raise InputError(f"eta: expected a number >= 0, got {self.eta}")
+        refuse_law(self.law)
 
     @property
     def force_per_reaction(self) -> float:

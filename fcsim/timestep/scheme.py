@@ -203,7 +203,17 @@ class Dynamic(ABC):
         return model.driven_velocity(state.t + self.h, self.h)
 
 
+def refuse_law(law: object) -> None:
+    """Refuse what is no contact law: a class without its brackets, a number."""
+    if isinstance(law, type):
+        raise InputError(
+            f"law: expected a contact law, as Gap() or Velocity(0.5), got the class {law.__name__} itself: {law.__name__}(...)"
+        )
+    if not all(callable(getattr(law, name, None)) for name in ("select", "terms", "remember")):
+        raise InputError(f"law: expected a contact law, as Gap() or Velocity(0.5), got {law!r:.60}")
+
+
 def positive(name: str, value: float, largest: float = np.inf) -> None:
-    """Refuse a parameter that is not in ]0, largest]."""
-    if not 0 < value <= largest:
+    """Refuse a parameter that is not in ]0, largest], or not finite."""
+    if not (isinstance(value, int | float | np.number) and 0 < value <= largest and np.isfinite(value)):
         raise InputError(f"{name}: expected a number > 0{'' if np.isinf(largest) else f' and <= {largest:g}'}, got {value}")

@@ -25,7 +25,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.timestep.energy import Acting, ContactWork, Energy, balance, contact_work, inner_force, inner_work, momentum, of_ranks, pushing
-from fcsim.timestep.scheme import Dynamic, positive
+from fcsim.timestep.scheme import Dynamic, positive, refuse_law
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
 
@@ -44,6 +44,7 @@ class Theta(Dynamic):
     def __post_init__(self) -> None:
         super().__post_init__()
         positive("theta", self.theta, 1.0)
+        refuse_law(self.law)
 
     @property
     def timing(self) -> Timing:

@@ -51,6 +51,8 @@ def render(
         inside(run.directory, run.directory / place)
     written = write_plots(run)
     report("plots", 1, 1)
+    if not (written or run.instants or page):
+        raise InputError(f"{directory}: expected a run of at least one step, found nothing to draw")
     if not run.instants:
         return [*written, write_page(run, None)] if page else written
     seen = survey(run, film_instants(run), exaggeration)

@@ -16,6 +16,7 @@ from fcsim.contact_detection.exact.cylinders import cylinders_with_cylinders
 from fcsim.contact_detection.exact.cylinders_on_meshes import cylinders_on_meshes
 from fcsim.contact_detection.exact.dents import beside, vertices_under
 from fcsim.contact_detection.exact.facets import balls_on_meshes, sides_on_meshes
+from fcsim.contact_detection.exact.level import in_the_way
 from fcsim.contact_detection.exact.looks import looks
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, mesh_skin
 from fcsim.contact_detection.exact.meshes_on_planes import meshes_on_planes
@@ -159,7 +160,9 @@ class ExactContacts:
         """Contacts with meshed bodies, by kind."""
         found = [balls_on_meshes(now, skin, x, alert), sides_on_meshes(now, skin, x, alert), meshes_on_planes(now, skin, x, alert)]
         if x.shape[1] == 3:
-            found.append(cylinders_on_meshes(now, skin, x, alert))
+            rims = cylinders_on_meshes(now, skin, x, alert)
+            found.append(rims.take(in_the_way(rims, rims, now, skin)))
+            found[1] = found[1].take(in_the_way(found[1], rims, now, skin))
         if not skin.deforms.any():
             return found
         dents = vertices_under(now, skin, x, alert)

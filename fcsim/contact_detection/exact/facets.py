@@ -16,6 +16,9 @@ _FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is 
 _FAN = 0.05  # sine by which the normal may leave the fan of an edge: what lies flat over a face's border stays on it
 _DEEP = 0.5  # of the radius: what lies deeper below a face is another part of the body, unless it is the nearest
 
+LEVEL = 1e-6
+"""Of the radius: edges and vertices no higher above a face of another body are level with it."""
+
 
 class Feet(NamedTuple):
     """n feet of points on facets: point, facet numbers; weights (n, d) of the facet's corners; feature (n,); distance (n,) [m]."""
@@ -106,7 +109,28 @@ def balls_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) ->
     keep = np.where(inside, is_nearest, shallow | is_nearest) & (on_face | (height > -_TIE * radius[feet.point]))
     touching = feet.distance > _TIE * radius[feet.point]
     direction = np.where((on_face | ~touching)[:, None], normal[feet.facet], away / np.maximum(feet.distance, 1e-300)[:, None])
+    borne = np.flatnonzero(keep & on_face & (height > 0))
+    keep[_level(feet, foot, normal, skin.body, borne, np.flatnonzero(keep & ~on_face), LEVEL * radius)] = False
     return _touch(now, skin, solid, points, feet, foot, direction).take(keep)
+
+
+def _level(
+    feet: Feet, foot: FloatArray, normal: FloatArray, body: IntArray, borne: IntArray, rest: IntArray, tolerance: FloatArray
+) -> IntArray:
+    """Which of the feet `rest`, on edges and vertices, are level with a face of another body that bears the same ball, or below it.
+
+    Its contact on that face keeps a ball above the face's plane, where no such feature is in its way. Their own contacts, whose normals
+    lean against a ball that comes along the face, would hold it up at every joint of a ground that is made of several bodies: linear in
+    the way of a step, they are closed sooner than the round ball touches.
+    """
+    order = borne[np.argsort(feet.point[borne], kind="stable")]
+    first = np.searchsorted(feet.point[order], feet.point[rest])
+    count = np.searchsorted(feet.point[order], feet.point[rest], side="right") - first
+    row = np.repeat(np.arange(len(rest)), count)
+    face = order[np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[row]]
+    above = np.einsum("nd,nd->n", foot[rest][row] - foot[face], normal[feet.facet[face]])
+    other = body[feet.facet[face]] != body[feet.facet[rest]][row]
+    return np.unique(rest[row[other & (above <= tolerance[feet.point[face]])]])
 
 
 def _touch(now: Placed, skin: MeshSkin, solid: IntArray, points: FloatArray, feet: Feet, foot: FloatArray, direction: FloatArray) -> Touch:

@@ -37,6 +37,16 @@ def steep_friction(detector: Detection) -> Iterator[str]:
         )
 
 
+def growing(model: Model, scheme: Scheme, linked: bool) -> Iterator[str]:
+    """theta < 1/2: whatever h, a vibration at w [rad/s] grows by ((1 + (h w (1 - theta))^2) / (1 + (h w theta)^2))^(1/2) a step."""
+    timing = scheme.timing
+    if timing.moving and timing.theta < 0.5 and (model.deformable or linked):
+        yield (
+            f"theta = {timing.theta:g} lets vibrations grow, stiff ones {(1 - timing.theta) / timing.theta:.3g} times a step, also with "
+            "damping: expected theta from 1/2 (which keeps their energy) to 1"
+        )
+
+
 def _coefficients(detector: Detection) -> list[float]:
     """The coefficients that a detector holds as numbers; those of functions are not known before they are asked."""
     if isinstance(detector, Detector):

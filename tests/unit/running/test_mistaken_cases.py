@@ -1,0 +1,99 @@
+"""What a case gets wrong beyond its parameters is one line that names it, and no run that finished; worlds without anything free."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from fcsim.command_line.main import main
+from fcsim.export_fclib import read_fclib
+
+SCRIPT = """
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcsim import Case, Everything, Sensor, Simulation, Support, Theta, build_model
+from fcsim.mesh import rigid_rectangle
+
+
+@dataclass(frozen=True)
+class Parameters:
+    steps: int = 3
+
+
+def build(p):
+    boxes = [rigid_rectangle("floor", (4.0, 0.5), (0.0, -0.25), 1.0), rigid_rectangle("box", (0.4, 0.2), (0.0, 0.1), 160.0)]
+    model = build_model(boxes[:BODIES], supports=[Support("floor", ("x", "y", "rz"))], gravity=lambda t: (0.0, -9.81))
+    simulation = Simulation(model, Everything(model, mu=0.3), Theta(1e-3), p.steps)
+    return Case("world", "A world", SIMULATION, sensors=(SENSORS))
+"""
+
+
+def world(folder: Path, sensors: str = "", simulation: str = "simulation", bodies: int = 2) -> str:
+    """Write the case and return its folder."""
+    text = SCRIPT.replace("BODIES", str(bodies)).replace("SIMULATION", simulation).replace("SENSORS", sensors)
+    (folder / "world").mkdir()
+    (folder / "world" / "world.py").write_text(text)
+    return str(folder / "world")
+
+
+@pytest.mark.parametrize(
+    ("measure", "said"),
+    [
+        ("'many'", "sensor 'a', step 1: expected a number, got str many"),
+        ("None", "sensor 'a', step 1: expected a number, got NoneType None"),
+        ("np.ones(2)", "sensor 'a', step 1: expected a number, got ndarray [1. 1.]"),
+        ("1 / (step.number - 2)", "sensor 'a', step 2: ZeroDivisionError: division by zero"),
+        ("step.nothing", "sensor 'a', step 1: AttributeError: 'Step' object has no attribute 'nothing'"),
+    ],
+)
+def test_sensors_that_measure_no_number(tmp_path: Path, capsys: pytest.CaptureFixture[str], measure: str, said: str) -> None:
+    case = world(tmp_path, f"Sensor('a', 'label', 'N', lambda step: {measure}),")
+    assert main(["run", case, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and "Traceback" not in error
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "failed"
+
+
+def test_numbers_of_any_kind_are_measured(tmp_path: Path) -> None:
+    """Of NumPy, whole, without a value (nan) and arrays without dimensions."""
+    kinds = ("np.float32(0.5)", "np.array(2.5)", "np.int64(7)", "3", "float('nan')")
+    case = world(tmp_path, " ".join(f"Sensor('s{k}', '', '', lambda step: {kind})," for k, kind in enumerate(kinds)))
+    assert main(["run", case, "--out", str(tmp_path / "out")]) == 0
+    with (tmp_path / "out" / "steps.csv").open() as file:
+        row = next(csv.DictReader(file))
+    assert [row[f"s{k}"] for k in range(5)] == ["0.5", "2.5", "7", "3", "nan"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"sensors": "Sensor('step', '', '', lambda step: 1.0),"}, "expected columns that no run has by itself, got 'step'"),
+        ({"sensors": "Sensor('seconds_solve', '', '', lambda step: 1.0),"}, "expected columns that no run has by itself"),
+        ({"sensors": "len,"}, "case 'world', sensors: expected each a Sensor, got builtin_function_or_method"),
+        ({"simulation": "list(simulation)"}, "case 'world', simulation: expected a Simulation, got list"),
+    ],
+)
+def test_cases_that_are_none(tmp_path: Path, capsys: pytest.CaptureFixture[str], given: dict[str, str], said: str) -> None:
+    """Refused before anything is written: a sensor named as a column of every run had ended a run that was "finished" without steps.h5."""
+    assert main(["run", world(tmp_path, **given), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and "Traceback" not in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_world_in_which_all_is_held(tmp_path: Path) -> None:
+    """Nothing moves and nothing touches; its problems, without a degree of freedom, are written and read like others."""
+    assert main(["run", world(tmp_path, bodies=1), "--out", str(tmp_path / "out"), "--export-every", "1", "--export-form", "both"]) == 0
+    files = sorted((tmp_path / "out" / "fclib").rglob("*.hdf5"))
+    assert len(files) == 6
+    assert all(read_fclib(file).problem.nc == 0 for file in files)
+    assert main(["solve", str(files[0])]) == 0
+
+
+def test_a_run_without_steps_has_no_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", world(tmp_path), "--steps", "0", "--out", str(tmp_path / "out")]) == 0
+    assert main(["render", str(tmp_path / "out")]) == 2
+    assert "expected a run of at least one step" in capsys.readouterr().err
