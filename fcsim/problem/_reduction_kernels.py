@@ -1,4 +1,5 @@
-"""Loops over the entries of M, compiled by numba: its connected components, which of their blocks are equal, and single blocks."""
+"""Loops over the entries of M, compiled by numba: its connected components, which of their blocks are equal, single blocks, and a
+diagonal added to those of W."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -141,3 +142,29 @@ def asymmetry(indptr, indices, data, dense):
             largest = max(largest, abs(data[e]))
             apart = max(apart, abs(dense[i, indices[e]] - dense[indices[e], i]))
     return apart / largest if largest > 0 else 0.0
+
+
+@njit(cache=True)
+def added_to_own_blocks(indptr, indices, blocks, diagonal):
+    """Add diag(diagonal) to block rows (indptr, indices, blocks (n, d, d)); False, and nothing added, where a contact's own block is not
+    there once or a block is zero: a sum of matrices leaves such out."""
+    nc, d = len(indptr) - 1, blocks.shape[1]
+    own = np.full(nc, -1)
+    for a in range(nc):
+        for e in range(indptr[a], indptr[a + 1]):
+            if indices[e] == a:
+                if own[a] >= 0:
+                    return False
+                own[a] = e
+            some = False
+            for i in range(d):
+                for j in range(d):
+                    some = some or blocks[e, i, j] != 0.0
+            if not some:
+                return False
+        if own[a] < 0:
+            return False
+    for a in range(nc):
+        for i in range(d):
+            blocks[own[a], i, i] += diagonal[d * a + i]
+    return True

@@ -24,6 +24,7 @@ from fcsim.linear.factors import DenseCholesky, DenseLU, Factor, SingularMatrix,
 from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
+from fcsim.linear.sparse.behind import first_rows
 from fcsim.linear.sparse.columns import transposed_times
 from fcsim.problem._delassus_kernels import alike_in_contacts
 from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
@@ -313,6 +314,9 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
         return None
     place = H.indptr[springs]
     own = np.bincount(H.indices[place], H.data[place] ** 2 / diagonal[springs], minlength=problem.m)
+    k = len(bodies)
+    if bodies[-1] == k - 1:  # all springs stand behind the bodies: no row is to be looked for
+        return Motion(sp.csr_array(first_rows(H, k, problem.m).T), first_rows(M, k, k), W, own)
     return Motion(sp.csr_array(H[bodies].T), sp.csr_array(M[bodies][:, bodies]), W, own)
 
 

@@ -295,9 +295,9 @@ class Simulation:
         past = Past(memory, start.lead, None if kept is None else kept.pop(cuts, Memory.of(identity)).follow(identity))
         elastic = Linearisation(scheme, model, state, past.serving)
         factor = self.system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
-        met, looks, links = began, 0, Closing(linked(self.linkage, model, scheme, state), self._extent)
+        met, looks, driven, links = began, 0, scheme.driven(model, state), Closing(linked(self.linkage, model, scheme, state), self._extent)
         while True:
-            equation = Equation(scheme, model, state, met, factor, rest, scheme.driven(model, state), elastic, 0.5**cuts, links.rows)
+            equation = Equation(scheme, model, state, met, factor, rest, driven, elastic, 0.5**cuts, links.rows)
             answer, past = solve_settled(equation, self.solver, self._extent, past, attempts, clock, partial(self._anew, start))
             if kept is not None and past.serving is not None:
                 kept[cuts] = past.serving

@@ -18,8 +18,9 @@ from fcsim.brief import brief
 from fcsim.linear.factors import Factor, factorise
 from fcsim.linear.late.late_rows import in_blocks
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
-from fcsim.linear.sparse.further_unknowns import further_rows, with_diagonal_block
+from fcsim.linear.sparse.behind import with_diagonal_behind, with_units_behind
 from fcsim.problem._delassus_kernels import bodies_of_contacts, entries_by_body
+from fcsim.problem._reduction_kernels import added_to_own_blocks
 from fcsim.problem.bodies.late import late_sum, summed, summed_late
 from fcsim.problem.bodies.shares import BodyShares, shares_of
 from fcsim.problem.delassus_sum import DelassusSum
@@ -85,7 +86,7 @@ class StepCompliance:
             matrix = sp.csr_array(matrix - (matrix @ self.leaning.H) @ self.leaning.to_straight)
         if self.joint is None:
             return matrix
-        return with_diagonal_block(matrix, 1 / self.joint[self._soft])
+        return with_diagonal_behind(matrix, 1 / self.joint[self._soft])
 
     def problem_matrix(self) -> Matrix:
         """M of the problem: its products alone where ranks have a body together, made when it is read where materials are linear."""
@@ -102,9 +103,7 @@ class StepCompliance:
         """The problem's H (n, m) from that of the bodies' unknowns."""
         if self.joint is None:
             return H
-        H, k = sp.csr_array(H), len(self._soft)
-        data, indices = np.concatenate([H.data, np.ones(k)]), np.concatenate([H.indices, self._soft.astype(H.indices.dtype)])
-        return sp.csr_array((data, indices, further_rows(H.indptr, k)), shape=(H.shape[0] + k, H.shape[1]))
+        return with_units_behind(sp.csr_array(H), self._soft)
 
     def load(self, f: FloatArray) -> FloatArray:
         """The problem's f (n,) from that of the bodies' unknowns."""
@@ -336,8 +335,10 @@ def _corrected(W: Matrix, left: sp.sparray, X: FloatArray, right: sp.sparray, d:
 
 
 def _with_diagonal(W: Matrix, diagonal: FloatArray, d: int) -> Matrix:
-    """W + diag, in the storage of W."""
+    """W + diag, in the storage of W, whose values change where it has all blocks."""
     if isinstance(W, np.ndarray):
         W[np.diag_indices_from(W)] += diagonal
+        return W
+    if W.format == "bsr" and W.blocksize == (d, d) and added_to_own_blocks(W.indptr, W.indices, W.data, diagonal):
         return W
     return sp.bsr_array(W + sp.diags_array(diagonal), blocksize=(d, d))

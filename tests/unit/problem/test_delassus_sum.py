@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fcsim.linear import storage
 from fcsim.linear.factors import mirror
 from fcsim.problem._delassus_kernels import alike_in_contacts, union_of_neighbours
+from fcsim.problem._reduction_kernels import added_to_own_blocks
 from fcsim.problem.delassus_sum import DelassusSum
 
 
@@ -100,3 +101,21 @@ def test_mirror(size: int) -> None:
     upper = np.triu(A)
     mirror(A)
     assert_array_equal(A, upper + np.triu(upper, 1).T)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_diagonal_is_added_to_own_blocks(d: int) -> None:
+    """As a sum of matrices, which leaves out blocks of zeros: with one, or without an own block, nothing is added."""
+    rng = np.random.default_rng(d)
+    pattern = (rng.random((7, 7)) < 0.4) | np.eye(7, dtype=bool)
+    W = sp.bsr_array(np.kron(pattern, np.ones((d, d))) * rng.standard_normal((7 * d, 7 * d)), blocksize=(d, d))
+    diagonal = rng.standard_normal(7 * d)
+    expected = W.toarray() + np.diag(diagonal)
+    assert added_to_own_blocks(W.indptr, W.indices, W.data, diagonal)
+    assert np.array_equal(W.toarray(), expected)
+    W.data[2] = 0.0
+    before = W.data.copy()
+    assert not added_to_own_blocks(W.indptr, W.indices, W.data, diagonal)
+    bare = sp.bsr_array(np.kron(np.ones((7, 7)) - np.eye(7), np.ones((d, d))), blocksize=(d, d))
+    assert not added_to_own_blocks(bare.indptr, bare.indices, bare.data, diagonal)
+    assert np.array_equal(W.data, before) and np.all(bare.data == 1.0)
