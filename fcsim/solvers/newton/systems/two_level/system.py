@@ -53,10 +53,11 @@ from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, 
 from fcsim.solvers.newton.systems.two_level.settling import settled
 from fcsim.threads import pieces_by_work, side_by_side
 
-ACCURACY, FORESEEN, SAFETY = 1e-3, 1e-5, 0.3
+ACCURACY, FORESEEN, SAFETY, AT_FIRST = 1e-3, 1e-5, 0.3, 0.1
 """Defect relative to the right-hand side: of a system; of a step's first one, which has the last step's statuses: most of them hold, and
 what is left of a defect opens and releases others; with 1e-4 steps of walls take a fifth more iterations. Where Newton's residual is near
-the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more."""
+the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more; for a step's first system
+AT_FIRST times, since it may be the only one."""
 PLATEAU, PATIENCE, LESS = 0.05, 2, 0.7
 """Defect, relative to the right-hand side, from which on GMRES ends on a plateau; but for every PATIENCE-th system while Newton's residual
 stays above LESS of its least: two contacts may take turns for ever, each opened by what the other's system left."""
@@ -185,7 +186,8 @@ class Demand:
         if self._since and self._since % STALLED == 0:
             self._sharper *= SHARPER
         plateau = 0.0 if self._sharper < 1 or self._waited % PATIENCE == PATIENCE - 1 else PLATEAU
-        accuracy = max(FORESEEN if foreseen else ACCURACY, min(ENOUGH, SAFETY * needed))
+        least, share = (FORESEEN, AT_FIRST) if foreseen else (ACCURACY, SAFETY)
+        accuracy = max(least, min(ENOUGH, share * needed))
         return max(min(accuracy, SHARPEST), self._sharper * accuracy), plateau
 
 
