@@ -306,7 +306,7 @@ def test_admm_waits_for_what_its_first_iterations_cost_where_bodies_may_rest(mon
 
 @pytest.mark.slow
 def test_paths_solve_a_bed_in_which_proximal_newton_is_stuck() -> None:
-    """Rocks whose best iterate stays at 7e-7 for tens of thousands of iterations of all others; a path of some pieces leads on from there."""
+    """Rocks whose best iterate stays at 7e-7 for 70 000 iterations of all others; a path of some pieces leads on from there."""
     p = local("rocks", 600, 1042)
     result = solve(p, "auto", tol=1e-8, max_iterations=9_000)
     assert result.solved and result.error <= 1e-8
