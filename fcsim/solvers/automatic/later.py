@@ -32,7 +32,7 @@ def in_place_of_sweeps(race: Race) -> bool:
 def enter_paths(race: Race) -> bool:
     """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
     there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about
-    a piece a contact, or half of one, once others have spent as much."""
+    a piece a contact, or half of one, once others have spent as much; in beds of grains where proximal Newton is stuck."""
     runner = race.runners.get("proximal Newton")
     if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
         return False

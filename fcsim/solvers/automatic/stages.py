@@ -233,8 +233,9 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "paths",
         "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold "
-        "more velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact, or half of one. "
-        "Works alone from a warm start, else until it has spent twice as much as all others.",
+        "more velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact, or half of one; in "
+        "beds from zero where proximal Newton has ended or is stuck. "
+        "Works alone from a warm start, in edges and faces until it has spent twice as much as all others.",
         enters=enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,
