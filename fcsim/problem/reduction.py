@@ -314,8 +314,7 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
         return None
     place = H.indptr[springs]
     own = np.bincount(H.indices[place], H.data[place] ** 2 / diagonal[springs], minlength=problem.m)
-    k = len(bodies)
-    if bodies[-1] == k - 1:  # all springs stand behind the bodies: no row is to be looked for
+    if bodies[-1] == (k := len(bodies)) - 1:  # all springs stand behind the bodies: no row is to be looked for
         return Motion(sp.csr_array(first_rows(H, k, problem.m).T), first_rows(M, k, k), W, own)
     return Motion(sp.csr_array(H[bodies].T), sp.csr_array(M[bodies][:, bodies]), W, own)
 
@@ -323,9 +322,7 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
 def _touched(H: Matrix) -> BoolArray:
     """Which rows of H (n, m), dense or sparse, have entries (n,)."""
     if not isinstance(H, np.ndarray) and H.format == "csc":
-        touched = np.zeros(H.shape[0], dtype=bool)
-        touched[H.indices] = True
-        return touched
+        return np.bincount(H.indices, minlength=H.shape[0]) > 0
     return np.diff(sp.csr_array(H).indptr) > 0
 
 
