@@ -6,6 +6,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
+from fcsim.contact_detection.exact.ragged import each_of
 from fcsim.contact_detection.exact.rims_on_edges import crossings_of_rims
 from fcsim.contact_detection.exact.solids import Placed, Touch, joined, rim_points
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
@@ -91,9 +92,7 @@ def _surroundings(skin: MeshSkin, x: FloatArray, normal: FloatArray, v: IntArray
     """Whether a facet around the vertices v (n,) faces against out (n, 3), and whether no side that begins there goes on against it."""
     facet, corner = np.divmod(np.argsort(skin.vertex, axis=None, kind="stable"), 3)
     first = np.searchsorted(skin.vertex[facet, corner], np.arange(len(skin.vertices) + 1))
-    count = first[v + 1] - first[v]
-    row = np.repeat(np.arange(len(v)), count)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[v][row]
+    row, place = each_of(first[v], first[v + 1] - first[v])
     against = np.einsum("nd,nd->n", normal[facet[place]], out[row]) < -_FACING
     arms = x[skin.facets[facet[place]]] - x[skin.vertices[v]][row][:, None]
     length = np.linalg.norm(arms, axis=2)

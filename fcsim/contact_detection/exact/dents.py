@@ -13,6 +13,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
+from fcsim.contact_detection.exact.ragged import each_of
 from fcsim.contact_detection.exact.solids import Placed, Touch
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
@@ -91,9 +92,8 @@ def around(skin: MeshSkin, x: FloatArray, v: IntArray, direction: FloatArray, en
     facet = np.argsort(skin.vertex, axis=None, kind="stable") // d
     first = np.searchsorted(np.sort(skin.vertex, axis=None), np.arange(len(skin.vertices) + 1))
     count = first[v + 1] - first[v]
-    start = np.cumsum(count) - count
-    row = np.repeat(np.arange(len(v)), count)
-    f = facet[np.arange(len(row)) - start[row] + first[v][row]]
+    row, place = each_of(first[v], count)
+    f, start = facet[place], np.cumsum(count) - count
     if not len(v):
         return np.empty(0), np.empty(0), np.empty(0)
     cosines = (np.einsum("nd,nd->n", normal[f], way[row]) for way in (direction, end))

@@ -158,11 +158,15 @@ class ExactContacts:
 
     def _on_meshes(self, now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> list[Touch]:
         """Contacts with meshed bodies, by kind."""
-        found = [balls_on_meshes(now, skin, x, alert), sides_on_meshes(now, skin, x, alert), meshes_on_planes(now, skin, x, alert)]
+        balls, sides, planes = (
+            balls_on_meshes(now, skin, x, alert),
+            sides_on_meshes(now, skin, x, alert),
+            meshes_on_planes(now, skin, x, alert),
+        )
+        found = [balls, sides, planes]
         if x.shape[1] == 3:
             rims = cylinders_on_meshes(now, skin, x, alert)
-            found.append(rims.take(in_the_way(rims, rims, now, skin)))
-            found[1] = found[1].take(in_the_way(found[1], rims, now, skin))
+            found = [balls, sides.take(in_the_way(sides, rims, now, skin)), planes, rims.take(in_the_way(rims, rims, now, skin))]
         if not skin.deforms.any():
             return found
         dents = vertices_under(now, skin, x, alert)

@@ -8,6 +8,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
+from fcsim.contact_detection.exact.ragged import each_of, of_same_key
 from fcsim.contact_detection.exact.solids import Placed, Touch, leaves_by_its_side
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
@@ -123,11 +124,8 @@ def _level(
     lean against a ball that comes along the face, would hold it up at every joint of a ground that is made of several bodies: linear in
     the way of a step, they are closed sooner than the round ball touches.
     """
-    order = borne[np.argsort(feet.point[borne], kind="stable")]
-    first = np.searchsorted(feet.point[order], feet.point[rest])
-    count = np.searchsorted(feet.point[order], feet.point[rest], side="right") - first
-    row = np.repeat(np.arange(len(rest)), count)
-    face = order[np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[row]]
+    row, place = of_same_key(feet.point[borne], feet.point[rest])
+    face = borne[place]
     above = np.einsum("nd,nd->n", foot[rest][row] - foot[face], normal[feet.facet[face]])
     other = body[feet.facet[face]] != body[feet.facet[rest]][row]
     return np.unique(rest[row[other & (above <= tolerance[feet.point[face]])]])
@@ -211,9 +209,7 @@ def _sides_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, capsules: Int
     # the vertex is the nearest point of every facet around it: no side that begins there leads nearer
     facet, corner = np.divmod(np.argsort(skin.vertex, axis=None, kind="stable"), d)
     first = np.searchsorted(skin.vertex[facet, corner], np.arange(len(at) + 1))
-    count = first[v + 1] - first[v]
-    row = np.repeat(np.arange(len(v)), count)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[v][row]
+    row, place = each_of(first[v], first[v + 1] - first[v])
     corners = x[skin.facets[facet[place]]] - at[v][row][:, None]
     nearer = (np.einsum("nkd,nd->nk", corners, direction[row]) > _FAN * np.linalg.norm(corners, axis=2)).any(axis=1)
     clear = np.bincount(row[nearer], minlength=len(v)) == 0

@@ -7,6 +7,7 @@ import numpy as np
 from fcsim.arrays import BoolArray
 from fcsim.contact_detection.exact.facets import LEVEL
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin
+from fcsim.contact_detection.exact.ragged import of_same_key
 from fcsim.contact_detection.exact.solids import Placed, Touch
 
 _LEANS = 1 - 1e-9  # cosine of normals that lean against each other
@@ -22,15 +23,12 @@ def in_the_way(touch: Touch, rims: Touch, now: Placed, skin: MeshSkin) -> BoolAr
     code, feature = np.divmod(rims.identity, skin.n_features)
     lowest = (feature < len(skin.facets)) & (code % 3 == 0)
     rims, code = rims.take(lowest), code[lowest]
-    order = np.argsort(rims.bodies[:, 0], kind="stable")
-    first = np.searchsorted(rims.bodies[order, 0], touch.bodies[:, 0])
-    count = np.searchsorted(rims.bodies[order, 0], touch.bodies[:, 0], side="right") - first
-    row = np.repeat(np.arange(len(count)), count)
-    face = order[np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[row]]
+    row, face = of_same_key(rims.bodies[:, 0], touch.bodies[:, 0])
     radius = np.zeros(int(now.solids.body.max(initial=-1)) + 1)
     radius[now.solids.body] = now.solids.radius
     above = np.einsum("nd,nd->n", touch.master_point[row] - rims.master_point[face], rims.normal[face])
     level = (above <= LEVEL * radius[rims.bodies[face, 0]]) & (np.einsum("nd,nd->n", touch.normal[row], rims.normal[face]) < _LEANS)
     other = level & (touch.bodies[row, 1] != rims.bodies[face, 1])
-    borne = [np.bincount(row[level & (code[face] // 3 % 2 == end)], minlength=len(count)) > 0 for end in range(2)]
-    return ~(borne[0] & borne[1] & (np.bincount(row[other], minlength=len(count)) > 0))
+    n = len(touch.bodies)
+    borne = [np.bincount(row[level & (code[face] // 3 % 2 == end)], minlength=n) > 0 for end in range(2)]
+    return ~(borne[0] & borne[1] & (np.bincount(row[other], minlength=n) > 0))
