@@ -74,3 +74,15 @@ def faces(race: Race) -> bool:
 def held_as_blocks(race: Race) -> bool:
     """Whether edges or faces hold one another, as between bricks, not points, as between grains."""
     return edges(race) or faces(race)
+
+
+def regular(race: Race) -> bool:
+    """Whether every contact unknown is known to have a compliance of its own."""
+    motion = race.problem.delassus.motion
+    return motion is not None and motion.regular
+
+
+def on_springs(race: Race) -> bool:
+    """Whether joints between bodies of few velocities have stiffness, as between blocks: W is regular, whatever the contacts hold, and
+    Newton's systems are solved in the bodies' velocities."""
+    return race.joints is None and race.prices.in_velocities and regular(race)

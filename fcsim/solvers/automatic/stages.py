@@ -23,7 +23,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, held_as_blocks, singular_here
+from fcsim.solvers.automatic.closed import closed, held_as_blocks, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, swept
 from fcsim.solvers.automatic.later import enter_from_zero, enter_least_squares, enter_least_squares_again, enter_paths, in_place_of_sweeps
@@ -128,6 +128,8 @@ def _proximal_before_splitting(race: Race) -> bool:
     if race.joints is not None or not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
     runner = race.runners.get("proximal Newton")
+    if runner is not None and runner.result is None and on_springs(race):
+        return True
     if runner is None or runner.result is not None or not at_first(runner):
         return runner is None
     return race.warm or not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
@@ -163,9 +165,14 @@ def _enter_proximal(race: Race) -> bool:
     return race.warm or race.joints is not None or dearer_than_proximal(race, swept(race))
 
 
+def _enter_proof(race: Race) -> bool:
+    """Where every contact has a compliance there is a solution: y^T W y > 0."""
+    return "proximal Newton" in race.runners and race.best > FAR and race.spent() > PROOF_AFTER * race.prices.proof and not on_springs(race)
+
+
 def _share_of_sweeps(race: Race) -> float:
     """Beds of grains may hold as much as the bodies' velocities without being blocks: there sweeps do arrive."""
-    return SWEEPS_BESIDE if "proximal Newton" in race.runners and held_as_blocks(race) else 1.0
+    return SWEEPS_BESIDE if "proximal Newton" in race.runners and (held_as_blocks(race) or on_springs(race)) else 1.0
 
 
 def _share_of_splitting(race: Race) -> float:
@@ -245,7 +252,7 @@ STAGES: tuple[Stage, ...] = (
         "proof",
         "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent twice as "
         "much; goes first once they have spent four times as much.",
-        enters=lambda race: "proximal Newton" in race.runners and race.best > FAR and race.spent() > PROOF_AFTER * race.prices.proof,
+        enters=_enter_proof,
         turns=methods.proof,
         price=lambda race: race.prices.proof,
         alone=lambda race, runner: race.best > FAR and race.spent() > PROOF_SHARE * race.prices.proof,

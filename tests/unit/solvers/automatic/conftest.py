@@ -7,5 +7,6 @@ import pytest
 
 @pytest.fixture
 def what_is_held_is_written_down(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Contacts hold what the state says."""
+    """Contacts hold what the state says, and have a compliance where it says so."""
     monkeypatch.setattr("fcsim.solvers.automatic.closed.held", lambda race: race.holds)
+    monkeypatch.setattr("fcsim.solvers.automatic.closed.regular", lambda race: race.regular)

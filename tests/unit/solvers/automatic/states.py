@@ -69,6 +69,7 @@ class State:
     newton_price: float = 10.0
     sparse: bool = False
     points: float = 4.0
+    regular: bool = False
     runners: dict[str, Shown] = field(default_factory=dict)
 
     @property

@@ -63,6 +63,8 @@ def test_admm_enters_where_sweeps_need_more(changes: dict[str, Any], enters: boo
         ({"holds": EDGES_HELD, "dimension": 2}, newton(iterations=5, spent=160.0), True),
         ({"holds": EDGES_HELD, "dimension": 2, "warm": True}, newton(iterations=5, spent=160.0), False),
         ({"holds": 1.0, "dimension": 2}, newton(iterations=5, spent=160.0), False),
+        ({"regular": True}, newton(iterations=900), False),
+        ({"regular": True}, newton(iterations=900, result=ENDED), True),
     ],
 )
 def test_admm_waits_for_proximal_newton_in_the_bodies_velocities(changes: dict[str, Any], proximal: Shown, enters: bool) -> None:
@@ -213,6 +215,17 @@ def test_proximal_newton_begins_alone(iterations: int, alone: bool) -> None:
 def test_sweeps_spend_a_tenth_beside_proximal_newton_where_faces_hold(holds: float, begun: bool, share: float) -> None:
     runners = {"sweeps": sweeping(5.0), **({"proximal Newton": newton()} if begun else {})}
     assert stage("sweeps").share(state(holds=holds, runners=runners)) == share
+
+
+@pytest.mark.parametrize(("changes", "share"), [({}, 0.1), ({"in_velocities": False}, 1.0), ({"joints": object()}, 1.0)])
+def test_sweeps_spend_a_tenth_beside_proximal_newton_where_joints_have_stiffness(changes: dict[str, Any], share: float) -> None:
+    runners = {"sweeps": sweeping(5.0), "proximal Newton": newton()}
+    assert stage("sweeps").share(state(holds=0.0, regular=True, runners=runners, **changes)) == share
+
+
+def test_where_joints_have_stiffness_no_proof_is_looked_for() -> None:
+    runners = {"proximal Newton": newton(spent=900.0)}
+    assert stage("proof").enters(state(runners=runners)) and not stage("proof").enters(state(runners=runners, regular=True))
 
 
 @pytest.mark.parametrize(("sweeps", "fell", "left"), [(999, 1.1, False), (1000, 1.1, True), (1000, 1.12, False)])
