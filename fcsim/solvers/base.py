@@ -36,6 +36,7 @@ class Status(Enum):
     DIVERGED = "diverged"
     TIME_LIMIT = "time limit reached"
     INFEASIBLE = "no solution exists, as a certificate proves"
+    EXHAUSTED = "given up after the effort that such problems are worth"
 
     @property
     def solved(self) -> bool:

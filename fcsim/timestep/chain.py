@@ -82,8 +82,9 @@ class SolverSettings:
     """Which solver a step uses, and what follows when it does not converge.
 
     The chain of a step: `name` from the previous steps' reactions (see `warm_start`), `name` from zero, then each of `fallback` from
-    zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. A link that had to answer three times in a
-    row begins the next 25 chains, see `Lead`; `Step.attempts` says what was tried.
+    zero. The first answer below `tol` is taken; if none is, the step raises NotConverged. No link follows one that has spent all the
+    effort that such a problem is worth (`Status.EXHAUSTED`), and a step of two of these is cut no further. A link that had to answer three
+    times in a row begins the next 25 chains, see `Lead`; `Step.attempts` says what was tried.
 
     name       of the table of solvers, `fcsim.SOLVERS`; options: those of the method, by name
     tol        on the scaled error of each step's problem; floor [m/s; quasi-statics: m]: see `fcsim.problem.error`
@@ -143,7 +144,15 @@ def solve_chain(
         attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol, k == 0 and lead.steps > 0))
         if result.solved:
             return replace(result, memory=None), kept
+        if result.status is Status.EXHAUSTED:
+            break
     return None, kept
+
+
+def given_up(attempts: Sequence[Attempt]) -> bool:
+    """Whether a step is not to be cut any further: twice all the effort was spent that such a problem is worth, on the step and on its
+    first part, so that the end comes after a time that is bounded."""
+    return sum(attempt.status == Status.EXHAUSTED.value for attempt in attempts) > 1
 
 
 ROLLING: tuple[tuple[str, Mapping[str, object]], ...] = (
@@ -198,7 +207,12 @@ def not_converged(
             f", from t = {begin:.6g} to {end:.6g} s: cut into parts of h/2 to h/{2**cuttings} = {last.share * (end - begin):.3g} s, "
             f"the last from t = {part:.6g} s"
         )
-    if last.solver == "links":
+    if last.status == Status.EXHAUSTED.value:
+        text += (
+            "; what rigid bodies that meet in faces do is not determined by Coulomb's law alone, and the solvers creep: give the joints "
+            "stiffness, Compliant(Springs(..., each=True)), or ask for less, tol=1e-6"
+        )
+    elif last.solver == "links":
         text += (
             "; links whose forces turn with what they hold: choose a smaller h, or in statics, where links leave bodies a motion that eta "
             "alone holds (a chain), a larger eta"

@@ -24,7 +24,7 @@ from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
 from fcsim.timestep.beginning.first_half import passes, refuse_going_through
 from fcsim.timestep.beginning.impact import remark, struck
-from fcsim.timestep.chain import Attempt, Clock, SolverSettings, not_converged
+from fcsim.timestep.chain import Attempt, Clock, SolverSettings, given_up, not_converged
 from fcsim.timestep.creation import refuse_creation
 from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
@@ -214,10 +214,10 @@ class Simulation:
         while True:
             part = self._part(moment, cuts, kept, anchor or after, clock, attempts)
             if part is None:
-                if cuts == self.cuttings:
+                if cuts == self.cuttings or given_up(attempts):
                     times, begins = (after.state.t, after.state.t + self.scheme.h, moment.state.t), moment.number == 1
                     why = (*doubts(self.model, self.scheme, self.linkage, times, attempts), *(self._opening(after.state) if begins else ()))
-                    raise not_converged(self.solver, moment.number, times, self.cuttings, attempts, why)
+                    raise not_converged(self.solver, moment.number, times, cuts, attempts, why)
                 cuts += 1
                 continue
             last = part.last_energy()

@@ -17,6 +17,18 @@ median, and 1 to 3 in edges."""
 STUCK, FRESH = 100, 250
 """Iterations of proximal Newton after which it may be stuck, and those after which a fresh start is due where it is."""
 
+EFFORT = 15_000
+"""Iterations of proximal Newton whose cost a race may spend where paths of blocks are followed: steps of rigid masonry in motion
+that have an answer took up to 6000; 504 blocks had none after 7000."""
+
+
+def exhausted(race: Race) -> bool:
+    """Whether so much was spent on rigid bodies whose contacts hold more than their velocities that an answer is not to be expected: their
+    solutions need not be isolated, and all methods creep."""
+    if "paths" not in race.runners or race.spent() <= EFFORT * race.prices.proximal(0):
+        return False
+    return race.warm or held_as_blocks(race)
+
 
 def in_place_of_sweeps(race: Race) -> bool:
     """Whether ADMM is to do what sweeps do not: these stand still in a bed of grains whose contacts nearly hold the bodies, as where

@@ -241,12 +241,15 @@ def _enter(race: Race, stages: Sequence[Stage]) -> None:
             race.runners[stage.name] = Runner(stage, race)
 
 
-def run(race: Race, stages: Sequence[Stage]) -> Iterate:
-    """Run the race until a method solves the problem, nobody is left in it, or the limits of time or iterations are reached."""
+def run(race: Race, stages: Sequence[Stage], exhausted: Callable[[Race], bool] = lambda race: False) -> Iterate:
+    """Run the race until a method solves the problem, nobody is left in it, it is exhausted, or the limits of time or iterations are
+    reached."""
     last = Iterate(race.start, Status.STAGNATED)
     while True:
         if race.monitor.iterations >= race.options.max_iterations:
             return Iterate(race.best_r(), Status.MAX_ITERATIONS)
+        if exhausted(race):
+            return Iterate(race.best_r(), Status.EXHAUSTED)
         if not any(runner.stage.opens(race, runner) for runner in race.running()):
             _enter(race, stages)
         if not race.running():

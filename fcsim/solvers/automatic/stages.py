@@ -26,7 +26,14 @@ from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.closed import closed, held_as_blocks, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, swept
-from fcsim.solvers.automatic.later import enter_from_zero, enter_least_squares, enter_least_squares_again, enter_paths, in_place_of_sweeps
+from fcsim.solvers.automatic.later import (
+    enter_from_zero,
+    enter_least_squares,
+    enter_least_squares_again,
+    enter_paths,
+    exhausted,
+    in_place_of_sweeps,
+)
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
@@ -308,6 +315,6 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     try:
-        return run(race, [stage for stage in STAGES if stage.name not in options.without])
+        return run(race, [stage for stage in STAGES if stage.name not in options.without], exhausted)
     finally:
         race.runners.clear()  # their turns hold the race, which holds them: a circle that would keep W until Python looks for circles

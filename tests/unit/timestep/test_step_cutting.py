@@ -3,6 +3,7 @@
 Newton's method with few iterations fails on a load step by its nature: the more the contact status changes, the more it needs.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from fcsim.errors import InputError, NotConverged, Unphysical
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
+from fcsim.solvers import Result, Status
+from fcsim.timestep import chain
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Scheme
@@ -78,6 +81,21 @@ def test_parts_are_doubled_again_when_it_goes_well() -> None:
     assert max(step.substeps for step in steps) > 1
     assert steps[-1].substeps == 1 and steps[-1].cuts == 0
     assert_array_equal([step.state.t for step in steps], 0.25 * np.arange(1, 9))
+
+
+def test_a_step_that_is_given_up_is_cut_once_and_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No further link is asked, no shorter part than a half is tried: the end comes after a bounded time."""
+    solve, asked = chain.solve, []
+
+    def creeping(*arguments: Any, **options: Any) -> Result:
+        asked.append(arguments[1])
+        return replace(solve(*arguments, **options), status=Status.EXHAUSTED)
+
+    monkeypatch.setattr(chain, "solve", creeping)
+    simulation = pressed(QuasiStatic(0.5), 2, iterations=3)
+    with pytest.raises(NotConverged, match=r"cut into parts of h/2 to h/2 = 0\.25 s.*give the joints stiffness"):
+        next(iter(replace(simulation, solver=replace(simulation.solver, fallback=("NSN-NM",)))))
+    assert asked == ["NSN-AC", "NSN-AC"]
 
 
 def test_what_was_tried_is_said_when_cutting_does_not_help() -> None:

@@ -195,3 +195,22 @@ def test_sweeps_go_on_before_anyone_is_asked(changes: dict[str, Any], spent: flo
     assert expected.opening(race, sweeps) is alone  # type: ignore[arg-type]
     race.runners["Newton"] = Shown()
     assert not expected.opening(race, sweeps)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changes", "begun", "spent", "ended"),
+    [
+        ({}, True, 150_000.0, False),  # 15 000 iterations of proximal Newton at 10 each
+        ({}, True, 150_001.0, True),
+        ({}, False, 900_000.0, False),
+        ({"holds": 1.2}, True, 900_000.0, False),  # grains, from zero
+        ({"holds": FACES_HELD, "points": 2.9}, True, 900_000.0, False),
+        ({"holds": 1.2, "warm": True}, True, 150_001.0, True),
+        ({"holds": EDGES_HELD, "dimension": 2}, True, 150_001.0, True),
+    ],
+)
+def test_blocks_are_given_up_after_what_fifteen_thousand_iterations_cost(
+    changes: dict[str, Any], begun: bool, spent: float, ended: bool
+) -> None:
+    race = state(runners={"paths" if begun else "proximal Newton": Shown(spent=spent)}, **{"holds": FACES_HELD, **changes})
+    assert later.exhausted(race) is ended
