@@ -7,6 +7,10 @@
 * facade: 40 rigid blocks in running bond in space, tilted out of its plane to tan = 0.5
 * vault: a barrel of 96 voussoirs, springers held, tilted to tan = 0.7 across
 * corner500, facade1000: 504 and 1012 blocks
+* bridge: an arch of 264 voussoirs, span 8.9 m, 4.8 m wide, springers held, on ground that shakes along the span, 0.5 g at 3 Hz
+* dome: a hemisphere of 193 blocks, thickness 0.12 of its radius, tilted to tan = 0.6
+* colonnade: 12 columns of 12 drums, capitals, architraves and a cornice, on ground that shakes along the diagonal, 0.35 g at 1 Hz
+* opening: a wall of 219 blocks with an opening and its lintel, on ground that shakes along the diagonal, 0.6 g at 2.5 Hz
 
 --joints springs (default) or rigid; --stiffness: of every contact with springs [N/m], tangentially 0.4 times that, damped by a millisecond
 times both; 0: rigid. Prints for each structure the blocks, the contacts of its steps, and of all steps but the first the processor's
@@ -22,19 +26,18 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from benchmarks.masonry import corner, facade, on_a_floor
+from benchmarks.masonry_shapes import barrel, colonnade, opening
 from fcsim.contact_detection import Everything
 from fcsim.contact_law import Compliant, Gap, Springs
 from fcsim.contact_law.law import Law
 from fcsim.errors import NotConverged
 from fcsim.masonry import Acceleration, Block, MasonryProblem, structure
-from fcsim.masonry.atlas.shapes import prism
+from fcsim.masonry.atlas.shapes import dome
 from fcsim.masonry.problem import GRAVITY
-from fcsim.mesh.solids.closed_surface import ClosedSurface
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.theta import Theta
@@ -53,36 +56,29 @@ class Structure:
     shaken: Callable[[float], float] | None = None
 
 
-def vault(around: int, along: int) -> Iterator[Block]:
-    """A barrel of radius 1 m and thickness 0.2 m in running bond, chords straight, springers held."""
-    angles = np.linspace(0.0, math.pi, around + 1)
-    for k, (a, b) in enumerate(pairwise(angles)):
-        ends = [0.0, *(j + (0.5 if k % 2 else 1.0) for j in range(along - (k + 1) % 2)), float(along)]
-        corners = [(r * math.cos(t), r * math.sin(t)) for r, t in ((0.9, a), (1.1, a), (1.1, b), (0.9, b))]
-        for j, (y0, y1) in enumerate(pairwise(ends)):
-            block = prism(f"v{k}c{j}", corners, 0.4 * (y1 - y0), support=k in (0, around - 1))
-            yield replace(block, surface=moved(block.surface, 0.4 * y0))
-
-
-def moved(surface: ClosedSurface, y: float) -> ClosedSurface:
-    """The surface moved along y [m]."""
-    return replace(surface, points=surface.points + np.array([0.0, y, 0.0]))
-
-
 def structures() -> dict[str, Callable[[], Structure]]:
     """By name."""
 
     def standing(name: str, blocks: Iterator[Block], direction: tuple[float, float]) -> Structure:
         return Structure(on_a_floor(name, 3, blocks), direction, 0.5)
 
-    barrel = MasonryProblem("vault", 3, tuple(vault(13, 7)), 0.6, (Acceleration((0.0, 0.0, -GRAVITY)),))
+    def shaking(problem: MasonryProblem, direction: tuple[float, float], share: float, frequency: float) -> Structure:
+        return Structure(problem, direction, 0.0, lambda t: share * GRAVITY * math.sin(2 * math.pi * frequency * t))
+
+    def vaulted(name: str, blocks: Iterator[Block]) -> MasonryProblem:
+        return MasonryProblem(name, 3, tuple(blocks), 0.6, (Acceleration((0.0, 0.0, -GRAVITY)),))
+
+    bridge = vaulted("bridge", barrel(33, 8, radius=5.0, thickness=0.5, width=0.6, embrace=2.2))
+    shell = replace(dome(0.12, rings=9, sectors=24, mu=0.6), loads=(Acceleration((0.0, 0.0, -GRAVITY)),))
     return {
         "corner": lambda: standing("corner", corner(4, 7), DIAGONAL),
-        "shaken": lambda: replace(
-            standing("shaken", corner(4, 7), DIAGONAL), tangent=0.0, shaken=lambda t: 0.6 * GRAVITY * math.sin(2 * math.pi * 2.5 * t)
-        ),
+        "shaken": lambda: shaking(on_a_floor("shaken", 3, corner(4, 7)), DIAGONAL, 0.6, 2.5),
         "facade": lambda: standing("facade", facade(8, 5), ACROSS),
-        "vault": lambda: Structure(barrel, (1.0, 0.0), 0.7),
+        "vault": lambda: Structure(vaulted("vault", barrel(13, 7)), (1.0, 0.0), 0.7),
+        "bridge": lambda: shaking(bridge, (1.0, 0.0), 0.5, 3.0),
+        "dome": lambda: Structure(shell, (1.0, 0.0), 0.6),
+        "colonnade": lambda: shaking(on_a_floor("colonnade", 3, colonnade(12, 12)), DIAGONAL, 0.35, 1.0),
+        "opening": lambda: shaking(on_a_floor("opening", 3, opening(12, 20, (4, 8, 6, 14))), DIAGONAL, 0.6, 2.5),
         "corner500": lambda: standing("corner500", corner(14, 18), DIAGONAL),
         "facade1000": lambda: standing("facade1000", facade(40, 25), ACROSS),
     }
