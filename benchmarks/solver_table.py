@@ -34,7 +34,15 @@ FIELDS = ("problem", "form", "dimension", "nc", "n", "method", "family", "tol", 
 TIMES = ("seconds", "cpu_seconds", "reduction")
 COLUMNS = 6
 """Most methods a table, so that it fits a page."""
-LETTERS = {"TIME_LIMIT": "T", "MAX_ITERATIONS": "I", "STAGNATED": "S", "DIVERGED": "D", "SINGULAR": "X", "SOLVED": "WRONG"}
+LETTERS = {
+    "TIME_LIMIT": "T",
+    "MAX_ITERATIONS": "I",
+    "EXHAUSTED": "I",
+    "STAGNATED": "S",
+    "DIVERGED": "D",
+    "SINGULAR": "X",
+    "SOLVED": "WRONG",
+}
 LEGEND = (
     "A cell says the time of the whole solve (a global problem's reduction included) and the iterations, or in italics why there is no "
     "solution and the error reached: T time limit, I iterations used up, S stagnated, D diverged, X singular system, K killed (hung "

@@ -19,7 +19,7 @@ FILE = "results.csv"
 SLACK = 1.01
 """An error up to tol * SLACK meets tol: the judge factors M by another library than the solver, and their u differ by round-off."""
 
-OWN_STATUSES = ("SOLVED", "MAX_ITERATIONS", "STAGNATED", "SINGULAR", "DIVERGED", "TIME_LIMIT", "INFEASIBLE")
+OWN_STATUSES = ("SOLVED", "MAX_ITERATIONS", "STAGNATED", "SINGULAR", "DIVERGED", "TIME_LIMIT", "INFEASIBLE", "EXHAUSTED")
 """What a solver says of itself."""
 STATUSES = (*OWN_STATUSES, "KILLED_TIME", "KILLED_MEMORY", "CRASHED", "WRONG")
 """KILLED_*: ended from outside at a hard limit; WRONG: said to be solved, but the error recomputed outside the solver is above tol."""
