@@ -7,7 +7,8 @@ from math import inf
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.friction import Elliptic, Friction, friction_terms, slip_after
 from fcsim.contact_law.law import Meeting, Outcome, Remembered, Terms, Variables
@@ -41,8 +42,8 @@ class Gap:
     friction: Friction | Elliptic | None = None
 
     def __post_init__(self) -> None:
-        if not self.recovery >= 0:
-            raise InputError(f"recovery: expected a share of the size a second >= 0 (inf: at once), got {self.recovery}")
+        if not (is_number(self.recovery, infinite=True) and self.recovery >= 0):
+            raise InputError(f"recovery: expected a share of the size a second >= 0 (inf: at once), got {shown(self.recovery)}")
 
     def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
         """All."""
@@ -75,8 +76,8 @@ class Velocity:
     friction: Friction | Elliptic | None = None
 
     def __post_init__(self) -> None:
-        if not 0 <= self.restitution <= 1:
-            raise InputError(f"restitution: expected a number between 0 and 1, got {self.restitution}")
+        if not (is_number(self.restitution) and 0 <= self.restitution <= 1):
+            raise InputError(f"restitution: expected a number between 0 and 1, got {shown(self.restitution)}")
 
     def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
         """Those that touch."""
