@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.brief import shown
 from fcsim.errors import InputError
+from fcsim.mesh.exact_shape import endless
 from fcsim.mesh.part import Body, Placed, RigidBody
 
 DIRECTIONS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
@@ -83,6 +84,20 @@ class BodyLayout:
         dofs = np.full((self.n_nodes, self.dimension), -1)
         dofs.ravel()[: self.n_elastic] = np.arange(self.n_elastic)
         return dofs
+
+    @cached_property
+    def extents(self) -> FloatArray:
+        """The smallest extents (nbodies,) [m] along the axes of the bodies in the reference; infinite for what has no nodes, and for
+        planes, whose points are those of a picture of any size."""
+        points = np.split(self.reference, self.node_offset[1:-1])
+        some = [len(own) > 0 and not endless(body) for own, body in zip(points, self.bodies, strict=True)]
+        return np.array([np.ptp(own, axis=0).min() if has else np.inf for own, has in zip(points, some, strict=True)])
+
+    @property
+    def thinnest(self) -> float:
+        """The smallest of `extents`, 0 where there is none."""
+        least = float(self.extents.min(initial=np.inf))
+        return least if np.isfinite(least) else 0.0
 
     def rigid_part(self, x: NDArray) -> NDArray:
         """The rigid bodies' share (nr, k) of a vector on all dofs, k = 6 or 3: a view."""

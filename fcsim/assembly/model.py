@@ -224,13 +224,6 @@ class Model(BodyLayout):
         return mass
 
     @cached_property
-    def thinnest(self) -> float:
-        """The smallest extent [m] of a body with nodes along an axis, 0 where there is none."""
-        some = np.flatnonzero(np.diff(self.node_offset))
-        least, largest = (f.reduceat(self.reference, self.node_offset[some]) for f in (np.minimum, np.maximum))
-        return float((largest - least).min(initial=np.inf)) if len(some) else 0.0
-
-    @cached_property
     def _load_vectors(self) -> tuple[FloatArray, ...]:
         return tuple(load_vector(self, load) for load in self.loads)
 
