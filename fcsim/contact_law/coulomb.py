@@ -69,7 +69,8 @@ class Velocity:
     work is then never positive for theta <= 1/(1+e), and zero for e = 1 at theta = 1/2 (generalised alpha: as theta = 1/2).
     A penetration is not taken back: it does not grow. What approaches is struck once it touches where contacts are detected, so bodies
     overlap by up to the way of one step, h |u_N^-|, and keep that: choose h by the overlap that matters, or the law `Gap`, which lets
-    nothing in but has no restitution. friction: as in `Gap`.
+    nothing in but has no restitution. Taut cables (`Cable`) keep their length beside that, as in `Gap`: turning would make them longer by
+    (h u_T)^2 / 2 length in every step. friction: as in `Gap`.
     """
 
     restitution: float = 0.0
@@ -87,6 +88,9 @@ class Velocity:
         theta, u = meeting.timing.theta, meeting.before[:, 0]
         w = np.zeros((len(meeting), meeting.contacts.dimension))
         w[:, 0] = np.where(u > 0, (1 - theta) / theta, self.restitution) * u
+        cables = meeting.contacts.cables
+        if cables.any():
+            w[cables, 0] = np.minimum(w[:, 0], closing(meeting, RECOVERY))[cables]
         mu, scale, frame = friction_terms(self.friction, meeting)
         return Terms(w, mu, scale=scale, frame=frame)
 
