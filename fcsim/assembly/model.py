@@ -227,18 +227,23 @@ class Model(BodyLayout):
     def _load_vectors(self) -> tuple[FloatArray, ...]:
         return tuple(load_vector(self, load) for load in self.loads)
 
+    def gravity_at(self, t: float) -> FloatArray:
+        """The acceleration (d,) [m/s^2] at time t, 0 without gravity; InputError where its function gives none."""
+        d = self.dimension
+        if self.gravity is None:
+            return np.zeros(d)
+        given = asked(f"gravity at t = {t} s: expected a function of t alone, lambda t: (0.0, 0.0, -9.81)", self.gravity, t)
+        g = numbers_of(given)
+        if g.shape != (d,) or not np.all(np.isfinite(g)):
+            raise InputError(f"gravity at t = {t} s: expected an acceleration of {d} finite numbers [m/s^2], got {shown(given)}")
+        return g
+
     def load(self, t: float, x: FloatArray | None = None) -> FloatArray:
         """External forces (n_dofs,) [N] at time t: gravity and the loads; followers of rigid bodies as they stand at x (default: the
         reference). Without what follows deformable bodies, which is part of what a step solves for: see `following`."""
         force = np.zeros(self.n_dofs)
         if self.gravity is not None:
-            d = self.dimension
-            what = f"gravity at t = {t} s: expected a function of t alone, lambda t: (0.0, 0.0, -9.81)"
-            given = asked(what, self.gravity, t)
-            g = numbers_of(given)
-            if g.shape != (d,) or not np.all(np.isfinite(g)):
-                raise InputError(f"gravity at t = {t} s: expected an acceleration of {d} finite numbers [m/s^2], got {shown(given)}")
-            force += g @ self._weight_of_units
+            force += self.gravity_at(t) @ self._weight_of_units
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
             if any(load is other for other in self.following.loads):
                 continue

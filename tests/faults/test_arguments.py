@@ -160,6 +160,26 @@ def test_what_a_users_function_raises_is_said_with_its_line() -> None:
             model()
 
 
+def _later(*arguments: float) -> float:
+    return 1.0 if arguments[0] < 0.5 else 1 / 0
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"gravity": lambda t: (0.0, 0.0, -_later(t))},
+        {"loads": [fcsim.Force("block", (1.0, 0.0, 0.0), factor=_later, surface="z+")]},
+        {"supports": (Support("block", ("x",), "z+", velocity=_later),)},
+    ],
+    ids=["gravity", "load", "support"],
+)
+def test_what_a_function_raises_later_in_the_run_is_one_line_too(more: dict[str, Any]) -> None:
+    """What is said as a run begins asks loads and motions at times to come."""
+    model = _model(**{"gravity": lambda t: (0.0, 0.0, -10.0), **more})
+    with pytest.raises(fcsim.InputError, match=r"at t = .* raised ZeroDivisionError"):
+        list(Simulation(model, Everything(model, mu=0.3), Theta(0.1), 10))
+
+
 def test_numbers_of_every_kind_that_is_one_are_taken() -> None:
     for value in (1, 1.0, np.float32(1.0), np.int64(1), np.array(1.0)):
         assert is_number(value)

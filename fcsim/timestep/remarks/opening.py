@@ -64,9 +64,7 @@ def opening_remarks(
 
 def _largest_gravity(model: Model, begin: float, end: float) -> FloatArray:
     """The acceleration (d,) [m/s^2] of gravity where it is largest, looked at at its beginning and end and between."""
-    if model.gravity is None:
-        return np.zeros(model.dimension)
-    seen = [np.asarray(model.gravity(float(t)), dtype=np.float64) for t in np.linspace(begin, end, 5)]
+    seen = [model.gravity_at(float(t)) for t in np.linspace(begin, end, 5)]
     return max(seen, key=lambda g: float(np.linalg.norm(g)))
 
 
