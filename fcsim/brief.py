@@ -25,7 +25,7 @@ def brief(value: DataclassInstance) -> str:
     for field in fields(value):
         if not field.repr:
             continue
-        parts.append(f"{field.name}={_shown(getattr(value, field.name, '?'))}")
+        parts.append(f"{field.name}={shown(getattr(value, field.name, '?'))}")
         length += len(parts[-1]) + 2
         if length > IN_ALL:
             parts.append("...")
@@ -38,8 +38,8 @@ def of_any_process(text: str) -> str:
     return _ADDRESS.sub("", text)
 
 
-def _shown(value: object) -> str:
-    """One field."""
+def shown(value: object) -> str:
+    """One value in a line of at most `LONGEST` characters: a field, or what came where another was expected."""
     if value is None or isinstance(value, bool | int | float | Enum | np.generic):
         text = str(value) if isinstance(value, Enum | np.generic) else repr(value)
     elif isinstance(value, str | bytes):
@@ -49,9 +49,9 @@ def _shown(value: object) -> str:
     elif is_dataclass(value):
         text = f"{type(value).__name__}(...)"
     elif isinstance(value, Mapping):
-        text = f"{{{len(value)} entries}}" if len(value) > 4 else "{" + ", ".join(f"{k!r}: {_shown(v)}" for k, v in value.items()) + "}"
+        text = f"{{{len(value)} entries}}" if len(value) > 4 else "{" + ", ".join(f"{k!r}: {shown(v)}" for k, v in value.items()) + "}"
     elif isinstance(value, tuple | list):
-        text = "(" + ", ".join(_shown(v) for v in value) + ")" if len(value) < 4 else f"({len(value)} x {type(value[0]).__name__})"
+        text = "(" + ", ".join(shown(v) for v in value) + ")" if len(value) < 4 else f"({len(value)} x {type(value[0]).__name__})"
     elif callable(value) and hasattr(value, "__qualname__"):
         text = value.__qualname__
     else:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import traceback
+from collections.abc import Callable
+
 
 class FcsimError(Exception):
     """Base of every error that fcsim raises on purpose; the command line prints its message without a traceback."""
@@ -29,3 +32,16 @@ class Penetration(Unphysical):
 
 EXIT_OK, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 """What the command line returns: all converged or verified, something did not, bad input, interrupted."""
+
+
+def asked[T](what: str, function: Callable[..., T], *arguments: object) -> T:
+    """What a user's function answers; where it raises an InputError that says what it raised and in which line."""
+    try:
+        return function(*arguments)
+    except FcsimError:
+        raise
+    except Exception as error:
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        where = f" ({frame.filename}, line {frame.lineno})" if frame.name != "asked" else ""
+        said = " ".join(str(error).split())
+        raise InputError(f"{what}: the function raised {type(error).__name__}{': ' if said else ''}{said}{where}") from error

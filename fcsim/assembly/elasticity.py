@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array, kron
 
 from fcsim import runtime
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number, numbers_of
 from fcsim.assembly import elements
 from fcsim.assembly.discretisation import QUADRATURE_DEGREE, discretise, once_per_part
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material.by_region import ByRegion
@@ -162,8 +163,8 @@ def traction(part: Part, surface_name: str, traction: ArrayLike) -> FloatArray:
 
 def pressure(part: Part, surface_name: str, pressure: float) -> FloatArray:
     """Return the nodal forces (d nn,) [N] of a pressure [Pa] on a surface: positive pushes into the part. Raises as `traction` does."""
-    if not np.isfinite(pressure):
-        raise InputError(f"pressure on Part {part.name!r}: expected a finite pressure in Pa, got {pressure}")
+    if not is_number(pressure):
+        raise InputError(f"pressure on Part {part.name!r}: expected a finite pressure in Pa, got {shown(pressure)}")
     return _surface_load(part, surface_name, np.zeros(part.dimension), float(pressure))
 
 
@@ -198,6 +199,8 @@ def _surface_load(part: Part, surface_name: str, force: FloatArray, pressure: fl
     """Return the integral of (force - pressure n) . v over the surface; one form, so that both loads share its compiled code."""
     import ufl
 
+    if not isinstance(surface_name, str):
+        raise InputError(f"Part {part.name!r}: expected the name of a surface, got {shown(surface_name)}")
     discrete = discretise(part)
     mesh, V = discrete.mesh, discrete.vector_space
     tags = runtime.dolfinx().mesh.meshtags(mesh, part.dimension - 1, discrete.boundary_facets(part, surface_name), 1)
@@ -213,7 +216,7 @@ def _read_only[A: (csr_array, FloatArray)](values: A) -> A:
 
 
 def _vector(values: ArrayLike, part: Part, function: str, argument: str) -> FloatArray:
-    array = np.asarray(values, dtype=np.float64)
+    array = numbers_of(values)
     if array.shape != (part.dimension,) or not np.all(np.isfinite(array)):
         raise InputError(f"{function} on Part {part.name!r}: expected {argument} as {part.dimension} finite numbers, got {values!r}")
     return array

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.brief import shown
 from fcsim.errors import InputError
+from fcsim.mesh.exact_shape import endless
 from fcsim.mesh.part import Body, Placed, RigidBody
 
 DIRECTIONS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
@@ -83,24 +85,38 @@ class BodyLayout:
         dofs.ravel()[: self.n_elastic] = np.arange(self.n_elastic)
         return dofs
 
+    @cached_property
+    def extents(self) -> FloatArray:
+        """The smallest extents (nbodies,) [m] along the axes of the bodies in the reference; infinite for what has no nodes, and for
+        planes, whose points are those of a picture of any size."""
+        points = np.split(self.reference, self.node_offset[1:-1])
+        some = [len(own) > 0 and not endless(body) for own, body in zip(points, self.bodies, strict=True)]
+        return np.array([np.ptp(own, axis=0).min() if has else np.inf for own, has in zip(points, some, strict=True)])
+
+    @property
+    def thinnest(self) -> float:
+        """The smallest of `extents`, 0 where there is none."""
+        least = float(self.extents.min(initial=np.inf))
+        return least if np.isfinite(least) else 0.0
+
     def rigid_part(self, x: NDArray) -> NDArray:
         """The rigid bodies' share (nr, k) of a vector on all dofs, k = 6 or 3: a view."""
         return x[self.n_elastic :].reshape(-1, len(DIRECTIONS[self.dimension]))
 
     def body_number(self, name: str) -> int:
         """Return the number of the body of that name; InputError where there is none."""
-        if name not in self.number:
+        if not isinstance(name, str) or name not in self.number:
             near = difflib.get_close_matches(str(name), self.number, 1)
             mean = f" (did you mean {near[0]!r}?)" if near else ""
-            raise InputError(f"body {name!r}: expected one of {', '.join(map(repr, self.number))}{mean}")
+            raise InputError(f"body {shown(name)}: expected one of {', '.join(map(repr, self.number))}{mean}")
         return self.number[name]
 
     def facets(self, body: str, surface: str) -> IntArray:
         """Facets (nf, k) of a body's surface in global node numbers."""
         number = self.body_number(body)
         surfaces = self.bodies[number].surfaces
-        if surface not in surfaces:
-            raise InputError(f"body {body!r}: expected a surface among {', '.join(map(repr, surfaces))}, got {surface!r}")
+        if not isinstance(surface, str) or surface not in surfaces:
+            raise InputError(f"body {body!r}: expected a surface among {', '.join(map(repr, surfaces))}, got {shown(surface)}")
         return surfaces[surface] + self.node_offset[number]
 
 
@@ -114,6 +130,8 @@ def in_order(given: Sequence[Placed]) -> tuple[Body | RigidBody, ...]:
         mend = "; a Part is placed by Body(name, part)" if got == "Part" else ""
         raise InputError(f"bodies: expected at least one Body or RigidBody and nothing else, got {got}{mend}")
     names = [body.name for body in bodies]
+    if unnamed := [name for name in names if not isinstance(name, str) or not name]:
+        raise InputError(f"bodies: expected names, texts that are not empty, got {shown(unnamed[0])}")
     twice = {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else set()
     if twice:
         raise InputError(f"bodies: expected different names, got {', '.join(map(repr, sorted(twice)))} more than once")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, is_number, numbers_of
 from fcsim.assembly import elasticity
 from fcsim.assembly.forms.facet_pressure import facet_forces, nodal_sum
 from fcsim.assembly.forms.nodal_forces import form_forces, given_forces
@@ -19,8 +19,8 @@ from fcsim.assembly.forms.turning_force import TurningForce
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.supports import TimeFunction
 from fcsim.assembly.supports.selection import NodesNamed, Selection, SurfaceNames, shares
-from fcsim.brief import brief
-from fcsim.errors import InputError
+from fcsim.brief import brief, shown
+from fcsim.errors import InputError, asked
 from fcsim.mesh.named.places import Where
 from fcsim.mesh.part import Body, RigidBody
 
@@ -137,22 +137,15 @@ Load = Traction | Force | BodyForce | NodalForces | FormLoad | Follower
 
 def factor_at(load: Load, t: float) -> float:
     """The load's factor at time t [s]; InputError for what is no function of time, or no finite number."""
-    given: object = load.factor
-    try:
-        given = load.factor(t)
-        value = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise _no_factor(load, t, f"{given!r} ({error})") from error
+    what = f"{type(load).__name__} on body {load.body!r}, factor at t = {t} s: expected a function of t that gives a finite number, as"
+    what += " lambda t: 2 * t"
+    if not callable(load.factor):
+        raise InputError(f"{what}, got {shown(load.factor)}")
+    given = asked(what, load.factor, t)
+    value = numbers_of(given)
     if value.size != 1 or not np.all(np.isfinite(value)):
-        raise _no_factor(load, t, repr(given))
+        raise InputError(f"{what}, got {shown(given)}")
     return float(value.item())
-
-
-def _no_factor(load: Load, t: float, got: str) -> InputError:
-    return InputError(
-        f"{type(load).__name__} on body {load.body!r}, factor at t = {t} s: expected a function of t that gives a finite number, as "
-        f"lambda t: 2 * t, got {got}"
-    )
 
 
 def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
@@ -187,9 +180,10 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
     if isinstance(load, NodalForces | FormLoad):
         vector[own] = _nodal_forces(body, load).ravel()
         return vector
-    values = np.asarray(load.traction if isinstance(load, Traction) else load.density, dtype=np.float64)
-    if values.shape != (d,):
-        raise InputError(f"{type(load).__name__} on body {load.body!r}: expected {d} components, got {values.shape}")
+    given = load.traction if isinstance(load, Traction) else load.density
+    values = numbers_of(given)
+    if values.shape != (d,) or not np.all(np.isfinite(values)):
+        raise InputError(f"{type(load).__name__} on body {load.body!r}: expected {d} components, finite numbers, got {shown(given)}")
     in_part_axes = body.rotation.T @ values
     if isinstance(load, Traction):
         nodal = elasticity.traction(body.part, load.surface, in_part_axes)
@@ -222,11 +216,11 @@ def _force_and_moment(d: int, load: Force | FollowerForce) -> tuple[FloatArray, 
     """(d,) [N] and (3,), in 2D (1,), [N m]."""
     count = len(DIRECTIONS[d]) - d
     moment = (0.0,) * count if load.moment is None else load.moment
-    values = np.concatenate([load.force, moment])
-    if values.shape != (d + count,) or not np.all(np.isfinite(values)):
+    values = np.concatenate([force := numbers_of(load.force).ravel(), turn := numbers_of(moment).ravel()])
+    if len(force) != d or len(turn) != count or np.ndim(load.force) != 1 or not np.all(np.isfinite(values)):
         raise InputError(
             f"{type(load).__name__} on body {load.body!r}: expected {d} force and {count} moment components, finite numbers, got "
-            f"{load.force} and {load.moment}"
+            f"{shown(load.force)} and {shown(load.moment)}"
         )
     return values[:d], values[d:]
 
@@ -255,8 +249,8 @@ def _nodal_forces(body: Body, load: NodalForces | FormLoad) -> FloatArray:
 def _pressure(layout: BodyLayout, body: Body | RigidBody, load: FollowerPressure) -> FloatArray:
     """Of a unit factor the nodal forces on a deformable body (nn d,); of a rigid one force and moment about the centre of mass, -p times
     the integrals of n and (x - c) x n, exact on flat facets."""
-    if not isinstance(load.pressure, int | float | np.number) or not np.isfinite(load.pressure):
-        raise InputError(f"FollowerPressure on body {load.body!r}: expected a finite pressure in Pa, got {load.pressure!r}")
+    if not is_number(load.pressure):
+        raise InputError(f"FollowerPressure on body {load.body!r}: expected a finite pressure in Pa, got {shown(load.pressure)}")
     layout.facets(load.body, load.surface)  # refuses an unknown name
     if isinstance(body, Body):
         facets, points = body.part.surfaces[load.surface], body.points

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray, is_number, numbers_of
 from fcsim.assembly.groups import Group, operator_groups
 from fcsim.assembly.inner_forces import NonlinearBodies
 from fcsim.assembly.kinematics.elastic_forces import ElasticForces
@@ -25,8 +25,8 @@ from fcsim.assembly.loads import Follower, Load, factor_at, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
 from fcsim.assembly.shares.shares import Shares, shares_of
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
-from fcsim.brief import brief
-from fcsim.errors import InputError
+from fcsim.brief import brief, shown
+from fcsim.errors import InputError, asked
 from fcsim.linear.over_ranks.rows import whole
 from fcsim.mesh.part import Kinematics, Placed, refuse_kinematics
 
@@ -224,29 +224,26 @@ class Model(BodyLayout):
         return mass
 
     @cached_property
-    def thinnest(self) -> float:
-        """The smallest extent [m] of a body with nodes along an axis, 0 where there is none."""
-        some = np.flatnonzero(np.diff(self.node_offset))
-        least, largest = (f.reduceat(self.reference, self.node_offset[some]) for f in (np.minimum, np.maximum))
-        return float((largest - least).min(initial=np.inf)) if len(some) else 0.0
-
-    @cached_property
     def _load_vectors(self) -> tuple[FloatArray, ...]:
         return tuple(load_vector(self, load) for load in self.loads)
+
+    def gravity_at(self, t: float) -> FloatArray:
+        """The acceleration (d,) [m/s^2] at time t, 0 without gravity; InputError where its function gives none."""
+        d = self.dimension
+        if self.gravity is None:
+            return np.zeros(d)
+        given = asked(f"gravity at t = {t} s: expected a function of t alone, lambda t: (0.0, 0.0, -9.81)", self.gravity, t)
+        g = numbers_of(given)
+        if g.shape != (d,) or not np.all(np.isfinite(g)):
+            raise InputError(f"gravity at t = {t} s: expected an acceleration of {d} finite numbers [m/s^2], got {shown(given)}")
+        return g
 
     def load(self, t: float, x: FloatArray | None = None) -> FloatArray:
         """External forces (n_dofs,) [N] at time t: gravity and the loads; followers of rigid bodies as they stand at x (default: the
         reference). Without what follows deformable bodies, which is part of what a step solves for: see `following`."""
         force = np.zeros(self.n_dofs)
         if self.gravity is not None:
-            d = self.dimension
-            try:
-                g = np.asarray(self.gravity(t), dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise InputError(f"gravity at t = {t} s: expected a function of t alone, lambda t: (0.0, 0.0, -9.81): {error}") from error
-            if g.shape != (d,) or not np.all(np.isfinite(g)):
-                raise InputError(f"gravity at t = {t} s: expected an acceleration of {d} finite numbers [m/s^2], got {self.gravity(t)!r}")
-            force += g @ self._weight_of_units
+            force += self.gravity_at(t) @ self._weight_of_units
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
             if any(load is other for other in self.following.loads):
                 continue
@@ -336,12 +333,14 @@ def build_model(
     """
     refuse_kinematics(kinematics, "kinematics")
     ordered = in_order(bodies)
+    if not isinstance(lumped, bool | np.bool_):
+        raise InputError(f"lumped: expected True or False, got {shown(lumped)}")
     if driven not in ("eliminated", "identity"):
         raise InputError(f"driven: expected 'eliminated' or 'identity', got {driven!r}")
-    if not (0 <= alpha < np.inf and 0 <= beta < np.inf):
-        raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {alpha} and {beta}")
+    if not (is_number(alpha) and is_number(beta) and alpha >= 0 and beta >= 0):
+        raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {shown(alpha)} and {shown(beta)}")
     if gravity is not None and not callable(gravity):
-        raise InputError(f"gravity: expected a function of the time, as lambda t: (0.0, 0.0, -9.81), got {gravity!r}")
+        raise InputError(f"gravity: expected a function of the time, as lambda t: (0.0, 0.0, -9.81), got {shown(gravity)}")
     model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven, kinematics)
     model.load(0.0)  # these refuse what loads and supports get wrong before the run starts
     model.following.force(np.zeros(model.n_dofs), When.at(0.0))

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.files import note_read, regular
 
@@ -38,7 +39,7 @@ class Ramp:
     end: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.all(np.isfinite([self.t0, self.t1, self.start, self.end])) and self.t0 < self.t1):
+        if not (all(map(is_number, (self.t0, self.t1, self.start, self.end))) and self.t0 < self.t1):
             raise InputError(f"Ramp: expected finite numbers with t0 < t1, got {self}")
 
     def __call__(self, t: float) -> float:
@@ -54,7 +55,9 @@ class GravityRamp:
     t1: float
 
     def __post_init__(self) -> None:
-        if not (np.all(np.isfinite([*self.acceleration, self.t0, self.t1])) and self.t0 < self.t1):
+        acceleration = numbers_of(self.acceleration)
+        finite = acceleration.ndim == 1 and acceleration.size > 0 and np.all(np.isfinite(acceleration))
+        if not (finite and is_number(self.t0) and is_number(self.t1) and self.t0 < self.t1):
             raise InputError(f"GravityRamp: expected finite numbers with t0 < t1, got {self}")
 
     def __call__(self, t: float) -> FloatArray:
@@ -202,11 +205,8 @@ def _heading(entry: str) -> tuple[str, str]:
 
 
 def _vector(values: ArrayLike | Sequence[float], what: str) -> FloatArray:
-    try:
-        vector = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{what}: expected numbers, got {values!r}") from None
+    vector = numbers_of(values)
     if vector.ndim != 1 or not np.all(np.isfinite(vector)):
-        raise InputError(f"{what}: expected a vector of finite numbers, got shape {vector.shape}")
+        raise InputError(f"{what}: expected a vector of finite numbers, got {shown(values)}")
     vector.setflags(write=False)
     return vector

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from numbers import Real
+from collections.abc import Collection, Iterable
 
-import numpy as np
-
+from fcsim.arrays import is_number
 from fcsim.assembly.model import Model
+from fcsim.brief import shown
 from fcsim.errors import InputError
 
 
 def refuse_alert(what: str, alert: float | None) -> None:
     """InputError for an alert distance that is none."""
-    if alert is not None and not (isinstance(alert, Real) and 0 < alert < np.inf):
-        raise InputError(f"{what}, alert: expected a distance > 0 in m, got {alert!r}")
+    if alert is not None and not (is_number(alert) and alert > 0):
+        raise InputError(f"{what}, alert: expected a distance > 0 in m, got {shown(alert)}")
 
 
 def excluded_pairs(what: str, model: Model, exclude: Iterable[tuple[str, str]]) -> list[tuple[int, int]]:
     """The numbers of the bodies of each pair of names; InputError for what are no pairs of names of bodies."""
-    given = [exclude] if isinstance(exclude, str) else list(exclude)
-    if any(isinstance(pair, str) or len(pair) != 2 for pair in given):
-        raise InputError(f'{what}, exclude: expected pairs of names of bodies, as [("a", "b")], got {exclude!r}')
+    given = [exclude] if isinstance(exclude, str) or not isinstance(exclude, Iterable) else list(exclude)
+    if any(not isinstance(pair, Collection) or isinstance(pair, str) or len(pair) != 2 for pair in given):
+        raise InputError(f'{what}, exclude: expected pairs of names of bodies, as [("a", "b")], got {shown(exclude)}')
     return [(model.body_number(one), model.body_number(other)) for one, other in given]

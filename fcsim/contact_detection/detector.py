@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
-from fcsim.brief import brief
+from fcsim.arrays import FloatArray, IntArray, is_number
+from fcsim.brief import brief, shown
 from fcsim.contact_detection.concave.valleys import InValleys
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.integral.mortar import FaceMortar, Mortar
@@ -72,6 +72,8 @@ class Detector:
         pairs = tuple(self.pairs)
         if not pairs or len({pair.slave.dimension for pair in pairs}) > 1:
             raise InputError(f"Detector: expected one or more surface pairs, all 2D or all 3D, got {len(pairs)} pairs")
+        if not is_number(self.n_nodes):
+            raise InputError(f"Detector, n_nodes: expected the number of the model's nodes, model.n_nodes, got {shown(self.n_nodes)}")
         for pair in pairs:
             for role, surface in (("slave", pair.slave), ("master", pair.master)):
                 if surface.facets.max(initial=-1) >= self.n_nodes:
@@ -80,8 +82,8 @@ class Detector:
                         f"got {surface.facets.max()}"
                     )
         for name in ("edge_tolerance", "penetration"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise InputError(f"Detector, {name}: expected a number >= 0, relative to the facet size, got {getattr(self, name)}")
+            if not (is_number(getattr(self, name)) and getattr(self, name) >= 0):
+                raise InputError(f"Detector, {name}: expected a number >= 0, relative to the facet size, got {shown(getattr(self, name))}")
         wanted = [method_of(pair) for pair in pairs]
         methods, numbers, identities = [], [], np.zeros(len(pairs), dtype=np.int64)
         for method in dict.fromkeys(wanted):

@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
-from fcsim.errors import InputError
+from fcsim.arrays import FloatArray, IntArray, is_number
+from fcsim.brief import shown
+from fcsim.errors import InputError, asked
 
 Friction = float | Mapping[tuple[str, str], float] | Callable[[str, str], float]
 """mu of every pair; {("brick", "floor"): 0.5, ("*", "*"): 0.7}, in either order, "*" being any body, of which the most exact entry counts;
@@ -52,12 +53,12 @@ class FrictionTable:
         try:
             takes = inspect.signature(self._mu)
         except (TypeError, ValueError):  # compiled functions may have none
-            return self._mu(one, other)
+            return asked(f"mu of {one!r} and {other!r}", self._mu, one, other)
         try:
             takes.bind(one, other)
         except TypeError as error:
             raise InputError(f"mu: expected a function of two names of bodies, got one of {takes} ({error})") from None
-        return self._mu(one, other)
+        return asked(f"mu of {one!r} and {other!r}", self._mu, one, other)
 
     def _entry(self, one: str, other: str) -> float:
         assert isinstance(self._mu, Mapping)
@@ -68,10 +69,6 @@ class FrictionTable:
 
 
 def _checked(mu: float, pair: tuple[str, str]) -> float:
-    try:
-        value = float(mu)
-    except (TypeError, ValueError):
-        value = np.nan
-    if not (np.isfinite(value) and value >= 0):
-        raise InputError(f"mu of {pair[0]!r} and {pair[1]!r}: expected a friction coefficient >= 0, got {mu!r}")
-    return value
+    if not (is_number(mu) and mu >= 0):
+        raise InputError(f"mu of {pair[0]!r} and {pair[1]!r}: expected a friction coefficient >= 0, got {shown(mu)}")
+    return float(mu)

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fcsim.arrays import is_number
+from fcsim.brief import shown
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Meeting, Terms
 from fcsim.errors import InputError
@@ -27,8 +29,8 @@ class AsBuilt(Gap):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("closed", "overlap"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise InputError(f"{name}: expected a length in m >= 0, got {getattr(self, name)}")
+            if not (is_number(getattr(self, name)) and getattr(self, name) >= 0):
+                raise InputError(f"{name}: expected a length in m >= 0, got {shown(getattr(self, name))}")
 
     def terms(self, meeting: Meeting) -> Terms:
         given = super().terms(meeting)

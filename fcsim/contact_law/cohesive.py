@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.compliant import Springs
 from fcsim.contact_law.coulomb import RECOVERY, closing
@@ -84,12 +85,14 @@ class Cohesive:
 
     def __post_init__(self) -> None:
         for name, unit in (("tension", "Pa"), ("mode_1", "J/m^2"), ("mode_2", "J/m^2")):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise InputError(f"{name}: expected a number > 0 in {unit}, got {getattr(self, name)}")
-        if self.shear is not None and not (np.isfinite(self.shear) and self.shear > 0):
-            raise InputError(f"shear: expected a strength > 0 in Pa, or None for mu times the tensile strength, got {self.shear}")
-        if not self.recovery >= 0:
-            raise InputError(f"recovery: expected a share of the size a second >= 0 (inf: at once), got {self.recovery}")
+            if not (is_number(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(f"{name}: expected a number > 0 in {unit}, got {shown(getattr(self, name))}")
+        if self.shear is not None and not (is_number(self.shear) and self.shear > 0):
+            raise InputError(f"shear: expected a strength > 0 in Pa, or None for mu times the tensile strength, got {shown(self.shear)}")
+        if not (self.springs is None or isinstance(self.springs, Springs)):
+            raise InputError(f"springs: expected Springs(normal=..., tangential=...) or None, got {shown(self.springs)}")
+        if not (is_number(self.recovery, infinite=True) and self.recovery >= 0):
+            raise InputError(f"recovery: expected a share of the size a second >= 0 (inf: at once), got {shown(self.recovery)}")
 
     @property
     def opening(self) -> float:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.coulomb import remembered_slip
 from fcsim.contact_law.friction import Elliptic, Friction, friction_terms
@@ -35,12 +36,16 @@ class Springs:
     each: bool = False
 
     def __post_init__(self) -> None:
+        if not isinstance(self.each, bool | np.bool_):
+            raise InputError(f"each: expected True or False, got {shown(self.each)}")
         for name in ("normal", "tangential"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise InputError(f"{name}: expected a stiffness > 0 in {'N/m' if self.each else 'Pa/m'}, got {getattr(self, name)}")
+            if not (is_number(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(f"{name}: expected a stiffness > 0 in {'N/m' if self.each else 'Pa/m'}, got {shown(getattr(self, name))}")
         for name in ("normal_damping", "tangential_damping"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise InputError(f"{name}: expected a damping >= 0 in {'N s/m' if self.each else 'Pa s/m'}, got {getattr(self, name)}")
+            if not (is_number(getattr(self, name)) and getattr(self, name) >= 0):
+                raise InputError(
+                    f"{name}: expected a damping >= 0 in {'N s/m' if self.each else 'Pa s/m'}, got {shown(getattr(self, name))}"
+                )
 
     def add_to(self, terms: Terms, meeting: Meeting) -> Terms:
         """The terms with C and w of the springs: the formulas above solved for u; the slip in them is theta times the problem's u_T."""
@@ -100,6 +105,8 @@ class Compliant:
     friction: Friction | Elliptic | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.springs, Springs):
+            raise InputError(f"Compliant, springs: expected Springs(normal=..., tangential=...), got {shown(self.springs)}")
         if isinstance(self.friction, Elliptic):
             raise InputError("Compliant: expected isotropic friction, since its springs are; got Elliptic")
 

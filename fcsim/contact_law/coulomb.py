@@ -7,7 +7,8 @@ from math import inf
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.friction import Elliptic, Friction, friction_terms, slip_after
 from fcsim.contact_law.law import Meeting, Outcome, Remembered, Terms, Variables
@@ -41,8 +42,8 @@ class Gap:
     friction: Friction | Elliptic | None = None
 
     def __post_init__(self) -> None:
-        if not self.recovery >= 0:
-            raise InputError(f"recovery: expected a share of the size a second >= 0 (inf: at once), got {self.recovery}")
+        if not (is_number(self.recovery, infinite=True) and self.recovery >= 0):
+            raise InputError(f"recovery: expected a share of the size a second >= 0 (inf: at once), got {shown(self.recovery)}")
 
     def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
         """All."""
@@ -68,15 +69,16 @@ class Velocity:
     work is then never positive for theta <= 1/(1+e), and zero for e = 1 at theta = 1/2 (generalised alpha: as theta = 1/2).
     A penetration is not taken back: it does not grow. What approaches is struck once it touches where contacts are detected, so bodies
     overlap by up to the way of one step, h |u_N^-|, and keep that: choose h by the overlap that matters, or the law `Gap`, which lets
-    nothing in but has no restitution. friction: as in `Gap`.
+    nothing in but has no restitution. Taut cables (`Cable`) keep their length beside that, as in `Gap`: turning would make them longer by
+    (h u_T)^2 / 2 length in every step. friction: as in `Gap`.
     """
 
     restitution: float = 0.0
     friction: Friction | Elliptic | None = None
 
     def __post_init__(self) -> None:
-        if not 0 <= self.restitution <= 1:
-            raise InputError(f"restitution: expected a number between 0 and 1, got {self.restitution}")
+        if not (is_number(self.restitution) and 0 <= self.restitution <= 1):
+            raise InputError(f"restitution: expected a number between 0 and 1, got {shown(self.restitution)}")
 
     def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
         """Those that touch."""
@@ -86,6 +88,9 @@ class Velocity:
         theta, u = meeting.timing.theta, meeting.before[:, 0]
         w = np.zeros((len(meeting), meeting.contacts.dimension))
         w[:, 0] = np.where(u > 0, (1 - theta) / theta, self.restitution) * u
+        cables = meeting.contacts.cables
+        if cables.any():
+            w[cables, 0] = np.minimum(w[:, 0], closing(meeting, RECOVERY))[cables]
         mu, scale, frame = friction_terms(self.friction, meeting)
         return Terms(w, mu, scale=scale, frame=frame)
 

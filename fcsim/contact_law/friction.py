@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number, numbers_of
+from fcsim.brief import shown
 from fcsim.contact_law.law import Meeting, Outcome
-from fcsim.errors import InputError
+from fcsim.errors import InputError, asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +105,9 @@ class Elliptic:
     def __post_init__(self) -> None:
         _positive(self, "mu_1")
         _positive(self, "mu_2")
-        direction = np.asarray(self.direction, dtype=float)
+        direction = numbers_of(self.direction)
         if direction.shape != (3,) or not np.isfinite(direction).all() or not np.any(direction):
-            raise InputError(f"Elliptic, direction: expected three numbers, not all zero, got {self.direction}")
+            raise InputError(f"Elliptic, direction: expected three numbers, not all zero, got {shown(self.direction)}")
 
 
 class FrictionTerms(NamedTuple):
@@ -130,7 +131,7 @@ def friction_terms(friction: Friction | Elliptic | None, meeting: Meeting) -> Fr
         )
     velocity = np.sqrt(np.einsum("ai,ai->a", meeting.before[:, 1:], meeting.before[:, 1:]))
     sliding = Sliding(meeting.recall("slip", np.zeros(len(contacts))), velocity, contacts.point, meeting.t, contacts.mu)
-    mu = np.asarray(friction(sliding), dtype=np.float64)
+    mu = numbers_of(asked(f"friction {friction!r:.60} at t = {meeting.t} s", friction, sliding))
     if mu.shape != contacts.mu.shape or not np.all(np.isfinite(mu) & (mu >= 0)):
         raise InputError(f"friction {friction!r}: expected {len(contacts)} finite coefficients >= 0, got {mu.shape}, {mu.ravel()[:5]} ...")
     return FrictionTerms(mu)
@@ -163,11 +164,11 @@ def _elliptic(friction: Elliptic, meeting: Meeting) -> FrictionTerms:
 def _coefficients(given: object, *names: str) -> None:
     for name in names:
         value = getattr(given, name)
-        if not (np.isfinite(value) and value >= 0):
-            raise InputError(f"{type(given).__name__}, {name}: expected a friction coefficient >= 0, got {value}")
+        if not (is_number(value) and value >= 0):
+            raise InputError(f"{type(given).__name__}, {name}: expected a friction coefficient >= 0, got {shown(value)}")
 
 
 def _positive(given: object, name: str) -> None:
     value = getattr(given, name)
-    if not (np.isfinite(value) and value > 0):
-        raise InputError(f"{type(given).__name__}, {name}: expected a number > 0, got {value}")
+    if not (is_number(value) and value > 0):
+        raise InputError(f"{type(given).__name__}, {name}: expected a number > 0, got {shown(value)}")

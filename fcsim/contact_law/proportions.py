@@ -12,6 +12,7 @@ from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
+from fcsim.mesh.exact_shape import endless
 from fcsim.mesh.part import Body
 
 FLAT = 1e-3
@@ -24,7 +25,7 @@ ROUND_OFF = 16 * np.finfo(np.float64).eps
 class Proportions:
     """Of a model's bodies.
 
-    size      (nbodies,) [m] the smallest of a body's extents along its principal axes that is not flat
+    size      (nbodies,) [m] the smallest of a body's extents along its principal axes that is not flat, inf: a plane's
     facets    (nf, k) node numbers of all named surfaces, each facet once, -1 = none
     thickness (nf,) [m] of the facets' parts in 2D; 1 in 3D
     rigid     (nbodies,) whether a body is
@@ -101,7 +102,7 @@ class Proportions:
 
 def proportions(model: Model) -> Proportions:
     """Return the proportions of a model's bodies."""
-    size = np.array([_size(body.points) for body in model.bodies])
+    size = np.array([np.inf if endless(body) else _size(body.points) for body in model.bodies])
     facets: list[IntArray] = []
     thickness: list[FloatArray] = []
     for body, first in zip(model.bodies, model.node_offset, strict=False):

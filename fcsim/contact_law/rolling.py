@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fcsim.arrays import BoolArray
+from fcsim.arrays import BoolArray, is_number
+from fcsim.brief import shown
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Demand, Implicit, Law, Meeting, Outcome, Remembered, Terms, Variables
@@ -24,8 +25,8 @@ class _Resistance:
 
     def __post_init__(self) -> None:
         name, symbol = type(self).__name__, "mu_s" if isinstance(self, Spinning) else "mu_r"
-        if not (np.isfinite(self.resistance) and self.resistance >= 0):
-            raise InputError(f"{name}, resistance: expected a length {symbol} >= 0 in m, got {self.resistance}")
+        if not (is_number(self.resistance) and self.resistance >= 0):
+            raise InputError(f"{name}, resistance: expected a length {symbol} >= 0 in m, got {shown(self.resistance)}")
         if isinstance(self.law, type) or not callable(getattr(self.law, "terms", None)):
             raise InputError(f"{name}, law: expected a contact law, as Gap(), got {self.law!r:.60}")
         if _has(self.law, type(self)):

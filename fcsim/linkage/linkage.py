@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray, is_number, numbers_of
 from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.assembly.model import Model
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.linkage.links import Ball, Bonded, Cable, Control, Hinge, Link, Rod, Slider, SpringDamper, Tied
 from fcsim.linkage.moments import Couple, Couples, gathered, without_moments
@@ -61,8 +62,8 @@ class Linkage:
     def __init__(self, model: Model, links: Sequence[Link]) -> None:
         self.model, self.links = model, tuple(links)
         self.names = tuple(link.name for link in self.links)
-        if len(set(self.names)) < len(self.names) or "" in self.names:
-            raise InputError(f"linkage: expected different names of links, none empty, got {', '.join(map(repr, self.names))}")
+        if any(not isinstance(name, str) or not name for name in self.names) or len(set(self.names)) < len(self.names):
+            raise InputError(f"linkage: expected different names of links, none empty, got {', '.join(map(shown, self.names))}")
         self._pieces = [_found(model, link) for link in self.links if not isinstance(link, Cable)]
         self.cables = [_points(model, link) for link in self.links if isinstance(link, Cable)]
         number = {name: k for k, name in enumerate(self.names)}
@@ -245,8 +246,13 @@ def _points(model: Model, link: Jointed) -> _Points:
         return _controlled(model, link, what)
     if isinstance(link, Hinge) and model.dimension == 2:
         raise InputError(f"{what}: expected a model in 3D, in 2D a Ball is a pin")
+    for body in (link.first, link.second):
+        if body is not None:
+            model.body_number(body)  # refuses unknown names
     if link.first == link.second:
         raise InputError(f"{what}: expected two different bodies, got {link.first!r} twice")
+    if not isinstance(link, Ball) and (not isinstance(link.ends, tuple | list | np.ndarray) or len(link.ends) != 2):
+        raise InputError(f"{what}: expected two ends, places in m, got {shown(link.ends)}")
     places = [_place(model, place, what) for place in ([link.at] if isinstance(link, Ball) else link.ends)]
     if len(places) == 2 and np.linalg.norm(places[1] - places[0]) <= 1e-9 * np.ptp(model.reference, axis=0).max():
         raise InputError(f"{what}: expected two ends apart from each other, got both at {places[0].tolist()}")
@@ -272,15 +278,18 @@ def _points(model: Model, link: Jointed) -> _Points:
 
 def _controlled(model: Model, link: Control, what: str) -> _Points:
     """The points of a control, which have no fellows."""
-    for point in link.points:
+    points = link.points if isinstance(link.points, tuple | list) else (link.points,)
+    for point in points:
         if not (isinstance(point, tuple | list) and len(point) == 3):
-            raise InputError(f"{what}: expected points (body, place, weight), got {point!r}")
-    weights = np.array([weight for _, _, weight in link.points], dtype=np.float64)
-    if not (len(weights) and np.all(np.isfinite(weights)) and weights.min() > 0):
-        raise InputError(f"{what}: expected points with weights > 0, got {weights.tolist()}")
+            raise InputError(f"{what}: expected points (body, place, weight), got {shown(point)}")
+        if not (is_number(point[2]) and point[2] > 0):
+            raise InputError(f"{what}: expected points with weights > 0, got {shown(point[2])}")
+    if not points:
+        raise InputError(f"{what}: expected points (body, place, weight), got none")
+    weights = np.array([weight for _, _, weight in points], dtype=np.float64)
     along = _place(model, link.direction, f"{what}, direction")
-    if not (np.linalg.norm(along) > 0 and np.isfinite(link.rate)):
-        raise InputError(f"{what}: expected a direction and a rate [m/s], 0 holds, got {along.tolist()} and {link.rate}")
+    if not (np.linalg.norm(along) > 0 and is_number(link.rate)):
+        raise InputError(f"{what}: expected a direction and a rate [m/s], 0 holds, got {along.tolist()} and {shown(link.rate)}")
     if link.displacement is not None and (link.rate or not callable(link.displacement) or link.way(0.0) != 0):
         raise InputError(
             f"{what}: expected a rate or a displacement, a function of the time that is 0 at t = 0, got {link.rate}, {link.displacement!r}"
@@ -296,12 +305,9 @@ def _controlled(model: Model, link: Control, what: str) -> _Points:
 
 
 def _place(model: Model, place: tuple[float, ...], what: str) -> FloatArray:
-    try:
-        found = np.asarray(place, dtype=np.float64)
-    except (TypeError, ValueError):
-        found = np.empty(0)
+    found = numbers_of(place)
     if found.shape != (model.dimension,) or not np.all(np.isfinite(found)):
-        raise InputError(f"{what}: expected places of {model.dimension} finite numbers in m, got {place!r}")
+        raise InputError(f"{what}: expected places of {model.dimension} finite numbers in m, got {shown(place)}")
     return found
 
 
@@ -311,9 +317,11 @@ def _rest(link: Jointed, places: list[FloatArray], what: str) -> float:
         return 0.0
     if isinstance(link, SpringDamper):
         numbers = link.stiffness, link.damping
-        if not all(np.isfinite(n) and n >= 0 for n in numbers) or not any(numbers):
-            raise InputError(f"{what}: expected a stiffness [N/m] and a damping [N s/m] >= 0, not both 0, got {numbers[0]}, {numbers[1]}")
+        if not all(is_number(n) and n >= 0 for n in numbers) or not any(numbers):
+            raise InputError(
+                f"{what}: expected a stiffness [N/m] and a damping [N s/m] >= 0, not both 0, got {shown(numbers[0])}, {shown(numbers[1])}"
+            )
     length = None if isinstance(link, Rod) else link.length
-    if length is not None and not (np.isfinite(length) and length >= 0):
-        raise InputError(f"{what}: expected a length >= 0 in m, got {length}")
+    if length is not None and not (is_number(length) and length >= 0):
+        raise InputError(f"{what}: expected a length >= 0 in m, got {shown(length)}")
     return float(np.linalg.norm(places[1] - places[0])) if length is None else float(length)

@@ -62,8 +62,8 @@ class Rod:
 class Cable:
     """The points of the two bodies at the `ends` come no farther apart than `length` [m], by default their distance: it only pulls.
 
-    One-sided, and so a contact without friction: see `WithCables`. Under the law `Gap`; `Velocity` does not look at lengths, so that a
-    cable which turns grows by (h u_T)^2 / 2 length in every step.
+    One-sided, and so a contact without friction: see `WithCables`. The laws `Gap` and `Velocity` keep its length while it is taut; with
+    restitution the second throws its ends back where it becomes so.
     """
 
     name: str

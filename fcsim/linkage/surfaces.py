@@ -6,8 +6,9 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
 from fcsim.assembly.model import Model
+from fcsim.brief import shown
 from fcsim.contact_detection.integral.mortar import Mortar
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_detection.surfaces.surface import SurfacePair
@@ -29,8 +30,8 @@ def tied_weights(model: Model, link: Tied, what: str) -> csr_array:
         raise InputError(f"{what}: expected surfaces of two bodies, got two of {link.first[0]!r}")
     size = min(float(np.ptp(model.bodies[b].points, axis=0).max()) for b in bodies)
     reach = DISTANCE * size if link.distance is None else link.distance
-    if not (np.isfinite(reach) and reach > 0):
-        raise InputError(f"{what}: expected a distance > 0 in m, got {link.distance}")
+    if not (is_number(reach) and reach > 0):
+        raise InputError(f"{what}: expected a distance > 0 in m, got {shown(link.distance)}")
     pair = SurfacePair(contact_surface(model, [link.first]), contact_surface(model, [link.second]), 0.0, reach, "mortar")
     mortar = Mortar([pair], 1e-2, 0.0)
     now = mortar.configuration(model.reference)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fcsim.arrays import IntArray
+from fcsim.arrays import IntArray, is_number
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
 from fcsim.mesh.material.law import AnyMaterial
@@ -62,9 +62,9 @@ def semicircular_arch(
     elements    those of `Part`
     """
     d = 2 if depth is None else 3
-    if voussoirs < 2 or voussoirs != int(voussoirs):
+    if not is_number(voussoirs) or voussoirs < 2 or voussoirs != int(voussoirs):
         raise InputError(f"semicircular_arch, voussoirs: expected a whole number >= 2, got {voussoirs!r}")
-    if not (np.isfinite(radius) and 0 < thickness < 2 * radius):
+    if not (is_number(radius) and is_number(thickness) and 0 < thickness < 2 * radius):
         raise InputError(f"semicircular_arch: expected a thickness > 0 and < 2 radius, got {thickness!r} and the radius {radius!r}")
     if len(divisions) != d:
         raise InputError(f"semicircular_arch, divisions: expected {d} whole numbers, got {divisions!r}")

@@ -10,7 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.memory import refuse_beyond_memory
 from fcsim.mesh.cell_type import CELL_TYPES, RAISED
@@ -18,7 +19,7 @@ from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial
 from fcsim.mesh.material.linear import Material
 from fcsim.mesh.named_mesh import NamedMesh, from_gmsh
-from fcsim.mesh.part import Part, RigidBody
+from fcsim.mesh.part import Part, RigidBody, refuse_mass, refuse_name
 from fcsim.runtime import gmsh_model
 
 AXES = "xyz"
@@ -100,6 +101,7 @@ def rigid_box(
     Inertia m/12 diag(ly^2 + lz^2, lx^2 + lz^2, lx^2 + ly^2). `divisions` = (nx, ny, nz) facets along the edges, by default one
     facet a face.
     """
+    refuse_mass(name, mass)
     points, surfaces = _hull(name, size, centre, divisions, dimension=3)
     squares = np.square(np.asarray(size, dtype=float))
     return RigidBody(name, mass, mass / 12 * np.diag(squares.sum() - squares), np.asarray(centre), points, surfaces)
@@ -112,6 +114,7 @@ def rigid_rectangle(
 
     Inertia m/12 (lx^2 + ly^2). `divisions` = (nx, ny) segments along the edges, by default one a side.
     """
+    refuse_mass(name, mass)
     points, surfaces = _hull(name, size, centre, divisions, dimension=2)
     inertia = mass / 12 * np.square(np.asarray(size, dtype=float)).sum()
     return RigidBody(name, mass, np.array([[inertia]]), np.asarray(centre), points, surfaces)
@@ -151,12 +154,9 @@ def _meshed_hull(
 
 
 def _check_numbers(name: str, argument: str, values: Sequence[float] | FloatArray, dimension: int) -> FloatArray:
-    try:
-        numbers = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
+    numbers = numbers_of(values)
     if numbers.shape != (dimension,) or not np.all(np.isfinite(numbers)):
-        raise InputError(f"{name!r}, {argument}: expected {dimension} finite numbers, got {values!r}")
+        raise InputError(f"{name!r}, {argument}: expected {dimension} finite numbers, got {shown(values)}")
     return numbers
 
 
@@ -164,6 +164,7 @@ def _check_box(
     name: str, size: Sequence[float] | FloatArray, divisions: Sequence[int], origin: Sequence[float] | FloatArray, dimension: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Size, origin and divisions as arrays; InputError for a box that gmsh would not tell from a thinner one, or that has no inside."""
+    refuse_name("box", name)
     size, origin = _check_numbers(name, "size", size, dimension), _check_numbers(name, "origin", origin, dimension)
     counts = _check_numbers(name, "divisions", divisions, dimension)
     if np.any(size <= 0):

@@ -48,6 +48,11 @@ class ExactShape:
         )
 
 
+def endless(body: object) -> bool:
+    """Whether a body is a plane, which has no extent: its points are those of a picture of any size."""
+    return getattr(getattr(body, "shape", None), "kind", None) == "plane"
+
+
 def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors (n, 3) orthogonal to unit vectors (n, 3) and to each other, right-handed with them."""
     other = np.where(np.abs(axis[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])

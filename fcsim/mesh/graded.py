@@ -13,7 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray, is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import AXES, brick, rectangle
 from fcsim.mesh.cell_type import CELL_TYPES
@@ -105,8 +106,8 @@ def graded_rectangle(
 def _half_round(
     name: str, radius: float, core: float, divisions: int, material: AnyMaterial, d: int, whole: str, side: Side, layers: int | None
 ) -> Part:
-    if not 0 < core < radius < np.inf:
-        raise InputError(f"{name!r}: expected 0 < core < radius in m, got core {core} and radius {radius}")
+    if not (is_number(core) and is_number(radius) and 0 < core < radius):
+        raise InputError(f"{name!r}: expected 0 < core < radius in m, got core {shown(core)} and radius {shown(radius)}")
     width = np.tan(np.arcsin(core / radius) / 2)  # the core's half-width in the unit ball
     grid = _grid(name, 1 / width, divisions, d, whole, side, layers)
     cubical, distance = grid.points, np.abs(grid.points).max(axis=1)
@@ -131,8 +132,8 @@ def _half_round(
 def _half_space(
     name: str, size: float, core: float, divisions: int, material: AnyMaterial, d: int, whole: str, side: Side, layers: int | None
 ) -> Part:
-    if not 0 < core < size < np.inf:
-        raise InputError(f"{name!r}: expected 0 < core < size in m, got core {core} and size {size}")
+    if not (is_number(core) and is_number(size) and 0 < core < size):
+        raise InputError(f"{name!r}: expected 0 < core < size in m, got core {shown(core)} and size {shown(size)}")
     reach = size / core
     grid = _grid(name, reach, divisions, d, whole, side, layers)
     base = np.abs(grid.points[:, -1]) >= reach * (1 - _REACHED)

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, is_number
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.memory import refuse_beyond_memory
@@ -145,11 +145,11 @@ def _check(courses: float, blocks: float, block_size: Sequence[float] | FloatArr
         raise InputError(f"running_bond, block_size: expected (length, thickness, height) or in 2D (length, height), got {block_size!r}")
     if len(divisions) != d:
         raise InputError(f"running_bond, divisions: expected {d} whole numbers as for block_size, got {divisions!r}")
-    if not 1 <= courses < np.inf or courses != int(courses):
+    if not (is_number(courses) and courses >= 1) or courses != int(courses):
         raise InputError(f"running_bond, courses: expected a whole number >= 1, got {courses!r}")
-    if not 1 <= blocks < np.inf or 2 * blocks != int(2 * blocks):
+    if not (is_number(blocks) and blocks >= 1) or 2 * blocks != int(2 * blocks):
         raise InputError(f"running_bond, blocks: expected a multiple of 1/2, >= 1, as 3 or 3.5, got {blocks!r}")
-    if not 0 <= gap < block_size[0]:
+    if not (is_number(gap) and 0 <= gap < block_size[0]):
         raise InputError(f"running_bond, gap: expected 0 <= gap < {block_size[0]} m, the length of a block, got {gap!r}")
     if (round(2 * blocks) % 2 or courses > 1) and divisions[0] % 2:
         raise InputError(

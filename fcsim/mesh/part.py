@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fcsim.arrays import FloatArray, IntArray
-from fcsim.brief import brief
+from fcsim.arrays import FloatArray, IntArray, is_number
+from fcsim.brief import brief, shown
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, RAISED
 from fcsim.mesh.exact_shape import ExactShape
@@ -31,10 +31,22 @@ from fcsim.mesh.quality import ROUND_OFF, check_quality
 Kinematics = Literal["turning", "linear"]
 
 
+def refuse_name(kind: str, name: object) -> None:
+    """Refuse what is no name: no text, or an empty one."""
+    if not isinstance(name, str) or not name:
+        raise InputError(f"name of a {kind}: expected a text that is not empty, got {shown(name)}")
+
+
+def refuse_mass(name: str, mass: object) -> None:
+    """Refuse what is no mass of the rigid body of that name."""
+    if not (is_number(mass) and mass > 0):
+        raise InputError(f"RigidBody {name!r}: expected a mass > 0 in kg, got {shown(mass)}")
+
+
 def refuse_kinematics(value: str | None, what: str) -> None:
     """Refuse what is neither a kinematics nor None."""
-    if value is not None and value not in get_args(Kinematics):
-        raise InputError(f"{what}: expected one of {', '.join(map(repr, get_args(Kinematics)))} or None, got {value!r}")
+    if value is not None and not (isinstance(value, str) and value in get_args(Kinematics)):
+        raise InputError(f"{what}: expected one of {', '.join(map(repr, get_args(Kinematics)))} or None, got {shown(value)}")
 
 
 def _frozen(values: ArrayLike, dtype: type, what: str, shape: tuple[int | None, ...]) -> NDArray:
@@ -44,7 +56,7 @@ def _frozen(values: ArrayLike, dtype: type, what: str, shape: tuple[int | None, 
         array: NDArray = np.array(given, dtype=dtype, order="C")
         if dtype is np.int64 and not np.array_equal(array, given):  # a node number 1.5 would be cut to 1
             raise ValueError("not whole numbers")
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what}: expected numbers in an array of shape {shape}, got {type(values).__name__}: {error}") from None
     if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
         raise InputError(f"{what}: expected shape {tuple('any' if s is None else s for s in shape)}, got {array.shape}")
@@ -153,13 +165,14 @@ class Part:
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        refuse_name("Part", self.name)
         what = f"Part {self.name!r}"
         if self.cell_type not in CELL_TYPES:
             raise InputError(f"{what}: expected a cell type among {', '.join(CELL_TYPES)}, got {self.cell_type!r}")
         if self.plane not in ("strain", "stress"):
             raise InputError(f"{what}: expected plane 'strain' or 'stress', got {self.plane!r}")
-        if not self.thickness > 0:
-            raise InputError(f"{what}: expected a thickness > 0 in m, got {self.thickness}")
+        if not (is_number(self.thickness) and self.thickness > 0):
+            raise InputError(f"{what}: expected a thickness > 0 in m, got {shown(self.thickness)}")
         if not isinstance(self.material, LinearMaterial | PointLaw | ByRegion):
             raise InputError(
                 f"{what}, material: expected a Material, another linear one or a law of points (see fcsim.mesh.material), got "
@@ -204,11 +217,11 @@ def _refuse_elements(part: Part) -> None:
     what = f"Part {part.name!r}, elements"
     cell = CELL_TYPES[part.cell_type]
     known = (*ELEMENTS[part.cell_type], *(ELEMENTS[RAISED[part.cell_type]] if cell.order == 1 else ()))
-    if part.elements not in known:
+    if not isinstance(part.elements, str) or part.elements not in known:
         simplex = cell.simplex and cell.order == 1
         hint = ": their strain is constant, so there is nothing to enhance; take 'P2', mesh finer, or with " if simplex else ""
         hint += ("hexahedra" if part.cell_type == "tetrahedron" else "quadrilaterals") if simplex else ""
-        raise InputError(f"{what}: expected {' or '.join(map(repr, known))} for {part.cell_type} cells, got {part.elements!r}{hint}")
+        raise InputError(f"{what}: expected {' or '.join(map(repr, known))} for {part.cell_type} cells, got {shown(part.elements)}{hint}")
     if part.elements == "Q1-bbar" and part.cell_type == "quadrilateral" and part.plane == "stress":
         raise InputError(f"{what}: expected 'Q1' or 'Q1-enhanced' in plane stress, which has no volumetric locking, got 'Q1-bbar'")
 
@@ -249,6 +262,8 @@ class Body(Placed):
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        if not isinstance(self.part, Part):
+            raise InputError(f"Body {shown(self.name)}, part: expected a Part, as brick(...) gives, got {shown(self.part)}")
         d = self.part.dimension
         refuse_kinematics(self.kinematics, f"Body {self.name!r}, kinematics")
         rotation = np.eye(d) if self.rotation is None else self.rotation
@@ -315,8 +330,7 @@ class RigidBody(Placed):
         d = np.asarray(self.points).shape[-1]
         if d not in (2, 3):
             raise InputError(f"{what}: expected points of shape (any, 2) or (any, 3), got {np.shape(self.points)}")
-        if not (np.isfinite(self.mass) and self.mass > 0):
-            raise InputError(f"{what}: expected a mass > 0 in kg, got {self.mass}")
+        refuse_mass(self.name, self.mass)
         rotations = 3 if d == 3 else 1
         object.__setattr__(self, "points", _frozen(self.points, np.float64, f"{what}, points", (None, d)))
         object.__setattr__(self, "centre", _frozen(self.centre, np.float64, f"{what}, centre", (d,)))

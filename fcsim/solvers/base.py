@@ -12,7 +12,7 @@ from enum import Enum
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.brief import brief
+from fcsim.brief import brief, shown
 from fcsim.errors import InputError
 from fcsim.problem import Checks, GlobalProblem, LocalProblem, natural_map_residual
 from fcsim.problem.infeasible import Certificate
@@ -121,8 +121,8 @@ def checked_limits(tol: float, floor: float, time_limit: float) -> None:
 
 def choice(name: str, value: str, known: Collection[str]) -> None:
     """Refuse an option value that is not among the known ones."""
-    if value not in known:
-        raise InputError(f"option {name}: expected one of {', '.join(map(repr, known))}, got {value!r}")
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"option {name}: expected one of {', '.join(map(repr, known))}, got {shown(value)}")
 
 
 class Monitor:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from difflib import get_close_matches
 
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.solvers.automatic.followed import automatic_followed
 from fcsim.solvers.automatic.stages import AutomaticOptions, automatic
@@ -223,6 +224,8 @@ ALIASES: dict[str, str] = {"NSN-JM-NLS": "NSN-JM", "NSN-NM-NLS": "NSN-NM", "NSN-
 
 def method(name: str) -> Method:
     """Return the method of that name or alias; an unknown one is an InputError that lists the table."""
+    if not isinstance(name, str):
+        raise InputError(f"solver: expected a name, as 'auto', got {shown(name)}")
     known = SOLVERS.get(name) or SOLVERS.get(ALIASES.get(name, ""))
     if known is None:
         near = get_close_matches(name.upper(), (*SOLVERS, *ALIASES), 3, 0.7)

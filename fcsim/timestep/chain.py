@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError, NotConverged
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import RollingReduction
@@ -105,14 +106,19 @@ class SolverSettings:
     loop: str = "auto"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.options, Mapping) or isinstance(self.fallback, str) or not isinstance(self.fallback, Sequence):
+            raise InputError(
+                "SolverSettings: expected options by name and fallback as names of solvers, (): none, got "
+                f"{shown(self.options)} and {shown(self.fallback)}"
+            )
         override(method(self.name).options, dict(self.options))
         for name in self.fallback:
             method(name)
-        if not 0 < self.tol < 1:  # from 1 on r = 0 would do
-            raise InputError(f"tol: expected a number > 0 and < 1, got {self.tol}")
+        if not (is_number(self.tol) and 0 < self.tol < 1):  # from 1 on r = 0 would do
+            raise InputError(f"tol: expected a number > 0 and < 1, got {shown(self.tol)}")
         choice("loop", self.loop, ("auto", "one", "sequence"))
-        if not self.floor >= 0:
-            raise InputError(f"floor: expected a number >= 0, got {self.floor}")
+        if not (is_number(self.floor) and self.floor >= 0):
+            raise InputError(f"floor: expected a number >= 0, got {shown(self.floor)}")
 
 
 def solve_chain(

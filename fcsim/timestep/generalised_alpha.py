@@ -27,9 +27,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
+from fcsim.brief import shown
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
@@ -52,8 +53,8 @@ class GeneralisedAlpha(Dynamic):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 <= self.rho <= 1:
-            raise InputError(f"rho: expected a spectral radius between 0 and 1, got {self.rho}")
+        if not (is_number(self.rho) and 0 <= self.rho <= 1):
+            raise InputError(f"rho: expected a spectral radius between 0 and 1, got {shown(self.rho)}")
         refuse_law(self.law)
 
     @property

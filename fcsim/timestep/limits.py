@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fcsim.arrays import is_number
 from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.assembly.model import Model
+from fcsim.brief import shown
 from fcsim.errors import InputError, Unphysical
 from fcsim.mesh.material.by_region import is_linear
 from fcsim.mesh.part import Body
@@ -37,9 +39,11 @@ class Limits:
     left_out: float = 0.5
 
     def __post_init__(self) -> None:
+        if not isinstance(self.inversion, bool | np.bool_):
+            raise InputError(f"Limits, inversion: expected True or False, got {shown(self.inversion)}")
         for name in ("rotation", "strain", "left_out"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"Limits, {name}: expected a number > 0 (inf: never stop), got {getattr(self, name)}")
+            if not (is_number(getattr(self, name), infinite=True) and getattr(self, name) > 0):
+                raise InputError(f"Limits, {name}: expected a number > 0 (inf: never stop), got {shown(getattr(self, name))}")
 
 
 def remarks(model: Model, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:

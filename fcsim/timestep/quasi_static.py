@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
 from fcsim.assembly.floating import floating, proposed_eta
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
+from fcsim.brief import shown
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
@@ -35,8 +36,8 @@ class QuasiStatic:
 
     def __post_init__(self) -> None:
         positive("h", self.h)
-        if not self.eta >= 0:
-            raise InputError(f"eta: expected a number >= 0, got {self.eta}")
+        if not (is_number(self.eta) and self.eta >= 0):
+            raise InputError(f"eta: expected a number >= 0, got {shown(self.eta)}")
         refuse_law(self.law)
 
     @property

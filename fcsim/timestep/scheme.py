@@ -8,9 +8,10 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
+from fcsim.brief import shown
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
@@ -213,7 +214,7 @@ def refuse_law(law: object) -> None:
         raise InputError(f"law: expected a contact law, as Gap() or Velocity(0.5), got {law!r:.60}")
 
 
-def positive(name: str, value: float, largest: float = np.inf) -> None:
+def positive(name: str, value: object, largest: float = np.inf) -> None:
     """Refuse a parameter that is not in ]0, largest], or not finite."""
-    if not (isinstance(value, int | float | np.number) and 0 < value <= largest and np.isfinite(value)):
-        raise InputError(f"{name}: expected a number > 0{'' if np.isinf(largest) else f' and <= {largest:g}'}, got {value}")
+    if not (is_number(value) and 0 < value <= largest):
+        raise InputError(f"{name}: expected a number > 0{'' if np.isinf(largest) else f' and <= {largest:g}'}, got {shown(value)}")

@@ -10,12 +10,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.locking import locking_parts
 from fcsim.assembly.model import Model
-from fcsim.brief import brief
+from fcsim.brief import brief, shown
 from fcsim.contact_detection import Detection
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
@@ -87,11 +87,11 @@ class Simulation:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        refuse_arguments(self.model, self.detector, self.scheme)
+        refuse_arguments(self, self.model, self.detector, self.scheme)
         for name, largest in (("keep", np.inf), ("steps", np.inf), ("cuttings", 20)):
             object.__setattr__(self, name, whole_number(name, getattr(self, name), largest))
-        if not self.created > 0:
-            raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {self.created}")
+        if not (is_number(self.created, infinite=True) and self.created > 0):
+            raise InputError(f"created: expected a share of the energy > 0 (inf: never stop), got {shown(self.created)}")
         object.__setattr__(self, "model", self.model.moving(self.scheme.kinematics))
         self.scheme.refuse(self.model)  # before anything runs
         refuse_linkage(self.linkage, self.model)

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, is_number
 from fcsim.assembly.model import Model
-from fcsim.brief import brief
+from fcsim.brief import brief, shown
 from fcsim.errors import InputError
 from fcsim.witness.overlap import Overlap, PairOverlaps, measure
 from fcsim.witness.skin import Skins, skins_of
@@ -40,12 +40,14 @@ class Witness:
     stop: bool = True
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.every, int) and self.every >= 1):
-            raise InputError(f"Witness, every: expected a whole number of steps >= 1, got {self.every!r}")
-        if not (np.isfinite(self.tolerance) and self.tolerance > 0):
-            raise InputError(f"Witness, tolerance: expected a number > 0, relative to the bodies' size, got {self.tolerance!r}")
-        if self.initial not in ("refuse", "allow"):
-            raise InputError(f"Witness, initial: expected 'refuse' or 'allow', got {self.initial!r}")
+        if not (isinstance(self.every, int | np.integer) and is_number(self.every) and self.every >= 1):
+            raise InputError(f"Witness, every: expected a whole number of steps >= 1, got {shown(self.every)}")
+        if not (is_number(self.tolerance) and self.tolerance > 0):
+            raise InputError(f"Witness, tolerance: expected a number > 0, relative to the bodies' size, got {shown(self.tolerance)}")
+        if not isinstance(self.stop, bool | np.bool_):
+            raise InputError(f"Witness, stop: expected True or False, got {shown(self.stop)}")
+        if not isinstance(self.initial, str) or self.initial not in ("refuse", "allow"):
+            raise InputError(f"Witness, initial: expected 'refuse' or 'allow', got {shown(self.initial)}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -241,3 +241,16 @@ def test_mass_properties_by_points_strewn_in_the_body(d: int) -> None:
         S = 7.0 * np.einsum("ni,nj->ij", x, x) / len(x)
         inertia = np.trace(S) * np.eye(3) - S if d == 3 else np.array([[np.trace(S)]])
         assert body.inertia == pytest.approx(inertia, abs=3e-3 * np.trace(S))
+
+
+@pytest.mark.parametrize("length", [1.0, 1e3, 1e6], ids=["m", "mm", "um"])
+def test_a_ball_rolls_as_far_in_any_unit_of_length(length: float) -> None:
+    """A ball that begins sliding at v rolls from 2 v / (7 mu g) on at 5/7 v, however far it has gone on a plane without a size."""
+    radius, mu, v, g = 0.1 * length, 0.2, 2.0 * length, G * length
+    bodies = [rigid_plane("floor", (0, 0, 0), (0, 0, 1)), rigid_sphere("ball", radius, (0, 0, radius), mass=5.0)]
+    run = simulation(bodies, 200, 2e-3, Gap(), start={"ball": (v, 0, 0, 0, 0, 0)}, mu=mu, gravity=(0, 0, -g))
+    steps = list(run)
+    moved = [step.state.v[run.model.dof_offset[run.model.number["ball"]]] / v for step in steps]
+    assert moved[49] == pytest.approx(1 - mu * g * 0.1 / v, rel=1e-9)
+    assert moved[-1] == pytest.approx(5 / 7, rel=1e-9)
+    assert not any("thick" in remark for step in steps for remark in step.remarks)

@@ -64,7 +64,7 @@ def given_forces(part: Part, forces: ArrayLike | Function, what: str) -> FloatAr
     else:
         try:
             values = np.asarray(forces, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(
                 f"{what}: expected an array of shape {part.points.shape}, a row a node of its part, or a dolfinx Function whose values "
                 f"they are (the entries of a bare vector are in the order of its space), got an object of class {type(forces).__name__}"

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, numbers_of
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.supports.selection import Selection
 from fcsim.assembly.supports.support import DrivenRotation, Support
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 
@@ -101,13 +102,13 @@ def _holds(layout: BodyLayout, number: int, support: Support) -> list[Hold | Tur
     d = layout.dimension
     body = layout.bodies[layout.body_number(support.body)]
     known = DIRECTIONS[d] if isinstance(body, RigidBody) else DIRECTIONS[d][:d]
-    unknown = [direction for direction in support.directions if direction not in known]
-    if unknown or not support.directions:
-        raise InputError(f"support of body {support.body!r}: expected directions among {', '.join(known)}, got {support.directions}")
+    named = support.directions if isinstance(support.directions, tuple | list | str) else ()
+    if not named or any(direction not in known for direction in named):
+        raise InputError(f"support of body {support.body!r}: expected directions among {', '.join(known)}, got {shown(support.directions)}")
     axes = np.eye(d) if support.axes is None else np.array(support.axes)
     if axes.shape != (d, d):
         raise InputError(f"support of body {support.body!r}, axes: expected a rotation matrix ({d}, {d}), got {axes.shape}")
-    component = np.unique([known.index(direction) for direction in support.directions])
+    component = np.unique([known.index(direction) for direction in named])
     along, about = component[component < d], component[component >= d] - d
     first = _groups(layout, support.body, support.selection, f"support of body {support.body!r}")
     holds: list[Hold | Turn] = []
@@ -152,10 +153,7 @@ def _groups(layout: BodyLayout, name: str, selection: Selection, what: str) -> I
 
 
 def _numbers(given: object, count: int, what: str) -> FloatArray:
-    try:
-        values = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
+    values = numbers_of(given)
     if values.shape != (count,) or not np.all(np.isfinite(values)):
-        raise InputError(f"{what}: expected {count} finite numbers, got {given!r}")
+        raise InputError(f"{what}: expected {count} finite numbers, got {shown(given)}")
     return values

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.forms.facet_pressure import facet_areas, line_lengths
 from fcsim.assembly.layout import BodyLayout
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.named.places import Where, nodes_at
@@ -41,6 +42,12 @@ class Selection:
         """Whether nothing is named."""
         return self.surface is None and self.at is None and self.nodes is None
 
+    def _surfaces(self, what: str) -> tuple[str, ...]:
+        named = () if self.surface is None else (self.surface,) if isinstance(self.surface, str) else self.surface
+        if not isinstance(named, tuple | list) or (self.surface is not None and not named) or any(type(s) is not str for s in named):
+            raise InputError(f"{what}, surface: expected the name of a surface or several, got {shown(self.surface)}")
+        return tuple(named)
+
     def of(self, layout: BodyLayout, name: str, what: str) -> IntArray:
         """The ascending numbers (k,) of the nodes among those of the body; InputError (`what` names the asker) where there are none."""
         number = layout.body_number(name)
@@ -48,7 +55,7 @@ class Selection:
         if isinstance(body, RigidBody):
             raise InputError(f"{what}: expected no surface, points or nodes of a rigid body, which moves as a whole")
         meant = np.ones(len(body.part.points), dtype=bool)
-        for surface in (self.surface,) if isinstance(self.surface, str) else self.surface or ():
+        for surface in self._surfaces(what):
             meant &= _marked(len(meant), np.unique(layout.facets(name, surface)) - layout.node_offset[number])
         if self.nodes is not None:
             meant &= _marked(len(meant), _named(body.part, self.nodes, what))

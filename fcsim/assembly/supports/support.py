@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import is_number, numbers_of
 from fcsim.assembly.supports.selection import NodesNamed, Selection, SurfaceNames
-from fcsim.errors import InputError
+from fcsim.brief import shown
+from fcsim.errors import InputError, asked
 from fcsim.mesh.named.places import Where
 
 TimeFunction = Callable[[float], float]
@@ -127,24 +128,19 @@ def _keep_comparable(support: Support | DrivenRotation) -> None:
 
 def finite(value: float | TimeFunction, t: float, what: str, expected: str) -> float:
     """The value at time t, a number or a function of it; InputError where it is not a finite number."""
-    given = value(t) if callable(value) else value
-    try:
-        number = float(given)
-    except (TypeError, ValueError):
-        number = np.nan
-    if not np.isfinite(number):
-        raise InputError(f"{what} at t = {t} s: expected {expected} that is a finite number, got {given!r}")
-    return number
+    given: object = asked(f"{what} at t = {t} s, {expected}", value, t) if callable(value) else value
+    if isinstance(given, np.ndarray) and given.size == 1:
+        given = given.item()
+    if not is_number(given):
+        raise InputError(f"{what} at t = {t} s: expected {expected} that is a finite number, got {shown(given)}")
+    return float(given)
 
 
 def _rotation(axes: object, what: str) -> tuple[tuple[float, ...], ...]:
-    try:
-        R: FloatArray = np.array(axes, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{what}: expected a rotation matrix (d, d), got {axes!r}") from None
+    R = numbers_of(axes)
     d = len(R) if R.ndim else 0
     if R.shape not in ((2, 2), (3, 3)) or not np.all(np.isfinite(R)):
-        raise InputError(f"{what}: expected a rotation matrix (d, d) of finite numbers, got shape {R.shape}")
+        raise InputError(f"{what}: expected a rotation matrix (d, d) of finite numbers, got {shown(axes)}")
     if not np.allclose(R.T @ R, np.eye(d), rtol=0, atol=1e-10) or np.linalg.det(R) < 0:
         raise InputError(f"{what}: expected a rotation matrix (orthogonal, determinant +1), got {R.tolist()}")
     return tuple(map(tuple, R.tolist()))

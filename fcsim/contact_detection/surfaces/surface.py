@@ -8,8 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcsim.arrays import BoolArray, IntArray
-from fcsim.brief import brief
+from fcsim.arrays import BoolArray, IntArray, is_number
+from fcsim.brief import brief, shown
 from fcsim.contact_detection.surfaces.parents import Parents
 from fcsim.errors import InputError
 
@@ -101,14 +101,14 @@ class SurfacePair:
 
     def __post_init__(self) -> None:
         what = f"SurfacePair {self.name!r}" if self.name else "SurfacePair"
-        if not (np.isfinite(self.mu) and self.mu >= 0):
-            raise InputError(f"{what}: expected a friction coefficient mu >= 0, got {self.mu}")
-        if not (np.isfinite(self.alert) and self.alert >= 0):
-            raise InputError(f"{what}: expected an alert distance >= 0 in m, got {self.alert}")
-        if self.candidates not in get_args(CandidateRule):
-            raise InputError(f"{what}: expected candidates among {', '.join(get_args(CandidateRule))}, got {self.candidates!r}")
-        if self.normals not in get_args(NormalRule):
-            raise InputError(f"{what}: expected normals among {', '.join(get_args(NormalRule))}, got {self.normals!r}")
+        if not (is_number(self.mu) and self.mu >= 0):
+            raise InputError(f"{what}: expected a friction coefficient mu >= 0, got {shown(self.mu)}")
+        if not (is_number(self.alert) and self.alert >= 0):
+            raise InputError(f"{what}: expected an alert distance >= 0 in m, got {shown(self.alert)}")
+        if not isinstance(self.candidates, str) or self.candidates not in get_args(CandidateRule):
+            raise InputError(f"{what}: expected candidates among {', '.join(get_args(CandidateRule))}, got {shown(self.candidates)}")
+        if not isinstance(self.normals, str) or self.normals not in get_args(NormalRule):
+            raise InputError(f"{what}: expected normals among {', '.join(get_args(NormalRule))}, got {shown(self.normals)}")
         if self.normals == "smooth" and self.candidates in ("mortar", "mortar-faces", "segments"):
             raise InputError(f"{what}: expected normals 'facet' with candidates {self.candidates!r}, which go by the slave's normals")
         if self.slave.dimension != self.master.dimension:

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
+from fcsim.arrays import is_number, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 
@@ -19,11 +21,11 @@ def rigid_polyhedron(name: str, points: ArrayLike, density: float) -> RigidBody:
     Mass, centre and inertia are exact, summed over the tetrahedra between the triangles and a point within. InputError where the points
     span no volume.
     """
-    given = np.asarray(points, dtype=np.float64)
+    given = numbers_of(points)
     if given.ndim != 2 or given.shape[1] != 3 or not np.all(np.isfinite(given)):
         raise InputError(f"polyhedron {name!r}: expected finite points of shape (n, 3), got {given.shape}")
-    if not (np.isfinite(density) and density > 0):
-        raise InputError(f"polyhedron {name!r}: expected a density > 0 in kg/m^3, got {density}")
+    if not (is_number(density) and density > 0):
+        raise InputError(f"polyhedron {name!r}: expected a density > 0 in kg/m^3, got {shown(density)}")
     try:
         hull = ConvexHull(given)
     except (QhullError, ValueError) as error:

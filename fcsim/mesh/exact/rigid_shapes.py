@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.part import RigidBody
@@ -97,21 +98,21 @@ def _about(axis: FloatArray, along: float, across: float) -> FloatArray:
 
 
 def _point(name: str, argument: str, values: Sequence[float] | FloatArray) -> FloatArray:
-    array = np.asarray(values, dtype=np.float64)
+    array = numbers_of(values)
     if array.shape not in ((2,), (3,)) or not np.all(np.isfinite(array)):
-        raise InputError(f"{name!r}, {argument}: expected 2 or 3 finite numbers in m, got {values!r}")
+        raise InputError(f"{name!r}, {argument}: expected 2 or 3 finite numbers in m, got {shown(values)}")
     return array
 
 
 def _direction(name: str, axis: Sequence[float] | FloatArray | None, d: int) -> FloatArray:
-    direction = np.eye(d)[-1] if axis is None else np.asarray(axis, dtype=np.float64)
+    direction = np.eye(d)[-1] if axis is None else numbers_of(axis)
     length = float(np.linalg.norm(direction)) if direction.shape == (d,) else 0.0
     if not (np.isfinite(length) and length > 0):
-        raise InputError(f"{name!r}: expected a direction of {d} numbers that is not zero, got {axis!r}")
+        raise InputError(f"{name!r}: expected a direction of {d} numbers that is not zero, got {shown(axis)}")
     return direction / length
 
 
 def _positive(name: str, **lengths: float) -> None:
     for argument, value in lengths.items():
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name!r}, {argument}: expected a length > 0 in m, got {value!r}")
+        if not (is_number(value) and value > 0):
+            raise InputError(f"{name!r}, {argument}: expected a length > 0 in m, got {shown(value)}")

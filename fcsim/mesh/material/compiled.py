@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcsim import runtime
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.material._compiled_kernels import tabulate
 
@@ -89,5 +90,5 @@ def compiled(energy: Callable[..., Expr], names: tuple[str, ...], shape: tuple[i
 def checked_numbers(what: str, parameters: Mapping[str, float]) -> None:
     """Refuse parameters that are no finite numbers."""
     for name, value in parameters.items():
-        if not isinstance(value, int | float | np.floating | np.integer) or not np.isfinite(value):
-            raise InputError(f"{what}, parameters[{name!r}]: expected a finite number, got {value!r}")
+        if not is_number(value):
+            raise InputError(f"{what}, parameters[{name!r}]: expected a finite number, got {shown(value)}")

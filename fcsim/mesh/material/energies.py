@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from fcsim.arrays import is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.material.hyperelastic import Hyperelastic, OfStretches
 from fcsim.mesh.material.linear import Material, lame
@@ -66,8 +66,8 @@ def _lame(what: str, E: float, nu: float, density: float) -> dict[str, float]:
 
 def _positive(what: str, **values: float) -> None:
     for name, value in values.items():
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{what}: expected {name} > 0 in Pa, got {value}")
+        if not (is_number(value) and value > 0):
+            raise InputError(f"{what}: expected {name} > 0 in Pa, got {shown(value)}")
 
 
 def _saint_venant_kirchhoff(F: Expr, p: Mapping[str, Expr]) -> Expr:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, is_number, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 
 
@@ -28,10 +29,10 @@ class LinearHardening:
     modulus: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.initial) and self.initial > 0):
-            raise InputError(f"LinearHardening: expected an initial yield stress > 0 in Pa, got {self.initial}")
-        if not np.isfinite(self.modulus):
-            raise InputError(f"LinearHardening: expected a finite modulus in Pa, got {self.modulus}")
+        if not (is_number(self.initial) and self.initial > 0):
+            raise InputError(f"LinearHardening: expected an initial yield stress > 0 in Pa, got {shown(self.initial)}")
+        if not is_number(self.modulus):
+            raise InputError(f"LinearHardening: expected a finite modulus in Pa, got {shown(self.modulus)}")
 
     def stress(self, strain: FloatArray) -> FloatArray:
         return np.maximum(self.initial + self.modulus * strain, 1e-6 * self.initial)  # softening ends at nearly nothing
@@ -48,11 +49,11 @@ class HardeningTable:
     yield_stress: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        e, s = np.asarray(self.strain, dtype=float), np.asarray(self.yield_stress, dtype=float)
+        e, s = numbers_of(self.strain), numbers_of(self.yield_stress)
         if e.ndim != 1 or e.shape != s.shape or not len(e) or e[0] != 0 or np.any(np.diff(e) <= 0) or not np.all(s > 0):
             raise InputError(
                 "HardeningTable: expected as many plastic strains, ascending from 0, as yield stresses > 0 in Pa, got "
-                f"{self.strain} and {self.yield_stress}"
+                f"{shown(self.strain)} and {shown(self.yield_stress)}"
             )
 
     def stress(self, strain: FloatArray) -> FloatArray:
@@ -94,7 +95,7 @@ class HardeningFunction:
 
 def as_hardening(value: Hardening | float) -> Hardening:
     """A number is a yield stress that stays."""
-    return LinearHardening(float(value)) if isinstance(value, int | float) else value
+    return LinearHardening(float(value)) if is_number(value) else cast(Hardening, value)
 
 
 def plastic_flow(excess: FloatArray, stiffness: float, hardening: Hardening, strain: FloatArray) -> tuple[FloatArray, BoolArray]:

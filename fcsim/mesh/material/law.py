@@ -17,7 +17,8 @@ from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError
 
 
@@ -104,8 +105,8 @@ def initial_variables(law: PointLaw) -> FloatArray:
 
 
 def refuse_density(what: str, density: float) -> None:
-    if not (np.isfinite(density) and density >= 0):
-        raise InputError(f"{what}: expected a density >= 0 in kg/m^3, got {density}")
+    if not (is_number(density) and density >= 0):
+        raise InputError(f"{what}: expected a density >= 0 in kg/m^3, got {shown(density)}")
 
 
 PAIR = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.material.law import refuse_density
 
@@ -20,10 +21,10 @@ class Material:
     density: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.E) and self.E > 0):
-            raise InputError(f"Material: expected Young's modulus E > 0 in Pa, got {self.E}")
-        if not -1 < self.nu < 0.5:
-            raise InputError(f"Material: expected Poisson's ratio -1 < nu < 0.5, got {self.nu}")
+        if not (is_number(self.E) and self.E > 0):
+            raise InputError(f"Material: expected Young's modulus E > 0 in Pa, got {shown(self.E)}")
+        if not (is_number(self.nu) and -1 < self.nu < 0.5):
+            raise InputError(f"Material: expected Poisson's ratio -1 < nu < 0.5, got {shown(self.nu)}")
         refuse_density("Material", self.density)
 
     @property
@@ -55,10 +56,10 @@ class Orthotropic:
 
     def __post_init__(self) -> None:
         for name in ("E", "nu", "G"):
-            values = np.asarray(getattr(self, name), dtype=float)
+            values = numbers_of(getattr(self, name))
             if values.shape != (3,) or not np.all(np.isfinite(values)) or (name != "nu" and np.any(values <= 0)):
                 bound = "" if name == "nu" else " > 0 in Pa"
-                raise InputError(f"Orthotropic, {name}: expected three finite numbers{bound}, got {getattr(self, name)}")
+                raise InputError(f"Orthotropic, {name}: expected three finite numbers{bound}, got {shown(getattr(self, name))}")
         refuse_density("Orthotropic", self.density)
         least = float(np.linalg.eigvalsh(self._compliance * np.sqrt(np.outer(self._scale, self._scale))).min())
         if not least > 0:

@@ -19,7 +19,8 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.material.hardening import Hardening, as_hardening, plastic_flow
 from fcsim.mesh.material.law import PAIR, Circumstances, Response, Variable
@@ -46,8 +47,8 @@ class Plastic:
 
     def __post_init__(self) -> None:
         _refuse("Plastic", self.E, self.nu, self.density, self.hardening)
-        if not (np.isfinite(self.kinematic) and self.kinematic >= 0):
-            raise InputError(f"Plastic, kinematic: expected a modulus >= 0 in Pa, got {self.kinematic}")
+        if not (is_number(self.kinematic) and self.kinematic >= 0):
+            raise InputError(f"Plastic, kinematic: expected a modulus >= 0 in Pa, got {shown(self.kinematic)}")
 
     @property
     def strain(self) -> Literal["finite", "small"]:
@@ -189,8 +190,8 @@ def _refuse(what: str, E: float, nu: float, density: float, hardening: Hardening
         Material(E, nu, density)
     except InputError as error:
         raise InputError(str(error).replace("Material", what)) from None
-    if isinstance(hardening, int | float):
-        if not (np.isfinite(hardening) and hardening > 0):
+    if is_number(hardening, infinite=True):
+        if not 0 < hardening < np.inf:
             raise InputError(f"{what}, hardening: expected a yield stress > 0 in Pa, or a Hardening, got {hardening}")
     elif not (hasattr(hardening, "stress") and hasattr(hardening, "slope")):
         raise InputError(f"{what}, hardening: expected a yield stress in Pa or a Hardening, got {type(hardening).__name__}")

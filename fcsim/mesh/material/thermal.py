@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.material.law import AnyMaterial, Circumstances, LinearLaw, LinearMaterial, PointLaw, Response, Variable
 
@@ -28,10 +29,10 @@ class Thermal:
     temperature: Callable[[FloatArray, float], FloatArray] | float
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.expansion):
-            raise InputError(f"Thermal, expansion: expected a finite number in 1/K, got {self.expansion}")
-        if not callable(self.temperature) and not (isinstance(self.temperature, int | float) and np.isfinite(self.temperature)):
-            raise InputError(f"Thermal, temperature: expected a function of (X, t) or a number in K, got {self.temperature!r}")
+        if not is_number(self.expansion):
+            raise InputError(f"Thermal, expansion: expected a finite number in 1/K, got {shown(self.expansion)}")
+        if not callable(self.temperature) and not is_number(self.temperature):
+            raise InputError(f"Thermal, temperature: expected a function of (X, t) or a number in K, got {shown(self.temperature)}")
         if not isinstance(self.material, LinearMaterial | PointLaw):
             raise InputError(f"Thermal, material: expected a material, got {type(self.material).__name__}")
         self._refuse_shape()

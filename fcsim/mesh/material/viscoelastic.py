@@ -16,7 +16,8 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.material.law import PAIR, Circumstances, Response, Variable
 from fcsim.mesh.material.linear import Material, lame
@@ -42,9 +43,10 @@ class Viscoelastic:
             Material(self.E, self.nu, self.density)
         except InputError as error:
             raise InputError(str(error).replace("Material", "Viscoelastic")) from None
-        terms = np.asarray(self.prony, dtype=float)
+        terms = numbers_of(self.prony)
         if terms.ndim != 2 or terms.shape[1:] != (2,) or not np.all(terms > 0) or not np.all(np.isfinite(terms)) or terms[:, 0].sum() >= 1:
-            raise InputError(f"Viscoelastic, prony: expected pairs (g > 0, tau > 0 in s) with the sum of g below 1, got {self.prony}")
+            got = shown(self.prony)
+            raise InputError(f"Viscoelastic, prony: expected pairs (g > 0, tau > 0 in s) with the sum of g below 1, got {got}")
 
     @property
     def strain(self) -> Literal["finite", "small"]:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.errors import InputError
+from fcsim.arrays import BoolArray, FloatArray, IntArray, numbers_of
+from fcsim.brief import shown
+from fcsim.errors import InputError, asked
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Part
 
@@ -37,12 +38,9 @@ def nodes_at(points: FloatArray, at: ArrayLike | Where, what: str) -> IntArray:
             )
         return meant
     d = points.shape[1]
-    try:
-        places: FloatArray = np.atleast_2d(np.array(at, dtype=np.float64))
-    except (TypeError, ValueError):
-        places = np.empty((0, 0))
+    places: FloatArray = np.atleast_2d(numbers_of(at))
     if places.ndim != 2 or places.shape[1] != d or not len(places) or not np.all(np.isfinite(places)):
-        raise InputError(f"{what}: expected a point of {d} finite coordinates, several (k, {d}), or a function of them, got {at!r}")
+        raise InputError(f"{what}: expected a point of {d} finite coordinates, several (k, {d}), or a function of them, got {shown(at)}")
     distance, nearest = cKDTree(points).query(places)
     far = int(np.argmax(distance))
     if distance[far] > NEAR * np.ptp(points, axis=0).max():
@@ -75,13 +73,8 @@ def with_surface(part: Part, name: str, where: Where) -> Part:
 
 def _told(points: FloatArray, where: Where, what: str) -> BoolArray:
     """What the function says of each point (n,); InputError where that is no truth value a point."""
-    try:
-        told = np.asarray(where(np.ascontiguousarray(points.T)))
-    except (IndexError, TypeError, ValueError) as error:
-        d = points.shape[1]
-        raise InputError(
-            f"{what}: expected a function of coordinates x ({d}, n), as lambda x: numpy.isclose(x[0], 0), it raises {error}"
-        ) from error
+    expected = f"expected a function of coordinates x ({points.shape[1]}, n), as lambda x: numpy.isclose(x[0], 0)"
+    told = np.asarray(asked(f"{what}: {expected}", where, np.ascontiguousarray(points.T)))
     if told.shape != (len(points),) or told.dtype != np.bool_:
         raise InputError(
             f"{what}: expected a function of coordinates x ({points.shape[1]}, {len(points)}) that gives {len(points)} truth values, as "

@@ -10,8 +10,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import breadth_first_order
 
-from fcsim.arrays import FloatArray, IntArray
-from fcsim.brief import brief
+from fcsim.arrays import FloatArray, IntArray, is_number
+from fcsim.brief import brief, shown
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.part import RigidBody
 from fcsim.mesh.solids.ears import STRAIGHT, with_corners_on_edges
@@ -91,8 +91,8 @@ def closed_surface(name: str, points: ArrayLike, faces: Sequence[Sequence[int]] 
 def rigid_solid(surface: ClosedSurface, *, density: float | None = None, mass: float | None = None) -> RigidBody:
     """Return the homogeneous rigid body within a surface, of `density` [kg/m^3] or of `mass` [kg], with one surface "skin"."""
     given = mass if density is None else density
-    if (density is None) == (mass is None) or not (np.isfinite(given) and given > 0):  # type: ignore[arg-type,operator]
-        raise InputError(f"{surface.name!r}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")
+    if (density is None) == (mass is None) or not (is_number(given) and given > 0):
+        raise InputError(f"{surface.name!r}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {shown(density)} and {shown(mass)}")
     size = float(np.ptp(surface.points, axis=0).max())
     volume, centre, second = surface.moments()
     if not volume > SMALLEST_VOLUME * size**3:

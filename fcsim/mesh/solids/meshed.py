@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcsim.arrays import is_number, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import part_from_gmsh
 from fcsim.mesh.material import Material
@@ -46,7 +48,7 @@ def meshed_polygon(
     Four corners: structured quadrilaterals; other shapes: triangles. The rest are those of `Part`.
     """
     _checked(name, size)
-    p = np.asarray(points, dtype=np.float64)
+    p = numbers_of(points)
     if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
         raise InputError(f"polygon {name!r}: expected at least three finite corners of shape (n, 2), got shape {p.shape}")
     with gmsh_model(name) as gmsh:
@@ -57,8 +59,8 @@ def meshed_polygon(
 
 
 def _checked(name: str, size: float) -> None:
-    if not (np.isfinite(size) and size > 0):
-        raise InputError(f"mesh of {name!r}: expected cells of a size > 0 in m, got {size}")
+    if not (is_number(size) and size > 0):
+        raise InputError(f"mesh of {name!r}: expected cells of a size > 0 in m, got {shown(size)}")
 
 
 def _loop(gmsh: ModuleType, corner: list[int], lines: dict[tuple[int, int], int], polygon: tuple[int, ...]) -> int:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcsim.arrays import is_number, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.part import RigidBody
 
@@ -19,7 +21,7 @@ def rigid_polygon(
     cross themselves.
     """
     what = f"polygon {name!r}"
-    p = np.asarray(points, dtype=np.float64)
+    p = numbers_of(points)
     if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
         raise InputError(f"{what}: expected at least three finite corners of shape (n, 2), got shape {p.shape}")
     if (same := np.flatnonzero((p == np.roll(p, -1, axis=0)).all(axis=1))).size:
@@ -29,10 +31,10 @@ def rigid_polygon(
             f"where corner {int(same[0])} is, at {tuple(p[again].tolist())}"
         )
     given = mass if density is None else density
-    if (density is None) == (mass is None) or not (np.isfinite(given) and given > 0):  # type: ignore[arg-type,operator]
-        raise InputError(f"{what}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")
-    if not (np.isfinite(thickness) and thickness > 0):
-        raise InputError(f"{what}: expected a thickness > 0 in m, got {thickness}")
+    if (density is None) == (mass is None) or not (is_number(given) and given > 0):
+        raise InputError(f"{what}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {shown(density)} and {shown(mass)}")
+    if not (is_number(thickness) and thickness > 0):
+        raise InputError(f"{what}: expected a thickness > 0 in m, got {shown(thickness)}")
     origin = p.mean(axis=0)
     x, y = (p - origin).T
     xn, yn = np.roll(x, -1), np.roll(y, -1)

@@ -12,7 +12,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from fcsim.apart import limited, read_apart
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError, MissingDependency
 from fcsim.mesh.solids.closed_surface import ClosedSurface, closed_surface
 from fcsim.mesh.solids.self_intersection import crossing_triangles
@@ -39,8 +40,8 @@ def read_surfaces(path: str | Path, *, scale: float | None = None) -> tuple[Clos
         raise InputError(f"{path}: expected a surface file ({', '.join(FORMATS)}), got {path.suffix!r}")
     if not path.is_file():
         raise InputError(f"{path}: expected a surface file, found none")
-    if scale is not None and not (np.isfinite(scale) and scale > 0):
-        raise InputError(f"{path}, scale: expected a factor > 0, got {scale}")
+    if scale is not None and not (is_number(scale) and scale > 0):
+        raise InputError(f"{path}, scale: expected a factor > 0, got {shown(scale)}")
     meshes = read_apart(path, "fcsim.mesh.solids.surface_file", (), _loaded)
     solids = [piece for name, points, triangles in meshes for piece in _pieces(name, points * (scale or 1.0), triangles)]
     if not solids:

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
-from numbers import Real
+from types import NoneType
 
+from fcsim.arrays import is_number
 from fcsim.assembly.model import Model
+from fcsim.brief import shown
 from fcsim.errors import InputError
+from fcsim.linkage import Linkage
+from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.limits import Limits
+from fcsim.timestep.state import State
+from fcsim.witness import Witness
+
+_KINDS: dict[str, tuple[type, ...]] = {
+    "solver": (SolverSettings,),
+    "limits": (Limits,),
+    "initial": (State, NoneType),
+    "linkage": (Linkage, NoneType),
+    "witness": (Witness, NoneType),
+}
 
 
-def refuse_arguments(model: object, detector: object, scheme: object) -> None:
-    """InputError where a model, detector or scheme is none."""
+def refuse_arguments(simulation: object, model: object, detector: object, scheme: object) -> None:
+    """InputError where a model, detector or scheme of a simulation is none, or another field none of its kind."""
     if not isinstance(model, Model):
         raise InputError(f"Simulation, model: expected what build_model(...) returns, got {type(model).__name__}")
     if not (callable(detector) and hasattr(detector, "nodes")):
@@ -19,12 +34,15 @@ def refuse_arguments(model: object, detector: object, scheme: object) -> None:
         )
     if not hasattr(scheme, "timing"):
         raise InputError(f"Simulation, scheme: expected one as Theta(h=1e-3), QuasiStatic(h=0.1) or GeneralisedAlpha(...), got {scheme!r}")
+    for name, kinds in _KINDS.items():
+        if not isinstance(value := getattr(simulation, name), kinds):
+            raise InputError(f"Simulation, {name}: expected {kinds[0].__name__}(...), got {shown(value)}")
 
 
 def whole_number(name: str, value: object, largest: float = float("inf")) -> int:
     """The value, from 0 on, as an int: 10.0 is one as well; InputError for 10.5, -5, "10"."""
-    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else -1.0
+    number = float(value) if is_number(value) else -1.0
     if not (number.is_integer() and 0 <= number <= largest):
         span = ">= 0" if largest == float("inf") else f"from 0 to {largest:g}"
-        raise InputError(f"{name}: expected a whole number {span}, got {value!r}")
+        raise InputError(f"{name}: expected a whole number {span}, got {shown(value)}")
     return int(number)

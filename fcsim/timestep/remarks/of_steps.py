@@ -12,6 +12,8 @@ from fcsim.timestep.remarks.driven_parts import driven_parts
 from fcsim.timestep.remarks.equilibria.buckled import Buckled
 from fcsim.timestep.remarks.equilibria.snapping import Snapping
 from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
+from fcsim.timestep.remarks.of_laws.rigid_joints import rigid_joints
+from fcsim.timestep.remarks.of_laws.struck_together import struck_together
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
 
@@ -33,4 +35,6 @@ class StepRemarks:
             | coarse(step, found, self._steps, when, said)
             | dented(step, self._detection, self._steps, when, said)
             | driven_parts(step, when, said)
+            | struck_together(step, when, said)
+            | rigid_joints(step, when, said)
         )

@@ -64,15 +64,8 @@ def opening_remarks(
 
 def _largest_gravity(model: Model, begin: float, end: float) -> FloatArray:
     """The acceleration (d,) [m/s^2] of gravity where it is largest, looked at at its beginning and end and between."""
-    if model.gravity is None:
-        return np.zeros(model.dimension)
-    seen = [np.asarray(model.gravity(float(t)), dtype=np.float64) for t in np.linspace(begin, end, 5)]
+    seen = [model.gravity_at(float(t)) for t in np.linspace(begin, end, 5)]
     return max(seen, key=lambda g: float(np.linalg.norm(g)))
-
-
-def _thickness(model: Model) -> FloatArray:
-    """The least extents (nb,) [m] of the bodies."""
-    return np.array([np.ptp(points, axis=0).min() for points in _points(model, model.reference)])
 
 
 def _points(model: Model, positions: FloatArray) -> list[FloatArray]:
@@ -112,9 +105,9 @@ def _units(model: Model, gravity: FloatArray) -> Iterator[str]:
         )
     elif on_earth and typical > DENSEST and deformable:
         yield f"densities are {typical:.3g}, more than of any solid in kg/m^3, and gravity is {g:.4g} m/s^2: are they in kg/m^3?"
-    elif on_earth and typical > NO_SOLID and float(np.median(_thickness(model))) > HUGE:
+    elif on_earth and typical > NO_SOLID and (thick := float(np.median(model.extents[np.isfinite(model.extents)]))) > HUGE:
         yield (
-            f"bodies are {float(np.median(_thickness(model))):.3g} m thick, and gravity is {g:.4g} m/s^2: are lengths in millimetres? "
+            f"bodies are {thick:.3g} m thick, and gravity is {g:.4g} m/s^2: are lengths in millimetres? "
             "Give them in metres (gmsh scales what it saves by Mesh.ScalingFactor), or gravity in mm/s^2"
         )
 
@@ -143,7 +136,7 @@ def _upwards(model: Model, positions: FloatArray, gravity: FloatArray, linked: b
 
 def _long_steps(model: Model, scheme: Scheme, gravity: FloatArray) -> Iterator[str]:
     """Steps in which a body at rest falls by much of its own thickness: contacts come and go unseen, and friction acts late."""
-    thickness = float(_thickness(model).min(initial=np.inf))
+    thickness = float(model.extents.min(initial=np.inf))
     g, h = float(np.linalg.norm(gravity)), scheme.h
     if scheme.timing.moving and np.isfinite(thickness) and g * h**2 > FALL * thickness > 0:
         yield (

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcsim.assembly.loads import factor_at
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import DrivenRotation
 from fcsim.timestep.scheme import Scheme
@@ -44,15 +46,13 @@ def undersampled(model: Model, scheme: Scheme, begin: float, steps: int) -> Iter
 
 def _functions(model: Model) -> Iterator[tuple[str, Callable[[float], ArrayLike]]]:
     if model.gravity is not None:
-        yield "gravity", model.gravity
+        yield "gravity", model.gravity_at
     for load in model.loads:
-        factor = getattr(load, "factor", None)
-        if callable(factor):
-            yield f"the {type(load).__name__} on body {load.body!r}", factor
+        yield f"the {type(load).__name__} on body {load.body!r}", partial(factor_at, load)
     for support in model.supports:
         if isinstance(support, DrivenRotation):
-            yield f"the driven rotation of body {support.body!r}", support.angle
+            yield f"the driven rotation of body {support.body!r}", support.turned
         elif support.displacement is not None:
-            yield f"the support of body {support.body!r}", support.displacement
+            yield f"the support of body {support.body!r}", support.way
         elif callable(support.velocity):
-            yield f"the support of body {support.body!r}", support.velocity
+            yield f"the support of body {support.body!r}", support.speed

@@ -1,0 +1,1 @@
+"""What is said of contact laws where they leave what they cover."""

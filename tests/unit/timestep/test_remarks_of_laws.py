@@ -1,0 +1,80 @@
+"""What runs say of contact laws where they leave what they cover, and what they do not say elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcsim import (
+    Cohesive,
+    Detector,
+    ExactContacts,
+    Gap,
+    Simulation,
+    State,
+    Support,
+    SurfacePair,
+    Theta,
+    Velocity,
+    build_model,
+    contact_surface,
+)
+from fcsim.contact_law import Springs
+from fcsim.mesh import rigid_box, rigid_plane, rigid_sphere
+
+HELD = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def _said(run: Simulation, word: str) -> list[str]:
+    return [remark for step in run for remark in step.remarks if word in remark]
+
+
+def _row(air: float, law: Gap | Velocity, walls: Sequence[Any] = ()) -> Simulation:
+    """Five balls of 0.1 m in a row, the first one at 1 m/s from 20 mm away."""
+    balls = [rigid_sphere(f"ball {k}", 0.1, ((0.2 + air) * k - (0.02 if k == 0 else 0.0), 0.0, 0.0), 1.0) for k in range(5)]
+    model = build_model(balls)
+    v = np.zeros(model.n_dofs)
+    v[0] = 1.0
+    return Simulation(model, ExactContacts(model, 0.0), Theta(1e-3, 0.5, law), 40, initial=State(0.0, np.zeros(model.n_dofs), v))
+
+
+def test_a_blow_that_goes_on_through_touching_balls_is_said() -> None:
+    """The first ball comes back at 1 - 2 m / (m + M) = -0.6 from four that leave as one of their mass; a cradle gives all to the last."""
+    run = _row(0.0, Velocity(1.0))
+    steps = list(run)
+    assert steps[-1].state.v[0] == pytest.approx(-0.6, abs=1e-6)
+    said = [remark for step in steps for remark in step.remarks if "is struck by" in remark]
+    assert len(said) == 1 and "'ball 1' is struck by 'ball 0' while it touches 'ball 2'" in said[0]
+
+
+@pytest.mark.parametrize("run", [_row(5e-3, Velocity(1.0)), _row(0.0, Gap()), _row(0.0, Velocity(0.0))], ids=["air", "gap", "inelastic"])
+def test_balls_with_air_and_laws_without_restitution_say_nothing(run: Simulation) -> None:
+    assert not _said(run, "is struck by")
+
+
+def test_a_stack_at_rest_and_a_ball_that_bounces_are_not_struck_together() -> None:
+    floor = rigid_plane("floor", (0, 0, 0), (0, 0, 1))
+    balls = [rigid_sphere(f"ball {k}", 0.1, (0.0, 0.0, 0.1 + 0.2 * k), 1.0) for k in range(3)] + [
+        rigid_sphere("free", 0.1, (1, 0, 0.12), 1.0)
+    ]
+    model = build_model([floor, *balls], supports=[Support("floor", HELD)], gravity=lambda t: (0.0, 0.0, -9.81))
+    assert not _said(Simulation(model, ExactContacts(model, 0.3), Theta(1e-3, 0.5, Velocity(0.5)), 150), "is struck by")
+
+
+def _bonded(**law: Any) -> Simulation:
+    floor, block = rigid_box("floor", (1, 1, 0.1), (0, 0, -0.05), 1.0), rigid_box("block", (0.1, 0.1, 0.1), (0, 0, 0.05), 1.0)
+    model = build_model([floor, block], supports=[Support("floor", HELD)], gravity=lambda t: (0.0, 0.0, -9.81))
+    pair = SurfacePair(contact_surface(model, [("block", "z-")]), contact_surface(model, [("floor", "z+")]), 0.5, 0.01)
+    cohesive = Cohesive(tension=1e4, mode_1=10.0, mode_2=10.0, **law)
+    return Simulation(model, Detector([pair], model.n_nodes), Theta(1e-3, law=cohesive), 2)
+
+
+def test_rigid_bodies_bonded_on_four_points_are_named_where_their_strength_depends_on_the_shares() -> None:
+    (said,) = _said(_bonded(shear=1.5e4), "are bonded")
+    assert "'block' and 'floor'" in said or "'floor' and 'block'" in said
+    assert "4 points" in said
+    for law in ({}, {"shear": 0.5e4}, {"shear": 1.5e4, "springs": Springs(normal=1e10, tangential=1e10)}):
+        assert not _said(_bonded(**law), "are bonded"), law
