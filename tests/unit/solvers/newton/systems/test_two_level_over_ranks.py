@@ -96,25 +96,43 @@ def test_fronts_and_what_they_leave_solve_the_matrix() -> None:
     assert_allclose(dense @ solution, c, atol=1e-11)
 
 
+class OneRank:
+    """Vectors of n numbers that one rank has alone."""
+
+    def __init__(self, n: int) -> None:
+        self.own = self.shared = n
+
+    def joined(self, share: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+        return share, float(share @ share), numbers
+
+    def summed(self, numbers: np.ndarray) -> np.ndarray:
+        return numbers
+
+
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-5])
 def test_gmres_gets_to_the_accuracy(accuracy: float) -> None:
     """Of one rank, whose sums are its own; of several see tests/unit/ranks."""
     rng = np.random.default_rng(1)
     A = np.eye(60) + 0.1 * rng.standard_normal((60, 60))
     b = rng.standard_normal(60)
-    x = gmres_over_ranks(lambda y: A @ y, lambda y: y, b, lambda sums: sums, accuracy, 0.0, 60, 0.0)
-    assert x is not None
+    steps: list[np.ndarray] = []
+    found = gmres_over_ranks(lambda y: A @ y, lambda y: steps.append(y.copy()) or y, b, OneRank(60), accuracy, 0.0, 60, 0.0)
+    assert found is not None
+    x, y = found
+    assert_allclose(np.array(steps).T @ y, x, rtol=1e-6)
     assert np.linalg.norm(A @ x - b) <= 1.001 * accuracy * np.linalg.norm(b)
 
 
 def test_gmres_gives_up_and_takes_what_is_enough() -> None:
     A, b = np.diag(np.arange(1.0, 41.0)), np.ones(40)
-    arguments = (lambda y: A @ y, lambda y: y, b, lambda sums: sums, 1e-5, 0.0, 5)
+    arguments = (lambda y: A @ y, lambda y: y, b, OneRank(40), 1e-5, 0.0, 5)
     assert gmres_over_ranks(*arguments, 0.0) is None
-    x = gmres_over_ranks(*arguments, 0.5)
-    assert x is not None
-    assert np.linalg.norm(A @ x - b) <= 0.5 * np.linalg.norm(b)
-    assert_allclose(gmres_over_ranks(*arguments[:2], np.zeros(40), *arguments[3:], 0.0), 0.0)
+    found = gmres_over_ranks(*arguments, 0.5)
+    assert found is not None
+    assert np.linalg.norm(A @ found[0] - b) <= 0.5 * np.linalg.norm(b)
+    nothing = gmres_over_ranks(*arguments[:2], np.zeros(40), *arguments[3:], 0.0)
+    assert nothing is not None
+    assert_allclose(nothing[0], np.zeros(40))
 
 
 def test_gmres_ends_on_a_plateau() -> None:
@@ -128,7 +146,7 @@ def test_gmres_ends_on_a_plateau() -> None:
             products[-1] += 1
             return A @ y
 
-        x = gmres_over_ranks(product, lambda y: y, b, lambda sums: sums, 1e-4, plateau, 60, 0.0)
-        assert x is not None
-        assert np.linalg.norm(A @ x - b) <= 1.01 * max(1e-4, plateau) * np.linalg.norm(b)
+        found = gmres_over_ranks(product, lambda y: y, b, OneRank(60), 1e-4, plateau, 60, 0.0)
+        assert found is not None
+        assert np.linalg.norm(A @ found[0] - b) <= 1.01 * max(1e-4, plateau) * np.linalg.norm(b)
     assert products[1] < products[0]
