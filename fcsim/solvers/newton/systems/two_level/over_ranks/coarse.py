@@ -26,7 +26,7 @@ class CoarsePattern:
 
     def __init__(self, columns: IntArray, begins: IntArray, rank: IntArray, world: World) -> None:
         """columns (blocks,): ascending, those of row i from begins[i] on, a symmetric pattern with the diagonal; rank (n,): whose each body
-        is."""
+        is. needed (ranks, blocks): which of the blocks a rank's fronts take."""
         self.columns, self.begins, self.world = columns, begins, world
         n = len(begins) - 1
         row = np.repeat(np.arange(n), np.diff(begins))
@@ -46,20 +46,24 @@ class CoarsePattern:
         rows = [tree.rows[tree.starts[f] : tree.starts[f + 1]] for f in self.which]
         self.firsts, self.borders = tree.first[self.which], np.concatenate([np.empty(0, dtype=np.int64), *rows])
         self.by_rank = [np.flatnonzero(owner == number) for number in range(world.size)]  # places that a rank eliminates
+        whose = owner[np.argsort(tree.order)]  # by bodies
+        self.needed = np.stack([(whose[row] == k) | (whose[columns] == k) for k in range(world.size)])
+        self.needed[0] |= (whose[row] == world.size) & (whose[columns] == world.size)
         number = self.top[np.argsort(tree.order)]
         of_top = np.flatnonzero((number[row] >= 0) & (number[columns] >= 0))
         self.blocks_of_top = of_top, number[row[of_top]], number[columns[of_top]]
 
 
 class CoarseFactor:
-    """S^-1 by fronts, in double precision: beside the stiffness of joints, inertia is round-off in single precision."""
+    """S^-1 by fronts that are made in double precision, since beside the stiffness of joints inertia is round-off in single precision, and
+    kept in single precision: a solution reads all of them, and what rounding them changes is as small as in a backward-stable LU."""
 
     def __init__(self, pattern: CoarsePattern, S: FloatArray) -> None:
         """S (blocks, k, k): the blocks in the pattern's order; SingularMatrix, on all ranks, where a front is singular."""
         self._pattern, self._k = pattern, S.shape[1]
         world, k, most = pattern.world, S.shape[1], len(pattern.places)
         own, border = k * pattern.sizes.T
-        self._values = np.empty(int(np.sum(own * (own + 2 * border))))
+        self._values = np.empty(int(np.sum(own * (own + 2 * border))), dtype=np.float32)
         T = np.zeros((k * most, k * most))
         with world.together("motions of bodies"):
             if world.number == 0:
@@ -71,27 +75,27 @@ class CoarseFactor:
             except np.linalg.LinAlgError:
                 raise SingularMatrix("the bodies' motions on their joints are singular") from None
         world.summed("motions of bodies between ranks", T.ravel())
-        self._lu: FloatArray
         self._pivots: IntArray
-        self._lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0, dtype=np.int64), 0)
+        lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0, dtype=np.int64), 0)
         if info > 0:
             raise SingularMatrix("the bodies' motions on their joints are singular")
+        self._lu = lu.astype(np.float32)
         self._fronts = self._values, k * pattern.sizes, k * pattern.firsts, dofs_of(pattern.borders, k)
         self._own, self._of_top = dofs_of(pattern.by_rank[world.number], k), dofs_of(pattern.places, k)
         self._counts = [k * len(places) for places in pattern.by_rank]
         self._order = dofs_of(pattern.tree[0], k)  # of c, in the order of elimination
         self._eliminated, self._left = self._order[dofs_of(np.concatenate(pattern.by_rank), k)], self._order[self._of_top]
 
-    def solve[T: np.floating](self, c: NDArray[T]) -> NDArray[T]:
+    def solve(self, c: NDArray[np.float32]) -> NDArray[np.float32]:
         """S^-1 c (n, k), on all ranks."""
         world = self._pattern.world
-        own, x = self._own, c.reshape(-1)[self._order].astype(np.float64)
+        own, x = self._own, c.reshape(-1)[self._order]
         given = x[self._of_top]
         x[self._of_top] = 0
         kernels.forward(*self._fronts, x)
         if len(given):
             others = world.gathered(x[self._of_top], [len(given)] * world.size).reshape(world.size, -1).sum(axis=0)
-            x[self._of_top] = sla.lapack.dgetrs(self._lu, self._pivots, given + others, trans=1)[0]
+            x[self._of_top] = sla.lapack.sgetrs(self._lu, self._pivots, given + others, trans=1)[0]
         kernels.backward(*self._fronts, x)
         solution = np.empty_like(c)
         numbers = solution.reshape(-1)

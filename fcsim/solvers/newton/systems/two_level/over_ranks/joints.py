@@ -100,6 +100,13 @@ class OwnJoints:
         key = np.unique(np.concatenate([world.gathered(keys, counts), np.arange(count) * (count + 1)]))  # a symmetric pattern
         self.places = np.searchsorted(key, row * count + column)
         self.coarse = CoarsePattern(key % count, np.searchsorted(key, count * np.arange(count + 1)), rank, world)
+        own = np.unique(self.places)
+        counts = world.gathered(np.array([len(own)]), np.ones(world.size, dtype=np.int64))
+        made = np.zeros((world.size, len(key)), dtype=bool)
+        for k, some in enumerate(np.split(world.gathered(own, counts), np.cumsum(counts)[:-1])):
+            made[k, some] = True
+        # blocks that a rank takes and others add to
+        self.coarse_between = np.flatnonzero((self.coarse.needed & (made.sum(axis=0) > made)).any(axis=0))
 
 
 def parts_by_joints(W: DistributedDelassus, behind: BodiesOverRanks, bodies: IntArray) -> ContactParts:

@@ -50,7 +50,9 @@ class PreconditionerOverRanks:
                 raise SingularMatrix("a joint's block is singular") from None
             kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
             self._A32 = self._A.astype(np.float32)
-        joints.parts.world.summed("motions of bodies on joints", S.ravel())
+        between = S[joints.coarse_between].ravel()
+        joints.parts.world.summed("motions of bodies on joints", between)
+        S[joints.coarse_between] = between.reshape(-1, k, k)
         S[joints.coarse.diagonal] += np.eye(k)
         self._coarse = CoarseFactor(joints.coarse, S)
 
