@@ -42,18 +42,16 @@ def gmres_over_ranks(
     limit: int,
     enough: float,
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Right-preconditioned GMRES for A x = rhs (k,) from x = 0, of which this rank has `ranks.own` and copies of others'
-    (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat.
-    Comput. 7, 1986), by classical Gram-Schmidt, twice where it cancels (J. W. Daniel, W. B. Gragg, L. Kaufman, G. W. Stewart, Math. Comp.
-    30, 1976): one exchange for a vector, of its entries beside other ranks and of its products with those before, and two sums more where
-    it cancels. With one the length of what is left follows from Pythagoras' theorem, to a part of 1e-5 in single precision; each vector's
-    own is summed with the next one's products, so that this does not add up.
+    """Right-preconditioned GMRES for A x = rhs (k,) from x = 0, of which this rank has its own and copies of others' (Y. Saad,
+    M. H. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986), by classical Gram-Schmidt, twice where it cancels (J. W. Daniel, W. B. Gragg,
+    L. Kaufman, G. W. Stewart, Math. Comp. 30, 1976): one exchange for a vector, of its entries beside other ranks and of its products with
+    those before, and two sums more where it cancels. With one the length of what is left follows from Pythagoras' theorem, to a part of
+    1e-5 in single precision; each vector's own is summed with the next one's products, so that this does not add up.
 
     product: this rank's own part of x -> what its share of A makes of that, (ranks.shared,). precondition: v (k,) with the copies -> this
-    rank's own part of x, kept as it comes, in single precision where it is. Return this rank's part of x with
-    ||rhs - A x|| <= accuracy ||rhs||, in the recurrence's norm, on a plateau (see `fcsim.linear.krylov`) with <= plateau ||rhs||, or after
-    `limit` iterations with <= enough ||rhs||, and by what factors the preconditioner's answers are summed to it; None where they do not
-    get there.
+    rank's own part of x, kept as it comes, in single precision where it is. Return this rank's part of x with ||rhs - A x|| <= accuracy
+    ||rhs||, in the recurrence's norm, on a plateau (see `fcsim.linear.krylov`) with <= plateau ||rhs||, or after `limit` iterations with
+    <= enough ||rhs||, and by what factors the preconditioner's answers are summed to it; None where they do not get there.
     """
     own, shared = ranks.own, ranks.shared
     beta = math.sqrt(float(ranks.summed(np.array([rhs[:own] @ rhs[:own]]))[0]))

@@ -84,6 +84,7 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     changed_A, changed_B = A.copy(), B.copy()
     changed_A[::7], changed_B[::7] = 0, np.eye(3)
     kept.update(changed_A[joints.order], changed_B[joints.order])
+    joined = joints.halo.joined(joints.shares.of(W, own)[1].ravel(), np.array([1.0, parts.world.number]))
     solved = [TwoLevelOverRanks(W, behind).solve(A, B, x, needed) for needed in (NEAR, FAR)]
     return {
         "product": parts.whole(joints.shares.product(W, own)).ravel().tolist(),
@@ -92,6 +93,8 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
         "given away": [P.given_away, P.following(bodies, joints.diagonal_of_W) is None, kept.given_away],
         "solved": [[part.tolist() for part in found] for found in solved if found is not None],
         "own": parts.own.tolist(),
+        "halo": joints.halo.contacts.tolist(),
+        "joined": [joined[0].tolist(), joined[1], joined[2].tolist()],
         "entries": len(joints.E),
         **one_by_one(W, A, B, x),
         "refused": kept.following(bodies, 2 * joints.diagonal_of_W) is None,

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fcsim.linear.elimination_tree import elimination_tree
+from fcsim.linear.over_ranks._krylov_kernels import less_combination
 from fcsim.linear.over_ranks.krylov import gmres_over_ranks
 from fcsim.problem.bodies.shares import compliant_motions
 from fcsim.solvers.newton.systems.two_level.joints import MOTIONS, Joints
@@ -94,6 +95,19 @@ def test_fronts_and_what_they_leave_solve_the_matrix() -> None:
     solution = np.empty_like(x)
     solution[order] = x
     assert_allclose(dense @ solution, c, atol=1e-11)
+
+
+@pytest.mark.parametrize("count", [1, 4, 7])
+def test_entries_of_a_combination_have_the_same_bits_wherever_they_stand(count: int) -> None:
+    rng = np.random.default_rng(count)
+    V, y, w = rng.standard_normal((9, 2500)).astype(np.float32), rng.standard_normal(count), rng.standard_normal(2500)
+    expected, whole = w - V[:count].astype(float).T @ y, w.copy()
+    less_combination(V[:count], y, whole)
+    assert_allclose(whole, expected, rtol=0, atol=1e-14 * count * np.abs(V).max())
+    some = np.array([3, 1022, 1023, 1024, 2048, 17])
+    own = w[some]
+    less_combination(np.ascontiguousarray(V[:count, some]), y, own)
+    assert np.array_equal(own, whole[some])
 
 
 class OneRank:
