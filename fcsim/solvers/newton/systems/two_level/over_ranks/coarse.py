@@ -55,15 +55,14 @@ class CoarsePattern:
 
 
 class CoarseFactor:
-    """S^-1 by fronts that are made in double precision, since beside the stiffness of joints inertia is round-off in single precision, and
-    kept in single precision: a solution reads all of them, and what rounding them changes is as small as in a backward-stable LU."""
+    """S^-1 by fronts, in double precision: beside the stiffness of joints, inertia is round-off in single precision."""
 
     def __init__(self, pattern: CoarsePattern, S: FloatArray) -> None:
         """S (blocks, k, k): the blocks in the pattern's order; SingularMatrix, on all ranks, where a front is singular."""
         self._pattern, self._k = pattern, S.shape[1]
         world, k, most = pattern.world, S.shape[1], len(pattern.places)
         own, border = k * pattern.sizes.T
-        self._values = np.empty(int(np.sum(own * (own + 2 * border))), dtype=np.float32)
+        self._values = np.empty(int(np.sum(own * (own + 2 * border))))
         T = np.zeros((k * most, k * most))
         with world.together("motions of bodies"):
             if world.number == 0:
@@ -79,7 +78,7 @@ class CoarseFactor:
         lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0, dtype=np.int64), 0)
         if info > 0:
             raise SingularMatrix("the bodies' motions on their joints are singular")
-        self._lu = lu.astype(np.float32)
+        self._lu: FloatArray = lu
         self._fronts = self._values, k * pattern.sizes, k * pattern.firsts, dofs_of(pattern.borders, k)
         self._own, self._of_top = dofs_of(pattern.by_rank[world.number], k), dofs_of(pattern.places, k)
         self._counts = [k * len(places) for places in pattern.by_rank]
@@ -89,13 +88,13 @@ class CoarseFactor:
     def solve(self, c: NDArray[np.float32]) -> NDArray[np.float32]:
         """S^-1 c (n, k), on all ranks."""
         world = self._pattern.world
-        own, x = self._own, c.reshape(-1)[self._order]
+        own, x = self._own, c.reshape(-1)[self._order].astype(np.float64)
         given = x[self._of_top]
         x[self._of_top] = 0
         kernels.forward(*self._fronts, x)
         if len(given):
             others = world.gathered(x[self._of_top], [len(given)] * world.size).reshape(world.size, -1).sum(axis=0)
-            x[self._of_top] = sla.lapack.sgetrs(self._lu, self._pivots, given + others, trans=1)[0]
+            x[self._of_top] = sla.lapack.dgetrs(self._lu, self._pivots, given + others, trans=1)[0]
         kernels.backward(*self._fronts, x)
         solution = np.empty_like(c)
         numbers = solution.reshape(-1)
