@@ -1,15 +1,17 @@
-"""GMRES where each rank has a part of every vector: products of vectors are summed over the ranks, all else is their own."""
+"""GMRES where each rank has a part of every vector, and copies of what is around it: what exchanges there are, an iteration has one."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
 from fcsim.linear.krylov import LeastSquares, combined, flat
+from fcsim.linear.over_ranks._krylov_kernels import less_combination
 
 GROWTH = 32
 """Vectors by which the basis grows."""
@@ -18,29 +20,43 @@ CANCELLED = 0.1
 cancels."""
 
 
+class Ranks(Protocol):
+    """How vectors lie on the ranks, see `fcsim.problem.distributed.Halo`: each has `own` numbers of them and, after these, copies of
+    others'; to the first `shared` of these it contributes."""
+
+    own: int
+    shared: int
+
+    def joined(self, share: FloatArray, numbers: FloatArray) -> tuple[FloatArray, float, FloatArray]: ...
+
+    def summed(self, numbers: FloatArray) -> FloatArray: ...
+
+
 def gmres_over_ranks(
     product: Callable[[FloatArray], FloatArray],
-    precondition: Callable[[FloatArray], NDArray[np.floating]],
+    precondition: Callable[[NDArray[np.float32]], NDArray[np.floating]],
     rhs: FloatArray,
-    summed: Callable[[FloatArray], FloatArray],
+    ranks: Ranks,
     accuracy: float,
     plateau: float,
     limit: int,
     enough: float,
-) -> FloatArray | None:
-    """Right-preconditioned GMRES for A x = rhs (k,) from x = 0, of which k are this rank's (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat.
-    Comput. 7, 1986), by classical Gram-Schmidt, twice where it cancels (J. W. Daniel, W. B. Gragg, L. Kaufman, G. W. Stewart, Math. Comp.
-    30, 1976): one sum over the ranks for a vector, whatever their number, three where it cancels. With one the length of what is left
-    follows from Pythagoras' theorem, to a part of 1e-5 in single precision; each vector's own is summed with the next one's products, so
-    that this does not add up.
+) -> tuple[FloatArray, FloatArray] | None:
+    """Right-preconditioned GMRES for A x = rhs (k,) from x = 0, of which this rank has its own and copies of others' (Y. Saad,
+    M. H. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986), by classical Gram-Schmidt, twice where it cancels (J. W. Daniel, W. B. Gragg,
+    L. Kaufman, G. W. Stewart, Math. Comp. 30, 1976): one exchange for a vector, of its entries beside other ranks and of its products with
+    those before, and two sums more where it cancels. With one the length of what is left follows from Pythagoras' theorem, to a part of
+    1e-5 in single precision; each vector's own is summed with the next one's products, so that this does not add up.
 
-    precondition: its answers are kept as they come, in single precision where they are. summed: numbers (j,) -> their sum over the ranks,
-    the same bits on all. Return this rank's part of x with ||rhs - A x|| <= accuracy ||rhs||, in the recurrence's norm, on a plateau (see
-    `fcsim.linear.krylov`) with <= plateau ||rhs||, or after `limit` iterations with <= enough ||rhs||; None where they do not get there.
+    product: this rank's own part of x -> what its share of A makes of that, (ranks.shared,). precondition: v (k,) with the copies -> this
+    rank's own part of x, kept as it comes, in single precision where it is. Return this rank's part of x with ||rhs - A x|| <= accuracy
+    ||rhs||, in the recurrence's norm, on a plateau (see `fcsim.linear.krylov`) with <= plateau ||rhs||, or after `limit` iterations with
+    <= enough ||rhs||, and by what factors the preconditioner's answers are summed to it; None where they do not get there.
     """
-    beta = math.sqrt(float(summed(np.array([rhs @ rhs]))[0]))
+    own, shared = ranks.own, ranks.shared
+    beta = math.sqrt(float(ranks.summed(np.array([rhs[:own] @ rhs[:own]]))[0]))
     if beta == 0:
-        return np.zeros_like(rhs)
+        return np.zeros(own), np.empty(0)
     basis = _Basis(len(rhs))
     basis.append(rhs / beta)
     steps: list[NDArray[np.floating]] = []
@@ -48,27 +64,29 @@ def gmres_over_ranks(
     for j in range(limit):
         last = basis.last
         steps.append(precondition(last))
-        w = product(steps[-1].astype(np.float64, copy=False))
-        along = summed(np.concatenate([basis.along(w), [w @ w, last @ last]]))
+        share = product(steps[-1].astype(np.float64, copy=False))
+        own_last = last[:own].astype(np.float64)
+        w, whole, along = ranks.joined(share, np.append(basis.along(share[:shared]), own_last @ own_last))
         basis.squares.append(float(along[-1]))
-        column, whole = along[:-2] / basis.squares, float(along[-2])
-        w -= basis.times(column)
-        left_of_it = whole - float(column @ along[:-2])  # its square, by Pythagoras
+        column = along[:-1] / basis.squares
+        basis.take_from(w, column)
+        left_of_it = whole - float(column @ along[:-1])  # its square, by Pythagoras
         if not math.isfinite(left_of_it):
             return None
         if left_of_it > CANCELLED**2 * whole:
             size = math.sqrt(left_of_it)
         else:
-            again = summed(basis.along(w)) / basis.squares
-            w -= basis.times(again)
+            again = ranks.summed(basis.along(w[:own])) / basis.squares
+            basis.take_from(w, again)
             column = column + again
-            size = math.sqrt(float(summed(np.array([w @ w]))[0]))
+            size = math.sqrt(float(ranks.summed(np.array([w[:own] @ w[:own]]))[0]))
         if not small.add(column.tolist(), size):
             return None
         left = small.defects[-1]
         if left <= accuracy * beta or (left <= plateau * beta and flat(small.defects)) or (j + 1 == limit and left <= enough * beta):
             # from the very steps that A was applied to: what single precision rounds of them is large in what A makes of it
-            return combined(small.coefficients(), steps)
+            y = small.coefficients()
+            return combined(y, steps), y
         if size == 0:
             return None
         basis.append(w / size)
@@ -91,21 +109,19 @@ class _Basis:
         self._count += 1
 
     @property
-    def last(self) -> FloatArray:
-        return self._blocks[-1][(self._count - 1) % GROWTH].astype(np.float64)
+    def last(self) -> NDArray[np.float32]:
+        return self._blocks[-1][(self._count - 1) % GROWTH]
 
     def _parts(self) -> Iterator[NDArray[np.float32]]:
         for k, block in enumerate(self._blocks):
             yield block[: self._count - k * GROWTH]
 
     def along(self, w: FloatArray) -> FloatArray:
-        """V w (j,)."""
+        """V w (j,) by the first entries of the vectors, as many as w has."""
         given = w.astype(np.float32)
-        return np.concatenate([part @ given for part in self._parts()]).astype(np.float64)
+        return np.concatenate([part[:, : len(w)] @ given for part in self._parts()]).astype(np.float64)
 
-    def times(self, y: FloatArray) -> FloatArray:
-        """V^T y (k,)."""
-        total, given = np.zeros(self._size), y.astype(np.float32)
+    def take_from(self, w: FloatArray, y: FloatArray) -> None:
+        """Replace w (k,) by w - V^T y."""
         for k, part in enumerate(self._parts()):
-            total += given[k * GROWTH : k * GROWTH + len(part)] @ part
-        return total
+            less_combination(part, y[k * GROWTH : k * GROWTH + len(part)], w)

@@ -5,6 +5,8 @@ from fcsim.problem.distributed.bodies import Compliances as Compliances
 from fcsim.problem.distributed.delassus import DistributedDelassus as DistributedDelassus
 from fcsim.problem.distributed.delassus import whole_delassus as whole_delassus
 from fcsim.problem.distributed.factor import DistributedFactor as DistributedFactor
+from fcsim.problem.distributed.halo import Halo as Halo
+from fcsim.problem.distributed.halo import SharesByParts as SharesByParts
 from fcsim.problem.distributed.layout import ContactLayout as ContactLayout
 from fcsim.problem.distributed.layout import contact_layout as contact_layout
 from fcsim.problem.distributed.parts import ContactParts as ContactParts

@@ -82,6 +82,24 @@ def test_products_are_those_of_W(shared: Any, ranks: int) -> None:
 
 
 @pytest.mark.parametrize("ranks", RANKS)
+def test_copies_of_what_ranks_sum_have_the_bits_of_their_owners(shared: Any, ranks: int) -> None:
+    """W x on each rank's own contacts and those around them, its length and other sums by the same exchange."""
+    W, _ = alone()
+    image = (W @ given(W)[2].ravel()).reshape(-1, 3)
+    of_owners = np.full(image.shape, np.nan)
+    answers = shared(ranks)
+    for answer in answers:
+        of_owners[answer["own"]] = np.reshape(answer["joined"][0], (-1, 3))[: len(answer["own"])]
+    for answer in answers:
+        values, square, sums = answer["joined"]
+        assert answer["halo"][: len(answer["own"])] == answer["own"] and len(answer["halo"]) > len(answer["own"])
+        assert np.array_equal(np.reshape(values, (-1, 3)), of_owners[answer["halo"]])
+        assert square == answers[0]["joined"][1] == pytest.approx(np.sum(image**2), rel=1e-13)
+        assert sums == [ranks, ranks * (ranks - 1) / 2]
+    assert np.linalg.norm(of_owners - image) <= 1e-13 * np.linalg.norm(image)
+
+
+@pytest.mark.parametrize("ranks", RANKS)
 def test_the_preconditioner_is_that_of_one_process(shared: Any, ranks: int) -> None:
     """To single precision, in which it is computed; from it one other follows, which then has its blocks."""
     W, joints = alone()

@@ -21,7 +21,7 @@ from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
-from fcsim.solvers.newton.systems.two_level.over_ranks.system import ProductByParts, TwoLevelOverRanks
+from fcsim.solvers.newton.systems.two_level.over_ranks.system import TwoLevelOverRanks
 from tests.unit.ranks.walls import simulation
 from tests.unit.solvers.newton.systems.test_two_level import linearisation
 
@@ -77,20 +77,24 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     A, B = linearisation(len(x), float(W.diagonal().mean()))
     P = PreconditionerOverRanks(joints, W.layout)
     P.update(A[joints.order], B[joints.order])
-    first = parts.whole(P(own.ravel()).reshape(own.shape))
+    wide = x[joints.halo.contacts].astype(np.float32).ravel()
+    first = parts.whole(P(wide).reshape(own.shape))
     kept = P.following(bodies, joints.diagonal_of_W)
     assert kept is not None
     changed_A, changed_B = A.copy(), B.copy()
     changed_A[::7], changed_B[::7] = 0, np.eye(3)
     kept.update(changed_A[joints.order], changed_B[joints.order])
+    joined = joints.halo.joined(joints.shares.of(W, own)[1].ravel(), np.array([1.0, parts.world.number]))
     solved = [TwoLevelOverRanks(W, behind).solve(A, B, x, needed) for needed in (NEAR, FAR)]
     return {
-        "product": parts.whole(ProductByParts(W, parts)(own)).ravel().tolist(),
+        "product": parts.whole(joints.shares.product(W, own)).ravel().tolist(),
         "preconditioned": first.ravel().tolist(),
-        "changed": parts.whole(kept(own.ravel()).reshape(own.shape)).ravel().tolist(),
+        "changed": parts.whole(kept(wide).reshape(own.shape)).ravel().tolist(),
         "given away": [P.given_away, P.following(bodies, joints.diagonal_of_W) is None, kept.given_away],
         "solved": [[part.tolist() for part in found] for found in solved if found is not None],
         "own": parts.own.tolist(),
+        "halo": joints.halo.contacts.tolist(),
+        "joined": [joined[0].tolist(), joined[1], joined[2].tolist()],
         "entries": len(joints.E),
         **one_by_one(W, A, B, x),
         "refused": kept.following(bodies, 2 * joints.diagonal_of_W) is None,

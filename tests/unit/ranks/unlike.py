@@ -18,10 +18,9 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Placed
-from fcsim.problem.distributed import DistributedDelassus
+from fcsim.problem.distributed import DistributedDelassus, SharesByParts
 from fcsim.ranks import sharing
 from fcsim.solvers import SOLVERS
-from fcsim.solvers.newton.systems.two_level.over_ranks.system import ProductByParts
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Scheme
@@ -93,15 +92,15 @@ def found(name: str) -> list[dict[str, object]]:
 def failing(kind: str, rank: int, folder: Path) -> None:
     """Let the fifth product with W of one rank raise an error, beside a file that says when."""
     error = {"MemoryError": MemoryError("no room"), "SingularMatrix": SingularMatrix("a pivot is zero")}[kind]
-    product, count = ProductByParts.__call__, iter(range(1000))
+    product, count = SharesByParts.of, iter(range(1000))
 
-    def spoiled(self: ProductByParts, x: np.ndarray) -> np.ndarray:
+    def spoiled(self: SharesByParts, W: DistributedDelassus, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if rank == FAILING and next(count) == 4:
             folder.joinpath("failed").touch()
             raise error
-        return product(self, x)
+        return product(self, W, x)
 
-    ProductByParts.__call__ = spoiled  # type: ignore[method-assign]
+    SharesByParts.of = spoiled  # type: ignore[method-assign]
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fcsim.linear.elimination_tree import elimination_tree
+from fcsim.linear.over_ranks._krylov_kernels import less_combination
 from fcsim.linear.over_ranks.krylov import gmres_over_ranks
 from fcsim.problem.bodies.shares import compliant_motions
 from fcsim.solvers.newton.systems.two_level.joints import MOTIONS, Joints
@@ -96,25 +97,56 @@ def test_fronts_and_what_they_leave_solve_the_matrix() -> None:
     assert_allclose(dense @ solution, c, atol=1e-11)
 
 
+@pytest.mark.parametrize("count", [1, 4, 7])
+def test_entries_of_a_combination_have_the_same_bits_wherever_they_stand(count: int) -> None:
+    rng = np.random.default_rng(count)
+    V, y, w = rng.standard_normal((9, 2500)).astype(np.float32), rng.standard_normal(count), rng.standard_normal(2500)
+    expected, whole = w - V[:count].astype(float).T @ y, w.copy()
+    less_combination(V[:count], y, whole)
+    assert_allclose(whole, expected, rtol=0, atol=1e-14 * count * np.abs(V).max())
+    some = np.array([3, 1022, 1023, 1024, 2048, 17])
+    own = w[some]
+    less_combination(np.ascontiguousarray(V[:count, some]), y, own)
+    assert np.array_equal(own, whole[some])
+
+
+class OneRank:
+    """Vectors of n numbers that one rank has alone."""
+
+    def __init__(self, n: int) -> None:
+        self.own = self.shared = n
+
+    def joined(self, share: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+        return share, float(share @ share), numbers
+
+    def summed(self, numbers: np.ndarray) -> np.ndarray:
+        return numbers
+
+
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-5])
 def test_gmres_gets_to_the_accuracy(accuracy: float) -> None:
     """Of one rank, whose sums are its own; of several see tests/unit/ranks."""
     rng = np.random.default_rng(1)
     A = np.eye(60) + 0.1 * rng.standard_normal((60, 60))
     b = rng.standard_normal(60)
-    x = gmres_over_ranks(lambda y: A @ y, lambda y: y, b, lambda sums: sums, accuracy, 0.0, 60, 0.0)
-    assert x is not None
+    steps: list[np.ndarray] = []
+    found = gmres_over_ranks(lambda y: A @ y, lambda y: steps.append(y.copy()) or y, b, OneRank(60), accuracy, 0.0, 60, 0.0)
+    assert found is not None
+    x, y = found
+    assert_allclose(np.array(steps).T @ y, x, rtol=1e-6)
     assert np.linalg.norm(A @ x - b) <= 1.001 * accuracy * np.linalg.norm(b)
 
 
 def test_gmres_gives_up_and_takes_what_is_enough() -> None:
     A, b = np.diag(np.arange(1.0, 41.0)), np.ones(40)
-    arguments = (lambda y: A @ y, lambda y: y, b, lambda sums: sums, 1e-5, 0.0, 5)
+    arguments = (lambda y: A @ y, lambda y: y, b, OneRank(40), 1e-5, 0.0, 5)
     assert gmres_over_ranks(*arguments, 0.0) is None
-    x = gmres_over_ranks(*arguments, 0.5)
-    assert x is not None
-    assert np.linalg.norm(A @ x - b) <= 0.5 * np.linalg.norm(b)
-    assert_allclose(gmres_over_ranks(*arguments[:2], np.zeros(40), *arguments[3:], 0.0), 0.0)
+    found = gmres_over_ranks(*arguments, 0.5)
+    assert found is not None
+    assert np.linalg.norm(A @ found[0] - b) <= 0.5 * np.linalg.norm(b)
+    nothing = gmres_over_ranks(*arguments[:2], np.zeros(40), *arguments[3:], 0.0)
+    assert nothing is not None
+    assert_allclose(nothing[0], np.zeros(40))
 
 
 def test_gmres_ends_on_a_plateau() -> None:
@@ -128,7 +160,7 @@ def test_gmres_ends_on_a_plateau() -> None:
             products[-1] += 1
             return A @ y
 
-        x = gmres_over_ranks(product, lambda y: y, b, lambda sums: sums, 1e-4, plateau, 60, 0.0)
-        assert x is not None
-        assert np.linalg.norm(A @ x - b) <= 1.01 * max(1e-4, plateau) * np.linalg.norm(b)
+        found = gmres_over_ranks(product, lambda y: y, b, OneRank(60), 1e-4, plateau, 60, 0.0)
+        assert found is not None
+        assert np.linalg.norm(A @ found[0] - b) <= 1.01 * max(1e-4, plateau) * np.linalg.norm(b)
     assert products[1] < products[0]

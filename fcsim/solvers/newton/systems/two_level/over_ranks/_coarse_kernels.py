@@ -15,8 +15,8 @@ from fcsim.linear._front_kernels import dot
 
 @njit(cache=True, nogil=True)
 def eliminate(tree, which, indptr, indices, mirror, S, top, values, T):
-    """Write the fronts of a matrix by blocks S (blocks, k, k) to `values`, and add what they leave on the rows top[place] >= 0, which none
-    of them has for its own, to T; raises LinAlgError where one is singular.
+    """Write the fronts of a matrix by blocks S (blocks, k, k) to `values`, in the precision of these, and add what they leave on the rows
+    top[place] >= 0, which none of them has for its own, to T; raises LinAlgError where one is singular.
 
     place: in the order of elimination; mirror (blocks,): the block in the place (j, i) of that in (i, j).
     """
@@ -103,7 +103,7 @@ def backward(values, sizes, firsts, borders, x):
     at, edge, most = len(values), len(borders), 1
     for f in range(len(sizes)):
         most = max(most, sizes[f, 0], sizes[f, 1])
-    gathered = np.empty(most)
+    gathered = np.empty(most, dtype=x.dtype)
     for f in range(len(sizes) - 1, -1, -1):
         n, b = sizes[f]
         at, edge = at - n * (n + 2 * b), edge - b

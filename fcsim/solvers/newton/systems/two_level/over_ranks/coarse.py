@@ -26,7 +26,7 @@ class CoarsePattern:
 
     def __init__(self, columns: IntArray, begins: IntArray, rank: IntArray, world: World) -> None:
         """columns (blocks,): ascending, those of row i from begins[i] on, a symmetric pattern with the diagonal; rank (n,): whose each body
-        is."""
+        is. needed (ranks, blocks): which of the blocks a rank's fronts take."""
         self.columns, self.begins, self.world = columns, begins, world
         n = len(begins) - 1
         row = np.repeat(np.arange(n), np.diff(begins))
@@ -46,6 +46,9 @@ class CoarsePattern:
         rows = [tree.rows[tree.starts[f] : tree.starts[f + 1]] for f in self.which]
         self.firsts, self.borders = tree.first[self.which], np.concatenate([np.empty(0, dtype=np.int64), *rows])
         self.by_rank = [np.flatnonzero(owner == number) for number in range(world.size)]  # places that a rank eliminates
+        whose = owner[np.argsort(tree.order)]  # by bodies
+        self.needed = np.stack([(whose[row] == k) | (whose[columns] == k) for k in range(world.size)])
+        self.needed[0] |= (whose[row] == world.size) & (whose[columns] == world.size)
         number = self.top[np.argsort(tree.order)]
         of_top = np.flatnonzero((number[row] >= 0) & (number[columns] >= 0))
         self.blocks_of_top = of_top, number[row[of_top]], number[columns[of_top]]
@@ -71,18 +74,18 @@ class CoarseFactor:
             except np.linalg.LinAlgError:
                 raise SingularMatrix("the bodies' motions on their joints are singular") from None
         world.summed("motions of bodies between ranks", T.ravel())
-        self._lu: FloatArray
         self._pivots: IntArray
-        self._lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0, dtype=np.int64), 0)
+        lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0, dtype=np.int64), 0)
         if info > 0:
             raise SingularMatrix("the bodies' motions on their joints are singular")
+        self._lu: FloatArray = lu
         self._fronts = self._values, k * pattern.sizes, k * pattern.firsts, dofs_of(pattern.borders, k)
         self._own, self._of_top = dofs_of(pattern.by_rank[world.number], k), dofs_of(pattern.places, k)
         self._counts = [k * len(places) for places in pattern.by_rank]
         self._order = dofs_of(pattern.tree[0], k)  # of c, in the order of elimination
         self._eliminated, self._left = self._order[dofs_of(np.concatenate(pattern.by_rank), k)], self._order[self._of_top]
 
-    def solve[T: np.floating](self, c: NDArray[T]) -> NDArray[T]:
+    def solve(self, c: NDArray[np.float32]) -> NDArray[np.float32]:
         """S^-1 c (n, k), on all ranks."""
         world = self._pattern.world
         own, x = self._own, c.reshape(-1)[self._order].astype(np.float64)

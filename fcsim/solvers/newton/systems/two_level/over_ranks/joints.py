@@ -12,7 +12,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.problem.bodies.shares import EIGEN_UP_TO, compliant_motions
-from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Needed
+from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Halo, SharesByParts
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as own_kernels
@@ -22,7 +22,7 @@ from fcsim.threads import pieces_by_work, side_by_side
 
 class OwnJoints:
     """The joints of this rank, as `Joints`. Contacts are numbered in the order of its joints, `parts.own`, and after them the neighbours
-    of others, which `needed` brings; order (k,): their numbers among all."""
+    of others; order (k,): their numbers among all, in_halo (k,): among the contacts of `halo`, on which vectors are."""
 
     def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, parts: ContactParts, bodies: IntArray) -> None:
         """bodies: those of `behind`; parts: contacts by joints, see `parts_by_joints`."""
@@ -34,7 +34,11 @@ class OwnJoints:
             self._find(behind, np.where(sizes > EIGEN_UP_TO, sizes, 0), bodies)
             wanted = np.zeros(self.count, dtype=bool)
             wanted[self.listed] = True
-        self.needed = Needed(parts, self.order[len(parts.own) :])
+        self.shares = SharesByParts(parts, layout)
+        self.halo = Halo(parts, self.shares.foreign, self.order[len(parts.own) :], self.d)
+        place = np.empty(layout.nc, dtype=np.int64)
+        place[self.halo.contacts] = np.arange(len(self.halo.contacts))
+        self.in_halo = place[self.order]
         compliances = behind.compliances(world, wanted)
         with layout.together("blocks of joints"):
             self._fill(behind, compliances.matrices, compliances.kind)
@@ -96,6 +100,13 @@ class OwnJoints:
         key = np.unique(np.concatenate([world.gathered(keys, counts), np.arange(count) * (count + 1)]))  # a symmetric pattern
         self.places = np.searchsorted(key, row * count + column)
         self.coarse = CoarsePattern(key % count, np.searchsorted(key, count * np.arange(count + 1)), rank, world)
+        own = np.unique(self.places)
+        counts = world.gathered(np.array([len(own)]), np.ones(world.size, dtype=np.int64))
+        made = np.zeros((world.size, len(key)), dtype=bool)
+        for k, some in enumerate(np.split(world.gathered(own, counts), np.cumsum(counts)[:-1])):
+            made[k, some] = True
+        # blocks that a rank takes and others add to
+        self.coarse_between = np.flatnonzero((self.coarse.needed & (made.sum(axis=0) > made)).any(axis=0))
 
 
 def parts_by_joints(W: DistributedDelassus, behind: BodiesOverRanks, bodies: IntArray) -> ContactParts:

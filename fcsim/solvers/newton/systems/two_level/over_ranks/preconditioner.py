@@ -20,8 +20,8 @@ from fcsim.threads import pieces_by_work, side_by_side
 
 
 class PreconditionerOverRanks:
-    """x -> P^-1 x as `Preconditioner`, both this rank's parts (k d,) by contacts of its own joints; SingularMatrix, on all ranks, where a
-    joint of one or the bodies' motions are singular."""
+    """x -> P^-1 x as `Preconditioner` for this rank's parts (k d,) of vectors; SingularMatrix, on all ranks, where a joint of one or the
+    bodies' motions are singular."""
 
     def __init__(self, joints: OwnJoints, layout: ContactLayout) -> None:
         self.joints, self._layout, self._steps, self.given_away = joints, layout, 0, False
@@ -50,7 +50,9 @@ class PreconditionerOverRanks:
                 raise SingularMatrix("a joint's block is singular") from None
             kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
             self._A32 = self._A.astype(np.float32)
-        joints.parts.world.summed("motions of bodies on joints", S.ravel())
+        between = S[joints.coarse_between].ravel()
+        joints.parts.world.summed("motions of bodies on joints", between)
+        S[joints.coarse_between] = between.reshape(-1, k, k)
         S[joints.coarse.diagonal] += np.eye(k)
         self._coarse = CoarseFactor(joints.coarse, S)
 
@@ -85,10 +87,10 @@ class PreconditionerOverRanks:
         side_by_side([partial(kernels.solve_joints, *given, begin, end, x, z) for begin, end in self._ranges])
         return z
 
-    def __call__(self, x: FloatArray) -> NDArray[np.float32]:
+    def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """P^-1 x on this rank's own contacts for x on those of the joints' halo."""
         joints = self.joints
-        own = x.reshape(-1, joints.d).astype(np.float32)
-        wide, c = np.concatenate([own, joints.needed.of(own)]), np.zeros((joints.count, MOTIONS), dtype=np.float32)
+        wide, c = x.reshape(-1, joints.d).take(joints.in_halo, axis=0), np.zeros((joints.count, MOTIONS), dtype=np.float32)
         sums = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32)
         given = (self._V, joints.V_starts, joints.begins, joints.wide)
         side_by_side([partial(kernels.sum_joints, *given, begin, end, wide, sums) for begin, end in self._ranges])

@@ -6,8 +6,9 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
+from fcsim.linear.krylov import combined
 from fcsim.linear.over_ranks.krylov import gmres_over_ranks
-from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Needed
+from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
@@ -24,7 +25,6 @@ class TwoLevelOverRanks:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
-        self._by_parts: ProductByParts | None = None
         self._demand, bodies = Demand(), behind.bodies
         self.pays = bodies is not None and largest_joint(bodies, behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
@@ -76,15 +76,7 @@ class TwoLevelOverRanks:
             step = np.zeros((len(own), joints.d)) if found is None else found[own] - r[own]
         with joints.parts.world.unasked("joints one by one"):
             dr = joints.parts.whole(step)
-            return (dr.ravel(), joints.parts.whole(self._product(step)).ravel()) if dr.any() else None
-
-    def _product(self, x: FloatArray) -> FloatArray:
-        """W x (k, d), as `ProductByParts` of the preconditioner's."""
-        assert self._precondition is not None
-        parts = self._precondition.joints.parts
-        if self._by_parts is None or self._by_parts.parts is not parts:
-            self._by_parts = ProductByParts(self._W, parts)
-        return self._by_parts(x)
+            return (dr.ravel(), joints.parts.whole(joints.shares.product(self._W, step)).ravel()) if dr.any() else None
 
     def _by(
         self,
@@ -94,50 +86,29 @@ class TwoLevelOverRanks:
     ) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr by GMRES with this preconditioner, as in `TwoLevelSystem`; given: A, B, rhs and the diagonal of W, by contacts, whose
         rows are normalised where this rank has them."""
-        parts = precondition.joints.parts
-        A, B, rhs, diagonal = (values[precondition.joints.order] for values in given)
+        joints = precondition.joints
+        halo, parts = joints.halo, joints.parts
+        A, B, rhs, diagonal = (values[halo.contacts] for values in given)
         A, B, rhs = kernels.normalised(A, B, rhs, diagonal.mean(1))
         try:
-            precondition.update(A, B)
+            precondition.update(A[joints.in_halo], B[joints.in_halo])
         except SingularMatrix:
             return None
-        count, d = len(parts.own), rhs.shape[1]
-        own_A, own_B = A[:count], B[:count]
+        d = rhs.shape[1]
+        shared_A, own_B = A[: halo.shared // d], B[: halo.shared // d]
+        own_B[halo.own // d :] = 0.0  # B r is its owner's
+        images = list[FloatArray]()  # this rank's shares of W times the steps
 
         def product(x: FloatArray) -> FloatArray:
-            x = x.reshape(-1, d)
-            image: FloatArray = apply_blocks(own_A, self._product(x), own_B, x)
-            return image.ravel()
+            x, image = joints.shares.of(self._W, x.reshape(-1, d))
+            images.append(image)
+            share: FloatArray = apply_blocks(shared_A, image, own_B, x)
+            return share.ravel()
 
         with parts.world.unasked("GMRES over ranks"):
-            found = gmres_over_ranks(product, precondition, rhs[:count].ravel(), parts.summed, *limits, ITERATIONS, ENOUGH)
+            found = gmres_over_ranks(product, precondition, rhs.ravel(), halo, *limits, ITERATIONS, ENOUGH)
             if found is None:
                 return None
-            step = found.reshape(-1, d)
-            return parts.whole(step).ravel(), parts.whole(self._product(step)).ravel()
-
-
-class ProductByParts:
-    """x (k, d) -> W x (k, d), both the parts of the ranks: each multiplies with the shares of its own bodies.
-
-    Ranks do not ask one another about errors before they exchange what they have, as elsewhere: nothing but a lack of memory ends a
-    product, or an application of the preconditioner, on one rank, and then that rank, and the others with it (`World.unasked`).
-    """
-
-    def __init__(self, W: DistributedDelassus, parts: ContactParts) -> None:
-        self.parts, self._W, contacts = parts, W, W.layout.own
-        self._foreign = np.flatnonzero(parts.owner[contacts] != parts.world.number)
-        place = np.empty(W.layout.nc, dtype=np.int64)
-        place[parts.own] = np.arange(len(parts.own))
-        place[contacts[self._foreign]] = len(parts.own) + np.arange(len(self._foreign))
-        self._place = place[contacts]  # of the contacts of this rank's bodies, in its part and after it those of others
-        place[contacts] = np.arange(len(contacts))
-        self._own = place[parts.own]
-        self._needed = Needed(parts, contacts[self._foreign])
-
-    def __call__(self, x: FloatArray) -> FloatArray:
-        wide = np.concatenate([x, self._needed.of(x)]).take(self._place, axis=0)
-        image = self._W.own_product(wide.ravel()).reshape(wide.shape)
-        own: FloatArray = image.take(self._own, axis=0)
-        self._needed.to_owners(own, image[self._foreign])
-        return own
+            step, y = found
+            image = combined(y, images) if len(y) else np.zeros(shared_A.shape[:2])
+            return parts.whole(step.reshape(-1, d)).ravel(), parts.whole(joints.shares.joined(image)).ravel()
