@@ -1,4 +1,4 @@
-"""Newton's method on single joints, compiled."""
+"""Newton's method on single joints and patches of them, and which patches, compiled."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -81,3 +81,33 @@ def settle_joints(E, starts, cuts, begins, order, G, u, r, mu, rho, weight, limi
         out[own] = settle_joint(W, own_u, own_r, own_mu, own_rho, own_weight, most, falls)
         count += 1
     return count
+
+
+@njit(cache=True)
+def choose_patches(worst, begins, beside, cuts, most, enough):
+    """Return starts (patches + 1,) and the joints of the patches: each one of `worst` that is in none so far, nor next to one that is, with
+    the joints `beside` it; at most `most` contacts a patch but for a joint alone, and no more patches from `enough` contacts on."""
+    taken = np.zeros(len(cuts) - 1, dtype=np.bool_)
+    starts, which = np.zeros(len(worst) + 1, dtype=np.int64), np.empty(len(cuts) - 1, dtype=np.int64)
+    patches, at, contacts = 0, 0, 0
+    for k in worst:
+        if contacts >= enough:
+            break
+        free = not taken[k]
+        for j in beside[begins[k] : begins[k + 1]]:
+            free = free and not taken[j]
+        if not free:
+            continue
+        size = cuts[k + 1] - cuts[k]
+        which[at], taken[k] = k, True
+        at += 1
+        for j in beside[begins[k] : begins[k + 1]]:
+            own = cuts[j + 1] - cuts[j]
+            if size + own <= most:
+                which[at], taken[j] = j, True
+                at += 1
+                size += own
+        contacts += size
+        patches += 1
+        starts[patches] = at
+    return starts[: patches + 1], which[:at]

@@ -13,12 +13,14 @@ from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
-from fcsim.solvers.newton.systems.two_level.settling import settled
+from fcsim.solvers.newton.systems.two_level.settling import Rounds, settled
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
 
 
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
+
+    rounds = Rounds()  # of single joints: a patch's bodies may be on several ranks
 
     def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, kept: PreconditionerOverRanks | None = None) -> None:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
