@@ -28,13 +28,14 @@ def weighted(F, weight):
 
 
 @njit(cache=True, nogil=True)
-def settle_joint(W, u, r, mu, rho, weight, most, falls):
+def settle_joint(W, u, r, mu, rho, weight, most, falls, leaps):
     """Reactions (n, d) from (u, r) with u moving by W times what they move by, by at most `most` iterations of Newton's method on Alart and
-    Curnier's F; steps are halved until ||weight F|| falls by a hundredth of them, it ends where that is `falls` of what it was."""
+    Curnier's F; steps are halved until ||weight F|| falls by a hundredth of them, it ends where that is `falls` of what it was. Where no
+    part of a step is enough the whole one is taken, `leaps` times at most; the best of all that were met are returned."""
     n, d = u.shape
     F, A, B = disk_equations(u, r, mu, rho, False)
     size = weighted(F, weight)
-    enough = falls * size
+    enough, best, least = falls * size, r, size
     for _ in range(most):
         if size <= enough:
             break
@@ -61,9 +62,15 @@ def settle_joint(W, u, r, mu, rho, weight, most, falls):
             if not found:
                 t *= 0.5
         if not found:
-            break
+            if leaps == 0:
+                break
+            leaps, t = leaps - 1, 1.0
+            F, A, B = disk_equations(u + du, r + dr, mu, rho, False)
+            after = weighted(F, weight)
         u, r, size = u + t * du, r + t * dr, after
-    return r
+        if size < least:
+            best, least = r, size
+    return best
 
 
 @njit(cache=True, nogil=True)
@@ -78,7 +85,7 @@ def settle_joints(E, starts, cuts, begins, order, G, u, r, mu, rho, weight, limi
             continue
         wide = d * (begins[k + 1] - begins[k])
         W = joint_compliance(E[starts[k] : starts[k + 1]].reshape(wide, wide), G[cuts[k] : cuts[k + 1]])
-        out[own] = settle_joint(W, own_u, own_r, own_mu, own_rho, own_weight, most, falls)
+        out[own] = settle_joint(W, own_u, own_r, own_mu, own_rho, own_weight, most, falls, 0)
         count += 1
     return count
 

@@ -20,6 +20,7 @@ patches are chosen where the equations are missed, worst first, follows R. V. So
 
 from __future__ import annotations
 
+import itertools
 from functools import partial
 from typing import Protocol
 
@@ -38,8 +39,9 @@ SHARE = 0.05
 """Of all contacts that a round's patches have about, at the most: what solves them takes as long as three or four iterations of GMRES."""
 PATCH_UP_TO, MANY = 300, 12
 """Contacts of a patch at the most, and joints of a body from which on it joins none to a patch: a foundation lies under a whole wall."""
-ITERATIONS, FALLS = 15, 1e-2
-"""Of Newton's method in a patch: at most, and the ||F|| relative to where it began at which it ends; the next round goes on."""
+ITERATIONS, FALLS, LEAPS = 15, 1e-2, 4
+"""Of Newton's method in a patch: at most, the ||F|| relative to where it began at which it ends, for the next round goes on, and how often a
+whole step is taken though ||F|| does not fall."""
 
 
 class JointsOfPatches(Protocol):
@@ -49,7 +51,11 @@ class JointsOfPatches(Protocol):
     bodies: IntArray
     cuts: IntArray
     order: IntArray
-    beside: tuple[IntArray, IntArray]
+
+    @property
+    def beside(self) -> tuple[IntArray, IntArray]:
+        """As `joints_beside`."""
+        ...
 
 
 def joints_beside(bodies: IntArray, count: int) -> tuple[IntArray, IntArray]:
@@ -71,10 +77,8 @@ def chosen(joints: JointsOfPatches, missed: FloatArray, limit: float) -> list[In
     above = np.flatnonzero(missed > limit)
     worst = above[np.argsort(-missed[above], kind="stable")]
     starts, which = kernels.choose_patches(worst, *joints.beside, joints.cuts, PATCH_UP_TO, SHARE * len(joints.order))
-    return [
-        np.concatenate([joints.order[joints.cuts[k] : joints.cuts[k + 1]] for k in which[i:j]])
-        for i, j in zip(starts[:-1], starts[1:], strict=True)
-    ]
+    contacts = [joints.order[joints.cuts[k] : joints.cuts[k + 1]] for k in which]
+    return [np.concatenate(contacts[i:j]) for i, j in itertools.pairwise(starts)]
 
 
 def patched(
@@ -89,7 +93,7 @@ def patched(
     def solve(begin: int, end: int) -> None:
         for own in patches[begin:end]:
             W_own = dense_part(W, r.shape[1], own, own)
-            found[own] = kernels.settle_joint(W_own, u[own], r[own], mu[own], rho[own], weight[own], ITERATIONS, FALLS)
+            found[own] = kernels.settle_joint(W_own, u[own], r[own], mu[own], rho[own], weight[own], ITERATIONS, FALLS, LEAPS)
 
     if not patches:
         return None
