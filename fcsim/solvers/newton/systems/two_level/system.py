@@ -59,7 +59,7 @@ ACCURACY, FORESEEN, SAFETY, AT_FIRST = 1e-3, 1e-5, 0.3, 0.1
 what is left of a defect opens and releases others; with 1e-4 steps of walls take a fifth more iterations. Where Newton's residual is near
 the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more; for a step's first system
 AT_FIRST times, since it may be the only one."""
-PLATEAU, FIRST_PLATEAU, PATIENCE, LESS = 0.05, 2e-3, 2, 0.7
+PLATEAU, FIRST_PLATEAU, PATIENCE, LESS = 0.3, 2e-3, 2, 0.7
 """Defect, relative to the right-hand side, from which on GMRES ends on a plateau, and for a step's first system, which may be the only one;
 but for every PATIENCE-th system while Newton's residual stays above LESS of its least: two contacts may take turns for ever, each opened by
 what the other's system left."""
