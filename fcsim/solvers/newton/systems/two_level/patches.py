@@ -40,8 +40,8 @@ SHARE = 0.05
 PATCH_UP_TO, MANY = 300, 12
 """Contacts of a patch at the most, and joints of a body from which on it joins none to a patch: a foundation lies under a whole wall."""
 ITERATIONS, FALLS, LEAPS = 15, 1e-2, 4
-"""Of Newton's method in a patch: at most, the ||F|| relative to where it began at which it ends, for the next round goes on, and how often a
-whole step is taken though ||F|| does not fall."""
+"""Of Newton's method in a patch: at most, the ||F|| relative to where it began at which it ends, for the next round goes on, and how often
+a whole step is taken though ||F|| does not fall."""
 
 
 class JointsOfPatches(Protocol):

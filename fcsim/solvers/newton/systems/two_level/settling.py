@@ -87,7 +87,8 @@ class SettlesJoints[T: TwoLevel]:
     def settled(
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
     ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr (m,) by which joints or patches are solved one by one, arguments as of `settled`; None where another way is gone or none are."""
+        """dr and W dr (m,) by which joints or patches are solved one by one, arguments as of `settled`; None where another way is gone or
+        none are."""
         return None if self._two_level is None else self._two_level.settled(u, r, mu, rho, weight, limit)
 
 

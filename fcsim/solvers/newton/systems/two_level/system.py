@@ -39,12 +39,13 @@ from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
-from fcsim.linear.krylov import combined, gmres
+from fcsim.linear.over_ranks.krylov import gmres_over_ranks
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
@@ -84,7 +85,7 @@ class Preconditioner:
     """x (m,) -> P^-1 x, of one W for A and B that change; SingularMatrix where a joint or the bodies' motions are singular."""
 
     def __init__(self, joints: Joints) -> None:
-        self._joints, self._steps = joints, 0
+        self._joints, self._steps, self.given_away = joints, 0, False
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q; by the order of the joints
         self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
         self._T = np.empty(joints.T_starts[-1])
@@ -124,18 +125,18 @@ class Preconditioner:
         return Multifrontal(coarse, None, np.ones(n, dtype=bool), np.float32)
 
     def following(self, shares: BodyShares, bodies: IntArray, diagonal: FloatArray) -> Preconditioner | None:
-        """The same for the W of a later step, a value of its own; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly
-        those that it was made for, or where that is long ago."""
+        """The same for the W of a later step, which it then serves alone: it has this one's blocks, of which few are made anew, and no copy
+        of them; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly those that it was made for, where that is long ago, or
+        where another one has the blocks."""
         joints = self._joints
-        if self._steps >= LASTS or joints.count != shares.count or diagonal.shape != joints.diagonal_of_W.shape:
+        if self.given_away or self._steps >= LASTS or joints.count != shares.count or diagonal.shape != joints.diagonal_of_W.shape:
             return None
         if np.any(joints.bodies != bodies[joints.order]):
             return None
         if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
             return None
         other = copy(self)
-        other._A, other._B, other._Q, other._V, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._V, self._T))
-        other._steps += 1
+        other._steps, self.given_away = self._steps + 1, True
         return other
 
     def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
@@ -152,7 +153,7 @@ class Preconditioner:
         side_by_side([partial(kernels.solve_joints, *given, begin, end, x, z) for begin, end in self._ranges])
         return z
 
-    def __call__(self, x: FloatArray) -> FloatArray:
+    def __call__(self, x: FloatArray) -> NDArray[np.float32]:
         joints = self._joints
         x = x.reshape(-1, joints.d)[joints.order].astype(np.float32)
         c = np.zeros((joints.count, MOTIONS), dtype=np.float32)
@@ -164,7 +165,7 @@ class Preconditioner:
         c[order] = self._coarse.solve(c[order])
         rest = np.empty_like(x)
         kernels.less_motions(self._A32, joints.G32, joints.bodies, c, x, rest)
-        step = np.empty(x.shape)
+        step = np.empty(x.shape, dtype=np.float32)
         step[joints.order] = self._joint_by_joint(rest)
         return step.ravel()
 
@@ -244,6 +245,8 @@ class TwoLevelSystem:
         A, B, rhs = kernels.normalised(A, B, rhs, self._diagonal.mean(1))
         limits = self._demand.following(needed, foreseen=foreseen)
         found = None
+        if self._precondition is not None and self._precondition.given_away:  # to a later W
+            self._precondition = None
         if self._precondition is None and self._kept is not None and self._bodies is not None:
             self._precondition = self._kept.following(self._shares, self._bodies[0], self._diagonal)
         if self._precondition is not None:
@@ -258,7 +261,7 @@ class TwoLevelSystem:
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
     ) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) by which a round of patches is solved, see `patches`; None where none are, or this system does not pay."""
-        if self._precondition is None or not self.pays:
+        if self._precondition is None or self._precondition.given_away or not self.pays:
             return None
         found = patched(self._precondition.joints, self._rows.W, u, r, mu, rho, weight, limit)
         if found is None:
@@ -271,23 +274,18 @@ class TwoLevelSystem:
     ) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) by GMRES with this preconditioner; None where that does not get there. limits: as `Demand` gives them."""
         shape = rhs.shape
-        images: list[FloatArray] = []  # W times the steps
         try:
             precondition.update(A, B)
         except SingularMatrix:
             return None
 
         def product(x: FloatArray) -> FloatArray:
-            images.append(self._product(x))
-            return apply_blocks(A, images[-1].reshape(shape), B, x.reshape(shape)).ravel()
+            image: FloatArray = apply_blocks(A, self._product(x).reshape(shape), B, x.reshape(shape))
+            return image.ravel()
 
-        size = float(np.linalg.norm(rhs))
-        accuracy, plateau = (size * limit for limit in limits)
-        found = gmres(product, precondition, rhs.ravel(), accuracy, ITERATIONS, ITERATIONS, ENOUGH * size, plateau)
-        if found is None:
-            return None
-        dr, y = found
-        return dr, combined(y, images) if len(y) else np.zeros_like(dr)
+        # one process is one rank: a basis in single precision, in which the preconditioner takes it, and one pass of Gram-Schmidt
+        dr = gmres_over_ranks(product, precondition, rhs.ravel(), lambda own: own, *limits, ITERATIONS, ENOUGH)
+        return None if dr is None else (dr, self._product(dr))
 
 
 def largest_joint(bodies: IntArray, count: int) -> int:
