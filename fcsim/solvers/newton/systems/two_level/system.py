@@ -39,13 +39,12 @@ from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
-from fcsim.linear.over_ranks.krylov import gmres_over_ranks
+from fcsim.linear.krylov import combined, gmres
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
@@ -61,7 +60,8 @@ what is left of a defect opens and releases others; with 1e-4 steps of walls tak
 the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more; for a step's first system
 AT_FIRST times, since it may be the only one."""
 PLATEAU, FIRST_PLATEAU, PATIENCE, LESS = 0.3, 2e-3, 2, 0.7
-"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau, and for a step's first system, which may be the only one;
+"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau, where patches follow, and of a step's first system, since
+little of it can be left to patches (2565 bricks: with 0.05 more systems, without any plateau 90 iterations for 30);
 but for every PATIENCE-th system while Newton's residual stays above LESS of its least: two contacts may take turns for ever, each opened by
 what the other's system left."""
 STALLED, SHARPER, SHARPEST = 20, 0.1, 1e-6
@@ -153,7 +153,7 @@ class Preconditioner:
         side_by_side([partial(kernels.solve_joints, *given, begin, end, x, z) for begin, end in self._ranges])
         return z
 
-    def __call__(self, x: FloatArray) -> NDArray[np.float32]:
+    def __call__(self, x: FloatArray) -> FloatArray:
         joints = self._joints
         x = x.reshape(-1, joints.d)[joints.order].astype(np.float32)
         c = np.zeros((joints.count, MOTIONS), dtype=np.float32)
@@ -165,15 +165,16 @@ class Preconditioner:
         c[order] = self._coarse.solve(c[order])
         rest = np.empty_like(x)
         kernels.less_motions(self._A32, joints.G32, joints.bodies, c, x, rest)
-        step = np.empty(x.shape, dtype=np.float32)
+        step = np.empty(x.shape)
         step[joints.order] = self._joint_by_joint(rest)
         return step.ravel()
 
 
 class Demand:
-    """How small a defect is asked for, from one of Newton's systems to the next."""
+    """How small a defect is asked for, from one of Newton's systems to the next; plateau: as PLATEAU, first: as FIRST_PLATEAU."""
 
-    def __init__(self) -> None:
+    def __init__(self, plateau: float = PLATEAU, first: float = FIRST_PLATEAU) -> None:
+        self._plateau, self._first = plateau, first
         self._nearest, self._waited = 0.0, 0  # the largest `needed` so far, and systems since it grew
         self._halved, self._since, self._sharper = 0.0, 0, 1.0  # that which no later one is twice as large as, and systems since then
 
@@ -188,7 +189,7 @@ class Demand:
         self._halved, self._since = (needed, 0) if needed > 2 * self._halved else (self._halved, self._since + 1)
         if self._since and self._since % STALLED == 0:
             self._sharper *= SHARPER
-        plateau = 0.0 if self._sharper < 1 or self._waited % PATIENCE == PATIENCE - 1 else FIRST_PLATEAU if foreseen else PLATEAU
+        plateau = 0.0 if self._sharper < 1 or self._waited % PATIENCE == PATIENCE - 1 else self._first if foreseen else self._plateau
         least, share = (FORESEEN, AT_FIRST) if foreseen else (ACCURACY, SAFETY)
         accuracy = max(least, min(ENOUGH, share * needed))
         return max(min(accuracy, SHARPEST), self._sharper * accuracy), plateau
@@ -274,18 +275,23 @@ class TwoLevelSystem:
     ) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) by GMRES with this preconditioner; None where that does not get there. limits: as `Demand` gives them."""
         shape = rhs.shape
+        images: list[FloatArray] = []  # W times the steps
         try:
             precondition.update(A, B)
         except SingularMatrix:
             return None
 
         def product(x: FloatArray) -> FloatArray:
-            image: FloatArray = apply_blocks(A, self._product(x).reshape(shape), B, x.reshape(shape))
-            return image.ravel()
+            images.append(self._product(x))
+            return apply_blocks(A, images[-1].reshape(shape), B, x.reshape(shape)).ravel()
 
-        # one process is one rank: a basis in single precision, in which the preconditioner takes it, and one pass of Gram-Schmidt
-        dr = gmres_over_ranks(product, precondition, rhs.ravel(), lambda own: own, *limits, ITERATIONS, ENOUGH)
-        return None if dr is None else (dr, self._product(dr))
+        size = float(np.linalg.norm(rhs))
+        accuracy, plateau = (size * limit for limit in limits)
+        found = gmres(product, precondition, rhs.ravel(), accuracy, ITERATIONS, ITERATIONS, ENOUGH * size, plateau)
+        if found is None:
+            return None
+        dr, y = found
+        return dr, combined(y, images) if len(y) else np.zeros_like(dr)
 
 
 def largest_joint(bodies: IntArray, count: int) -> int:

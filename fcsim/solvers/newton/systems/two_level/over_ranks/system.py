@@ -17,6 +17,10 @@ from fcsim.solvers.newton.systems.two_level.settling import Rounds, settled
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
 
 
+PLATEAU = 0.05
+"""Of every system: single joints leave more than patches do."""
+
+
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
 
@@ -27,7 +31,7 @@ class TwoLevelOverRanks:
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
         self._by_parts: ProductByParts | None = None
-        self._demand, bodies = Demand(), behind.bodies
+        self._demand, bodies = Demand(PLATEAU, PLATEAU), behind.bodies
         self.pays = bodies is not None and largest_joint(bodies, behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
     @property
