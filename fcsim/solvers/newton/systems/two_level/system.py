@@ -60,10 +60,9 @@ what is left of a defect opens and releases others; with 1e-4 steps of walls tak
 the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more; for a step's first system
 AT_FIRST times, since it may be the only one."""
 PLATEAU, FIRST_PLATEAU, PATIENCE, LESS = 0.3, 2e-3, 2, 0.7
-"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau, where patches follow, and of a step's first system, since
-little of it can be left to patches (2565 bricks: with 0.05 more systems, without any plateau 90 iterations for 30);
-but for every PATIENCE-th system while Newton's residual stays above LESS of its least: two contacts may take turns for ever, each opened by
-what the other's system left."""
+"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau, where patches follow, and that of a step's first system,
+much of which patches cannot mend; but for every PATIENCE-th system while Newton's residual stays above LESS of its least: two contacts may
+take turns for ever, each opened by what the other's system left."""
 STALLED, SHARPER, SHARPEST = 20, 0.1, 1e-6
 """Newton's iterations in which its error is not halved after which systems are asked for SHARPER times the defect, and after as many more
 for less again, down to what single precision allows. Quadratic cells, whose corners hardly resist, stall at errors of 1e-2 to 1e-1 else."""
@@ -85,7 +84,7 @@ class Preconditioner:
     """x (m,) -> P^-1 x, of one W for A and B that change; SingularMatrix where a joint or the bodies' motions are singular."""
 
     def __init__(self, joints: Joints) -> None:
-        self._joints, self._steps, self.given_away = joints, 0, False
+        self._joints, self._steps = joints, 0
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q; by the order of the joints
         self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
         self._T = np.empty(joints.T_starts[-1])
@@ -125,18 +124,18 @@ class Preconditioner:
         return Multifrontal(coarse, None, np.ones(n, dtype=bool), np.float32)
 
     def following(self, shares: BodyShares, bodies: IntArray, diagonal: FloatArray) -> Preconditioner | None:
-        """The same for the W of a later step, which it then serves alone: it has this one's blocks, of which few are made anew, and no copy
-        of them; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly those that it was made for, where that is long ago, or
-        where another one has the blocks."""
+        """The same for the W of a later step, a value of its own; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly
+        those that it was made for, or where that is long ago."""
         joints = self._joints
-        if self.given_away or self._steps >= LASTS or joints.count != shares.count or diagonal.shape != joints.diagonal_of_W.shape:
+        if self._steps >= LASTS or joints.count != shares.count or diagonal.shape != joints.diagonal_of_W.shape:
             return None
         if np.any(joints.bodies != bodies[joints.order]):
             return None
         if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
             return None
         other = copy(self)
-        other._steps, self.given_away = self._steps + 1, True
+        other._A, other._B, other._Q, other._V, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._V, self._T))
+        other._steps += 1
         return other
 
     def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
@@ -246,8 +245,6 @@ class TwoLevelSystem:
         A, B, rhs = kernels.normalised(A, B, rhs, self._diagonal.mean(1))
         limits = self._demand.following(needed, foreseen=foreseen)
         found = None
-        if self._precondition is not None and self._precondition.given_away:  # to a later W
-            self._precondition = None
         if self._precondition is None and self._kept is not None and self._bodies is not None:
             self._precondition = self._kept.following(self._shares, self._bodies[0], self._diagonal)
         if self._precondition is not None:
@@ -262,7 +259,7 @@ class TwoLevelSystem:
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
     ) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) by which a round of patches is solved, see `patches`; None where none are, or this system does not pay."""
-        if self._precondition is None or self._precondition.given_away or not self.pays:
+        if self._precondition is None or not self.pays:
             return None
         found = patched(self._precondition.joints, self._rows.W, u, r, mu, rho, weight, limit)
         if found is None:

@@ -16,7 +16,6 @@ from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import Pre
 from fcsim.solvers.newton.systems.two_level.settling import Rounds, settled
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
 
-
 PLATEAU = 0.05
 """Of every system: single joints leave more than patches do."""
 
