@@ -15,7 +15,7 @@ from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
-from fcsim.solvers.newton.systems.two_level.settling import NEAR, PART, SMALL, SettlesJoints
+from fcsim.solvers.newton.systems.two_level.settling import NEAR, SMALL, WORTH, SettlesJoints
 
 
 class NewtonSpace(Protocol):
@@ -89,20 +89,26 @@ class LocalSpace:
         return LENGTHS[least] if errors[0] > error and errors[least] < FALLS * error else 1.0
 
     def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
-        """Go on to where joints that the last step left unsolved are solved one by one, on Alart and Curnier's equations with rho (nc, d);
-        r (m,) there. None, and nowhere, where there are none, the system does not know joints, or the error is no less there."""
-        if not isinstance(self._system, SettlesJoints) or not self._system.by_joints:
+        """Go on to where joints that the last step left unsolved are solved one by one, or patches around them, in rounds, on Alart and
+        Curnier's equations with rho (nc, d); r (m,) there. None, and nowhere, where there are none or none are needed, the system does not
+        know joints, or the error is no less there."""
+        system, error = self._system, monitor.error(self._r, self.u)
+        if not isinstance(system, SettlesJoints) or not system.by_joints or not monitor.tol < error <= NEAR:
             return None
-        u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
-        error = monitor.error(self._r, self.u)
-        if not error <= NEAR:
-            return None
-        found = self._system.settled(u, r, mu, rho, monitor.compliance, max(SMALL * monitor.tol, PART * error) * monitor.scale)
-        if found is None or monitor.error(self._r + found[0], self.u + found[1]) >= error:
-            return None
-        self._dr, self._Wdr = found
-        self.move(1.0)
-        return self._r
+        settled = None
+        for _ in range(system.rounds.most):
+            limit = max(SMALL * monitor.tol, system.rounds.part * error) * monitor.scale
+            u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
+            found = system.settled(u, r, mu, rho, monitor.compliance, limit)
+            if found is None or (after := monitor.error(self._r + found[0], self.u + found[1])) >= error:
+                break
+            self._dr, self._Wdr = found
+            self.move(1.0)
+            settled = self._r
+            if after <= monitor.tol or after > WORTH * error:
+                break
+            error = after
+        return settled
 
     def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         W = self._system.operator

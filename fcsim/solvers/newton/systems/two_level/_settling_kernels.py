@@ -1,4 +1,4 @@
-"""Newton's method on single joints, compiled."""
+"""Newton's method on single joints and patches of them, and which patches, compiled."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -28,13 +28,14 @@ def weighted(F, weight):
 
 
 @njit(cache=True, nogil=True)
-def settle_joint(W, u, r, mu, rho, weight, most, falls):
+def settle_joint(W, u, r, mu, rho, weight, most, falls, leaps):
     """Reactions (n, d) from (u, r) with u moving by W times what they move by, by at most `most` iterations of Newton's method on Alart and
-    Curnier's F; steps are halved until ||weight F|| falls by a hundredth of them, it ends where that is `falls` of what it was."""
+    Curnier's F; steps are halved until ||weight F|| falls by a hundredth of them, it ends where that is `falls` of what it was. Where no
+    part of a step is enough the whole one is taken, `leaps` times at most; the best of all that were met are returned."""
     n, d = u.shape
     F, A, B = disk_equations(u, r, mu, rho, False)
     size = weighted(F, weight)
-    enough = falls * size
+    enough, best, least = falls * size, r, size
     for _ in range(most):
         if size <= enough:
             break
@@ -61,9 +62,15 @@ def settle_joint(W, u, r, mu, rho, weight, most, falls):
             if not found:
                 t *= 0.5
         if not found:
-            break
+            if leaps == 0:
+                break
+            leaps, t = leaps - 1, 1.0
+            F, A, B = disk_equations(u + du, r + dr, mu, rho, False)
+            after = weighted(F, weight)
         u, r, size = u + t * du, r + t * dr, after
-    return r
+        if size < least:
+            best, least = r, size
+    return best
 
 
 @njit(cache=True, nogil=True)
@@ -78,6 +85,36 @@ def settle_joints(E, starts, cuts, begins, order, G, u, r, mu, rho, weight, limi
             continue
         wide = d * (begins[k + 1] - begins[k])
         W = joint_compliance(E[starts[k] : starts[k + 1]].reshape(wide, wide), G[cuts[k] : cuts[k + 1]])
-        out[own] = settle_joint(W, own_u, own_r, own_mu, own_rho, own_weight, most, falls)
+        out[own] = settle_joint(W, own_u, own_r, own_mu, own_rho, own_weight, most, falls, 0)
         count += 1
     return count
+
+
+@njit(cache=True)
+def choose_patches(worst, begins, beside, cuts, most, enough):
+    """Return starts (patches + 1,) and the joints of the patches: each one of `worst` that is in none so far, nor next to one that is, with
+    the joints `beside` it; at most `most` contacts a patch but for a joint alone, and no more patches from `enough` contacts on."""
+    taken = np.zeros(len(cuts) - 1, dtype=np.bool_)
+    starts, which = np.zeros(len(worst) + 1, dtype=np.int64), np.empty(len(cuts) - 1, dtype=np.int64)
+    patches, at, contacts = 0, 0, 0
+    for k in worst:
+        if contacts >= enough:
+            break
+        free = not taken[k]
+        for j in beside[begins[k] : begins[k + 1]]:
+            free = free and not taken[j]
+        if not free:
+            continue
+        size = cuts[k + 1] - cuts[k]
+        which[at], taken[k] = k, True
+        at += 1
+        for j in beside[begins[k] : begins[k + 1]]:
+            own = cuts[j + 1] - cuts[j]
+            if size + own <= most:
+                which[at], taken[j] = j, True
+                at += 1
+                size += own
+        contacts += size
+        patches += 1
+        starts[patches] = at
+    return starts[: patches + 1], which[:at]

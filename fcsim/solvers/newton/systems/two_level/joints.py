@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from fcsim.arrays import IntArray
 from fcsim.linear.joints import BlockRows, Pattern
 from fcsim.problem.bodies.shares import EIGEN_UP_TO, BodyShares
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
+from fcsim.solvers.newton.systems.two_level.patches import joints_beside
 from fcsim.threads import pieces_by_work, side_by_side
 
 MOTIONS = 12
@@ -64,6 +65,11 @@ class Joints:
         self.places, self.diagonal = places[: len(row)], places[2 * len(row) :]
         self.coarse_columns, self.coarse_begins = key % self.count, np.searchsorted(key, self.count * np.arange(self.count + 1))
         self.coarse_pattern: Pattern | None = None  # with its elimination tree, once that is known
+
+    @cached_property
+    def beside(self) -> tuple[IntArray, IntArray]:
+        """The joints that have a body in common with each joint, see `joints_beside`."""
+        return joints_beside(self.bodies[self.cuts[:-1]], self.count)
 
 
 def numbers_of_pairs(bodies: IntArray, count: int) -> IntArray:

@@ -17,6 +17,7 @@ D. E. Keyes, SIAM J. Sci. Comput. 24, 2002. That the joints of contact are what 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
@@ -28,6 +29,8 @@ from fcsim.threads import side_by_side
 
 SMALL, PART = 0.1, 0.01
 """Share of the tolerance, and of the error, up to which a joint is left as it is."""
+WORTH = 0.75
+"""What a round must leave of the error of all contacts for another one to follow."""
 NEAR = 1e-2
 """Error from which on joints are solved one by one: before that, from zero, it misleads Newton's method."""
 ITERATIONS, FALLS = 15, 1e-3
@@ -46,10 +49,20 @@ class JointsOfContacts(Protocol):
     ranges: list[tuple[int, int]]
 
 
+@dataclass(frozen=True)
+class Rounds:
+    """How often in a row joints or patches are solved after a system at most, and the share of the error up to which one is left as it
+    is."""
+
+    most: int = 1
+    part: float = PART
+
+
 class TwoLevel(Protocol):
     """A system by joints' blocks and bodies' motions, in one process or over ranks."""
 
     pays: bool
+    rounds: Rounds
 
     def settled(
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
@@ -66,10 +79,16 @@ class SettlesJoints[T: TwoLevel]:
         """Whether systems are solved by joints and bodies' motions, without any factor of W."""
         return self._two_level is not None and self._two_level.pays
 
+    @property
+    def rounds(self) -> Rounds:
+        """Those of the two-level system."""
+        return Rounds() if self._two_level is None else self._two_level.rounds
+
     def settled(
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
     ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr (m,) by which joints are solved one by one, arguments as of `settled`; None where another way is gone or none are."""
+        """dr and W dr (m,) by which joints or patches are solved one by one, arguments as of `settled`; None where another way is gone or
+        none are."""
         return None if self._two_level is None else self._two_level.settled(u, r, mu, rho, weight, limit)
 
 

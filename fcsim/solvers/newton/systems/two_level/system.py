@@ -50,7 +50,8 @@ from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
-from fcsim.solvers.newton.systems.two_level.settling import settled
+from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS, patched
+from fcsim.solvers.newton.systems.two_level.settling import Rounds
 from fcsim.threads import pieces_by_work, side_by_side
 
 ACCURACY, FORESEEN, SAFETY, AT_FIRST = 1e-3, 1e-5, 0.3, 0.1
@@ -58,9 +59,10 @@ ACCURACY, FORESEEN, SAFETY, AT_FIRST = 1e-3, 1e-5, 0.3, 0.1
 what is left of a defect opens and releases others; with 1e-4 steps of walls take a fifth more iterations. Where Newton's residual is near
 the tolerance a defect of SAFETY times what is left is enough; with 0.5 Newton's method takes half more; for a step's first system
 AT_FIRST times, since it may be the only one."""
-PLATEAU, PATIENCE, LESS = 0.05, 2, 0.7
-"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau; but for every PATIENCE-th system while Newton's residual
-stays above LESS of its least: two contacts may take turns for ever, each opened by what the other's system left."""
+PLATEAU, FIRST_PLATEAU, PATIENCE, LESS = 0.3, 2e-3, 2, 0.7
+"""Defect, relative to the right-hand side, from which on GMRES ends on a plateau, where patches follow, and that of a step's first system,
+much of which patches cannot mend; but for every PATIENCE-th system while Newton's residual stays above LESS of its least: two contacts may
+take turns for ever, each opened by what the other's system left."""
 STALLED, SHARPER, SHARPEST = 20, 0.1, 1e-6
 """Newton's iterations in which its error is not halved after which systems are asked for SHARPER times the defect, and after as many more
 for less again, down to what single precision allows. Quadratic cells, whose corners hardly resist, stall at errors of 1e-2 to 1e-1 else."""
@@ -168,9 +170,10 @@ class Preconditioner:
 
 
 class Demand:
-    """How small a defect is asked for, from one of Newton's systems to the next."""
+    """How small a defect is asked for, from one of Newton's systems to the next; plateau: as PLATEAU, first: as FIRST_PLATEAU."""
 
-    def __init__(self) -> None:
+    def __init__(self, plateau: float = PLATEAU, first: float = FIRST_PLATEAU) -> None:
+        self._plateau, self._first = plateau, first
         self._nearest, self._waited = 0.0, 0  # the largest `needed` so far, and systems since it grew
         self._halved, self._since, self._sharper = 0.0, 0, 1.0  # that which no later one is twice as large as, and systems since then
 
@@ -185,7 +188,7 @@ class Demand:
         self._halved, self._since = (needed, 0) if needed > 2 * self._halved else (self._halved, self._since + 1)
         if self._since and self._since % STALLED == 0:
             self._sharper *= SHARPER
-        plateau = 0.0 if self._sharper < 1 or self._waited % PATIENCE == PATIENCE - 1 else PLATEAU
+        plateau = 0.0 if self._sharper < 1 or self._waited % PATIENCE == PATIENCE - 1 else self._first if foreseen else self._plateau
         least, share = (FORESEEN, AT_FIRST) if foreseen else (ACCURACY, SAFETY)
         accuracy = max(least, min(ENOUGH, share * needed))
         return max(min(accuracy, SHARPEST), self._sharper * accuracy), plateau
@@ -193,6 +196,8 @@ class Demand:
 
 class TwoLevelSystem:
     """Solves (A W + B) dr = rhs for one W, the sum of the bodies' shares."""
+
+    rounds = Rounds(ROUNDS, PART)
 
     def __init__(self, rows: BlockRows, known: KnownShares, kept: Preconditioner | None = None) -> None:
         """known: the shares of the matrix of `rows`; kept: what the system of an earlier W of the same contacts has left."""
@@ -253,10 +258,10 @@ class TwoLevelSystem:
     def settled(
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
     ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr (m,) by which joints are solved one by one, see `settling`; None where none are, or this system does not pay."""
+        """dr and W dr (m,) by which a round of patches is solved, see `patches`; None where none are, or this system does not pay."""
         if self._precondition is None or not self.pays:
             return None
-        found = settled(self._precondition.joints, u, r, mu, rho, weight, limit)
+        found = patched(self._precondition.joints, self._rows.W, u, r, mu, rho, weight, limit)
         if found is None:
             return None
         dr = (found - r).ravel()

@@ -91,7 +91,7 @@ def test_joints_above_the_limit_are_solved_and_no_others() -> None:
 def test_a_joint_that_nothing_determines_stays_as_it_is() -> None:
     """W = 0 and contacts that stick: Newton's matrix is zero."""
     r, u = np.array([[1.0, 0.0, 0.0]]), np.array([[0.1, 0.0, 0.0]])
-    found = kernels.settle_joint(np.zeros((3, 3)), u, r, np.ones(1), np.ones((1, 3)), np.ones(1), ITERATIONS, FALLS)
+    found = kernels.settle_joint(np.zeros((3, 3)), u, r, np.ones(1), np.ones((1, 3)), np.ones(1), ITERATIONS, FALLS, 4)
     assert_array_equal(found, r)
 
 

@@ -14,18 +14,23 @@ from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
-from fcsim.solvers.newton.systems.two_level.settling import settled
+from fcsim.solvers.newton.systems.two_level.settling import Rounds, settled
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
+
+PLATEAU = 0.05
+"""Of every system: single joints leave more than patches do."""
 
 
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
 
+    rounds = Rounds()  # of single joints: a patch's bodies may be on several ranks
+
     def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, kept: PreconditionerOverRanks | None = None) -> None:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
-        self._demand, bodies = Demand(), behind.bodies
+        self._demand, bodies = Demand(PLATEAU, PLATEAU), behind.bodies
         self.pays = bodies is not None and largest_joint(bodies, behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
     @property
