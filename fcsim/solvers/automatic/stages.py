@@ -23,10 +23,19 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, held_as_blocks, singular_here
+from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, swept
-from fcsim.solvers.automatic.later import enter_from_zero, enter_least_squares, enter_least_squares_again, enter_paths, in_place_of_sweeps
+from fcsim.solvers.automatic.later import (
+    enter_from_zero,
+    enter_interior,
+    enter_least_squares,
+    enter_least_squares_again,
+    enter_paths,
+    in_place_of_sweeps,
+    interior_is_first,
+    on_a_path,
+)
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
@@ -128,8 +137,10 @@ def _proximal_before_splitting(race: Race) -> bool:
     if race.joints is not None or not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
     runner = race.runners.get("proximal Newton")
-    if runner is None or runner.result is not None or not at_first(runner):
-        return runner is None
+    if runner is None or (faces(race) and interior_is_first(race)):
+        return True
+    if runner.result is not None or not at_first(runner):
+        return False
     return race.warm or not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
 
 
@@ -229,6 +240,15 @@ STAGES: tuple[Stage, ...] = (
         turns=methods.proximal,
         price=lambda race: race.prices.running(closed(race)),
         alone=lambda race, runner: at_first(runner),
+    ),
+    Stage(
+        "interior point",
+        "IPM-COULOMB from the best iterate. Enters from zero where proximal Newton is past its own iterations and has spent as much as "
+        "those of an interior point mostly cost. Its first iterations are alone.",
+        enters=enter_interior,
+        turns=methods.interior,
+        price=lambda race: race.prices.interior,
+        alone=lambda race, runner: on_a_path(runner),
     ),
     Stage(
         "paths",
