@@ -51,8 +51,8 @@ itself on its way to that error (measured on piles of a thousand boxes). Noise o
 SWEEPS = GaussSeidelOptions()
 PATHS = PathOptions()
 INTERIOR = InteriorPointOptions(paths=3)
-"""Of 44 runs of up to six central paths in beds of grains that arrived, from zero and from iterates of sweeps and of proximal Newton, 40 took
-at most three."""
+"""Of 44 runs of up to six central paths in beds of grains that arrived, from zero and from iterates of sweeps and of proximal Newton, 40
+took at most three."""
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT, longest=LONGEST)
 FISCHER_BURMEISTER = NewtonOptions(formulation="FB", rho="spectral norm")
 PROXIMAL_OF_FACES = replace(PROXIMAL_NEWTON, metric="identity", sigma=5.0, easy=8)

@@ -243,8 +243,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "interior point",
-        "IPM-COULOMB from the best iterate. Enters from zero where proximal Newton is past its own iterations and has spent as much as "
-        "those of an interior point mostly cost. Its first iterations are alone.",
+        "IPM-COULOMB from the best iterate. Enters from zero where proximal Newton has ended, or is past its own iterations and in "
+        "beds of grains has spent, in edges and faces needs as much as an interior point costs. Alone on a central path that leads on.",
         enters=enter_interior,
         turns=methods.interior,
         price=lambda race: race.prices.interior,
