@@ -23,6 +23,7 @@ import scipy.sparse as sp
 from fcsim.linear.joints import BlockRows
 from fcsim.linear.storage import REAL, REFERENCE, Machine, Work
 from fcsim.problem import LocalProblem
+from fcsim.solvers.interior_point.systems import by_bodies
 from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
 from fcsim.solvers.newton.systems.velocity import bodies_of
 from fcsim.solvers.proximal.in_velocities import UP_TO
@@ -51,6 +52,8 @@ PIECE = {2: 0.4, 3: 0.2}
 """A piece of a path over an iteration of proximal Newton without the contacts' own equations, in the bodies' velocities, in 2D and in 3D:
 measured 0.35 to 0.6 on arches and walls of 300 to 2000 contacts, 0.1 to 0.4 where faces hold one another. Its steps are compiled and
 change an elimination at one contact."""
+INTERIOR_STEPS, OWN_INTERIOR = 40, 45_000
+"""Small steps of an iteration of the interior point beside its system, and operations of a contact, as measured."""
 SVD = 10
 """Operations of a singular value decomposition with both sides of vectors, over m^3, in those of the dense rate: 20 are counted by
 G. H. Golub, C. F. Van Loan, 1996, section 5.4; LAPACK's `gesdd` takes the time of 14 at 400 unknowns, of 10 at 700."""
@@ -135,6 +138,17 @@ class Prices:
             return self.proximal(closed) + self.machine.seconds(Work(own * self.problem.nc))
         loaded = SPARSE_STEPS - RUNNING_STEPS if sp.issparse(self.problem.W) else 0
         return self.proximal(closed) - self.machine.seconds(Work(steps=loaded))
+
+    @cached_property
+    def interior(self) -> float:
+        """An iteration of the interior point on Coulomb's law: one factor, its own small steps."""
+        operator = self.problem.delassus
+        if by_bodies(operator):
+            bodies = bodies_of(operator)
+            system = self.least_in_velocities + self.machine.seconds(Work(bodies.flops, SHARES * REAL * bodies.places_count))
+        else:
+            system = self.machine.seconds(Work(self.flops) + self._gather)
+        return system + self.machine.seconds(Work(OWN_INTERIOR * self.problem.nc, steps=INTERIOR_STEPS))
 
     @property
     def piece(self) -> float:

@@ -14,6 +14,13 @@ its rate it needs more again: easy steps of masonry in motion take it 50 to 80."
 PIECES_OF_EDGES, PIECES_OF_FACES = 1.0, 0.5
 """Pieces a contact whose cost others have spent when paths are followed from zero: those that arrive take 0.1 to 0.9 in faces, 0.3 in the
 median, and 1 to 3 in edges."""
+INTERIOR_OF_BLOCKS, INTERIOR_OF_BEDS = 10, 20
+"""Iterations of an interior point that proximal Newton still needs when that enters in blocks, and that it has spent in beds of grains. An
+interior point takes 7 to 30 in faces, 18 to 60 in edges, 22 to 100 in beds of grains."""
+BESIDE = 1e-4
+"""Error below which an interior point in blocks has little to gain, since it begins with large products again."""
+FALLS = 1.4
+"""Factor by which the last third of an interior point's iterations brings the root of tau down on a central path that leads on."""
 STUCK, FRESH = 100, 250
 """Iterations of proximal Newton after which it may be stuck, and those after which a fresh start is due where it is."""
 
@@ -41,6 +48,35 @@ def in_place_of_sweeps(race: Race) -> bool:
     return runner.spent >= race.prices.splitting(race.options.splitting) and nearly_held(race) and not held_as_blocks(race)
 
 
+def enter_interior(race: Race) -> bool:
+    """Proximal Newton, from zero, is past the iterations that are its own; in blocks it needs more by its rate than an interior point
+    mostly costs, in beds of grains it has spent as much. A proof that there is nothing to arrive at goes first."""
+    runner = race.runners.get("proximal Newton")
+    if runner is None or race.warm or race.joints is not None or (race.best > FAR and not race.over("proof")):
+        return False
+    if runner.result is not None:
+        return True
+    if at_first(runner):
+        return False
+    if held_as_blocks(race):
+        return race.best > BESIDE and runner.needs() > INTERIOR_OF_BLOCKS * race.prices.interior
+    return runner.spent > INTERIOR_OF_BEDS * race.prices.interior
+
+
+def interior_is_first(race: Race) -> bool:
+    """Whether an interior point has still to show what it does in blocks, before ADMM in faces and paths enter."""
+    if race.warm or race.joints is not None or "interior point" in race.options.without:
+        return False
+    runner = race.runners.get("interior point")
+    return race.best > BESIDE if runner is None else runner.result is None and on_a_path(runner)
+
+
+def on_a_path(runner: Runner) -> bool:
+    """Whether an interior point is in those of its iterations that are its own, or the last third of them brought the root of tau down as
+    on a central path: where a path turns back it stays, and another one begins at larger ones."""
+    return at_first(runner) or runner.rest(1 / 3) > FALLS
+
+
 def enter_paths(race: Race) -> bool:
     """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
     there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about
@@ -50,6 +86,8 @@ def enter_paths(race: Race) -> bool:
         return False
     if not race.warm and not held_as_blocks(race):
         return stuck_for_long(runner)
+    if interior_is_first(race):
+        return False
     pieces = PIECES_OF_FACES if faces(race) else PIECES_OF_EDGES
     if not race.warm and race.spent() < pieces * race.problem.nc * race.prices.piece:
         return False

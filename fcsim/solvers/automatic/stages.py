@@ -23,16 +23,19 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, held_as_blocks, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, swept
 from fcsim.solvers.automatic.later import (
     enter_from_zero,
+    enter_interior,
     enter_least_squares,
     enter_least_squares_again,
     enter_paths,
     exhausted,
     in_place_of_sweeps,
+    interior_is_first,
+    on_a_path,
 )
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage, run
@@ -137,8 +140,10 @@ def _proximal_before_splitting(race: Race) -> bool:
     runner = race.runners.get("proximal Newton")
     if runner is not None and runner.result is None and on_springs(race):
         return True
-    if runner is None or runner.result is not None or not at_first(runner):
-        return runner is None
+    if runner is None or (faces(race) and interior_is_first(race)):
+        return True
+    if runner.result is not None or not at_first(runner):
+        return False
     return race.warm or not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
 
 
@@ -243,6 +248,15 @@ STAGES: tuple[Stage, ...] = (
         turns=methods.proximal,
         price=lambda race: race.prices.running(closed(race)),
         alone=lambda race, runner: at_first(runner),
+    ),
+    Stage(
+        "interior point",
+        "IPM-COULOMB from the best iterate. Enters from zero where proximal Newton has ended, or is past its own iterations and in "
+        "beds of grains has spent, in edges and faces needs as much as an interior point costs. Alone on a central path that leads on.",
+        enters=enter_interior,
+        turns=methods.interior,
+        price=lambda race: race.prices.interior,
+        alone=lambda race, runner: on_a_path(runner),
     ),
     Stage(
         "paths",

@@ -66,13 +66,6 @@ class NesterovTodd:
         cones = sp.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(n * k, n * k)) if n else sp.csr_array((0, 0))
         return sp.csr_array(sp.block_diag([sp.diags_array(self._d**-2.0), cones], format="csr"))
 
-    def square_blocks(self) -> tuple[FloatArray, FloatArray]:
-        """V^2 of the half-lines (l,) and of the cones (k, d, d)."""
-        v, d = self._v, self._shape[1]
-        J = np.diag(np.r_[1.0, -np.ones(d - 1)])
-        blocks = self._beta[:, None, None] * (2 * v[:, :, None] * v[:, None, :] - J)
-        return self._d**2, blocks @ blocks
-
 
 def reflect(x: FloatArray) -> FloatArray:
     y = -x

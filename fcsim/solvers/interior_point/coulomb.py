@@ -19,6 +19,7 @@ polish are our own.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,11 +30,12 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import LocalProblem
 from fcsim.problem.cone import de_saxce, project_cone
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
-from fcsim.solvers.interior_point.cones import ConeAlgebra, NesterovTodd
+from fcsim.solvers.interior_point import _step_kernels as kernels
 from fcsim.solvers.interior_point.pairs import ContactPairs
 from fcsim.solvers.interior_point.systems import InteriorSystem
 from fcsim.solvers.proximal.options import PROXIMAL_NEWTON
-from fcsim.solvers.proximal.steps import proximal_point
+from fcsim.solvers.proximal.steps import proximal_turns
+from fcsim.solvers.turns import Turns, to_the_end
 
 LONGEST = 0.99
 """Share of the way to the boundary that a step takes at most; it is the predictor's own share where that lies above the option's."""
@@ -47,6 +49,9 @@ WEIGHTS = ((1.0, 0.0), (1.0, -1.0), (0.0, 0.0), (1.0, 1.0), (0.0, -1.0), (0.0, 1
 """Exponents (a, b) of paths one after the other: tau of a contact is in proportion to compliance^-a, that of its cone to mu^b beside."""
 POLISHED, ALPHA = 1e-4, 0.1
 """Error up to which a path's end is polished, and the first regularisation over the error's root."""
+
+PathTurns = Generator[None, None, Status | None]
+"""Yields between two iterations; returns why all ends, None where only this path does."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,19 +77,25 @@ class InteriorPointOptions(Options):
             raise InputError(f"option polish: expected an integer >= 0, got {self.polish}")
 
 
-@np.errstate(over="ignore", divide="ignore", invalid="ignore")  # a path's last iterations may meet infinity: it ends there
 def interior_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: InteriorPointOptions) -> Iterate:
     """The primal-dual interior point from r (m,), which is moved inside its cones."""
+    return to_the_end(interior_point_turns(problem, r, monitor, options))
+
+
+def interior_point_turns(
+    problem: LocalProblem, r: FloatArray, monitor: Monitor, options: InteriorPointOptions, told: Callable[[float], None] | None = None
+) -> Turns:
+    """The same by turns of one iteration each; told: is told tau after each."""
     error = monitor.record(r, problem.delassus.affine(r, problem.q))
     if error <= monitor.tol:
         return Iterate(r, Status.SOLVED)
-    method = _InteriorPoint(problem, monitor, options)
+    method = _InteriorPoint(problem, monitor, options, told or (lambda tau: None))
     begun, size = monitor.iterations, monitor.scale / np.sqrt(problem.nc)
     for number in range(options.paths):
         best = r if monitor.best_r is None else monitor.best_r
-        status = method.follow(best, NEARER**number * size, *WEIGHTS[number % len(WEIGHTS)])
+        status = yield from method.follow(best, NEARER**number * size, *WEIGHTS[number % len(WEIGHTS)])
         if status is None and options.polish and monitor.best <= POLISHED:
-            status = method.polish()
+            status = yield from method.polish()
         if status is not None:
             return Iterate(r if monitor.best_r is None else monitor.best_r, status)
     status = Status.SINGULAR if monitor.iterations == begun else Status.STAGNATED
@@ -94,14 +105,14 @@ def interior_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
 class _InteriorPoint:
     """The paths of one problem; their points are r (nc, d), and flat x and y on both sides of the pairs."""
 
-    def __init__(self, problem: LocalProblem, monitor: Monitor, options: InteriorPointOptions) -> None:
-        self._problem, self._monitor, self._options = problem, monitor, options
+    def __init__(self, problem: LocalProblem, monitor: Monitor, options: InteriorPointOptions, told: Callable[[float], None]) -> None:
+        self._problem, self._monitor, self._options, self._told = problem, monitor, options, told
         self._operator, self._shape = problem.delassus, (problem.nc, problem.dimension)
         self._compliance = problem.delassus.compliance
         self.pairs = ContactPairs(problem.mu, problem.dimension)
-        self._algebra, self._system = ConeAlgebra(self.pairs), InteriorSystem(problem.delassus)
+        self._system = InteriorSystem(problem.delassus)
 
-    def follow(self, r: FloatArray, size: float, by_compliance: float, by_friction: float) -> Status | None:
+    def follow(self, r: FloatArray, size: float, by_compliance: float, by_friction: float) -> PathTurns:
         """Follow a central path from near r (m,), from tau = size^2 [velocity] over the compliance; None where it ends unsolved."""
         c, monitor = self._compliance, self._monitor
         mean = float(np.exp(np.log(c).mean()))
@@ -109,21 +120,25 @@ class _InteriorPoint:
         rough = np.where(self._problem.mu > 0, self._problem.mu, 1.0) ** by_friction
         centre = self.pairs.weights(tau, tau * rough)
         x, y = self.pairs.centred(r.reshape(self._shape), self._velocity(r), size**2 * tau, c)
-        R, short = self.pairs.contact_reaction(x), 0
+        R, short, products, total = self.pairs.contact_reaction(x), 0, float(x @ y), float(centre.sum())
         while short < JAMMED:
             if (stopped := monitor.stopped(monitor.best, self._options.max_iterations)) is not None:
                 return stopped
             try:
-                t, R, x, y = self._step(R, x, y, centre)
+                with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # a path's last iterations may meet infinity
+                    point = self._step(R, x, y, products / total, centre)
             except (SingularMatrix, FloatingPointError):
                 return None
-            if not (t > 0 and self._algebra.least(x) > 0 and self._algebra.least(y) > 0 and np.isfinite(x @ y)):
+            if not (point.length > 0 and point.inside and np.isfinite(point.products)):
                 return None  # as far as floating point goes
+            R, x, y, products = point.r, point.x, point.y, point.products
+            self._told(products / total)
             monitor.iterations += 1
             answer = self._answer(R, y)
             if monitor.record(answer, self._velocity(answer).ravel()) <= monitor.tol:
                 return Status.SOLVED
-            short = short + 1 if t < SHORT else 0
+            short = short + 1 if point.length < SHORT else 0
+            yield
         return None
 
     def _velocity(self, r: FloatArray) -> FloatArray:
@@ -135,21 +150,18 @@ class _InteriorPoint:
         u, mu = self.pairs.contact_velocity(y), self._problem.mu
         return project_cone(R - (u + de_saxce(u, mu)) / self._compliance[:, None], mu).ravel()
 
-    def _step(self, R: FloatArray, x: FloatArray, y: FloatArray, centre: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-        """Predictor and corrector from a point; the length of the step and the next point. Raises SingularMatrix."""
-        tau = float(x @ y) / float(centre.sum())
+    def _step(self, R: FloatArray, x: FloatArray, y: FloatArray, tau: float, centre: FloatArray) -> _Point:
+        """Predictor and corrector from a point, tau the mean of x . y, to the next one. Raises SingularMatrix."""
         step = Linearised(self.pairs, self._system, x, y, self._velocity(R))
-        _, dx, dy = step.direction(-step.squared, 1.0)
-        t = step.length(dx, dy)
+        _, dx, dy, t = step.direction(-step.squared, 1.0)
         sigma, fraction = max((1 - t) ** 3, LEAST), max(self._options.fraction, LONGEST * t)
         # t^2: of the predictor's second-order term, what a predictor of that length leaves
-        target = sigma * tau * centre - step.squared - t**2 * step.algebra.product(dx, dy)
-        dr, dx, dy = step.direction(target, 1 - sigma)
-        t = fraction * step.length(dx, dy)
-        R = R + t * dr
-        return t, R, self.pairs.reactions(R), y + t * step.V.apply(dy)
+        target = kernels.corrected(step.squared, dx, dy, centre, sigma * tau, t**2, *self._shape)
+        dr, _, dy, t = step.direction(target, 1 - sigma)
+        t *= fraction
+        return _Point(t, *step.moved(R, dr, y, dy, t))
 
-    def polish(self) -> Status | None:
+    def polish(self) -> PathTurns:
         """Proximal Newton from the best iterate; None where it does not arrive within its iterations."""
         monitor, most = self._monitor, self._options.max_iterations
         assert monitor.best_r is not None
@@ -158,30 +170,45 @@ class _InteriorPoint:
             alpha=min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(monitor.best))),
             max_iterations=min(monitor.iterations + self._options.polish, most),
         )
-        status = proximal_point(self._problem, monitor.best_r, monitor, options).status
+        status = (yield from proximal_turns(self._problem, monitor.best_r, monitor, options)).status
         return status if status in (Status.SOLVED, Status.TIME_LIMIT) or monitor.iterations >= most else None
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Where a step of that length ends: r (nc, d), both sides, whether they are inside, and x . y."""
+
+    length: float
+    r: FloatArray
+    x: FloatArray
+    y: FloatArray
+    inside: bool
+    products: float
 
 
 class Linearised:
     """The law and u = W r + q about a point x, y inside, of r (nc, d) with velocity = W r + q (nc, d); raises SingularMatrix.
 
-    V x = V^-1 y = V.point, squared = V.point o V.point.
+    scaling: V with V x = V^-1 y = point, see `_step_kernels`; squared = point o point.
     """
 
     def __init__(self, pairs: ContactPairs, system: InteriorSystem, x: FloatArray, y: FloatArray, velocity: FloatArray) -> None:
-        self._pairs, self.algebra = pairs, ConeAlgebra(pairs)
-        self.V = NesterovTodd(pairs, y, x)
-        self.squared = self.algebra.product(self.V.point, self.V.point)
-        self._solve = system.factored(*pairs.blocks(self.V))
-        self._infeasibility = pairs.restricted(velocity - pairs.contact_velocity(y))
+        self._contacts = pairs.mu, pairs.rough
+        *scaling, self.point, self.squared = kernels.scaling(x, y, len(velocity), pairs.cones, pairs.cone_size)
+        self.scaling = tuple(scaling)
+        A, B, self._apart = kernels.equations(*self.scaling, y, velocity, *self._contacts)
+        self._solve = system.factored(A, B)
 
-    def direction(self, target: FloatArray, share: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """dr (nc, d), V dx, V^-1 dy with V.point o (V dx + V^-1 dy) = target, which take that share off the infeasibility W r + q - u."""
-        b = self.algebra.divide(self.V.point, target)
-        dr = self._solve(self._pairs.contact_velocity(self.V.apply(b)) - share * self._infeasibility)
-        dx = self.V.apply(self._pairs.reactions(dr))
-        return dr, dx, b - dx
+    def direction(self, target: FloatArray, share: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+        """dr (nc, d), V dx, V^-1 dy with point o (V dx + V^-1 dy) = target, which take that share off the infeasibility W r + q - u; and
+        how far a step may go along these until either side is at the boundary, at most 1."""
+        b, right = kernels.right_side(*self.scaling, self.point, target, share, self._apart, self._contacts[1])
+        dr = self._solve(right)
+        return dr, *kernels.changes(*self.scaling, self.point, b, dr, *self._contacts)
 
-    def length(self, dx: FloatArray, dy: FloatArray) -> float:
-        """How far a step may go along these until either side is at the boundary, at most 1."""
-        return min(self.algebra.longest_step(self.V.point, dx), self.algebra.longest_step(self.V.point, dy))
+    def moved(
+        self, R: FloatArray, dr: FloatArray, y: FloatArray, dy: FloatArray, t: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, bool, float]:
+        """R + t dr (nc, d), its x, y + t V dy, whether these are inside, and x . y."""
+        result: tuple[FloatArray, FloatArray, FloatArray, bool, float] = kernels.moved(R, dr, y, dy, t, *self.scaling, *self._contacts)
+        return result

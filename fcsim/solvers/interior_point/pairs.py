@@ -17,7 +17,6 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.solvers.interior_point.cones import NesterovTodd
 
 HALVINGS = 60
 """Of the interval in which ||x_T|| of a contact on the central path lies."""
@@ -30,22 +29,12 @@ class ContactPairs:
         self.mu, self._d = mu, dimension
         self.rough = np.flatnonzero(mu > 0)
         self.half_lines, self.cones, self.cone_size = len(mu), len(self.rough), dimension
-        self._all_rough = self.cones == len(mu)
 
     def weights(self, lines: FloatArray, cones: FloatArray) -> FloatArray:
         """One number a contact as a multiple of the identity of each of its pairs: lines and cones (nc,)."""
         of_cones = np.zeros((self.cones, self._d))
         of_cones[:, 0] = cones[self.rough]
         return np.concatenate([lines, of_cones.ravel()])
-
-    def restricted(self, x: FloatArray) -> FloatArray:
-        """x (nc, d) without the tangential parts of contacts with mu = 0."""
-        if self._all_rough:
-            return x
-        smooth = self.mu == 0
-        x = x.copy()
-        x[smooth, 1:] = 0
-        return x
 
     def reactions(self, r: FloatArray) -> FloatArray:
         """r_N and (mu r_N, r_T) of r (nc, d), which is linear in r."""
@@ -70,21 +59,6 @@ class ContactPairs:
     def contact_reaction(self, x: FloatArray) -> FloatArray:
         """r (nc, d) of the reactions' side."""
         return self.contact_velocity(x)
-
-    def blocks(self, V: NesterovTodd) -> tuple[FloatArray, FloatArray]:
-        """A and B (nc, d, d) of A du + B dr = ...: what V^-1 dy + V dx = b asks of the contacts, s left out, dr_T = 0 where mu = 0."""
-        nc, d = self.half_lines, self._d
-        lines, cones = V.square_blocks()
-        A, B = np.zeros((nc, d, d)), np.zeros((nc, d, d))
-        B[:, 0, 0] = lines
-        index = np.arange(1, d)
-        A[:, 0, 0] = 1
-        if not self._all_rough:
-            B[:, index, index] = 1
-        A[self.rough[:, None], index, index] = 1
-        B[self.rough, 1:, :] = cones[:, 1:, :]
-        B[self.rough, 1:, 0] *= self.mu[self.rough, None]
-        return A, B
 
     def centred(self, r: FloatArray, u: FloatArray, tau: FloatArray, compliance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Both sides x, y with products tau e, tau and compliance (nc,), near r and u (nc, d) of any kind.

@@ -15,8 +15,8 @@ from fcsim.arrays import FloatArray
 from fcsim.linear.block_factors.lu import BlockLU
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem import Delassus
+from fcsim.solvers.interior_point import _step_kernels as kernels
 from fcsim.solvers.newton.systems._direct_kernels import active_matrix, newton_blocks
-from fcsim.solvers.newton.systems._velocity_kernels import contacts_eliminated
 from fcsim.solvers.newton.systems.velocity import bodies_of
 
 Solve = Callable[[FloatArray], FloatArray]
@@ -28,12 +28,16 @@ would take the digits of the others. Without it and the refinement 30 of 36 prob
 all."""
 
 
+def by_bodies(operator: Delassus) -> bool:
+    """Whether the system is eliminated in the bodies' velocities."""
+    return operator.motion is not None and operator.motion.M.shape[0] <= FEWER * operator.size
+
+
 class InteriorSystem:
     """Factors A W + B of one operator W and changing A and B (nc, d, d), each contact's B regular."""
 
     def __init__(self, operator: Delassus) -> None:
-        motion = operator.motion
-        self.in_velocities = motion is not None and motion.M.shape[0] <= FEWER * operator.size
+        self.in_velocities = by_bodies(operator)
         self._operator = operator if self.in_velocities else operator.stored
 
     def factored(self, A: FloatArray, B: FloatArray) -> Solve:
@@ -56,19 +60,18 @@ class InteriorSystem:
         """With A (W + D) + B for A W + B, D of SHIFT, and one step of iterative refinement."""
         operator, bodies, shape = self._operator, bodies_of(self._operator), A.shape[:2]
         own = bodies.own.reshape(shape) + SHIFT * operator.compliance[:, None]
-        K, _, singular = contacts_eliminated(A, B, own, np.zeros(shape))
+        inverse, K, singular = kernels.inverted(A, B, own)
         if singular >= 0:
             raise SingularMatrix(f"contact {singular}: its own equations are singular")
         solve, _ = bodies.factored(K)
 
         def shifted(rhs: FloatArray) -> FloatArray:
-            _, c, _ = contacts_eliminated(A, B, own, rhs)
-            dv = solve(bodies.H @ c.ravel())
-            return c - np.einsum("aij,aj->ai", K, (bodies.HT @ dv).reshape(shape))
+            c, right = kernels.to_bodies(inverse, rhs, bodies.unknowns, bodies.h, bodies.HT.shape[1])
+            dr: FloatArray = kernels.from_bodies(c, K, solve(right), bodies.unknowns, bodies.h)
+            return dr
 
         def refined(rhs: FloatArray) -> FloatArray:
             dr = shifted(rhs)
-            Wdr = (operator @ dr.ravel()).reshape(shape)
-            return dr + shifted(rhs - np.einsum("aij,aj->ai", A, Wdr) - np.einsum("aij,aj->ai", B, dr))
+            return dr + shifted(kernels.defect(A, B, (operator @ dr.ravel()).reshape(shape), dr, rhs))
 
         return refined

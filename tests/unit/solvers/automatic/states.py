@@ -54,7 +54,8 @@ class Shown:
 
 @dataclass
 class State:
-    """A race of ten contacts: prices are 1 a sweep, 10 an iteration of Newton or proximal Newton, 100 ADMM's factor and 2 an iteration."""
+    """A race of ten contacts: prices are 1 a sweep, 10 an iteration of Newton or proximal Newton, 15 of an interior
+    point, 100 ADMM's factor and 2 an iteration."""
 
     best: float = AFAR
     holds: float = LOOSE
@@ -83,7 +84,15 @@ class State:
     @property
     def prices(self) -> Any:
         return SimpleNamespace(
-            **{"in_velocities": self.in_velocities, "sweep": 1.0, "piece": 4.0, "proof": 50.0, "admm": 2.0, "least_in_velocities": 10.0},
+            **{
+                "in_velocities": self.in_velocities,
+                "sweep": 1.0,
+                "piece": 4.0,
+                "interior": 15.0,
+                "proof": 50.0,
+                "admm": 2.0,
+                "least_in_velocities": 10.0,
+            },
             **dict.fromkeys(("newton", "least", "proximal"), lambda held: self.newton_price),
             **dict.fromkeys(("splitting", "least_splitting"), lambda iterations: 100.0 + 2.0 * iterations),
             least_squares=lambda held: 25.0,

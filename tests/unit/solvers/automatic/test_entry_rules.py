@@ -79,8 +79,67 @@ def test_admm_comes_in_the_place_of_sweeps_that_stand_still(
     ],
 )
 def test_paths_enter(changes: dict[str, Any], proximal: Shown | None, others: float, due: bool) -> None:
-    runners = {"sweeps": Shown(spent=others), **({} if proximal is None else {"proximal Newton": proximal})}
+    runners = {"sweeps": Shown(spent=others), "interior point": Shown(result=ENDED)}
+    runners |= {} if proximal is None else {"proximal Newton": proximal}
     assert later.enter_paths(state(runners=runners, **{"best": NEAR, "holds": FACES_HELD, **changes})) is due
+
+
+@pytest.mark.parametrize(
+    ("changes", "proximal", "due"),
+    [
+        ({}, newton(spent=301.0), True),  # twenty of its iterations in beds of grains
+        ({}, newton(spent=300.0), False),
+        ({}, newton(spent=301.0, iterations=19), False),
+        ({}, newton(spent=301.0, tenfolds=6.0), False),
+        ({}, newton(spent=1.0, iterations=19, result=ENDED), True),
+        ({}, None, False),
+        ({"warm": True}, newton(spent=301.0), False),
+        ({"joints": object()}, newton(spent=301.0), False),
+        ({"best": AFAR}, newton(spent=301.0), False),
+        ({"best": AFAR, "without": ("proof",)}, newton(spent=301.0), True),
+        ({"in_velocities": False}, newton(spent=301.0), True),
+        ({"holds": FACES_HELD, "best": 1.1e-4}, newton(needed=151.0), True),  # ten of its iterations in blocks
+        ({"holds": FACES_HELD, "best": 1.1e-4}, newton(needed=150.0), False),
+        ({"holds": FACES_HELD, "best": 1e-4}, newton(needed=151.0), False),
+        ({"holds": FACES_HELD, "best": 1e-4}, newton(needed=151.0, result=ENDED), True),
+        ({"holds": EDGES_HELD, "dimension": 2, "best": 1.1e-4}, newton(needed=151.0), True),
+    ],
+)
+def test_an_interior_point_enters(changes: dict[str, Any], proximal: Shown | None, due: bool) -> None:
+    runners = {"sweeps": Shown(), **({} if proximal is None else {"proximal Newton": proximal})}
+    assert later.enter_interior(state(runners=runners, **{"best": NEAR, **changes})) is due
+
+
+@pytest.mark.parametrize(("iterations", "slows", "leads"), [(19, 1.0, True), (20, 1.4, False), (20, 1.41, True)])
+def test_an_interior_point_is_on_a_path_that_leads_on(iterations: int, slows: float, leads: bool) -> None:
+    assert later.on_a_path(Shown(iterations=iterations, slows=slows)) is leads  # type: ignore[arg-type]
+
+
+PATH = Shown(iterations=20, slows=1.41)
+
+
+@pytest.mark.parametrize(
+    ("changes", "interior", "first"),
+    [
+        ({"best": 1.1e-4}, None, True),
+        ({"best": 1e-4}, None, False),
+        ({"best": 1e-6}, PATH, True),
+        ({}, Shown(iterations=20, slows=1.4), False),
+        ({}, Shown(iterations=20, slows=1.41, result=ENDED), False),
+        ({"warm": True}, PATH, False),
+        ({"joints": object()}, PATH, False),
+        ({"without": ("interior point",)}, None, False),
+    ],
+)
+def test_an_interior_point_in_blocks_goes_before_paths_and_admm(changes: dict[str, Any], interior: Shown | None, first: bool) -> None:
+    runners = {"sweeps": Shown(spent=900.0, iterations=900, needed=1e9), "proximal Newton": newton(spent=900.0)}
+    runners |= {} if interior is None else {"interior point": interior}
+    race = state(runners=runners, holds=FACES_HELD, **changes)
+    assert later.interior_is_first(race) is first
+    race.without = (*race.without, "proof")
+    assert later.enter_paths(race) is not first
+    if race.best > 1e-3 and race.joints is None:
+        assert stages._enter_splitting(race) is not first
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fcsim.bench.families import problems
 from fcsim.errors import InputError
 from fcsim.problem import Delassus, LocalProblem
+from fcsim.problem.judge import natural_map_residual
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
 from fcsim.solvers.automatic import stages
@@ -142,10 +143,10 @@ def test_admm_goes_on_alone_where_bodies_come_to_rest(monkeypatch: pytest.Monkey
     """An arch that stands: ADMM's velocities fall while its error stays above 1e-3, and then it is there, before the others spend as much
     as they do where nothing is seen of that."""
     p = reduce(problems("arches", 1000, 42)).local
-    seeing = solve(p, "auto")
+    seeing = solve(p, "auto", without=("interior point",))
     assert seeing.solved and np.linalg.norm(seeing.u) < 1e-6 * np.linalg.norm(p.q)
     monkeypatch.setattr(stages, "TO_REST", np.inf)
-    blind = solve(p, "auto")
+    blind = solve(p, "auto", without=("interior point",))
     assert blind.solved and seeing.iterations < blind.iterations
 
 
@@ -216,7 +217,7 @@ def test_from_zero_paths_are_for_edges_and_faces_and_no_dearer_than_all_others(
         return iterate
 
     monkeypatch.setattr(stages, "run", noted)
-    assert solve(local(family, 300, seed), "auto", tol=1e-4).solved
+    assert solve(local(family, 300, seed), "auto", tol=1e-4, without=("interior point",)).solved
     assert "proximal Newton" in spent and ("paths" in spent) == follows
     if follows:
         paths = spent.pop("paths")
@@ -239,9 +240,31 @@ def test_from_zero_paths_begin_once_others_have_spent_what_paths_mostly_take(
         return replace(stage, turns=turns)
 
     monkeypatch.setattr("fcsim.solvers.automatic.stages.STAGES", tuple(noted(stage) for stage in STAGES))
-    assert solve(local(family, size, seed), "auto", tol=1e-4).solved
+    assert solve(local(family, size, seed), "auto", tol=1e-4, without=("interior point",)).solved
     (pieces,) = begun
     assert least <= pieces < 1.9 * least
+
+
+@pytest.mark.parametrize(("family", "size", "seed", "gain"), [("frictions", 300, 954, 3.0), ("walls-2D", 600, 954, 1.2)])
+def test_an_interior_point_arrives_where_proximal_newton_takes_long(
+    family: str, size: int, seed: int, gain: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bed with friction up to 5 and a wall in 2D: by counted costs `auto` spends less, in the wall without a path to follow."""
+    spent: list[dict[str, float]] = []
+
+    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
+        iterate = run(race, entering)
+        spent.append({name: runner.spent for name, runner in race.runners.items()})
+        return iterate
+
+    monkeypatch.setattr(stages, "run", noted)
+    p = local(family, size, seed)
+    result = solve(p, "auto")
+    assert result.solved and natural_map_residual(result.r, p.W @ result.r + p.q, p.mu, p.dimension) <= 1e-8 * np.linalg.norm(p.q)
+    assert solve(p, "auto", without=("interior point",)).solved
+    with_it, without_it = spent
+    assert with_it["interior point"] > 0 and "paths" not in with_it
+    assert sum(without_it.values()) > gain * sum(with_it.values())
 
 
 def test_sweeps_share_alike_in_a_bed_that_holds_as_much_as_its_bodies_velocities(monkeypatch: pytest.MonkeyPatch) -> None:

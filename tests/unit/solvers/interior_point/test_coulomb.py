@@ -16,7 +16,9 @@ from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import Status, solve
-from fcsim.solvers.interior_point.coulomb import Linearised
+from fcsim.solvers.base import Monitor
+from fcsim.solvers.interior_point.cones import NesterovTodd
+from fcsim.solvers.interior_point.coulomb import InteriorPointOptions, Linearised, interior_point_turns
 from fcsim.solvers.interior_point.pairs import ContactPairs
 from fcsim.solvers.interior_point.systems import InteriorSystem
 
@@ -76,13 +78,14 @@ def test_direction_is_newtons(d: int) -> None:
     y = y * rng.uniform(0.9, 1.1, nc)[np.r_[np.arange(nc), np.repeat(np.flatnonzero(MU > 0), d)]]  # off the path
     R = pairs.contact_reaction(x)
     step = Linearised(pairs, InteriorSystem(p.delassus), x, y, (p.W @ R.ravel() + p.q).reshape(nc, d))
-    dr, _, dy = step.direction(-step.squared, 0.7)
+    V = NesterovTodd(pairs, y, x)
+    dr, _, dy, _ = step.direction(-step.squared, 0.7)
 
     def at(t: float) -> tuple[np.ndarray, np.ndarray]:
-        r, moved = R + t * dr, y + t * step.V.apply(dy)
+        r, moved = R + t * dr, y + t * V.apply(dy)
         lines, cones = by_contact(pairs, pairs.reactions(r))
         cones = np.column_stack([MU[MU > 0] * r[MU > 0, 0], r[MU > 0, 1:]])
-        scaled = step.V.apply(np.concatenate([lines, cones.ravel()])), step.V.apply(moved, inverse=True)
+        scaled = V.apply(np.concatenate([lines, cones.ravel()])), V.apply(moved, inverse=True)
         (a, A), (b, B) = (by_contact(pairs, z) for z in scaled)
         u = np.column_stack([moved[:nc], np.zeros((nc, d - 1))])
         u[MU > 0, 1:] = by_contact(pairs, moved)[1][:, 1:]
@@ -127,6 +130,17 @@ def test_regular_problems_need_one_path_alone(seed: int, d: int) -> None:
     other = solve(random_problem(d, seed), "NSN-AC", tol=1e-12)
     assert other.solved
     assert_allclose(result.r, other.r, atol=1e-6)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_turns_are_iterations_and_tell_a_falling_tau(d: int) -> None:
+    p, told = random_problem(d), []
+    monitor = Monitor(p.q, p.mu, d, 1e-8, compliance=p.delassus.compliance)
+    turns = interior_point_turns(p, np.zeros(p.m), monitor, InteriorPointOptions(paths=1, polish=0), told.append)
+    for done, _ in enumerate(turns, 1):
+        assert monitor.iterations == len(told) == done
+    assert monitor.best <= 1e-8 and len(told) == monitor.iterations >= 5
+    assert np.all(np.diff(told) < 0) and told[-1] < 1e-8 * told[0]
 
 
 def test_where_a_path_turns_back_another_leads_on() -> None:
