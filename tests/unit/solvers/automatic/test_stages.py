@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -211,8 +211,8 @@ def test_from_zero_paths_are_for_edges_and_faces_and_no_dearer_than_all_others(
     way when paths have spent as much as all others is followed to its end."""
     spent: dict[str, float] = {}
 
-    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
-        iterate = run(race, entering)
+    def noted(race: Race, entering: Sequence[Stage], ends: Callable[[Race], bool]) -> Iterate:
+        iterate = run(race, entering, ends)
         spent.update((name, runner.spent) for name, runner in race.runners.items())
         return iterate
 
@@ -252,8 +252,8 @@ def test_an_interior_point_arrives_where_proximal_newton_takes_long(
     """A bed with friction up to 5 and a wall in 2D: by counted costs `auto` spends less, in the wall without a path to follow."""
     spent: list[dict[str, float]] = []
 
-    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
-        iterate = run(race, entering)
+    def noted(race: Race, entering: Sequence[Stage], ends: Callable[[Race], bool]) -> Iterate:
+        iterate = run(race, entering, ends)
         spent.append({name: runner.spent for name, runner in race.runners.items()})
         return iterate
 
@@ -271,8 +271,8 @@ def test_sweeps_share_alike_in_a_bed_that_holds_as_much_as_its_bodies_velocities
     """A pile of rocks, which NNCG alone solves in half the time of proximal Newton: three points a pair hold much, but are no face."""
     held_at, spent = [], {}
 
-    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
-        iterate = run(race, entering)
+    def noted(race: Race, entering: Sequence[Stage], ends: Callable[[Race], bool]) -> Iterate:
+        iterate = run(race, entering, ends)
         spent.update((name, runner.spent) for name, runner in race.runners.items())
         held_at.append(held(race))
         return iterate
@@ -297,8 +297,8 @@ def test_no_admm_in_joints_of_nearly_rigid_bodies(monkeypatch: pytest.MonkeyPatc
     """Boxes on faces with a little compliance of their own: proximal Newton in their velocities takes a third of ADMM's time."""
     begun: list[str] = []
 
-    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
-        iterate = run(race, entering)
+    def noted(race: Race, entering: Sequence[Stage], ends: Callable[[Race], bool]) -> Iterate:
+        iterate = run(race, entering, ends)
         assert race.joints is not None and race.prices.in_velocities
         begun.extend(race.runners)
         return iterate
@@ -340,8 +340,8 @@ def test_admm_does_what_sweeps_that_stand_still_do_not(monkeypatch: pytest.Monke
     """A bed with friction up to 5 whose contacts hold about all of its velocities: without ADMM below 1e-3 all spend twice as much."""
     spent = []
 
-    def noted(race: Race, entering: Sequence[Stage]) -> Iterate:
-        iterate = run(race, entering)
+    def noted(race: Race, entering: Sequence[Stage], ends: Callable[[Race], bool]) -> Iterate:
+        iterate = run(race, entering, ends)
         spent.append(race.spent())
         return iterate
 
