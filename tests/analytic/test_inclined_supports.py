@@ -221,8 +221,8 @@ def test_supports_along_different_axes_at_one_node_are_held_together() -> None:
         (np.eye(3), r"axes: expected a rotation matrix \(2, 2\), got \(3, 3\)"),
         (2 * np.eye(2), r"axes: expected a rotation matrix \(orthogonal, determinant \+1\)"),
         (np.diag([1.0, -1.0]), r"expected a rotation matrix \(orthogonal, determinant \+1\)"),
-        (30.0, r"axes: expected a rotation matrix \(d, d\) of finite numbers, got shape \(\)"),
-        ("slope", r"axes: expected a rotation matrix \(d, d\), got 'slope'"),
+        (30.0, r"axes: expected a rotation matrix \(d, d\) of finite numbers, got 30.0"),
+        ("slope", r"axes: expected a rotation matrix \(d, d\) of finite numbers, got 'slope'"),
         (np.array([[np.nan, 0], [0, 1]]), "of finite numbers"),
     ],
 )
