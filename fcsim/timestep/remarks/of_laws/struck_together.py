@@ -16,6 +16,8 @@ LEAST = 1e-5
 """Of the smaller body's size: the way of a step at the speed of a blow. What rests approaches by round-off."""
 SLOWER = 0.1
 """Of the speed at which a contact is struck: contacts that approach by less are not struck themselves."""
+LOOKED = 20
+"""Contacts of a step that are looked at, the fastest ones."""
 
 
 def struck_together(step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
@@ -33,7 +35,7 @@ def struck_together(step: Step, when: str, said: frozenset[str]) -> dict[str, st
         return {}
     approach, force = -met.meeting.before[:, 0], step.contact_force[:, 0]
     struck = np.flatnonzero((met.meeting.timing.h * approach > LEAST * met.meeting.size) & (force > 0))
-    for a in struck[np.argsort(-approach[struck], kind="stable")][:_LOOKED]:
+    for a in struck[np.argsort(-approach[struck], kind="stable")][:LOOKED]:
         shared = (contacts.bodies[:, :, None] == contacts.bodies[a]).any(axis=1)
         other = shared.any(axis=1) & ~shared.all(axis=1)  # one body in common
         along = np.abs(contacts.frame[:, 0] @ contacts.frame[a, 0]) > ALONG
@@ -51,6 +53,3 @@ def struck_together(step: Step, when: str, said: frozenset[str]) -> dict[str, st
                 "way wide, so that impacts are one after the other"
             }
     return {}
-
-
-_LOOKED = 20  # fastest contacts of a step
