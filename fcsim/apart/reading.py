@@ -29,8 +29,8 @@ def read_apart[T](path: Path, module: str, arguments: Sequence[str], loaded: Cal
     InputError for what that says of the file, and where it crashes, hangs or fills memory.
     """
     megabytes = regular(path).stat().st_size / 1e6
-    environment = with_our_modules()
     with TemporaryDirectory(prefix="fcsim-mesh-") as folder:
+        environment = with_our_modules() | {"TMPDIR": folder}  # what a reader that crashes leaves behind goes with it
         out = Path(folder) / "mesh.npz"
         command = [sys.executable, ISOLATED, "-c", PROCESS.format(module=module), str(path), str(out), *arguments]
         patience = SECONDS + SECONDS_PER_MB * megabytes

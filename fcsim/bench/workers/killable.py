@@ -83,10 +83,10 @@ def resident(pid: int) -> float:
     return (pages - of_files) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def die_with_parent() -> None:
-    """Have this process killed when the one that started it ends, however that ends (Linux)."""
+def die_with_parent(by: signal.Signals = signal.SIGKILL) -> None:
+    """Have this process sent a signal when the one that started it ends, however that ends (Linux)."""
     try:
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL))
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(by))
     except (OSError, AttributeError):
         return
 

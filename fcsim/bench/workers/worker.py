@@ -230,8 +230,8 @@ def _leave(*_: object) -> None:
 
 
 def main() -> int:
-    die_with_parent()
     signal.signal(signal.SIGTERM, _leave)  # ends the child and removes the temporary folder
+    die_with_parent(signal.SIGTERM)
     replies = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     os.dup2(2, 1)  # what libraries print does not mix with the replies
     settings = json.loads(sys.stdin.readline() or "{}")

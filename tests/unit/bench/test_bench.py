@@ -343,7 +343,8 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
     ]
     command += ["--time-limit", "60", "--jobs", str(jobs), "--plugin", plugin, "--out", out]
     # the tightest tolerance takes longer than is waited below for processes that outlive the bench
-    slow = environment | {"BENCH_LONG": "30"}
+    (temporary := tmp_path / "temporary").mkdir()
+    slow = environment | {"BENCH_LONG": "30", "TMPDIR": str(temporary)}
     with subprocess.Popen(
         command,
         env=slow,
@@ -365,6 +366,7 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
     while processes_in(tmp_path):
         assert time.monotonic() < deadline, "processes outlive the bench"
         time.sleep(0.02)
+    assert not list(temporary.glob("fcsim-*")), "workers leave files behind"
     finished = read_results(out)
     assert len(finished) == 3 * jobs
     if ending == signal.SIGINT:

@@ -1,6 +1,7 @@
 """Mesh files that would end, hang or fill the process that reads them."""
 
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,12 @@ FAULTS = Path(__file__).parents[2] / "faults" / "data"
 
 
 @pytest.mark.parametrize("path", sorted(FAULTS.glob("*.msh")), ids=lambda path: path.stem)
-def test_a_file_that_crashes_gmsh_is_an_error(path: Path) -> None:
+def test_a_file_that_crashes_gmsh_is_an_error(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     with pytest.raises(InputError, match=r"expected a mesh file, got one that ends its reader \(SIGSEGV\)"):
         read_mesh(path, STONE)
+    assert not list(tmp_path.iterdir()), "the reader that crashed left files"
 
 
 def test_a_reader_that_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
