@@ -137,12 +137,22 @@ def newton_options(race: Race) -> NewtonOptions:
     return replace(NEWTON, rho_factor=factor, max_iterations=race.options.max_iterations, patience=race.options.patience)
 
 
-def splitting(race: Race, monitor: ShareOfMonitor, options: AdmmOptions) -> Turns:
-    """ADMM from zero, which suits it better than sweeps' iterate; where contacts come in joints one factor, many cheap iterations."""
+def splitting(
+    race: Race,
+    monitor: ShareOfMonitor,
+    options: AdmmOptions,
+    others: AdmmOptions | None = None,
+    due: Callable[[], bool] = lambda: False,
+) -> Turns:
+    """ADMM from zero, which suits it better than sweeps' iterate; where contacts come in joints one factor, many cheap iterations. By
+    other options, from zero anew, once that is due."""
     vi = Inequality.coulomb(race.problem)
     watch = ProblemWatch(vi.velocity, monitor, options.max_iterations, period=WATCHED)
     run = split_turns(vi, np.zeros(race.problem.m), watch, options)
     while True:
+        if others is not None and due():
+            watch = ProblemWatch(vi.velocity, monitor, others.max_iterations, period=WATCHED)
+            run, others = split_turns(vi, np.zeros(race.problem.m), watch, others), None
         try:
             next(run)
         except StopIteration as stop:
