@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, nearly_held, singular_here
 from fcsim.solvers.automatic.expected import FAR, PROXIMAL_ALONE, at_first, swept
+from fcsim.solvers.automatic.methods import OVERTAKEN
 from fcsim.solvers.automatic.race import Race, Runner
 
 LEAST_SQUARES_AFTER = 4.0
@@ -95,8 +96,8 @@ def enter_paths(race: Race) -> bool:
     pieces = PIECES_OF_FACES if faces(race) else PIECES_OF_EDGES
     if not race.warm and race.spent() < pieces * race.problem.nc * race.prices.piece:
         return False
-    if not race.warm and runner.result is None and at_first(runner):
-        return False
+    if not race.warm and runner.result is None and (at_first(runner) or race.best < OVERTAKEN * runner.monitor.best):
+        return False  # it has still to show what it does, or what it does from an iterate that is well ahead of its own
     if not singular_here(race):
         return False
     done = runner.monitor.iterations

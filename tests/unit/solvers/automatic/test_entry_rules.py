@@ -75,6 +75,10 @@ def test_admm_comes_in_the_place_of_sweeps_that_stand_still(
         ({}, newton(iterations=70, tenfolds=5.0), 0.0, True),
         ({}, newton(iterations=69, tenfolds=5.0, result=ENDED), 0.0, True),
         ({"warm": True}, newton(iterations=69, tenfolds=5.0), 0.0, True),
+        ({"best": NEAR}, newton(best=10.1 * NEAR), 0.0, False),  # it will begin anew from an iterate that is well ahead
+        ({"best": NEAR}, newton(best=9.9 * NEAR), 0.0, True),
+        ({"best": NEAR}, newton(best=10.1 * NEAR, result=ENDED), 0.0, True),
+        ({"best": NEAR, "warm": True}, newton(best=10.1 * NEAR), 0.0, True),
         ({"nc": 100}, newton(spent=150.0), 49.0, False),  # half a piece a contact in faces: 200
         ({"nc": 100}, newton(spent=150.0), 50.0, True),
         ({"nc": 100, "warm": True}, newton(spent=150.0), 49.0, True),

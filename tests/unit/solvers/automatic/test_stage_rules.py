@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -301,3 +302,30 @@ def test_fischer_burmeister_enters_last(spent: float, running: bool, from_zero: 
     if from_zero:
         runners["proximal Newton from zero"] = Shown(result=ENDED)
     assert stage("Fischer-Burmeister").enters(state(runners=runners)) is enters
+
+
+@pytest.mark.parametrize(
+    ("changes", "options"),
+    [
+        ({"holds": LOOSE}, "PROXIMAL_NEWTON"),
+        ({"holds": FACES_HELD}, "PROXIMAL_OF_FACES"),
+        ({"holds": FACES_HELD, "warm": True}, "PROXIMAL_NEWTON"),
+        ({"holds": FACES_HELD, "in_velocities": False}, "PROXIMAL_NEWTON"),
+        ({"holds": EDGES_HELD, "dimension": 2}, "PROXIMAL_OF_EDGES_FIRST"),
+        ({"holds": EDGES_HELD, "dimension": 2, "warm": True}, "PROXIMAL_OF_EDGES"),
+        ({"holds": EDGES_HELD, "dimension": 2, "in_velocities": False}, "PROXIMAL_OF_EDGES"),
+        ({"holds": 0.0, "regular": True}, "PROXIMAL_ON_SPRINGS"),
+    ],
+)
+def test_proximal_newton_s_options_follow_from_how_bodies_touch(
+    changes: dict[str, Any], options: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its first alpha is a tenth of the error's root at the most."""
+    given: list[Any] = []
+    monkeypatch.setattr(methods, "proximal_turns", lambda problem, r, monitor, chosen: given.append(chosen) or iter(()))
+    race = state(**{"best": 1e-6, **changes})
+    with pytest.raises(StopIteration):
+        next(stage("proximal Newton").turns(race, None))  # type: ignore[arg-type]
+    usual = getattr(methods, options)
+    assert given[0].alpha == pytest.approx(1e-4 if race.in_velocities else usual.alpha)
+    assert given == [replace(usual, alpha=given[0].alpha, max_iterations=race.options.max_iterations)]
