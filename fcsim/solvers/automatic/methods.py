@@ -9,7 +9,7 @@ import numpy as np
 
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
-from fcsim.solvers.automatic.closed import edges, faces, on_springs
+from fcsim.solvers.automatic.closed import edges, held_as_blocks, on_springs
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await
@@ -55,11 +55,15 @@ INTERIOR = InteriorPointOptions(paths=3)
 took at most three."""
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT, longest=LONGEST)
 FISCHER_BURMEISTER = NewtonOptions(formulation="FB", rho="spectral norm")
-PROXIMAL_OF_FACES = replace(PROXIMAL_NEWTON, metric="identity", sigma=5.0, easy=8)
-"""Proximal Newton's options after the first sweeps where faces of bodies hold one another: as with PPA-NSN-AC, alpha falls faster, and one
-number for all contacts weighs it."""
+PROXIMAL_OF_BLOCKS = replace(PROXIMAL_NEWTON, metric="identity", alpha=1e-3, sigma=5.0, easy=8)
+"""Proximal Newton's options after the first sweeps where edges or faces of bodies hold one another: as with PPA-NSN-AC, alpha falls faster,
+and one number for all contacts weighs it."""
+PROXIMAL_OF_FACES = replace(PROXIMAL_OF_BLOCKS, internal_options={"max_iterations": 12})
+"""Those in faces: 54 boxes, walls and towers took 1210 iterations to 1e-4, for 1471 with a first alpha of 1e-2 and eight inside."""
 PROXIMAL_OF_EDGES = replace(PROXIMAL_NEWTON, internal_options={"max_iterations": 15})
 """Those where edges of 2D bodies hold one another, whose inner problems do arrive after more than eight iterations."""
+PROXIMAL_OF_EDGES_FIRST = replace(PROXIMAL_OF_BLOCKS, internal_options={"max_iterations": 15})
+"""Those there from zero: ten walls in 2D took 168 iterations to 1e-4 for 274, 18 arches as many."""
 PROXIMAL_ON_SPRINGS = replace(PROXIMAL_NEWTON, sigma=2.0, easy=3, internal_error_ratio=2.0)
 """Those where joints have stiffness: 43 steps that Newton's method leaves (three structures, 5e8 to 5e10 N/m) took 4350 iterations for 5890
 where inner problems are solved to a half, not a tenth, of the error, and alpha is halved."""
@@ -137,12 +141,22 @@ def newton_options(race: Race) -> NewtonOptions:
     return replace(NEWTON, rho_factor=factor, max_iterations=race.options.max_iterations, patience=race.options.patience)
 
 
-def splitting(race: Race, monitor: ShareOfMonitor, options: AdmmOptions) -> Turns:
-    """ADMM from zero, which suits it better than sweeps' iterate; where contacts come in joints one factor, many cheap iterations."""
+def splitting(
+    race: Race,
+    monitor: ShareOfMonitor,
+    options: AdmmOptions,
+    others: AdmmOptions | None = None,
+    due: Callable[[], bool] = lambda: False,
+) -> Turns:
+    """ADMM from zero, which suits it better than sweeps' iterate; where contacts come in joints one factor, many cheap iterations. By
+    other options, from zero anew, once that is due."""
     vi = Inequality.coulomb(race.problem)
     watch = ProblemWatch(vi.velocity, monitor, options.max_iterations, period=WATCHED)
     run = split_turns(vi, np.zeros(race.problem.m), watch, options)
     while True:
+        if others is not None and due():
+            watch = ProblemWatch(vi.velocity, monitor, others.max_iterations, period=WATCHED)
+            run, others = split_turns(vi, np.zeros(race.problem.m), watch, others), None
         try:
             next(run)
         except StopIteration as stop:
@@ -157,8 +171,8 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
 
     def begin() -> Turns:
         options = PROXIMAL_OF_EDGES if edges(race) else PROXIMAL_NEWTON
-        if race.prices.in_velocities and not race.warm and faces(race):
-            options = PROXIMAL_OF_FACES
+        if race.prices.in_velocities and not race.warm and held_as_blocks(race):
+            options = PROXIMAL_OF_FACES if race.problem.dimension == 3 else PROXIMAL_OF_EDGES_FIRST
         elif on_springs(race):
             options = PROXIMAL_ON_SPRINGS
         alpha = min(options.alpha, ALPHA * float(np.sqrt(race.best))) if race.prices.in_velocities else options.alpha

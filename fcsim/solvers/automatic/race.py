@@ -96,7 +96,7 @@ class Stage:
     price          of one of its iterations
     alone          whether it goes on alone now, though nothing predicts its arrival
     left           whether it is given up now, beside what it decides itself
-    steady         whether its rate so far says something about what comes
+    steady         whether its rate so far says something about what comes: where it has little hope it spends little
     share          what it spends of the others' share at the most
     opens          whether nobody else is asked to enter now, since it is about to arrive for less than asking and setting up would cost
     """
@@ -108,7 +108,7 @@ class Stage:
     price: Callable[[Race], float]
     alone: Callable[[Race, Runner], bool] = lambda race, runner: False
     left: Callable[[Race, Runner], bool] = lambda race, runner: False
-    steady: bool = False
+    steady: Callable[[Race], bool] = lambda race: False
     share: Callable[[Race], float] = lambda race: 1.0
     opens: Callable[[Race, Runner], bool] = lambda race, runner: False
 
@@ -231,7 +231,7 @@ def _next(race: Race) -> Runner:
 
 def _share(race: Race, runner: Runner, total: float) -> float:
     """What it spends beside the others, 1 where as much as they do."""
-    little = runner.stage.steady and runner.needs() > HOPE * total
+    little = runner.stage.steady(race) and runner.needs() > HOPE * total
     return min(runner.stage.share(race), LITTLE if little else 1.0)
 
 

@@ -27,6 +27,7 @@ from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, on_spr
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, swept
 from fcsim.solvers.automatic.later import (
+    BESIDE,
     enter_from_zero,
     enter_interior,
     enter_least_squares,
@@ -195,8 +196,16 @@ def _share_of_splitting(race: Race) -> float:
 
 
 def _splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
-    options = methods.SPLITTING if race.joints is None else methods.SPLITTING_OF_JOINTS
-    return methods.splitting(race, monitor, methods.SPLITTING_OF_BEDS if in_place_of_sweeps(race) else options)
+    if race.joints is not None:
+        return methods.splitting(race, monitor, methods.SPLITTING_OF_JOINTS)
+    if in_place_of_sweeps(race):
+        return methods.splitting(race, monitor, methods.SPLITTING_OF_BEDS)
+    return methods.splitting(race, monitor, methods.SPLITTING, methods.SPLITTING_OF_BEDS, lambda: _anew(race))
+
+
+def _anew(race: Race) -> bool:
+    """Whether ADMM, which came as it does elsewhere, is to do what sweeps do not and does not get on by its own rule."""
+    return in_place_of_sweeps(race) and not _on_track(race, race.runners["splitting"])
 
 
 def _plateau(race: Race, runner: Runner) -> bool:
@@ -213,7 +222,7 @@ STAGES: tuple[Stage, ...] = (
         price=lambda race: race.prices.sweep,
         left=_plateau,
         opens=opening,
-        steady=True,
+        steady=lambda race: True,
         share=_share_of_sweeps,
     ),
     Stage(
@@ -226,7 +235,7 @@ STAGES: tuple[Stage, ...] = (
         turns=_splitting,
         price=lambda race: race.prices.admm,
         alone=_on_track,
-        steady=True,
+        steady=lambda race: race.best <= BESIDE or not in_place_of_sweeps(race),
         left=lambda race, runner: race.joints is not None and not _on_track(race, runner),
         share=_share_of_splitting,
     ),

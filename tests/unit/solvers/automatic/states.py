@@ -75,7 +75,7 @@ class State:
 
     @property
     def options(self) -> Any:
-        return SimpleNamespace(without=self.without, splitting=self.splitting, patience=self.patience, probe=20)
+        return SimpleNamespace(without=self.without, splitting=self.splitting, patience=self.patience, probe=20, max_iterations=1000)
 
     @property
     def problem(self) -> Any:
@@ -117,8 +117,8 @@ def state(*, runners: dict[str, Shown] | None = None, **changes: Any) -> Any:
 
 
 def newton(**changes: Any) -> Shown:
-    """Proximal Newton after 70 iterations that cost 700, of which half brought the error down tenfold."""
-    return Shown(**{"iterations": 70, "spent": 700.0, **changes})
+    """Proximal Newton after 70 iterations that cost 700, of which half brought the error down tenfold, to near a solution."""
+    return Shown(**{"iterations": 70, "spent": 700.0, "best": NEAR, **changes})
 
 
 STILL = Shown(iterations=200, spent=200.0, fell=1.1)

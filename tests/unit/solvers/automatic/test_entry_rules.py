@@ -71,6 +71,14 @@ def test_admm_comes_in_the_place_of_sweeps_that_stand_still(
         ({}, newton(iterations=30, spent=500.0, needed=501.0), 0.0, True),
         ({}, newton(iterations=29, spent=500.0, needed=501.0), 0.0, False),
         ({}, newton(iterations=3, result=ENDED), 0.0, True),
+        ({}, newton(iterations=69, tenfolds=5.0), 0.0, False),  # in its own iterations
+        ({}, newton(iterations=70, tenfolds=5.0), 0.0, True),
+        ({}, newton(iterations=69, tenfolds=5.0, result=ENDED), 0.0, True),
+        ({"warm": True}, newton(iterations=69, tenfolds=5.0), 0.0, True),
+        ({"best": NEAR}, newton(best=10.1 * NEAR), 0.0, False),  # it will begin anew from an iterate that is well ahead
+        ({"best": NEAR}, newton(best=9.9 * NEAR), 0.0, True),
+        ({"best": NEAR}, newton(best=10.1 * NEAR, result=ENDED), 0.0, True),
+        ({"best": NEAR, "warm": True}, newton(best=10.1 * NEAR), 0.0, True),
         ({"nc": 100}, newton(spent=150.0), 49.0, False),  # half a piece a contact in faces: 200
         ({"nc": 100}, newton(spent=150.0), 50.0, True),
         ({"nc": 100, "warm": True}, newton(spent=150.0), 49.0, True),
@@ -110,9 +118,19 @@ def test_an_interior_point_enters(changes: dict[str, Any], proximal: Shown | Non
     assert later.enter_interior(state(runners=runners, **{"best": NEAR, **changes})) is due
 
 
-@pytest.mark.parametrize(("iterations", "slows", "leads"), [(19, 1.0, True), (20, 1.4, False), (20, 1.41, True)])
-def test_an_interior_point_is_on_a_path_that_leads_on(iterations: int, slows: float, leads: bool) -> None:
-    assert later.on_a_path(Shown(iterations=iterations, slows=slows)) is leads  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("iterations", "slows", "slowed_by", "leads"),
+    [
+        (19, 1.0, 0.0, True),
+        (20, 1.4, 0.0, False),
+        (20, 1.41, 0.0, True),
+        (60, 1.41, 2.0, True),  # twenty for each tenfold
+        (61, 1.41, 2.0, False),
+    ],
+)
+def test_an_interior_point_is_on_a_path_that_leads_on(iterations: int, slows: float, slowed_by: float, leads: bool) -> None:
+    shown = Shown(iterations=iterations, slows=slows, slowed_by=slowed_by)
+    assert later.on_a_path(shown) is leads  # type: ignore[arg-type]
 
 
 PATH = Shown(iterations=20, slows=1.41)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -143,10 +144,40 @@ def test_admm_far_behind_spends_little_unless_it_came_for_the_sweeps(best: float
 )
 def test_admm_s_rule_of_rho_follows_from_why_it_enters(changes: dict[str, Any], options: str, monkeypatch: pytest.MonkeyPatch) -> None:
     given = []
-    monkeypatch.setattr(methods, "splitting", lambda race, monitor, chosen: given.append(chosen))
+    monkeypatch.setattr(methods, "splitting", lambda race, monitor, chosen, *others: given.append(chosen))
     race = state(runners={"sweeps": STILL, "proximal Newton": newton()}, **{"holds": 0.95, **changes})
     stage("splitting").turns(race, None)  # type: ignore[arg-type]
     assert given == [getattr(methods, options)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sweeps", "admm", "anew"),
+    [
+        ({}, STILL, Shown(iterations=30), True),
+        ({}, STILL, Shown(iterations=29), False),  # still on its way
+        ({}, STILL, Shown(iterations=240, slows=1.5, slowed_by=2.0), False),  # bodies come to rest
+        ({}, sweeping(5.0), Shown(iterations=30), False),
+        ({"holds": 0.9}, STILL, Shown(iterations=30), False),
+    ],
+)
+def test_admm_begins_anew_where_sweeps_stand_still_later(
+    changes: dict[str, Any], sweeps: Shown, admm: Shown, anew: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Any] = []
+    monkeypatch.setattr(methods, "splitting", lambda race, monitor, chosen, *others: given.extend(others))
+    race = state(runners={"sweeps": sweeping(5.0)}, **{"holds": 0.95, **changes})
+    stage("splitting").turns(race, None)  # type: ignore[arg-type]
+    race.runners |= {"sweeps": sweeps, "proximal Newton": newton(), "splitting": admm}
+    assert given[0] is methods.SPLITTING_OF_BEDS and given[1]() is anew
+
+
+@pytest.mark.parametrize(
+    ("best", "sweeps", "steady"), [(1.1e-4, STILL, False), (1e-4, STILL, True), (1.1e-4, sweeping(5.0), True), (AFAR, STILL, False)]
+)
+def test_admm_in_the_place_of_sweeps_has_hope_far_from_a_solution(best: float, sweeps: Shown, steady: bool) -> None:
+    race = state(best=best, holds=0.95, runners={"sweeps": sweeps, "proximal Newton": newton()})
+    assert stage("splitting").steady(race) is steady
+    assert stage("sweeps").steady(race) and not stage("Newton").steady(race)
 
 
 @pytest.mark.parametrize(
@@ -271,3 +302,30 @@ def test_fischer_burmeister_enters_last(spent: float, running: bool, from_zero: 
     if from_zero:
         runners["proximal Newton from zero"] = Shown(result=ENDED)
     assert stage("Fischer-Burmeister").enters(state(runners=runners)) is enters
+
+
+@pytest.mark.parametrize(
+    ("changes", "options"),
+    [
+        ({"holds": LOOSE}, "PROXIMAL_NEWTON"),
+        ({"holds": FACES_HELD}, "PROXIMAL_OF_FACES"),
+        ({"holds": FACES_HELD, "warm": True}, "PROXIMAL_NEWTON"),
+        ({"holds": FACES_HELD, "in_velocities": False}, "PROXIMAL_NEWTON"),
+        ({"holds": EDGES_HELD, "dimension": 2}, "PROXIMAL_OF_EDGES_FIRST"),
+        ({"holds": EDGES_HELD, "dimension": 2, "warm": True}, "PROXIMAL_OF_EDGES"),
+        ({"holds": EDGES_HELD, "dimension": 2, "in_velocities": False}, "PROXIMAL_OF_EDGES"),
+        ({"holds": 0.0, "regular": True}, "PROXIMAL_ON_SPRINGS"),
+    ],
+)
+def test_proximal_newton_s_options_follow_from_how_bodies_touch(
+    changes: dict[str, Any], options: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its first alpha is a tenth of the error's root at the most."""
+    given: list[Any] = []
+    monkeypatch.setattr(methods, "proximal_turns", lambda problem, r, monitor, chosen: given.append(chosen) or iter(()))
+    race = state(**{"best": 1e-6, **changes})
+    with pytest.raises(StopIteration):
+        next(stage("proximal Newton").turns(race, None))  # type: ignore[arg-type]
+    usual = getattr(methods, options)
+    assert given[0].alpha == pytest.approx(1e-4 if race.in_velocities else usual.alpha)
+    assert given == [replace(usual, alpha=given[0].alpha, max_iterations=race.options.max_iterations)]
