@@ -148,7 +148,7 @@ class ExactContacts:
         return replace(met, point=np.einsum("ak,akd->ad", weights, x[met.nodes]))
 
     def rolled_back(self, contacts: Contacts, there: FloatArray, begin: FloatArray) -> Contacts:
-        """Contacts found at positions `there` (n_nodes, d) [m] with the weights of the points of round bodies that touched in the same place
+        """Contacts found at positions `there` (n_nodes, d) [m] with the weights of points of round bodies that touched in the same place
         at `begin`, see `round_points`."""
         d = there.shape[1]
         before = placed(self.solids, begin)
