@@ -88,7 +88,8 @@ def test_blocks_without_a_joint_fall_and_are_named(tmp_path: Path, support: bool
     data["blocks"] = data["blocks"][:] if support else data["blocks"][1:]
     found = analyse(read(tmp_path, data))
     assert found.associative.outcome == "falls" and found.associative.multiplier == 0
-    assert any(("joints wider than the tolerance are open" if support else "no block is a support") in said for said in remarks(found, None))
+    expected = "joints wider than the tolerance are open" if support else "no block is a support"
+    assert any(expected in said for said in remarks(found, None))
 
 
 def test_blocks_named_by_numbers_may_be_a_pair(tmp_path: Path) -> None:
