@@ -56,6 +56,8 @@ def unheld(contacts: Contacts, held: np.ndarray) -> np.ndarray:
 def on_a_line(contacts: Contacts, count: int, near: float) -> np.ndarray:
     """Which of `count` blocks touch others along one line alone (2D: at one point), to `near` [m]."""
     found = np.zeros(count, dtype=bool)
+    if not len(contacts):
+        return found
     both = contacts.bodies.ravel()
     order = np.argsort(both, kind="stable")
     points = np.repeat(contacts.point, 2, axis=0)[order]

@@ -17,7 +17,7 @@ from fcsim.contact_detection.exact.cylinders_on_meshes import cylinders_on_meshe
 from fcsim.contact_detection.exact.dents import beside, vertices_under
 from fcsim.contact_detection.exact.facets import balls_on_meshes, sides_on_meshes
 from fcsim.contact_detection.exact.level import in_the_way
-from fcsim.contact_detection.exact.looks import looks
+from fcsim.contact_detection.exact.looks import looks, met_ahead
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, mesh_skin
 from fcsim.contact_detection.exact.meshes_on_planes import meshes_on_planes
 from fcsim.contact_detection.exact.pairs import balls_on_cylinders, on_planes, rounded_contacts
@@ -130,23 +130,49 @@ class ExactContacts:
         if way is None:
             return self._at(now, x, alert)
         count, closing = looks(now, self.skin, x, way, alert)
-        if not count:
-            return self._at(now, x, alert + closing)
-        further, times = max(alert, closing), np.arange(1, count + 1) / count
+        begin, ahead = self._found(now, x, alert if count else alert + closing, way)
+        if not (count or ahead):
+            return begin
+        # what an edge ahead does not hold any more, the face behind it may
+        further, times = max(alert, closing), np.arange(1, count + 1) / count if count else np.ones(1)
 
         def met_at(t: float) -> Contacts:
             there = x + t * way
             return self._at(placed(self.solids, there), there, further, now)
 
-        met = with_swept(self._at(now, x, alert), met_at, x, way, times, alert)
+        met = with_swept(begin, met_at, x, way, times, alert)
         # a point of a solid moves with weights of both signs: its place is told by the master's columns, not by the signs
         alone = (met.identity - _FIRST) >> 56 == (6 if x.shape[1] == 3 else 4)  # vertices on planes are slaves of one node
         master = np.arange(met.nodes.shape[1]) >= np.where(alone, 1, x.shape[1] + 1)[:, None]
         weights = np.where(master & (met.nodes >= 0), -met.weights, 0.0)
         return replace(met, point=np.einsum("ak,akd->ad", weights, x[met.nodes]))
 
+    def rolled_back(self, contacts: Contacts, there: FloatArray, begin: FloatArray) -> Contacts:
+        """Contacts found at positions `there` (n_nodes, d) [m] with the weights of points of round bodies that touched in the same place
+        at `begin`, see `round_points`."""
+        d = there.shape[1]
+        before = placed(self.solids, begin)
+        curved = self.solids.body[self.solids.of("sphere", "capsule", "cylinder")]
+        rows = np.flatnonzero(np.isin(contacts.bodies, curved).any(axis=1))
+        if not len(rows):
+            return contacts
+        nodes, weights = contacts.nodes[rows], np.where(contacts.nodes[rows] < 0, 0.0, contacts.weights[rows])
+        parts = (nodes[:, : d + 1], weights[:, : d + 1]), (nodes[:, d + 1 :], -weights[:, d + 1 :])
+        slave, master = (np.einsum("nk,nkd->nd", weight, there[node]) for node, weight in parts)
+        touch = Touch(contacts.frame[rows, 0], slave, master, *parts[0], *parts[1], contacts.bodies[rows], contacts.identity[rows])
+        touch = round_points(touch, placed(self.solids, there), before)
+        back = contacts.weights.copy()
+        back[rows] = np.concatenate([touch.slave_weights, -touch.master_weights], axis=1)
+        return replace(contacts, weights=back)
+
     def _at(self, now: Placed, x: FloatArray, alert: float, begin: Placed | None = None) -> Contacts:
         """Contacts of the exact shapes as they stand, up to a gap of `alert` [m]; begin: where they stood, see `round_points`."""
+        return self._found(now, x, alert, None, begin)[0]
+
+    def _found(
+        self, now: Placed, x: FloatArray, alert: float, way: FloatArray | None, begin: Placed | None = None
+    ) -> tuple[Contacts, bool]:
+        """The same; on the way (n_nodes, d) [m] of a step with what is `met_ahead`, and whether anything is."""
         found = [rounded_contacts(now, alert), on_planes(now, alert)]
         if x.shape[1] == 3:
             found += [balls_on_cylinders(now, alert), cylinders_with_cylinders(now, alert)]
@@ -154,7 +180,14 @@ class ExactContacts:
             found += self._on_meshes(now, self.skin, x, alert)
         if begin is not None:
             found = [round_points(touch, now, begin) for touch in found]
-        return join([self._contacts(touch, kind) for kind, touch in enumerate(found)])
+        ahead = False
+        if way is not None and self.skin is not None:
+            known = np.isin(np.arange(len(self.model.bodies)), self.solids.body)
+            for kind, touch in enumerate(found):
+                if len(touch.bodies) and not known[touch.bodies[:, 1]].any():
+                    found[kind], other = met_ahead(touch, now, x, way)
+                    ahead |= other
+        return join([self._contacts(touch, kind) for kind, touch in enumerate(found)]), ahead
 
     def _on_meshes(self, now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> list[Touch]:
         """Contacts with meshed bodies, by kind."""

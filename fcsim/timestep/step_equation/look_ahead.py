@@ -23,7 +23,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, Everything
+from fcsim.contact_detection import Detection, Everything, ExactContacts
 from fcsim.contact_detection.contacts import join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.timestep.encounter import Encounter, under_law
@@ -57,7 +57,8 @@ def looked_ahead(
     if not timing.moving or not (_found_late(model, detection, scheme, met, after) or _may_miss(model, scheme, state, met, v, after)):
         return None
     held = met.meeting.contacts
-    there = detection(model.positions(scheme.detection_configuration(model, after)))
+    positions = model.positions(scheme.detection_configuration(model, after))
+    there = detection(positions)
     size = met.meeting.proportions.size_at(there)
     place, known = places(held.identity, there.identity)
     bend = np.zeros(len(held)) if met.meeting.bend is None else met.meeting.bend.copy()
@@ -71,7 +72,10 @@ def looked_ahead(
     anew = known & (deeper | (given < 0) & (there.gap > meant))
     at = place[anew]
     bend[at] = np.where(deeper[anew], there.gap[anew] - straight[at], np.minimum(there.gap[anew] - straight[at], 0.0))  # (1)
-    new = brought_back(there.take(deeper & ~known), met.meeting.positions)
+    new = there.take(deeper & ~known)
+    if isinstance(detection, ExactContacts):
+        new = detection.rolled_back(new, positions, met.meeting.positions)
+    new = brought_back(new, met.meeting.positions)
     every = join([held, new])
     order = np.argsort(every.identity, kind="stable")
     meeting = met.meeting

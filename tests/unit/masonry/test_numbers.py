@@ -79,6 +79,19 @@ def test_numbers_that_nothing_holds(tmp_path: Path, change: dict[str, Any], mess
         read(tmp_path, pushed_block(**change))
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("support", [False, True])
+def test_blocks_without_a_joint_fall_and_are_named(tmp_path: Path, support: bool, dimension: int) -> None:
+    """A block above its floor, or without one: there was a ValueError of zip() in place of the remarks."""
+    data = pushed_block(dimension=dimension)
+    data["blocks"][1]["vertices"] = box((0, 0, 0.5), (2, 1, 1))
+    data["blocks"] = data["blocks"][:] if support else data["blocks"][1:]
+    found = analyse(read(tmp_path, data))
+    assert found.associative.outcome == "falls" and found.associative.multiplier == 0
+    expected = "joints wider than the tolerance are open" if support else "no block is a support"
+    assert any(expected in said for said in remarks(found, None))
+
+
 def test_blocks_named_by_numbers_may_be_a_pair(tmp_path: Path) -> None:
     assert read(tmp_path, pushed_block(contact={"mu": 0.5, "mu_between": [{"between": [0, 1], "mu": 0.3}]})).between == {("0", "1"): 0.3}
 
