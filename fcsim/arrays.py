@@ -32,6 +32,17 @@ def is_number(value: object, *, infinite: bool = False) -> TypeGuard[float]:
     return math.isfinite(value) or (infinite and not math.isnan(value))
 
 
+def is_whole(value: object, least: int) -> TypeGuard[int]:
+    """Whether a value is a whole number of at least `least`: an int or NumPy's; True and 2.0 are none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= least)
+
+
+def is_vector(values: object, size: int) -> bool:
+    """Whether the values are a vector (size,) of finite numbers."""
+    found = numbers_of(values)
+    return found.shape == (size,) and bool(np.isfinite(found).all())
+
+
 def numbers_of(values: object) -> FloatArray:
     """The values as floats in an array of their shape; an empty one (0,) for what are no real numbers: texts, truth values, functions."""
     try:

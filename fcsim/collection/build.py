@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.collection.folder import Name, members, parse_name, refuse_folder, whole_folder
+from fcsim.arrays import is_whole
+from fcsim.brief import shown
+from fcsim.collection.folder import Name, members, parse_name, refuse_folder, refuse_kinds, whole_folder
 from fcsim.collection.manifest import AT_REST, Entry, write_manifest
 from fcsim.collection.plots import write_distributions
 from fcsim.collection.properties import Properties, properties
@@ -77,8 +79,15 @@ def build_collection(
     Raises InputError where source or out cannot be used.
     """
     source, out = Path(source), Path(out)
-    if every < 1:
-        raise InputError(f"every: expected a whole number >= 1, got {every}")
+    if not is_whole(every, 1):
+        raise InputError(f"every: expected a whole number >= 1, got {shown(every)}")
+    refuse_kinds(spectrum_up_to, iterations=iterations, pictures=pictures, overwrite=overwrite)
+    if not isinstance(authors, str):
+        raise InputError(f"authors: expected a text, got {shown(authors)}")
+    if assignments is not None and not (
+        isinstance(assignments, Mapping) and all(isinstance(text, str) for pair in assignments.items() for text in pair)
+    ):
+        raise InputError(f"assignments: expected texts by names of parameters, got {shown(assignments)}")
     refuse_folder(out, overwrite, source)
     is_run = (source / "run.json").is_file()
     if is_run and assignments:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fcsim.collection.build import Progress, build_collection
-from fcsim.collection.folder import refuse_folder
+from fcsim.collection.folder import refuse_folder, refuse_kinds
 from fcsim.collection.select import Made, Selection, select_problems
 from fcsim.errors import InputError
 from fcsim.linear.storage import SUM_UP_TO
@@ -79,6 +79,7 @@ def compose_collection(
     Raises InputError where recipe, cases or out cannot be used.
     """
     path, out = Path(recipe), Path(out)
+    refuse_kinds(spectrum_up_to, iterations=iterations, overwrite=overwrite)
     asked = read_recipe(path)
     refuse_folder(out, overwrite)
     out.resolve().parent.mkdir(parents=True, exist_ok=True)

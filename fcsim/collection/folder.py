@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from fcsim.arrays import is_whole
+from fcsim.brief import shown
 from fcsim.collection.manifest import MANIFEST, read_manifest
 from fcsim.errors import InputError
 from fcsim.files import alone_in, resolved
@@ -76,6 +78,15 @@ def _remove_collection(path: Path) -> None:
 
 def _own_files(path: Path) -> set[str]:
     return {*BESIDE, *(entry.place for entry in read_manifest(path))}
+
+
+def refuse_kinds(spectrum_up_to: object, **switches: object) -> None:
+    """Raise InputError where what is asked of a collection is of another kind: overwrite="no" would be true."""
+    if not is_whole(spectrum_up_to, 0):
+        raise InputError(f"spectrum_up_to: expected a whole number >= 0, got {shown(spectrum_up_to)}")
+    for name, value in switches.items():
+        if not isinstance(value, bool):
+            raise InputError(f"{name}: expected True or False, got {shown(value)}")
 
 
 def refuse_folder(path: Path, overwrite: bool, source: Path | None = None) -> None:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, IntArray
+from fcsim.arrays import BoolArray, IntArray, is_whole
+from fcsim.brief import shown
+from fcsim.errors import InputError
 
 
 def choose(iterations: IntArray, solved: BoolArray, count: int, seed: int = 0) -> IntArray:
@@ -18,6 +20,8 @@ def choose(iterations: IntArray, solved: BoolArray, count: int, seed: int = 0) -
     likewise among as many intervals of time, of equally many problems, and each interval is sampled systematically, from a start
     drawn by `seed`.
     """
+    if not (is_whole(count, 0) and is_whole(seed, 0)):
+        raise InputError(f"choose: expected whole numbers count and seed >= 0, got {shown(count)} and {shown(seed)}")
     k = len(iterations)
     if count >= k:
         return np.arange(k)

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fcsim.collection.folder import FORMS, Member, Name, members, natural, parse_name, refuse_folder, whole_folder
+from fcsim.arrays import is_number, is_whole
+from fcsim.brief import shown
+from fcsim.collection.folder import FORMS, Member, Name, members, natural, parse_name, refuse_folder, refuse_kinds, whole_folder
 from fcsim.collection.grade import choose
 from fcsim.collection.manifest import AT_REST, Entry, read_manifests_below, write_manifest
 from fcsim.collection.plots import write_distributions, write_selection
@@ -90,11 +92,13 @@ def select_problems(
     """
     directory, out = Path(directory), Path(out)
     method(solver)
-    if count < 1:
-        raise InputError(f"count: expected a whole number >= 1, got {count}")
-    for name, value in (("tol", tol), ("time limit", time_limit)):
-        if not value > 0:
-            raise InputError(f"{name}: expected a number > 0, got {value}")
+    for name, value, least in (("count", count, 1), ("seed", seed, 0)):
+        if not is_whole(value, least):
+            raise InputError(f"{name}: expected a whole number >= {least}, got {shown(value)}")
+    for name, given in (("tol", tol), ("time limit", time_limit)):
+        if not (is_number(given) and given > 0):
+            raise InputError(f"{name}: expected a number > 0, got {shown(given)}")
+    refuse_kinds(spectrum_up_to, overwrite=overwrite)
     refuse_folder(out, overwrite, directory)
     known = read_manifests_below(directory)
     asked = _Asked(directory, count, solver, tol, time_limit, seed, spectrum_up_to, made)

@@ -12,8 +12,7 @@ from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
-from fcsim.mesh.exact_shape import endless
-from fcsim.mesh.part import Body
+from fcsim.mesh.part import Body, RigidBody
 
 FLAT = 1e-3
 """Below this share of the largest a principal extent is none: a floor that is one facet has the size of what lies on it."""
@@ -25,7 +24,7 @@ ROUND_OFF = 16 * np.finfo(np.float64).eps
 class Proportions:
     """Of a model's bodies.
 
-    size      (nbodies,) [m] the smallest of a body's extents along its principal axes that is not flat, inf: a plane's
+    size      (nbodies,) [m] the smallest of a body's extents along its principal axes that is not flat, an exact shape's own; inf: planes
     facets    (nf, k) node numbers of all named surfaces, each facet once, -1 = none
     thickness (nf,) [m] of the facets' parts in 2D; 1 in 3D
     rigid     (nbodies,) whether a body is
@@ -102,7 +101,7 @@ class Proportions:
 
 def proportions(model: Model) -> Proportions:
     """Return the proportions of a model's bodies."""
-    size = np.array([np.inf if endless(body) else _size(body.points) for body in model.bodies])
+    size = np.array([_size_of(body) for body in model.bodies])
     facets: list[IntArray] = []
     thickness: list[FloatArray] = []
     for body, first in zip(model.bodies, model.node_offset, strict=False):
@@ -113,6 +112,12 @@ def proportions(model: Model) -> Proportions:
     padded = [np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=-1) for array in facets]
     rigid = np.array([not isinstance(body, Body) for body in model.bodies])
     return Proportions(size, np.concatenate(padded), np.concatenate(thickness), rigid)
+
+
+def _size_of(body: Body | RigidBody) -> float:
+    """The points of an exact shape are its centre and one along each axis: they say nothing of its extent."""
+    shape = None if isinstance(body, Body) else body.shape
+    return _size(body.points) if shape is None else float(shape.size)
 
 
 def _size(points: FloatArray) -> float:

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number, is_whole
+from fcsim.brief import shown
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError, NotConverged
 from fcsim.masonry.limit_analysis.limit import associative_limit
@@ -93,6 +94,11 @@ def trial(
     """Hold the load at `multiplier` for `duration` [s], or until the structure has run away, or rests; blocks, stone: see `structure`.
 
     tolerance of a step from rest: by default so fine that what stands does not creep into motion."""
+    if not (is_number(multiplier) and is_number(duration) and duration > 0 and is_whole(steps, 1)):
+        raise InputError(
+            "trial: expected a finite multiplier, a duration > 0 in s and a whole number of steps >= 1, got "
+            f"{shown(multiplier)}, {shown(duration)} and {shown(steps)}"
+        )
     displacement = speed = t = 0.0
     fast, resting = RUNAWAY * problem.size / duration, 0
     soft, rough = blocks != "rigid", False
@@ -225,8 +231,11 @@ def bracket(
     """
     if not problem.scaled:
         raise InputError(f"{problem.name!r}: expected a load that the multiplier scales, got none")
-    if not 0 < resolution < 1:
-        raise InputError(f"resolution: expected a share of the multiplier between 0 and 1, got {resolution}")
+    if not (is_number(resolution) and 0 < resolution < 1):
+        raise InputError(f"resolution: expected a share of the multiplier between 0 and 1, got {shown(resolution)}")
+    for name, value in (("low", low), ("high", high)):
+        if not is_number(value):
+            raise InputError(f"{name}: expected a multiplier to begin with, a finite number, got {shown(value)}")
     known: dict[float, Trial] = {}
     limit = limit_problem(problem)
     pull = _acceleration(problem, limit)

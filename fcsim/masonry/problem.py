@@ -9,8 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number, is_vector
 from fcsim.assembly.time_functions import AccelerationRecord
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.solids.closed_surface import ClosedSurface
 from fcsim.mesh.solids.mesh_skin import Cells
@@ -31,6 +32,14 @@ class Block:
     mass: float | None = None
     support: bool = False
     cells: Cells | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.surface, ClosedSurface):
+            raise InputError(f"Block: expected a closed surface (fcsim.mesh.solids), got {shown(self.surface)}")
+        for name in ("density", "mass"):
+            value = getattr(self, name)
+            if value is not None and not (is_number(value) and value > 0):
+                raise InputError(f"block {self.name!r}, {name}: expected a number > 0, or None, got {shown(value)}")
 
     @property
     def name(self) -> str:
@@ -104,6 +113,9 @@ class MasonryProblem:
 
     def __post_init__(self) -> None:
         what = f"masonry problem {self.name!r}"
+        for kinds, given in ((Block, self.blocks), ((Acceleration, PointForce), self.loads), (BaseAcceleration, self.shaking)):
+            if not isinstance(given, tuple | list) or not all(isinstance(each, kinds) for each in given):
+                raise InputError(f"{what}: expected a tuple of blocks, of loads and of base accelerations, got {shown(given)}")
         names = [block.name for block in self.blocks]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
@@ -113,25 +125,27 @@ class MasonryProblem:
         if self.dimension not in (2, 3):
             raise InputError(f"{what}, dimension: expected 2 or 3, got {self.dimension!r}")
         for mu in (self.mu, *self.between.values()):
-            if not (np.isfinite(mu) and mu >= 0):
-                raise InputError(f"{what}, mu: expected a friction coefficient >= 0, got {mu!r}")
+            if not (is_number(mu) and mu >= 0):
+                raise InputError(f"{what}, mu: expected a friction coefficient >= 0, got {shown(mu)}")
         named = [*(n for pair in self.between for n in pair), *(f.block for f in self.loads if isinstance(f, PointForce)), *self.motion]
         for name in named:
             if name not in names:
                 raise InputError(f"{what}: expected the name of a block, got {name!r}")
         for load in self.loads:
             for vector in (load.value, getattr(load, "point", None), getattr(load, "moment", None)):
-                if vector is not None and (len(vector) != 3 or not np.isfinite(vector).all()):
-                    raise InputError(f"{what}, load: expected three finite numbers, got {vector!r}")
+                if vector is not None and not is_vector(vector, 3):
+                    raise InputError(f"{what}, load: expected three finite numbers, got {shown(vector)}")
             x, y, z = load.moment if isinstance(load, PointForce) else (0.0, 0.0, 0.0)
             if self.dimension == 2 and (x or z):
                 raise InputError(f"{what}, load: expected a moment about y alone in a plane problem, got {(x, y, z)}")
             if self.dimension == 2 and load.value[1] != 0:
                 raise InputError(f"{what}, load: expected no component along y in a plane problem, got {load.value}")
         for shake in self.shaking:
-            x, y, z = shake.direction
-            if not (np.isfinite(shake.direction).all() and np.any(shake.direction)) or (self.dimension == 2 and y != 0):
-                raise InputError(f"{what}, base_acceleration: expected a direction, in a plane problem in x and z, got {(x, y, z)}")
+            way = shake.direction
+            if not (is_vector(way, 3) and 0 < np.linalg.norm(way) < np.inf) or (self.dimension == 2 and way[1] != 0):
+                raise InputError(f"{what}, base_acceleration: expected a direction, in a plane problem in x and z, got {shown(way)}")
+            if not callable(shake.record):
+                raise InputError(f"{what}, base_acceleration: expected an acceleration record, got {shown(shake.record)}")
         for name in self.motion:
             if not self.blocks[names.index(name)].support:
                 raise InputError(f"{what}, support_motion: expected a support, got the free block {name!r}")

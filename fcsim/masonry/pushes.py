@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_vector
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.masonry.problem import GRAVITY, Acceleration, MasonryProblem
 
@@ -39,9 +40,9 @@ def tilted(problem: MasonryProblem, direction: tuple[float, float, float]) -> Ma
 
 def unit(problem: MasonryProblem, direction: tuple[float, float, float]) -> FloatArray:
     """The direction (3,) at the length 1; InputError where it has none, or leaves the plane of a plane problem."""
-    length = float(np.linalg.norm(direction))
-    if not (len(direction) == 3 and np.isfinite(length) and length > 0):
-        raise InputError(f"direction: expected three finite numbers, not all 0, got {direction}")
+    length = float(np.linalg.norm(direction)) if is_vector(direction, 3) else 0.0
+    if not 0 < length < np.inf:
+        raise InputError(f"direction: expected three finite numbers, not all 0, got {shown(direction)}")
     if problem.dimension == 2 and direction[1] != 0:
         raise InputError(f"direction: expected one in the plane of x and z, got {direction}")
     return np.asarray(direction, dtype=np.float64) / length

@@ -8,10 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, is_number
 from fcsim.assembly.loads import Force, Load
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports.support import Support
+from fcsim.brief import shown
 from fcsim.contact_detection import Contacts, Everything
 from fcsim.contact_law.as_built import AsBuilt
 from fcsim.errors import InputError
@@ -34,6 +35,13 @@ class Stone:
     nu: float = 0.2
     cells: float = 0.5
     beta: float = 1e-4
+
+    def __post_init__(self) -> None:
+        Material(self.E, self.nu, 1.0)  # which says what E and nu may be
+        for name, least in (("cells", "> 0"), ("beta", ">= 0")):
+            value = getattr(self, name)
+            if not (is_number(value) and value >= 0 and (value > 0 or least == ">= 0")):
+                raise InputError(f"Stone, {name}: expected a number {least}, got {shown(value)}")
 
 
 def structure(

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypedDict
 
-from fcsim.brief import brief
+from fcsim.brief import brief, shown
 from fcsim.errors import FcsimError, InputError
 from fcsim.files import plain_name, resolved, run_script, sha256
 from fcsim.timestep.simulation import Simulation
@@ -30,6 +30,15 @@ class Sensor:
     label: str
     unit: str
     measure: Callable[[Step], float]
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.column, str) and self.column.strip() and self.column.isprintable() and not set(self.column) & set(',"')):
+            raise InputError(f"Sensor, column: expected a name of one line without commas and quotation marks, got {shown(self.column)}")
+        for name in ("label", "unit"):
+            if not isinstance(getattr(self, name), str):
+                raise InputError(f"Sensor {self.column!r}, {name}: expected a text, got {shown(getattr(self, name))}")
+        if not callable(self.measure):
+            raise InputError(f"Sensor {self.column!r}, measure: expected a function of a step, got {shown(self.measure)}")
 
 
 @dataclass(frozen=True)

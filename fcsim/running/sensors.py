@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, is_vector, numbers_of
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.locking import nodal_stress
 from fcsim.assembly.model import Model
 from fcsim.assembly.stress import COMPONENTS, von_mises
 from fcsim.assembly.supports import Support
 from fcsim.assembly.supports.selection import NodesNamed, Selection, SurfaceNames
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.named.places import Where
 from fcsim.mesh.part import RigidBody
@@ -154,8 +155,10 @@ def displacement(column: str, model: Model, body: str, direction: str, point: Se
             return float((x[first : first + d] + model.rigid_rotation(x)[rigid] @ arm - arm)[axis])
 
         return Sensor(column, text, "m", measure)
-    distance, node = cKDTree(given.points).query(place)
-    if distance > 1e-6 * np.ptp(given.points, axis=0).max():
+    with np.errstate(over="ignore"):  # what is beyond all floats is at no node
+        away = np.linalg.norm(given.points - place, axis=1)
+    node = int(np.argmin(away))
+    if away[node] > 1e-6 * np.ptp(given.points, axis=0).max():
         nearest = tuple(float(c) for c in given.points[node])
         raise InputError(
             f"displacement of body {body!r}: expected a point at a node, got {tuple(place.tolist())}; the nearest is at {nearest}"
@@ -186,6 +189,9 @@ def joint_opening(column: str, model: Model, first: tuple[str, str], second: tup
     Measured between nodes of the two surfaces that are each the other's nearest, along the first surface's mean normal, all in the
     reference configuration; negative where the joint is pressed together everywhere.
     """
+    for pair in (first, second):
+        if not (isinstance(pair, tuple | list) and len(pair) == 2):
+            raise InputError(f"joint_opening: expected the names of a body and of its surface, got {shown(pair)}")
     facets = model.facets(*first)
     here, there = np.unique(facets), np.unique(model.facets(*second))
     x = model.reference
@@ -208,10 +214,9 @@ def _nodes(model: Model, body: str, selection: Selection, what: str) -> IntArray
 
 
 def _point(model: Model, point: Sequence[float], what: str) -> FloatArray:
-    place: FloatArray = np.asarray(point, dtype=np.float64)
-    if place.shape != (model.dimension,) or not np.all(np.isfinite(place)):
-        raise InputError(f"{what}: expected a point of {model.dimension} finite coordinates, got {point!r}")
-    return place
+    if not is_vector(point, model.dimension):
+        raise InputError(f"{what}: expected a point of {model.dimension} finite coordinates, got {shown(point)}")
+    return numbers_of(point)
 
 
 def _axis(model: Model, direction: str) -> int:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fcsim.arrays import is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError, MissingDependency
 from fcsim.running.folder import Instant, RunFolder
 from fcsim.running.series.units import without_unit
@@ -110,8 +112,8 @@ def gravity_of(instant: Instant) -> NDArray[np.float64] | None:
 
 def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | None = None) -> Survey:
     """Look through the instants once for the displacement factor (None: automatic), colours and size that suit all of them."""
-    if exaggeration is not None and not (np.isfinite(exaggeration) and exaggeration > 0):
-        raise InputError(f"exaggeration: expected a factor > 0, or none for an automatic one, got {exaggeration}")
+    if exaggeration is not None and not (is_number(exaggeration) and exaggeration > 0):
+        raise InputError(f"exaggeration: expected a factor > 0, or none for an automatic one, got {shown(exaggeration)}")
     framed, moved, stress, force = Framed(), 0.0, [0.0], 0.0
     for instant in instants:
         for path in (instant.blocks, instant.rigid):

@@ -121,7 +121,9 @@ def test_a_box_tips_later(factor: float) -> None:
 
 
 def test_two_balls_roll_on_each_other_and_keep_their_momentum() -> None:
-    """Without anything else, what contact does to one it does to the other: linear and angular momentum stay, energy falls."""
+    """Without anything else, what contact does to one it does to the other: linear and angular momentum stay, energy falls.
+
+    Angular momentum as far as the balls touch: a step leaves gaps of 1e-5 of their size (`fcsim.timestep.step_equation.look_ahead`)."""
     R = 0.1
     one, other = rigid_sphere("one", R, (0, 0, 0), 1.0), rigid_sphere("other", R, (0, 0, 2 * R), 3.0)
     model = build_model([one, other])
@@ -136,7 +138,7 @@ def test_two_balls_roll_on_each_other_and_keep_their_momentum() -> None:
 
     begin, end = momenta(start.x, start.v), momenta(found[-1].state.x, found[-1].state.v)
     assert any(step.rolling.any() for step in found)
-    assert_allclose(end, begin, atol=2e-5 * np.abs(begin).max())
+    assert_allclose(end, begin, atol=4e-5 * np.abs(begin).max())
     assert found[-1].energy.kinetic < 0.99 * found[0].energy.at_beginning
 
 

@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim import Everything, Material, Simulation, State, Step, Support, Theta, at_rest, build_model
+from fcsim import (
+    Everything,
+    ExactContacts,
+    Material,
+    QuasiStatic,
+    Simulation,
+    SolverSettings,
+    State,
+    Step,
+    Support,
+    Theta,
+    Traction,
+    at_rest,
+    build_model,
+)
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model
-from fcsim.mesh import Body, RigidBody, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh import Body, RigidBody, rectangle, rigid_box, rigid_rectangle, rigid_sphere
 from fcsim.mesh.solids.closed_surface import closed_surface, rigid_solid
 
 SI, TONNE_MM = (1.0, 1.0), (1e3, 1e-3)
@@ -199,3 +214,27 @@ def test_a_plank_over_an_edge_is_held_by_a_weight(reach: float, stands: bool) ->
     last = run(model, 0.5, 2e-3, 100)[-1]
     turned = abs(model.rigid_part(last.state.x)[1, 4])
     assert (turned < 1e-7) == stands and (turned > 1e-4) == (not stands)
+
+
+@pytest.mark.parametrize("m", [1.0, 1e3, 1e6])
+def test_a_belt_around_a_drum_in_any_unit_of_length(m: float) -> None:
+    """Euler and Eytelwein, T2 = T1 exp(mu pi), of an elastic strip drawn over half a held drum by 1.2 mm; m units of length in a metre.
+
+    Beyond one unit of radius the alert distance was 0.05 units: in micrometres the strip lost its drum in the third step.
+    """
+    mu, R, thick, tail, T1 = 0.3, 0.1, 1e-3, 0.05, 10.0
+    arc = np.pi * R
+    steel, size = Material(1e9 / m, 0.0, 1e3 / m**3), ((arc + 2 * tail) * m, thick * m)
+    part = rectangle("strip", size, (140, 1), steel, plane="stress", thickness=0.01 * m, elements="Q2")
+    s, r = part.points[:, 0] / m - tail, part.points[:, 1] / m + R
+    angle = np.pi - np.clip(s, 0, arc) / R
+    straight = np.minimum(s, 0.0) - np.maximum(s - arc, 0.0)
+    part = replace(part, points=m * np.stack([r * np.cos(angle), r * np.sin(angle) + straight], axis=1))
+    drawn = Support("strip", ("y",), "x+", displacement=lambda t: -4e-3 * m * t)
+    model = build_model(
+        [rigid_sphere("drum", R * m, (0.0, 0.0), 1.0), Body("strip", part)],
+        supports=[Support("drum", ("x", "y", "rz")), drawn],
+        loads=[Traction("strip", "x-", (0.0, -T1 / (thick * 0.01 * m)))],
+    )
+    *_, last = Simulation(model, ExactContacts(model, mu), QuasiStatic(0.1, eta=1e-2), 3, SolverSettings(floor=1e-3 * m))
+    assert -last.support_force(drawn)[1] / m == pytest.approx(T1 * np.exp(mu * np.pi), rel=0.025)

@@ -27,8 +27,9 @@ from fcsim.contact_detection.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.everything import Everything
 from fcsim.contact_detection.sweep import with_swept
 from fcsim.errors import InputError
+from fcsim.mesh.exact_shape import endless
 
-_ALERT = 0.05  # of the smallest radius
+_ALERT = 0.05  # of the smallest radius; where planes are the only exact shapes, of half the smallest extent of what is meshed
 _FIRST = 1 << 60  # identities of contacts with exact shapes lie above those of meshed bodies; 2^56 for each kind
 
 
@@ -36,7 +37,8 @@ _FIRST = 1 << 60  # identities of contacts with exact shapes lie above those of 
 class ExactContacts:
     """Contact between all bodies of a model with bodies of exact shape (`fcsim.mesh.rigid_sphere` and its like), without listing pairs.
 
-    mu, exclude: as for `Everything`; alert [m]: contacts are kept while their gap is not larger, by default 5 % of the smallest radius.
+    mu, exclude: as for `Everything`; alert [m]: contacts are kept while their gap is not larger, by default 5 % of the smallest radius;
+    where planes are the only exact shapes, 2.5 % of the smallest meshed body's extent, its diagonal / sqrt(d).
 
     Gaps, points and normals between exact shapes have no error of facets. Spheres, capsules, cylinders and planes are found with each other
     and with meshed bodies (of cylinders' rims see `cylinders`), these with each other by `Everything`. InputError where the model has no
@@ -77,7 +79,7 @@ class ExactContacts:
             "solids": solids,
             "skin": mesh_skin(rest, nodes, others) if rest is not None else None,
             "meshed": self._everything(rest) if rest is not None and len(others) > 1 else None,
-            "distance": self.alert if self.alert is not None else _ALERT * float(radii.min(initial=1.0)),
+            "distance": self.alert if self.alert is not None else _ALERT * float((radii if len(radii) else _half_extents(model)).min()),
             "friction": FrictionTable(self.mu, names),
             "movable": driven < np.diff(model.dof_offset),
             "excluded": np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64),
@@ -222,6 +224,12 @@ class ExactContacts:
             touch.bodies,
             _FIRST + (kind << 56) + touch.identity,
         )
+
+
+def _half_extents(model: Model) -> FloatArray:
+    """Half the extents [m] of the bodies that are no planes: their diagonals / sqrt(d); of planes alone, which touch nothing, 1."""
+    points = [body.points for body in model.bodies if not endless(body)]
+    return np.array([0.5 * np.linalg.norm(np.ptp(own, axis=0)) / np.sqrt(own.shape[1]) for own in points] or [1.0])
 
 
 def _without_exact(model: Model, chosen: IntArray) -> Model:

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
+from fcsim.brief import shown
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.linkage import Control, Linkage
@@ -83,8 +84,8 @@ def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: floa
     """
     step = 2.5e-4 * problem.size if step is None else step
     to = 0.5 * problem.size if to is None else to
-    if not (np.isfinite(step) and np.isfinite(to) and 0 < step <= to):
-        raise InputError(f"step, to: expected displacements in m with 0 < step <= to, got {step} and {to}")
+    if not (is_number(step) and is_number(to) and 0 < step <= to):
+        raise InputError(f"step, to: expected displacements in m with 0 < step <= to, got {shown(step)} and {shown(to)}")
     control, load = _control(problem)
     stands = associative_limit(limit_problem(problem)).outcome
     if stands in ("unbounded", "falls"):

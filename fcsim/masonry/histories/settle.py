@@ -21,10 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_vector
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports.support import Support
+from fcsim.brief import shown
 from fcsim.contact_detection import Contacts, Everything
 from fcsim.errors import InputError, NotConverged
 from fcsim.masonry.bodies import HELD, supports, vector_of
@@ -56,6 +57,14 @@ class Movement:
     displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     about: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.support, str):
+            raise InputError(f"Movement: expected the name of a support, got {shown(self.support)}")
+        for name in ("displacement", "turn", "about"):
+            value = getattr(self, name)
+            if not (is_vector(value, 3) or (name == "about" and value is None)):
+                raise InputError(f"movement of {self.support!r}, {name}: expected three finite numbers, got {shown(value)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,15 +187,14 @@ def _checked(problem: MasonryProblem, movements: Sequence[Movement], steps: int)
     what = f"settlement of {problem.name!r}"
     if not (isinstance(steps, int) and steps >= 1):
         raise InputError(f"{what}, steps: expected a whole number >= 1, got {steps!r}")
+    if not isinstance(movements, tuple | list) or not all(isinstance(movement, Movement) for movement in movements):
+        raise InputError(f"{what}: expected a list of movements, got {shown(movements)}")
     if not movements:
         raise InputError(f"{what}: expected supports that move, got none")
     held = [block.name for block in problem.blocks if block.support]
     for movement in movements:
-        vectors = (movement.displacement, movement.turn, movement.about or (0.0, 0.0, 0.0))
         if movement.support not in held:
             raise InputError(f"{what}: expected the name of a support ({', '.join(held[:8])}), got {movement.support!r}")
-        if any(len(vector) != 3 or not np.isfinite(vector).all() for vector in vectors):
-            raise InputError(f"{what}, {movement.support!r}: expected vectors of three finite numbers, got {vectors}")
         if not any((*movement.displacement, *movement.turn)):
             raise InputError(f"{what}, {movement.support!r}: expected a displacement or a turn, got none")
         (_, dy, _), (rx, _, rz) = movement.displacement, movement.turn

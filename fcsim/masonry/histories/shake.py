@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, is_number
 from fcsim.assembly.forms.rotations import angle_of
 from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.assembly.model import Model
 from fcsim.assembly.time_functions import AccelerationRecord
+from fcsim.brief import shown
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.masonry.problem import GRAVITY, BaseAcceleration, MasonryProblem
@@ -69,8 +70,8 @@ def shake(
             raise InputError(f"{problem.name!r}: expected base_acceleration or a duration, got neither")
         duration = max(float(each.record.times[-1]) for each in problem.shaking) + _AFTER
     h = float(np.sqrt(2 * problem.smallest / GRAVITY)) / _STEPS if h is None else h
-    if not (np.isfinite(duration) and np.isfinite(h) and 0 < h <= duration):
-        raise InputError(f"duration, h: expected times in s with 0 < h <= duration, got {duration} and {h}")
+    if not (is_number(duration) and is_number(h) and 0 < h <= duration):
+        raise InputError(f"duration, h: expected times in s with 0 < h <= duration, got {shown(duration)} and {shown(h)}")
     model, _ = structure(problem, blocks, stone, lumped=False)
     simulation = Simulation(
         model, Everything(model, problem.friction), Theta(h, theta), int(np.ceil(duration / h)), SolverSettings(name="auto"), created=np.inf

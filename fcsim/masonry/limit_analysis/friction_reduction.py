@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from fcsim.arrays import is_number
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
 from fcsim.masonry.limit_analysis.programs import Program
@@ -20,10 +22,10 @@ def friction_factor(problem: LimitProblem, multiplier: float = 0.0, *, resolutio
     Below 1 the structure falls with the friction that it has. inf: it needs none; 0: no friction holds it. By bisection to `resolution`
     of F; what bears the loads is found by the static theorem, so that for Coulomb's slip F is an upper bound, as limit loads are.
     """
-    if not (np.isfinite(multiplier) and multiplier >= 0):
-        raise InputError(f"multiplier: expected a number >= 0, got {multiplier}")
-    if not 0 < resolution < 1:
-        raise InputError(f"resolution: expected a share between 0 and 1, got {resolution}")
+    if not (is_number(multiplier) and multiplier >= 0):
+        raise InputError(f"multiplier: expected a number >= 0, got {shown(multiplier)}")
+    if not (is_number(resolution) and 0 < resolution < 1):
+        raise InputError(f"resolution: expected a share between 0 and 1, got {shown(resolution)}")
     if _stands(problem, multiplier, 1 / _LARGEST):
         return np.inf
     if not _stands(problem, multiplier, _LARGEST):

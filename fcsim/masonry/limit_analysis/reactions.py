@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
-from fcsim.brief import brief
+from fcsim.arrays import FloatArray, is_number
+from fcsim.brief import brief, shown
 from fcsim.contact_detection.contact_matrix import contact_matrix
 from fcsim.errors import InputError
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
@@ -41,8 +41,8 @@ def support_forces(problem: LimitProblem, multiplier: float = 0.0) -> tuple[Supp
 
     Components are bounded one by one: their extremes need not come together. InputError where no admissible forces bear the loads.
     """
-    if not np.isfinite(multiplier):
-        raise InputError(f"multiplier: expected a finite number, got {multiplier}")
+    if not is_number(multiplier):
+        raise InputError(f"multiplier: expected a finite number, got {shown(multiplier)}")
     load = problem.dead + multiplier * problem.live
     found = Program(problem, np.zeros_like(load), load).solve(at_most=1.0)
     if found is None or found.multiplier < _STANDS:

@@ -43,6 +43,8 @@ def nodes_at(points: FloatArray, at: ArrayLike | Where, what: str) -> IntArray:
         raise InputError(f"{what}: expected a point of {d} finite coordinates, several (k, {d}), or a function of them, got {shown(at)}")
     distance, nearest = cKDTree(points).query(places)
     far = int(np.argmax(distance))
+    if not np.isfinite(distance[far]):  # its square is beyond all floats
+        raise InputError(f"{what}: expected points at nodes, got {tuple(places[far].tolist())}, far from all of them")
     if distance[far] > NEAR * np.ptp(points, axis=0).max():
         raise InputError(
             f"{what}: expected points at nodes, got {tuple(places[far].tolist())}; the nearest node is at "

@@ -71,6 +71,9 @@ class SaddlePoint:
 def _basis(G: sp.csr_array, compliance: FloatArray) -> sp.csr_array:
     """(p, k): the rows themselves where they are independent; else compliant rows, and a basis of what those that are kept say."""
     p = G.shape[1]
+    both = sp.csr_array(sp.block_array([[None, G], [G.T, None]]))  # moments' arms have a unit of their own: in um they are 1e6 of forces
+    of_dofs = equilibrating_scale(both.indptr, both.indices, both.data, PASSES)[: G.shape[0]]
+    G = sp.csr_array(sp.diags_array(of_dofs) @ G)
     lengths = np.sqrt(np.asarray(G.multiply(G).sum(axis=0)).ravel())
     unit = sp.csr_array(G @ sp.diags_array(1 / np.where(lengths > 0, lengths, 1.0)))
     kept, soft = np.flatnonzero(compliance == 0), np.flatnonzero(compliance)

@@ -18,6 +18,7 @@ from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Meeting, Remembered, Terms, Timing, Variables
 from fcsim.contact_law.proportions import proportions
+from fcsim.mesh import rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
@@ -42,6 +43,20 @@ def test_variables_are_kept_by_contact() -> None:
 def test_sizes_are_the_least_extents_that_are_not_flat() -> None:
     bodies = [rigid_box("plank", (4.0, 0.3, 0.05), (0, 0, 0), 1.0), rigid_box("cube", (2.0, 2.0, 2.0), (5, 0, 0), 1.0)]
     assert_allclose(proportions(build_model(bodies)).size, [0.05, 2.0])
+
+
+def test_sizes_of_exact_shapes_are_their_smallest_extents() -> None:
+    """A ball's was 0.58 of its radius, the extent of its centre and a point along each axis."""
+    solid = [
+        rigid_sphere("ball", 0.3, (0, 0, 0), 1.0),
+        rigid_capsule("capsule", 0.2, 1.0, (2, 0, 0), 1.0),
+        rigid_cylinder("drum", 0.5, 3.0, (4, 0, 0), 1.0),
+        rigid_cylinder("coin", 0.5, 0.1, (6, 0, 0), 1.0),
+        rigid_plane("floor", (0, 0, -1), (0, 0, 1)),
+    ]
+    assert_allclose(proportions(build_model(solid)).size, [0.6, 0.4, 1.0, 0.1, inf])
+    flat = [rigid_sphere("disk", 0.3, (0, 0), 1.0), rigid_capsule("stadium", 0.2, 1.0, (2, 0), 1.0), rigid_plane("line", (0, -1), (0, 1))]
+    assert_allclose(proportions(build_model(flat)).size, [0.6, 0.4, inf])
 
 
 @pytest.mark.parametrize(

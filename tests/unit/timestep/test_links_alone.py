@@ -5,11 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
+from numpy.testing import assert_allclose
 
 import fcsim
+from fcsim import ExactContacts, Linkage, Simulation, SolverSettings, Support, Theta, at_rest, build_model
 from fcsim.linkage import Ball, Bonded, Hinge, Rod, Slider, SpringDamper, Tied
-from fcsim.mesh import Body, Material, brick, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh import Body, Material, brick, rectangle, rigid_box, rigid_rectangle, rigid_sphere
 from fcsim.mesh.material import neo_hooke
+from fcsim.timestep.links.saddle_point import SaddlePoint
 from tests.analytic.test_linkage import moved
 
 FLAT = rigid_rectangle("a", (1.0, 0.1), (0.5, 0.0), 2.0), rigid_rectangle("b", (1.0, 0.1), (1.5, 0.0), 1.0)
@@ -208,3 +212,44 @@ def test_at_other_theta_a_bar_in_two_halves_loses_what_one_bar_loses(theta: floa
         kept.append(spin[-1] / spin[0])
     assert kept[1] == pytest.approx(kept[0], rel=1e-9)
     assert -np.log(kept[0]) / (steps - 1) == pytest.approx((theta - 0.5) * (omega * h) ** 2, rel=0.02)
+
+
+@pytest.mark.parametrize("m", [1.0, 1e3, 1e6])
+def test_what_a_hinge_leaves_of_a_body_in_any_unit_of_length(m: float) -> None:
+    """A body of mass M and inertia I about its centre at (a, 0, 0), hinged about z through the origin, at a contact at (x, y, z): a force
+    along y moves it by x^2 / (I + M a^2), one along x by y^2 / (I + M a^2), one along the axis not at all. In micrometres rows of the
+    hinge were taken for one another, whose arms are a million times their forces, and it gave way along its axis, by 1 / M."""
+    M, inertia, a = 20.0, 1.7 * m**2, 0.5 * m
+    mass = sp.csr_array(np.diag([M, M, M, 6.7 * m**2, 8.3 * m**2, inertia]))
+
+    def pushed(point: tuple[float, float, float]) -> np.ndarray:
+        """Generalised forces (6, 3) of unit forces along x, y, z at a point [m]."""
+        x, y, z = np.multiply(point, m) - (a, 0.0, 0.0)
+        return np.vstack([np.eye(3), [[0, -z, y], [z, 0, -x], [-y, x, 0]]])
+
+    rows = np.hstack([pushed((0, 0, -1)), pushed((0, 0, 1))[:, :2]])
+    point = (0.9, -0.02, 0.3)
+    saddle = SaddlePoint(mass, sp.csr_array(rows), np.zeros(5))
+    assert saddle.rank == 5
+    x, y, _ = np.multiply(point, m)
+    about = inertia + M * a**2
+    expected = np.zeros((3, 3))
+    expected[:2, :2] = np.outer((-y, x), (-y, x)) / about
+    assert_allclose(saddle.delassus(sp.csr_array(pushed(point))), expected, atol=1e-12 / M)
+
+
+@pytest.mark.parametrize("m", [1.0, 1e6])
+def test_a_door_that_strikes_its_stop_in_any_unit_of_length(m: float) -> None:
+    """The stop at the distance d from the hinge takes the moment of momentum, J = I omega / d; in micrometres nothing converged."""
+    d, omega, mass = 0.9, 2.0, 20.0
+    door = rigid_box("door", (1.0 * m, 0.04 * m, 2.0 * m), (0.5 * m, 0.0, 1.0 * m), mass)
+    stop = rigid_sphere("stop", 0.05 * m, (d * m, -0.071 * m, 1.0 * m), 1.0)
+    model = build_model([door, stop], supports=[Support("stop", ("x", "y", "z", "rx", "ry", "rz"))])
+    start, own = at_rest(model), model.dof_offset[model.number["door"]]
+    start.v[own + 1], start.v[own + 5] = -0.5 * omega * m, -omega
+    linkage = Linkage(model, [Hinge("hinge", None, "door", ends=((0.0, 0.0, 0.0), (0.0, 0.0, 2.0 * m)))])
+    solver = SolverSettings(floor=1e-3 * m)
+    run = Simulation(model, ExactContacts(model, 0.0), Theta(1e-3), 6, solver, initial=start, linkage=linkage)
+    impulse = sum(-1e-3 * step.contact_force_on(model.number["stop"])[1] for step in run)
+    inertia = mass * (1 / 3 + 0.04**2 / 12)
+    assert impulse / m == pytest.approx(inertia * omega / d, rel=1e-3)
