@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.problem.bodies._nodal_kernels import gather_nodal_forces, nodes_of_pairs, spread_nodal_velocities
@@ -47,7 +48,7 @@ class ShareProduct:
         self._of_contacts = pieces(shares.nc, CONTACTS_A_PIECE)
         self._nodal = self._nodes()
 
-    def _nodes(self) -> tuple[FloatArray, IntArray, IntArray, FloatArray] | None:
+    def _nodes(self) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint32], FloatArray] | None:
         """Frames, which frame is each pair's, and nodes and shape values in the place of h, see `_nodal_kernels`; None where few are
         these."""
         s, entries = self._shares, int(self._shares.begins[-1])
