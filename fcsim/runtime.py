@@ -156,7 +156,7 @@ def writable_caches() -> None:
 
 KEPT_ARRAY, KEPT_MEMORY = 128 * 2**20, 512 * 2**20
 """[bytes] Arrays up to this size are taken from memory freed before, of which at most so much is kept at the end of the heap."""
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # of glibc's malloc.h
 
 
 def keep_freed_memory() -> None:
@@ -169,6 +169,7 @@ def keep_freed_memory() -> None:
         mallopt = ctypes.CDLL(None).mallopt
         mallopt(M_MMAP_THRESHOLD, KEPT_ARRAY)
         mallopt(M_TRIM_THRESHOLD, KEPT_MEMORY)
+        mallopt(M_ARENA_MAX, 1)
 
 
 def release_freed_memory() -> None:

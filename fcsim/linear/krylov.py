@@ -8,16 +8,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
+from fcsim.threads import pieces, side_by_side
 
 PATIENCE, HOPE = 4, 1.5
 """After PATIENCE iterations GMRES is given up when its mean reduction would need more than HOPE times the iterations that it has."""
 FLAT, FLAT_FOR = 0.8, 3
 """On a plateau the last FLAT_FOR iterations have reduced the defect by no more than FLAT."""
+CLASSICAL_FROM, NUMBERS_A_PIECE, GROWTH = 100_000, 40_000, 8
+"""Numbers of a vector from which Gram-Schmidt is the classical one, by pieces, numbers that one thread takes, and by how many vectors the
+basis then grows."""
+CANCELLED = 0.1
+"""What classical Gram-Schmidt leaves of a vector's length where it is taken once more: it loses in orthogonality what that cancels."""
 
 
 def gmres(
@@ -40,15 +47,10 @@ def gmres(
     beta = float(np.linalg.norm(rhs))
     if beta <= target:
         return np.zeros_like(rhs), np.empty(0)
-    basis, steps, small = [rhs / beta], [], LeastSquares(beta)
+    basis, steps, small = _basis(rhs / beta), [], LeastSquares(beta)
     for j in range(limit):
-        steps.append(precondition(basis[j]))
-        w = product(steps[j])
-        column = []
-        for v in basis:
-            column.append(float(v @ w))
-            w = w - column[-1] * v
-        size = float(np.linalg.norm(w))
+        steps.append(precondition(basis.last))
+        column, w, size = basis.orthogonalised(product(steps[j]))
         if not math.isfinite(size) or not small.add(column, size):
             return None
         left = small.defects[-1]
@@ -60,6 +62,77 @@ def gmres(
             return None
         basis.append(w / size)
     return None
+
+
+class _Basis:
+    """Orthonormal vectors (n,) by modified Gram-Schmidt."""
+
+    def __init__(self, first: FloatArray) -> None:
+        self._vectors = [first]
+
+    @property
+    def last(self) -> FloatArray:
+        return self._vectors[-1]
+
+    def append(self, v: FloatArray) -> None:
+        self._vectors.append(v)
+
+    def orthogonalised(self, w: FloatArray) -> tuple[list[float], FloatArray, float]:
+        """w's components along the vectors, what is left of it, and the length of that."""
+        column = []
+        for v in self._vectors:
+            column.append(float(v @ w))
+            w = w - column[-1] * v
+        return column, w, float(np.linalg.norm(w))
+
+
+class _LargeBasis:
+    """The same by classical Gram-Schmidt, twice where it cancels (J. W. Daniel, W. B. Gragg, L. Kaufman, G. W. Stewart, Math. Comp. 30,
+    1976): each vector is read twice for all, by threads side by side, not four times."""
+
+    def __init__(self, first: FloatArray) -> None:
+        self._pieces = pieces(len(first), NUMBERS_A_PIECE)
+        self._blocks: list[FloatArray] = []  # of GROWTH vectors each, by rows
+        self._count = 0
+        self.append(first)
+
+    @property
+    def last(self) -> FloatArray:
+        vector: FloatArray = self._blocks[-1][(self._count - 1) % GROWTH]
+        return vector
+
+    def append(self, v: FloatArray) -> None:
+        if self._count % GROWTH == 0:
+            self._blocks.append(np.empty((GROWTH, len(v))))
+        self._blocks[-1][self._count % GROWTH] = v
+        self._count += 1
+
+    def orthogonalised(self, w: FloatArray) -> tuple[list[float], FloatArray, float]:
+        """As `_Basis.orthogonalised`; w is written to."""
+        column, left, size = self._once(w)
+        if math.isfinite(size) and size < CANCELLED * math.hypot(size, *column):
+            more, left, size = self._once(left)
+            column = column + more
+        return column.tolist(), left, size
+
+    def _once(self, w: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        vectors = [block[: self._count - GROWTH * k] for k, block in enumerate(self._blocks)]
+
+        def along(i: int, j: int) -> FloatArray:
+            return np.concatenate([block[:, i:j] @ w[i:j] for block in vectors])
+
+        def take(i: int, j: int) -> float:
+            for k, block in enumerate(vectors):
+                w[i:j] -= column[GROWTH * k : GROWTH * k + len(block)] @ block[:, i:j]
+            return float(w[i:j] @ w[i:j])
+
+        column = np.sum(side_by_side([partial(along, i, j) for i, j in self._pieces]), axis=0)
+        squares = side_by_side([partial(take, i, j) for i, j in self._pieces])
+        return column, w, math.sqrt(sum(squares))
+
+
+def _basis(first: FloatArray) -> _Basis | _LargeBasis:
+    return _Basis(first) if len(first) < CLASSICAL_FROM else _LargeBasis(first)
 
 
 class LeastSquares:

@@ -36,6 +36,10 @@ class LateSum:
 
     def diagonal_blocks(self) -> FloatArray:
         """W_aa (nc, d, d)."""
+        return self._diagonal_blocks.copy()
+
+    @cached_property
+    def _diagonal_blocks(self) -> FloatArray:
         blocks = np.zeros((self.shares.nc, 3, 3))
         for run in self.shares.runs:
             diagonal_of_shares(*self.shares.h, *run, blocks)

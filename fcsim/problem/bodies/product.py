@@ -10,8 +10,10 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.problem.bodies._nodal_kernels import gather_nodal_forces, nodes_of_pairs, spread_nodal_velocities
 from fcsim.problem.bodies._shares_kernels import gather_forces, pairs_of_contacts, spread_velocities
 from fcsim.problem.bodies.shares import BodyShares
 from fcsim.threads import pieces, pieces_by_work, side_by_side
@@ -23,6 +25,8 @@ CACHED = 250_000
 reads some columns, for all bodies."""
 WEIGHTS_A_PIECE, CONTACTS_A_PIECE = 100_000, 4000
 """Entries of h, and contacts with some thirty of them, that one thread goes through in as much time."""
+NODAL = 0.5
+"""Share of h's entries that are shape values times frames from which products read these."""
 
 
 class ShareProduct:
@@ -39,9 +43,22 @@ class ShareProduct:
             self._alike.append((begin, end, C))
         self._row, self._size = row, end
         self._starts, self._pairs, bodies = pairs_of_contacts(shares.first, shares.contacts, shares.nc)
-        self._rows = row[bodies]
+        self._rows, self._bodies = row[bodies], bodies
         self._of_bodies = pieces_by_work(shares.begins[shares.first], WEIGHTS_A_PIECE)
         self._of_contacts = pieces(shares.nc, CONTACTS_A_PIECE)
+        self._nodal = self._nodes()
+
+    def _nodes(self) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint32], FloatArray] | None:
+        """Frames, which frame is each pair's, and nodes and shape values in the place of h, see `_nodal_kernels`; None where few are
+        these."""
+        s, entries = self._shares, int(self._shares.begins[-1])
+        frames, frame_of = np.empty((2, s.nc, 3, 3)), np.empty(len(s.contacts), dtype=np.int32)
+        nodes, shapes = np.empty(entries // 3, dtype=np.uint32), np.empty(entries // 3)
+        given, out = (s.begins, s.unknowns, s.weights, self._starts, self._pairs, self._rows), (frames, frame_of, nodes, shapes)
+        side_by_side([partial(nodes_of_pairs, *given, i, j, *out) for i, j in self._of_contacts])
+        if np.sum(np.diff(s.begins)[frame_of >= 0]) < NODAL * entries or not entries:
+            return None
+        return frames.reshape(-1, 9), frame_of, nodes, shapes
 
     @property
     def operations(self) -> int:
@@ -55,7 +72,8 @@ class ShareProduct:
         u = u.copy() if u is q else u
         forces, velocities = np.zeros(self._size), np.empty(self._size)
         h = (s.begins, s.unknowns, s.weights)
-        side_by_side([partial(gather_forces, s.first, s.contacts, *h, self._row, i, j, x, forces) for i, j in self._of_bodies])
+        gather, spread, nodal = self._ways
+        side_by_side([partial(gather, s.first, s.contacts, *h, self._row, *nodal, i, j, x, forces) for i, j in self._of_bodies])
         products = list(self._products(forces, velocities))
         if self.operations < 2 * OPERATIONS_A_PIECE:
             for product in products:
@@ -63,7 +81,37 @@ class ShareProduct:
         else:
             side_by_side(products)
         places = (self._starts, self._pairs, self._rows)
-        side_by_side([partial(spread_velocities, *h, *places, i, j, velocities, u) for i, j in self._of_contacts])
+        side_by_side([partial(spread, *h, *places, *nodal, i, j, velocities, u) for i, j in self._of_contacts])
+        return s.by_dimension(u)
+
+    @property
+    def _ways(self) -> tuple[Callable[..., None], Callable[..., None], tuple[object, ...]]:
+        """What takes h^T x and h v, and what they take of nodes and frames."""
+        if self._nodal is None:
+            return gather_forces, spread_velocities, ()
+        return gather_nodal_forces, spread_nodal_velocities, (self._nodal,)
+
+    def of_few(self, x: FloatArray) -> FloatArray:
+        """W x (m,) for x (m,) that is zero but at few contacts: by their bodies alone, and at the contacts of these."""
+        s = self._shares
+        x, u = s.by_three(x), np.zeros(3 * s.nc)
+        pushed = x.reshape(-1, 3).any(axis=1)
+        touched = np.zeros(s.count, dtype=bool)
+        touched[self._bodies[np.repeat(pushed, np.diff(self._starts))]] = True
+        forces, velocities = np.zeros(self._size), np.zeros(self._size)
+        h = (s.begins, s.unknowns, s.weights)
+        gather, spread, nodal = self._ways
+        for i, j in _ranges(touched):
+            gather(s.first, s.contacts, *h, self._row, *nodal, i, j, x, forces)
+        for begin, end, C in self._alike:
+            n = C.shape[-1]
+            Y, Z = forces[begin:end].reshape(-1, n), velocities[begin:end].reshape(-1, n)
+            own = np.flatnonzero(Y.any(axis=1))
+            Z[own] = Y[own] @ C if C.ndim == 2 else np.matmul(Y[own, None], C[own])[:, 0]
+        moved = np.zeros(s.nc, dtype=bool)
+        moved[s.contacts[np.repeat(touched, np.diff(s.first))]] = True
+        for i, j in _ranges(moved):
+            spread(*h, self._starts, self._pairs, self._rows, *nodal, i, j, velocities, u)
         return s.by_dimension(u)
 
     def _products(self, forces: FloatArray, velocities: FloatArray) -> Iterator[Callable[[], object]]:
@@ -80,6 +128,12 @@ class ShareProduct:
                     yield partial(np.matmul, Y[i:j], C, out=Z[i:j])
                 else:
                     yield partial(np.matmul, Y[i:j, None], C[i:j], out=Z[i:j, None])
+
+
+def _ranges(which: BoolArray) -> list[tuple[int, int]]:
+    """(begin, end) of each run of True in `which` (n,)."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], which, [False]])))
+    return [(int(i), int(j)) for i, j in ends.reshape(-1, 2)]
 
 
 def _alike(shares: BodyShares) -> Iterator[tuple[IntArray, FloatArray]]:

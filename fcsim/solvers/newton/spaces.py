@@ -15,7 +15,7 @@ from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
-from fcsim.solvers.newton.systems.two_level.settling import NEAR, SMALL, WORTH, SettlesJoints
+from fcsim.solvers.newton.systems.two_level.settling import NEAR, NEARLY, SMALL, STILL_WORTH, WORTH, SettlesJoints
 
 
 class NewtonSpace(Protocol):
@@ -100,15 +100,27 @@ class LocalSpace:
             limit = max(SMALL * monitor.tol, system.rounds.part * error) * monitor.scale
             u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
             found = system.settled(u, r, mu, rho, monitor.compliance, limit)
-            if found is None or (after := monitor.error(self._r + found[0], self.u + found[1])) >= error:
+            if found is None:
                 break
             self._dr, self._Wdr = found
-            self.move(1.0)
+            t, after = self._towards_settled(monitor, error)
+            if after >= error:
+                break
+            self.move(t)
             settled = self._r
-            if after <= monitor.tol or after > WORTH * error:
+            if after <= monitor.tol or after > (STILL_WORTH if after <= NEARLY * monitor.tol else WORTH) * error:
                 break
             error = after
         return settled
+
+    def _towards_settled(self, monitor: Monitor, error: float) -> tuple[float, float]:
+        """How far to go to where joints are solved, all the way or half, and the error there: what each gives off while all others are held
+        may add up to more than it mends."""
+        after = monitor.error(self._r + self._dr, self.u + self._Wdr)
+        if after <= max(monitor.tol, WORTH * error):
+            return 1.0, after
+        half = monitor.error(self._r + 0.5 * self._dr, self.u + 0.5 * self._Wdr)
+        return (0.5, half) if half < after else (1.0, after)
 
     def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         W = self._system.operator

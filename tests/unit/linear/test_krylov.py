@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from fcsim.linear import krylov
 from fcsim.linear.krylov import gmres
 
 
@@ -70,3 +71,24 @@ def test_on_a_plateau_it_ends_from_the_defect_on_that_is_asked_for() -> None:
     shorter = gmres(lambda x: A @ x, lambda x: x, b, 0.0, early - 3, 100, enough=size)
     assert shorter is not None
     assert left > 0.8 * np.linalg.norm(b - A @ shorter[0]) / size  # the last three brought hardly anything
+
+
+@pytest.mark.parametrize("pieces", [10**9, 7], ids=["one piece", "pieces"])
+def test_classical_gram_schmidt_of_large_vectors_gives_the_same(monkeypatch: pytest.MonkeyPatch, pieces: int) -> None:
+    """Eigenvalues over two decades, to 1e-9: vectors need be no more orthogonal than that."""
+    A, b = np.diag(np.logspace(-2, 0, 60)) + np.triu(np.full((60, 60), 1e-3), 1), np.random.default_rng(3).standard_normal(60)
+    given = (lambda x: A @ x, lambda x: x.copy(), b, 1e-9 * float(np.linalg.norm(b)), 60, 60)
+    expected = gmres(*given)
+    monkeypatch.setattr(krylov, "CLASSICAL_FROM", 0)
+    monkeypatch.setattr(krylov, "NUMBERS_A_PIECE", pieces)
+    bases: list[krylov._LargeBasis] = []
+    monkeypatch.setattr(krylov, "_basis", lambda first: bases.append(krylov._LargeBasis(first)) or bases[-1])
+    found = gmres(*given)
+    assert expected is not None
+    assert found is not None
+    assert len(found[1]) == len(expected[1]) > 3 * krylov.GROWTH
+    assert np.linalg.norm(b - A @ found[0]) <= 1.001e-9 * np.linalg.norm(b)
+    vectors = np.concatenate(bases[0]._blocks)[: bases[0]._count]
+    assert_allclose(vectors @ vectors.T, np.eye(len(vectors)), rtol=0, atol=1e-5)
+    w = vectors[3] + 1e-3 * np.arange(60.0)  # what cancels by a hundred is taken twice
+    assert_allclose(vectors @ bases[0].orthogonalised(w)[1], 0, rtol=0, atol=1e-9)

@@ -91,6 +91,46 @@ def test_products_however_they_are_cut(monkeypatch: pytest.MonkeyPatch, kinds: l
     product, before = ShareProduct(BodyShares(*total.bodies, (run,), NC, d)), q.copy()
     assert_allclose(product.affine(x, q), expected @ x + q, rtol=0, atol=1e-13 * np.abs(expected).max() * NC)
     assert_array_equal(q, before)
+    x[d:-d] = 0
+    assert_allclose(product.of_few(x), expected @ x, rtol=0, atol=1e-13 * np.abs(expected).max() * NC)
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["one frame a contact", "bodies' axes"])
+@pytest.mark.parametrize("whole", [True, False], ids=["nodes alone", "and others"])
+def test_products_by_nodes_and_frames(monkeypatch: pytest.MonkeyPatch, turned: bool, whole: bool) -> None:
+    """Facets' shape values times frames, those of a body in its own axes or not, and beside them contacts whose entries are anything."""
+    rng = np.random.default_rng(5)
+    H = np.zeros((BODIES * SIZE, 3 * NC))
+    axes = [np.linalg.qr(rng.standard_normal((3, 3)))[0] if turned else np.eye(3) for _ in range(BODIES)]
+    for a in range(NC):
+        frame, first = np.linalg.qr(rng.standard_normal((3, 3)))[0], a % (BODIES - 1)
+        for b, shapes in ((first, [1.0]), (first + 1, [-0.3, -0.7, 0.0])):
+            for node, shape in zip(rng.permutation(SIZE // 3), shapes, strict=False):
+                rows = SIZE * b + 3 * node
+                H[rows : rows + 3, 3 * a : 3 * a + 3] = shape * (axes[b] @ frame.T)
+        if not whole and a % 4 == 1:
+            H[SIZE * (first + 1) + 1, 3 * a + 1] += 1e-6
+    C = rng.standard_normal((SIZE, SIZE))
+    C = C @ C.T
+    total = DelassusSum(sp.csc_array(H), np.repeat(np.arange(BODIES), SIZE), np.tile(np.arange(SIZE), BODIES), BODIES, 3)
+    shares = BodyShares(*total.bodies, ((0, C[None], np.zeros(BODIES, dtype=np.int64)),), NC, 3)
+    expected = H.T @ np.kron(np.eye(BODIES), C) @ H
+    x, q = rng.standard_normal((2, 3 * NC))
+    x[6:9] = 0
+    monkeypatch.setattr(bodies_product, "CONTACTS_A_PIECE", 5)
+    product = ShareProduct(shares)
+    assert product._nodal is not None
+    frame_of, contacts = product._nodal[1], total.bodies[1]
+    assert np.count_nonzero(frame_of < 0) == (0 if whole else NC // 4)
+    of_nodes = contacts % 4 != 1
+    assert np.count_nonzero(frame_of[of_nodes] >= NC) == (np.count_nonzero(of_nodes) // 2 if turned else 0)
+    monkeypatch.setattr(bodies_product, "NODAL", 2.0)
+    plain = ShareProduct(shares)
+    assert plain._nodal is None
+    few = np.where(np.isin(np.arange(3 * NC) // 3, [4, 9, 11]), x, 0)
+    for one in (product, plain):
+        assert_allclose(one.of_few(few), expected @ few, rtol=0, atol=1e-14 * np.abs(expected).max() * NC)
+        assert_allclose(one.affine(x, q), expected @ x + q, rtol=0, atol=1e-14 * np.abs(expected).max() * NC)
 
 
 def test_entries_are_those_of_the_sum_and_do_not_change_products() -> None:

@@ -250,15 +250,31 @@ def add_to_bodies(sums, cuts, bodies, c):
                 at += k
 
 
-@njit(cache=True)
-def less_motions(A, G, bodies, c, x, out):
-    """out = x - A G c (nc, d), for c (bodies, k)."""
-    nc, d, wide = G.shape
+@njit(cache=True, nogil=True)
+def in_order(x, order, first, last, out):
+    """out[a] = x[order[a]] (nc, d) for first <= a < last, in the precision of `out`."""
+    for a in range(first, last):
+        for i in range(x.shape[1]):
+            out[a, i] = x[order[a], i]
+
+
+@njit(cache=True, nogil=True)
+def from_order(x, order, first, last, out):
+    """out[order[a]] = x[a] (nc, d) for first <= a < last, in the precision of `out`."""
+    for a in range(first, last):
+        for i in range(x.shape[1]):
+            out[order[a], i] = x[a, i]
+
+
+@njit(cache=True, nogil=True)
+def less_motions_of(A, G, bodies, c, x, first, last, out):
+    """out = x - A G c (nc, d), for c (bodies, k), of the contacts first, ..., last - 1."""
+    d, wide = G.shape[1], G.shape[2]
     k = wide // 2
     own, u = np.zeros(wide, dtype=G.dtype), np.empty(d, dtype=G.dtype)
-    for a in range(nc):
+    for a in range(first, last):
         p, q = bodies[a]
-        if a == 0 or p != bodies[a - 1, 0] or q != bodies[a - 1, 1]:
+        if a == first or p != bodies[a - 1, 0] or q != bodies[a - 1, 1]:
             own[:] = 0
             if p >= 0:
                 own[:k] = c[p]
@@ -271,6 +287,12 @@ def less_motions(A, G, bodies, c, x, out):
             for j in range(d):
                 total -= A[a, i, j] * u[j]
             out[a, i] = total
+
+
+@njit(cache=True)
+def less_motions(A, G, bodies, c, x, out):
+    """`less_motions_of` all contacts."""
+    less_motions_of(A, G, bodies, c, x, 0, len(x), out)
 
 
 @njit(cache=True)

@@ -31,6 +31,8 @@ SMALL, PART = 0.1, 0.01
 """Share of the tolerance, and of the error, up to which a joint is left as it is."""
 WORTH = 0.75
 """What a round must leave of the error of all contacts for another one to follow."""
+NEARLY, STILL_WORTH = 2.0, 0.95
+"""Up to so many times the tolerance a round need leave no less than this for another one: it takes a tenth of what a system does."""
 NEAR = 1e-2
 """Error from which on joints are solved one by one: before that, from zero, it misleads Newton's method."""
 ITERATIONS, FALLS = 15, 1e-3

@@ -52,7 +52,7 @@ from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS, patched
 from fcsim.solvers.newton.systems.two_level.settling import Rounds
-from fcsim.threads import pieces_by_work, side_by_side
+from fcsim.threads import pieces, pieces_by_work, side_by_side
 
 ACCURACY, FORESEEN, SAFETY, AT_FIRST = 1e-3, 1e-5, 0.3, 0.1
 """Defect relative to the right-hand side: of a system; of a step's first one, which has the last step's statuses: most of them hold, and
@@ -78,6 +78,8 @@ LASTS = 10
 """Steps that what was made of one W serves: W changes by 1e-4 from step to step."""
 ENTRIES_A_PIECE = 300_000
 """Entries of joints' blocks that one thread multiplies."""
+CONTACTS_A_PIECE = 4000
+"""Contacts from whose reactions one thread takes what the bodies' motions make: a tenth of a millisecond."""
 
 
 class Preconditioner:
@@ -89,6 +91,7 @@ class Preconditioner:
         self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
         self._T = np.empty(joints.T_starts[-1])
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
+        self._contacts = pieces(len(joints.order), CONTACTS_A_PIECE)
 
     @property
     def joints(self) -> Joints:
@@ -134,7 +137,8 @@ class Preconditioner:
         if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
             return None
         other = copy(self)
-        other._A, other._B, other._Q, other._V, other._T = (x.copy() for x in (self._A, self._B, self._Q, self._V, self._T))
+        own = self._A, self._B, self._Q, self._V, self._T
+        other._A, other._B, other._Q, other._V, other._T = side_by_side([x.copy for x in own])
         other._steps += 1
         return other
 
@@ -145,27 +149,23 @@ class Preconditioner:
         self._A[far], self._B[far] = A[far], B[far]
         return np.logical_or.reduceat(far[self._joints.wide], self._joints.begins[:-1])
 
-    def _joint_by_joint(self, x: FloatArray) -> FloatArray:
-        """Q x."""
-        j, z = self._joints, np.empty_like(x)
-        given = (self._Q, j.Q_starts, j.cuts, j.begins, j.wide)
-        side_by_side([partial(kernels.solve_joints, *given, begin, end, x, z) for begin, end in self._ranges])
-        return z
-
     def __call__(self, x: FloatArray) -> FloatArray:
-        joints = self._joints
-        x = x.reshape(-1, joints.d)[joints.order].astype(np.float32)
+        joints, x = self._joints, x.reshape(-1, self._joints.d)
+        given, rest, z = np.empty((3, *x.shape), dtype=np.float32)
         c = np.zeros((joints.count, MOTIONS), dtype=np.float32)
         sums = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32)
-        given = (self._V, joints.V_starts, joints.begins, joints.wide)
-        side_by_side([partial(kernels.sum_joints, *given, begin, end, x, sums) for begin, end in self._ranges])
+        step = np.empty(x.shape)
+        side_by_side([partial(kernels.in_order, x, joints.order, i, j, given) for i, j in self._contacts])
+        of_joints = self._V, joints.V_starts, joints.begins, joints.wide
+        side_by_side([partial(kernels.sum_joints, *of_joints, i, j, given, sums) for i, j in self._ranges])
         kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
         order = self._coarse.contacts
         c[order] = self._coarse.solve(c[order])
-        rest = np.empty_like(x)
-        kernels.less_motions(self._A32, joints.G32, joints.bodies, c, x, rest)
-        step = np.empty(x.shape)
-        step[joints.order] = self._joint_by_joint(rest)
+        motions = self._A32, joints.G32, joints.bodies, c, given
+        side_by_side([partial(kernels.less_motions_of, *motions, i, j, rest) for i, j in self._contacts])
+        blocks = self._Q, joints.Q_starts, joints.cuts, joints.begins, joints.wide
+        side_by_side([partial(kernels.solve_joints, *blocks, i, j, rest, z) for i, j in self._ranges])
+        side_by_side([partial(kernels.from_order, z, joints.order, i, j, step) for i, j in self._contacts])
         return step.ravel()
 
 
@@ -265,7 +265,7 @@ class TwoLevelSystem:
         if found is None:
             return None
         dr = (found - r).ravel()
-        return dr, self._product(dr)
+        return dr, self._by_bodies.of_few(dr)
 
     def _by(
         self, precondition: Preconditioner, A: FloatArray, B: FloatArray, rhs: FloatArray, limits: tuple[float, float]

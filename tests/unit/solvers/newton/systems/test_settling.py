@@ -8,14 +8,14 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.arrays import FloatArray
-from fcsim.problem import scaled_error
+from fcsim.problem import Delassus, scaled_error
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems import choice, condensed
 from fcsim.solvers.newton.systems.two_level import _settling_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import Joints
-from fcsim.solvers.newton.systems.two_level.settling import FALLS, ITERATIONS, settled
+from fcsim.solvers.newton.systems.two_level.settling import FALLS, ITERATIONS, Rounds, SettlesJoints, settled
 from tests.unit.solvers.newton.systems.test_two_level import shares_and_rows, step_of, walls
 
 
@@ -116,3 +116,39 @@ def test_steps_arrive_and_no_settling_makes_the_error_larger(monkeypatch: pytest
         assert scaled_error(local, step.result.r, floor=1e-3) <= 1e-6
     assert errors
     assert all(after < before for before, after in errors)
+
+
+class Leads:
+    """A two-level system of W = 1 whose patches lead `times` as far as the answer, r = (1, 0, 0)."""
+
+    pays = True
+
+    def __init__(self, times: float, most: int) -> None:
+        self.times, self.rounds = times, Rounds(most, 0.1)
+
+    def settled(self, u: FloatArray, r: FloatArray, *_: object) -> tuple[FloatArray, FloatArray]:
+        dr = self.times * (np.array([1.0, 0, 0]) - r.ravel())
+        return dr, dr
+
+
+def settled_from(begin: float, times: float, most: int) -> tuple[FloatArray | None, float]:
+    """What `settle` returns from the error `begin` and leaves of it, to 1e-6."""
+    system = SettlesJoints()
+    system._two_level, system.operator = Leads(times, most), Delassus(np.eye(3))  # type: ignore[attr-defined]
+    q, mu = np.array([-1.0, 0, 0]), np.array([0.5])
+    space, monitor = LocalSpace(system, q, np.array([1 - begin, 0, 0])), Monitor(q, mu, 3, 1e-6)  # type: ignore[arg-type]
+    return space.settle(mu, np.ones((1, 3)), monitor), monitor.error(space._r, space.u) / begin
+
+
+@pytest.mark.parametrize(("times", "left"), [(1.5, 0.5), (1.9, 0.05), (2.2, 0.1), (4.5, 1.0)])
+def test_a_round_that_goes_too_far_is_halved(times: float, left: float) -> None:
+    """One that leaves half of the error is taken as it is; half of one that goes 4.5 times as far leaves more than there was."""
+    found, part = settled_from(5e-3, times, 1)
+    assert part == pytest.approx(left, rel=1e-6)
+    assert (found is None) == (left == 1)
+
+
+def test_near_the_tolerance_rounds_go_on_for_less() -> None:
+    """Rounds that leave 0.8: a second one follows from 1.5 times the tolerance, none from far."""
+    assert settled_from(5e-3, 0.2, 5)[1] == pytest.approx(0.8, rel=1e-6)
+    assert settled_from(1.5e-6, 0.2, 5)[1] == pytest.approx(0.64, rel=1e-6)
