@@ -15,7 +15,7 @@ from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
-from fcsim.solvers.newton.systems.two_level.settling import NEAR, SMALL, WORTH, SettlesJoints
+from fcsim.solvers.newton.systems.two_level.settling import NEAR, SMALL, SettlesJoints
 
 
 class NewtonSpace(Protocol):
@@ -89,8 +89,8 @@ class LocalSpace:
         return LENGTHS[least] if errors[0] > error and errors[least] < FALLS * error else 1.0
 
     def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
-        """Go on to where joints that the last step left unsolved are solved one by one, or patches around them, in rounds, on Alart and
-        Curnier's equations with rho (nc, d); r (m,) there. None, and nowhere, where there are none or none are needed, the system does not
+        """Go on to where patches around joints that the last step left unsolved are solved, in rounds, on Alart and Curnier's
+        equations with rho (nc, d); r (m,) there. None, and nowhere, where there are none or none are needed, the system does not
         know joints, or the error is no less there."""
         system, error = self._system, monitor.error(self._r, self.u)
         if not isinstance(system, SettlesJoints) or not system.by_joints or not monitor.tol < error <= NEAR:
@@ -105,7 +105,7 @@ class LocalSpace:
             self._dr, self._Wdr = found
             self.move(1.0)
             settled = self._r
-            if after <= monitor.tol or after > WORTH * error:
+            if after <= monitor.tol or after > system.rounds.worth * error:
                 break
             error = after
         return settled

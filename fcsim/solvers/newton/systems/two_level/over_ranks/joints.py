@@ -6,7 +6,7 @@ compliant motions: of others' bodies a rank knows h, as of all, and asks their o
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as own_kernels
 from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarsePattern
+from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll
 from fcsim.threads import pieces_by_work, side_by_side
 
 
@@ -47,6 +48,11 @@ class OwnJoints:
             left = self.diagonal_of_W[self.order[own]] - np.einsum("aij,aij->ai", G[own], G[own])
         self.shift = SHIFT * float(parts.summed(np.array([np.abs(left).sum()]))[0]) / self.diagonal_of_W.size
         self._find_coarse(behind.rank)
+
+    @cached_property
+    def of_all(self) -> JointsOfAll:
+        """The joints of all ranks, for patches."""
+        return JointsOfAll(self.all_bodies, self.count)
 
     def _find(self, behind: BodiesOverRanks, sizes: IntArray, bodies: IntArray) -> None:
         """The joints, their neighbours and bodies; sizes (bodies,): as in `with_neighbours`."""

@@ -13,24 +13,26 @@ from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
+from fcsim.solvers.newton.systems.two_level.over_ranks.patches import patched_over_ranks
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
-from fcsim.solvers.newton.systems.two_level.settling import Rounds, settled
+from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS
+from fcsim.solvers.newton.systems.two_level.settling import Rounds
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
 
-PLATEAU = 0.05
-"""Of every system: single joints leave more than patches do."""
+WORTH = 0.5
+"""As in one process, of rounds that are dearer beside GMRES' iterations: one rank may solve patches while others wait."""
 
 
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
 
-    rounds = Rounds()  # of single joints: a patch's bodies may be on several ranks
+    rounds = Rounds(ROUNDS, PART, WORTH)
 
     def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, kept: PreconditionerOverRanks | None = None) -> None:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
-        self._demand, bodies = Demand(PLATEAU, PLATEAU), behind.bodies
+        self._demand, bodies = Demand(), behind.bodies
         self.pays = bodies is not None and largest_joint(bodies, behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
     @property
@@ -71,17 +73,15 @@ class TwoLevelOverRanks:
     def settled(
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
     ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr (m,) as `TwoLevelSystem.settled`, all (nc, ...) whole on every rank: each solves its own joints."""
+        """dr and W dr (m,) as `TwoLevelSystem.settled`, all (nc, ...) whole on every rank."""
         if self._precondition is None or self._precondition.given_away or not self.pays:
             return None
-        joints = self._precondition.joints
-        own = joints.parts.own
-        with self._W.layout.together("joints one by one"):
-            found = settled(joints, u, r, mu, rho, weight, limit)
-            step = np.zeros((len(own), joints.d)) if found is None else found[own] - r[own]
-        with joints.parts.world.unasked("joints one by one"):
-            dr = joints.parts.whole(step)
-            return (dr.ravel(), joints.parts.whole(joints.shares.product(self._W, step)).ravel()) if dr.any() else None
+        step = patched_over_ranks(self._precondition.joints.of_all, self._W, u, r, mu, rho, weight, limit)
+        if step is None:
+            return None
+        dr, layout = step.ravel(), self._W.layout
+        with layout.world.unasked("W times what patches move by"):
+            return dr, layout.summed(self._W.own_product(dr[layout.own_unknowns]))
 
     def _by(
         self,
