@@ -67,20 +67,16 @@ def patched_over_ranks(
         sent = solver[:, None] != np.arange(world.size)  # (patches, ranks)
         sizes = np.array([[(d * len(at)) ** 2 for at in of_ranks] for of_ranks in places]) * sent
         given = _joined([block for block, other in zip(blocks, sent[:, world.number], strict=True) if other])
-        received = np.split(world.gathered(given, sizes.sum(axis=0)), np.cumsum(sizes.T.ravel())[:-1]) if sizes.any() else []
-        wholes = {int(p): np.zeros((len(patches[p]), d, len(patches[p]), d)) for p in mine}
-        for p, whole in wholes.items():
-            for k, at in enumerate(places[p]):
-                if not len(at):
-                    continue
-                own = blocks[p] if k == world.number else received[k * len(patches) + p]
-                whole[at[:, None], :, at] += own.reshape(len(at), d, len(at), d).transpose(0, 2, 1, 3)
+        received = [np.empty(0)] * sizes.size
+        if sizes.any():
+            received = np.split(world.gathered(given, sizes.sum(axis=0)), np.cumsum(sizes.T.ravel())[:-1])
+        shares = [[blocks[p] if k == world.number else received[k * len(patches) + p] for k in range(world.size)] for p in mine]
+        del blocks, received
         answers: list[FloatArray] = [np.empty(0)] * len(mine)
 
         def solve(begin: int, end: int) -> None:
             for i in range(begin, end):
-                own, whole = patches[mine[i]], wholes[int(mine[i])]
-                W_own = whole.reshape(d * len(own), -1)
+                own, W_own = patches[mine[i]], _summed(shares[i], places[mine[i]], len(patches[mine[i]]), d)
                 answers[i] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own], np.float32) - r[own]
 
         side_by_side([partial(solve, begin, end) for begin, end in pieces(len(mine), 1)])
@@ -100,6 +96,16 @@ def solvers_of(patches: list[IntArray], known: IntArray) -> IntArray:
         solver[p] = free[np.argmax(known[p, free])]
         work[solver[p]] += len(own) ** 3
     return solver
+
+
+def _summed(shares: list[FloatArray], places: list[IntArray], n: int, d: int) -> FloatArray:
+    """W (n d, n d) of a patch from what ranks have of it at `places` of its contacts."""
+    if len(places[0]) == n and not any(len(at) for at in places[1:]):
+        return shares[0].reshape(n * d, n * d)
+    W = np.zeros((n, d, n, d))
+    for own, at in zip(shares, places, strict=True):
+        W[at[:, None], :, at] += own.reshape(len(at), d, len(at), d).transpose(0, 2, 1, 3)
+    return W.reshape(n * d, n * d)
 
 
 def _joined(parts: list[FloatArray]) -> FloatArray:

@@ -22,6 +22,9 @@ from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, De
 WORTH = 0.5
 """As in one process, of rounds that are dearer beside GMRES' iterations: one rank may solve patches while others wait."""
 
+KEPT = 40
+"""Iterations of GMRES up to which what W makes of its steps is kept; W times the answer of longer ones takes one more product."""
+
 
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
@@ -102,11 +105,16 @@ class TwoLevelOverRanks:
         d = rhs.shape[1]
         shared_A, own_B = A[: halo.shared // d], B[: halo.shared // d]
         own_B[halo.own // d :] = 0.0  # B r is its owner's
-        images = list[FloatArray]()  # this rank's shares of W times the steps
+        images, products = list[FloatArray](), 0  # this rank's shares of W times the steps; how many there were
 
         def product(x: FloatArray) -> FloatArray:
+            nonlocal products
             x, image = joints.shares.of(self._W, x.reshape(-1, d))
-            images.append(image)
+            products += 1
+            if products <= KEPT:
+                images.append(image)
+            else:
+                images.clear()
             share: FloatArray = apply_blocks(shared_A, image, own_B, x)
             return share.ravel()
 
@@ -115,5 +123,11 @@ class TwoLevelOverRanks:
             if found is None:
                 return None
             step, y = found
-            image = combined(y, images) if len(y) else np.zeros(shared_A.shape[:2])
-            return parts.whole(step.reshape(-1, d)).ravel(), parts.whole(joints.shares.joined(image)).ravel()
+            step = step.reshape(-1, d)
+            if not len(y):
+                image = np.zeros_like(step)
+            elif images:
+                image = joints.shares.joined(combined(y, images))
+            else:
+                image = joints.shares.product(self._W, step)
+            return parts.whole(step).ravel(), parts.whole(image).ravel()
