@@ -15,12 +15,12 @@ from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import patched_over_ranks
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
-from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS
 from fcsim.solvers.newton.systems.two_level.settling import Rounds
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
 
-WORTH = 0.5
-"""As in one process, of rounds that are dearer beside GMRES' iterations: one rank may solve patches while others wait."""
+ROUNDS, PART, WORTH = 2, 0.3, 0.5
+"""As `Rounds` has them, fewer than in one process: rounds are dearer beside GMRES' iterations, where one rank solves a patch while others
+wait."""
 
 KEPT = 40
 """Iterations of GMRES up to which what W makes of its steps is kept; W times the answer of longer ones takes one more product."""
