@@ -123,11 +123,14 @@ def measure(bricks: int, steps: int, tol: float, solver: str, *, parts: bool) ->
             exchanges = 0 if world is None else world.exchanges
             rows.append((step.result.iterations, now[0] - begin[0], now[1] - begin[1], step.seconds["solve"], exchanges))
             begin = now
+            if step.number == steps:
+                last = step
+            del step  # its W is not kept while the next one is made, as in a run
         number, sent = (0, 0) if world is None else (world.number, world.bytes)
         peak, own = own_memory(world)
         found: dict[str, Any] = {"rows": rows, "sent": sent, "peak_GiB": peak, "own_GiB": own}
         if parts:
-            operator = step.reduction.local.delassus
+            operator = last.reduction.local.delassus
             x, rho = np.random.default_rng(0).standard_normal(operator.size), RHO * operator.norm
             sent = 0 if world is None else world.bytes
             found["W"] = timed(lambda: operator @ x, REPEATED)

@@ -236,6 +236,7 @@ def _run(
             description = replace(description, notes=tuple(dict.fromkeys((*description.notes, *step.remarks))))
             if watch is not None:
                 watch(case, step)
+            del step  # its W is not kept while the next one is made
         outputs.finish()
         description = replace(description, ranks=shared_work())
     except NotConverged as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -25,7 +24,8 @@ class Compliances:
 
 @dataclass(frozen=True, eq=False)
 class BodiesOverRanks:
-    """make_h: what makes h of all bodies and contacts, which few steps ask for; bodies (nc, 2): of each contact, ascending, -1 where it has
+    """make_h: what makes h of all bodies and contacts anew, which few steps ask for, by pairs of both as in `BodyShares` (first,
+    contacts, begins, unknowns, weights); bodies (nc, 2): of each contact, ascending, -1 where it has
     one alone, None where a contact has three; runs: the compliances of this rank's bodies; rank (bodies,): whose each body is; nc: the
     number of contacts."""
 
@@ -37,19 +37,13 @@ class BodiesOverRanks:
 
     __repr__ = brief
 
-    @cached_property
-    def h(self) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
-        """first, contacts, begins, unknowns, weights: h by pairs of a body and a contact, as in `BodyShares`."""
-        return self.make_h()
-
     @property
     def count(self) -> int:
         """The number of bodies."""
         return len(self.rank)
 
-    def pairs(self) -> IntArray:
-        """The pairs (nc, 2) of h that belong to `bodies`, -1 where there is none."""
-        first, contacts = self.h[:2]
+    def pairs(self, first: IntArray, contacts: IntArray) -> IntArray:
+        """The pairs (nc, 2) of h that belong to `bodies`, -1 where there is none; first, contacts: of h."""
         bodies, side = np.full((self.nc, 2), -1), np.empty(len(contacts), dtype=np.int64)
         sides_of_pairs(first, contacts, bodies, side)
         pairs = np.full((self.nc, 2), -1)

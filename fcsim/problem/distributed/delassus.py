@@ -8,8 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
-from fcsim.arrays import FloatArray, Matrix
+from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.brief import brief
+from fcsim.linear._front_kernels import gather_blocks
 from fcsim.linear.block_rows import product_by_rows
 from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.distributed.bodies import BodiesOverRanks
@@ -49,6 +50,23 @@ class DistributedDelassus(LinearOperator):
             return self._share.affine(x, np.zeros_like(x))
         Wx: FloatArray = product_by_rows(self.rows, np.zeros_like(x), x) if self.layout.dimension == 3 else self.rows @ x
         return Wx
+
+    def own_part(self, contacts: IntArray) -> FloatArray:
+        """This rank's share (k d, k d) of the blocks of contacts (k,), all of them its own."""
+        place, d = self._place[contacts], self.layout.dimension
+        if isinstance(self._share, LateSum):
+            return self._share.part(place, place)
+        part, columns = np.zeros((d * len(place), d * len(place))), np.full(len(self.layout.own), -1)
+        columns[place] = np.arange(len(place))
+        gather_blocks(self.rows.indptr, self.rows.indices, self.rows.data, place, columns, part)
+        return part
+
+    @cached_property
+    def _place(self) -> IntArray:
+        """Of a contact (nc,) among this rank's own, -1 for others."""
+        place = np.full(self.layout.nc, -1)
+        place[self.layout.own] = np.arange(len(self.layout.own))
+        return place
 
     def _rmatvec(self, x: FloatArray) -> FloatArray:
         return self._matvec(x)

@@ -46,6 +46,14 @@ class ContactLayout:
         return dofs_of(self.own, self.dimension)
 
     @cached_property
+    def known(self) -> BoolArray:
+        """Which contacts each rank knows (size, nc)."""
+        known = np.zeros((len(self.contacts), self.nc), dtype=bool)
+        for of_rank, some in zip(known, self.contacts, strict=True):
+            of_rank[some] = True
+        return known
+
+    @cached_property
     def _owners(self) -> IntArray:
         """How many ranks know each contact (nc,)."""
         return np.bincount(np.concatenate(self.contacts), minlength=self.nc)

@@ -89,8 +89,8 @@ class LocalSpace:
         return LENGTHS[least] if errors[0] > error and errors[least] < FALLS * error else 1.0
 
     def settle(self, mu: FloatArray, rho: FloatArray, monitor: Monitor) -> FloatArray | None:
-        """Go on to where joints that the last step left unsolved are solved one by one, or patches around them, in rounds, on Alart and
-        Curnier's equations with rho (nc, d); r (m,) there. None, and nowhere, where there are none or none are needed, the system does not
+        """Go on to where patches around joints that the last step left unsolved are solved, in rounds, on Alart and Curnier's
+        equations with rho (nc, d); r (m,) there. None, and nowhere, where there are none or none are needed, the system does not
         know joints, or the error is no less there."""
         system, error = self._system, monitor.error(self._r, self.u)
         if not isinstance(system, SettlesJoints) or not system.by_joints or not monitor.tol < error <= NEAR:
@@ -108,7 +108,7 @@ class LocalSpace:
                 break
             self.move(t)
             settled = self._r
-            if after <= monitor.tol or after > (STILL_WORTH if after <= NEARLY * monitor.tol else WORTH) * error:
+            if after <= monitor.tol or after > (STILL_WORTH if after <= NEARLY * monitor.tol else system.rounds.worth) * error:
                 break
             error = after
         return settled

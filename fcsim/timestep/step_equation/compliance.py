@@ -189,9 +189,9 @@ class StepCompliance:
             return self.ahead[1]()
         if self.leaning is not None:
             return self._leant(H, dimension)
-        H = sp.csc_array(H if self.joint is None else sp.csr_array(H)[: H.shape[0] - len(self._soft)])
+        given, H = H, sp.csc_array(H if self.joint is None else sp.csr_array(H)[: H.shape[0] - len(self._soft)])
         if self.bent is None:
-            distributed = self._distributed(H, dimension) if self.over_ranks_from < np.inf and self.joint is None else None
+            distributed = self._distributed(H, given, dimension) if self.over_ranks_from < np.inf and self.joint is None else None
             late = self.late and self.joint is None
             matrix = self._sum(H, dimension, late=late) if distributed is None else distributed
         elif self._whole is not None:
@@ -246,14 +246,15 @@ class StepCompliance:
             model.shares.world.summed("W", W.values)
         return W.matrix()
 
-    def _distributed(self, H: sp.csc_array, dimension: int) -> Matrix | None:
-        """The same as the ranks' own bodies' shares; None where W is small, its contacts are not all ranks', or there is one process."""
+    def _distributed(self, H: sp.csc_array, given: sp.sparray, dimension: int) -> Matrix | None:
+        """The same as the ranks' own bodies' shares; None where W is small, its contacts are not all ranks', or there is one process.
+        given: the H that the problem keeps, so that no other one is kept for who asks for h of all bodies."""
         shares = self.factor.model.shares
         if shares is None or dimension != self.factor.model.dimension:
             return None
         H, (body, column), rank = self._on_compliances(H), self.factor.places, self.factor.ranks()
         nc, count = H.shape[1] // dimension, len(rank)
-        make_h = partial(entries_by_body, H.indptr, H.indices, H.data, body, column, count, dimension)
+        make_h = partial(self._entries_by_body, given, dimension)
         bodies, more = bodies_of_contacts(H.indptr, H.indices, body, dimension)
         if more:
             first, contacts = make_h()[:2]
@@ -277,6 +278,13 @@ class StepCompliance:
             late = late_sum(W, runs)
             share = in_blocks(summed(W, runs), dimension) if late is None else late
         return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, bodies, runs, rank, nc)))
+
+    def _entries_by_body(self, H: sp.sparray, dimension: int) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
+        """h of all bodies, see `entries_by_body`."""
+        on, count = self._on_compliances(sp.csc_array(H)), len(self.factor.ranks())
+        h: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
+        h = entries_by_body(on.indptr, on.indices, on.data, *self.factor.places, count, dimension)
+        return h
 
     def _asked(self, H: sp.csc_array) -> BoolArray:
         """Which rows (n,) of H have entries, as `SystemFactor.compliances` asks; none where no body has a factor of its own, which alone

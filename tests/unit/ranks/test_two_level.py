@@ -14,8 +14,9 @@ import scipy.sparse as sp
 
 from fcsim.linear.joints import BlockRows
 from fcsim.solvers.newton.formulations import alart_curnier
-from fcsim.solvers.newton.systems.two_level import system
+from fcsim.solvers.newton.systems.two_level import patches, system
 from fcsim.solvers.newton.systems.two_level.joints import Joints
+from fcsim.solvers.newton.systems.two_level.over_ranks.patches import solvers_of
 from tests.unit.ranks.conftest import Program
 from tests.unit.ranks.two_level import WORST, unsolved
 from tests.unit.ranks.walls import simulation
@@ -134,33 +135,40 @@ def test_the_solution_is_one_of_the_whole_system(shared: Any, ranks: int) -> Non
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_joints_are_solved_one_by_one_as_in_one_process(shared: Any, ranks: int) -> None:
-    """All that are above the limit, one, which is one rank's alone, and none: by the entries of W on each joint; the same bits."""
+def test_patches_are_those_of_one_process_and_solved_by_the_ranks(shared: Any, ranks: int) -> None:
+    """Around all joints above the limit that have none in common, around one, and none: by W's entries; the same bits on all ranks."""
     W, joints = alone()
     nc = len(joints.order)
-    (u, r, mu, rho, weight), limits = unsolved(W.diagonal().reshape(nc, 3))
+    given_here, limits = unsolved(W.diagonal().reshape(nc, 3))
+    u, r, mu, rho, weight = given_here
     answers = shared(ranks)
     for answer in answers:
         assert answer["settled"] == answers[0]["settled"]
         assert answer["knows"] == [True, False] and answer["nowhere"] == [True, True]
     every, one, none = answers[0]["settled"]
     assert none is None
-    solved = []
+    of_one_process = patches.missed_by_joints(joints, *given_here)
+    counts = []
     for (dr, image), limit in ((every, limits[0]), (one, limits[1])):
         assert np.linalg.norm(image - W @ dr) <= 1e-13 * np.linalg.norm(np.abs(W) @ np.abs(dr))
-        moved, solved_here = np.reshape(dr, (nc, 3)), 0
-        for own in np.split(joints.order, joints.cuts[1:-1]):
+        moved, some = np.reshape(dr, (nc, 3)), patches.chosen(joints, of_one_process, limit, 1.0)
+        for own in some:
             dofs = (3 * own[:, None] + np.arange(3)).ravel()
             after = (W.tocsr()[dofs][:, dofs] @ moved[own].ravel()).reshape(-1, 3)
-            missed = [
+            before, left = (
                 np.linalg.norm(weight[own, None] * alart_curnier(*at, mu[own], rho[own])[0])
                 for at in ((u[own], r[own]), (after, r[own] + moved[own]))
-            ]
-            if missed[0] > limit:
-                assert missed[1] <= 0.01 * missed[0]
-                solved_here += 1
-            else:
-                assert not moved[own].any()
-        solved.append(solved_here)
+            )
+            assert left <= patches.FALLS * before
+        assert not np.delete(moved, np.concatenate(some), axis=0).any()
         assert moved[WORST].any()
-    assert solved[0] > 1 and solved[1] == 1
+        counts.append(len(some))
+    assert counts[0] >= ranks and counts[1] == 1
+
+
+def test_a_patch_is_solved_by_who_has_least_to_do_and_knows_most_of_it() -> None:
+    """Equal patches of one rank go to both in turns, a second that the other knows better to the other; a small one does not make up."""
+    large, small = np.arange(100), np.arange(10)
+    assert solvers_of([large] * 4, np.array([[100, 0]] * 4)).tolist() == [0, 1, 0, 1]
+    assert solvers_of([large] * 2, np.array([[20, 100], [100, 90]])).tolist() == [1, 0]
+    assert solvers_of([small, large], np.array([[10, 0], [100, 0]])).tolist() == [0, 0]

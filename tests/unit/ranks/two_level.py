@@ -7,6 +7,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from fcsim.solvers import SOLVERS
 from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
+from fcsim.solvers.newton.systems.two_level.over_ranks import patches
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
 from fcsim.solvers.newton.systems.two_level.over_ranks.system import TwoLevelOverRanks
@@ -34,7 +36,7 @@ WORST = 7
 
 
 def unsolved(diagonal: FloatArray) -> tuple[tuple[FloatArray, ...], list[float]]:
-    """u, r, mu, rho and weight of contacts, half of which are beyond friction; limits above which joints of all, one, and none are."""
+    """u, r, mu, rho and weight of contacts, half of which are beyond friction; limits above which many joints, one, and none are."""
     nc, rng = len(diagonal), np.random.default_rng(3)
     r = np.zeros((nc, 3))
     r[:, 0] = rng.uniform(1.0, 2.0, nc)
@@ -46,14 +48,15 @@ def unsolved(diagonal: FloatArray) -> tuple[tuple[FloatArray, ...], list[float]]
     return given, [1e-6 * total, 0.9 * float(np.linalg.norm(missed[WORST])), 2 * total]
 
 
-def one_by_one(W: DistributedDelassus, A: FloatArray, B: FloatArray, rhs: FloatArray) -> dict[str, object]:
-    """What joints that are solved one by one move by, before a system was solved, after it, and where all of W is used."""
+def in_patches(W: DistributedDelassus, A: FloatArray, B: FloatArray, rhs: FloatArray) -> dict[str, object]:
+    """What patches that are solved move by, before a system was solved, after it, and where all of W is used."""
     system = SystemOverRanks(Delassus(W, 3), lambda whole: pytest.fail("the ranks' system is enough"))
     space = LocalSpace(system, np.zeros(rhs.size), np.zeros(rhs.size))
     given, limits = unsolved(W.diagonal().reshape(rhs.shape))
     before = system.settled(*given, limits[0]) is None
     system.solve(A, B, rhs)
-    found, knows = [system.settled(*given, limit) for limit in limits], space.knows_joints
+    with mock.patch.object(patches, "SHARE", 1.0):  # all that have no joint in common
+        found, knows = [system.settled(*given, limit) for limit in limits], space.knows_joints
     assert system._two_level is not None
     system._two_level.pays = False
     after = system.settled(*given, limits[0]) is None
@@ -96,7 +99,7 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
         "halo": joints.halo.contacts.tolist(),
         "joined": [joined[0].tolist(), joined[1], joined[2].tolist()],
         "entries": len(joints.E),
-        **one_by_one(W, A, B, x),
+        **in_patches(W, A, B, x),
         "refused": kept.following(bodies, 2 * joints.diagonal_of_W) is None,
     }
 

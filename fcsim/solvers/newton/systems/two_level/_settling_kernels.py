@@ -1,4 +1,4 @@
-"""Newton's method on single joints and patches of them, and which patches, compiled."""
+"""Newton's method on patches of joints, and which patches, compiled."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -7,14 +7,6 @@ import numpy as np
 from numba import njit
 
 from fcsim.solvers.newton._formulation_kernels import disk_equations
-
-
-@njit(cache=True, nogil=True)
-def joint_compliance(E, G):
-    """W (n d, n d) of a joint's own contacts, the first n of E (wide d, wide d), with the modes G (n, d, 2 k) of its bodies."""
-    n, d = len(G), G.shape[1]
-    g = np.ascontiguousarray(G).reshape(n * d, -1)
-    return np.ascontiguousarray(E[: n * d, : n * d]).astype(np.float64) + np.dot(g, np.ascontiguousarray(g.T))
 
 
 @njit(cache=True, nogil=True)
@@ -28,10 +20,11 @@ def weighted(F, weight):
 
 
 @njit(cache=True, nogil=True)
-def settle_joint(W, u, r, mu, rho, weight, most, falls, leaps):
+def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, like):
     """Reactions (n, d) from (u, r) with u moving by W times what they move by, by at most `most` iterations of Newton's method on Alart and
     Curnier's F; steps are halved until ||weight F|| falls by a hundredth of them, it ends where that is `falls` of what it was. Where no
-    part of a step is enough the whole one is taken, `leaps` times at most; the best of all that were met are returned."""
+    part of a step is enough the whole one is taken, `leaps` times at most; the best of all that were met are returned. Newton's matrix is
+    factored in the precision of `like` (0,)."""
     n, d = u.shape
     F, A, B = disk_equations(u, r, mu, rho, False)
     size = weighted(F, weight)
@@ -39,7 +32,7 @@ def settle_joint(W, u, r, mu, rho, weight, most, falls, leaps):
     for _ in range(most):
         if size <= enough:
             break
-        J = np.zeros((n, d, n * d))
+        J = np.zeros((n, d, n * d), dtype=like.dtype)
         for a in range(n):
             for p in range(d):
                 row = J[a, p]
@@ -50,7 +43,7 @@ def settle_joint(W, u, r, mu, rho, weight, most, falls, leaps):
                             row[c] += x * W[a * d + q, c]
                     row[a * d + q] += B[a, p, q]
         try:
-            step = np.linalg.solve(J.reshape(n * d, n * d), -F.ravel())
+            step = np.linalg.solve(J.reshape(n * d, n * d), (-F.ravel()).astype(like.dtype)).astype(np.float64)
         except Exception:  # all that compiled code can name: the joint is singular
             break
         dr, du, t = step.reshape(n, d), np.dot(W, step).reshape(n, d), 1.0
@@ -71,23 +64,6 @@ def settle_joint(W, u, r, mu, rho, weight, most, falls, leaps):
         if size < least:
             best, least = r, size
     return best
-
-
-@njit(cache=True, nogil=True)
-def settle_joints(E, starts, cuts, begins, order, G, u, r, mu, rho, weight, limit, most, falls, first, last, out):
-    """Write to `out` (nc, d) the reactions of the joints first, ..., last - 1 in which ||weight F|| is above `limit`; u, r, mu, rho and
-    weight by contact, E and what follows as in `Joints`. Returns the number of these joints."""
-    d, count = u.shape[1], 0
-    for k in range(first, last):
-        own = order[cuts[k] : cuts[k + 1]]
-        own_u, own_r, own_mu, own_rho, own_weight = u[own], r[own], mu[own], rho[own], weight[own]
-        if weighted(disk_equations(own_u, own_r, own_mu, own_rho, False)[0], own_weight) <= limit:
-            continue
-        wide = d * (begins[k + 1] - begins[k])
-        W = joint_compliance(E[starts[k] : starts[k + 1]].reshape(wide, wide), G[cuts[k] : cuts[k + 1]])
-        out[own] = settle_joint(W, own_u, own_r, own_mu, own_rho, own_weight, most, falls, 0)
-        count += 1
-    return count
 
 
 @njit(cache=True)

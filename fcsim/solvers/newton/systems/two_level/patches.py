@@ -11,7 +11,7 @@ first choice. Rounds go on while the error of all contacts falls.
 Why: after a system of a wall of 2565 bricks half of what is missed is in one joint of 7606, 99 % in ten to twenty: contacts that were
 taken for sliding, sticking or open ones and are not. The next system would set them right, but what they then carry or no longer carry
 sets others wrong, joint by joint. A patch goes through these changes at once: its middle joint's bodies move with all that they touch. A
-joint alone (`settling`) has no more than inertia against it and leaves what it gives off to its neighbours.
+joint alone has no more than inertia against it and leaves what it gives off to its neighbours.
 
 Sources: P. J. Lanzkron, D. J. Rose, J. T. Wilkes, SIAM J. Sci. Comput. 17, 1996; X.-C. Cai, D. E. Keyes, SIAM J. Sci. Comput. 24, 2002;
 V. Dolean, M. J. Gander, W. Kheriji, F. Kwok, R. Masson, SIAM J. Sci. Comput. 38, 2016 (nonlinear subdomains between Newton's steps). That
@@ -26,6 +26,7 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import DTypeLike
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.solvers.newton._formulation_kernels import disk_equations
@@ -72,13 +73,30 @@ def joints_beside(bodies: IntArray, count: int) -> tuple[IntArray, IntArray]:
     return beside.indptr.astype(np.int64), beside.indices.astype(np.int64)
 
 
-def chosen(joints: JointsOfPatches, missed: FloatArray, limit: float) -> list[IntArray]:
-    """The contacts of the patches around joints whose `missed` (joints,) is above `limit`, worst first."""
+def chosen(joints: JointsOfPatches, missed: FloatArray, limit: float, share: float = SHARE) -> list[IntArray]:
+    """The contacts of the patches around joints whose `missed` (joints,) is above `limit`, worst first; of all contacts about `share`."""
     above = np.flatnonzero(missed > limit)
     worst = above[np.argsort(-missed[above], kind="stable")]
-    starts, which = kernels.choose_patches(worst, *joints.beside, joints.cuts, PATCH_UP_TO, SHARE * len(joints.order))
+    starts, which = kernels.choose_patches(worst, *joints.beside, joints.cuts, PATCH_UP_TO, share * len(joints.order))
     contacts = [joints.order[joints.cuts[k] : joints.cuts[k + 1]] for k in which]
     return [np.concatenate(contacts[i:j]) for i, j in itertools.pairwise(starts)]
+
+
+def missed_by_joints(
+    joints: JointsOfPatches, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray
+) -> FloatArray:
+    """||weight F|| (joints,) on the contacts of each joint."""
+    F = weight[:, None] * disk_equations(u, r, mu, rho, False)[0]
+    missed: FloatArray = np.sqrt(np.add.reduceat(np.einsum("ai,ai->a", F, F)[joints.order], joints.cuts[:-1]))
+    return missed
+
+
+def solved(
+    W: FloatArray, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, dtype: DTypeLike = np.float64
+) -> FloatArray:
+    """r (n, d) of a patch with W (n d, n d) and u where the system has led; dtype: in which Newton's matrices are factored."""
+    found: FloatArray = kernels.settle_patch(W, u, r, mu, rho, weight, ITERATIONS, FALLS, LEAPS, np.empty(0, dtype=dtype))
+    return found
 
 
 def patched(
@@ -86,14 +104,12 @@ def patched(
 ) -> FloatArray | None:
     """r (nc, d) with a round of patches solved around joints in which ||weight F|| is above `limit`, None where there are none; u, r, rho
     (nc, d), mu and weight (nc,)."""
-    F = weight[:, None] * disk_equations(u, r, mu, rho, False)[0]
-    missed = np.sqrt(np.add.reduceat(np.einsum("ai,ai->a", F, F)[joints.order], joints.cuts[:-1]))
-    patches, found = chosen(joints, missed, limit), r.copy()
+    patches, found = chosen(joints, missed_by_joints(joints, u, r, mu, rho, weight), limit), r.copy()
 
     def solve(begin: int, end: int) -> None:
         for own in patches[begin:end]:
             W_own = dense_part(W, r.shape[1], own, own)
-            found[own] = kernels.settle_joint(W_own, u[own], r[own], mu[own], rho[own], weight[own], ITERATIONS, FALLS, LEAPS)
+            found[own] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own])
 
     if not patches:
         return None

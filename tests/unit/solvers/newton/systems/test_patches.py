@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.systems.two_level import _settling_kernels as kernels
 from fcsim.solvers.newton.systems.two_level import patches
-from tests.unit.solvers.newton.systems.test_settling import joints_of_a_wall
+from tests.unit.solvers.newton.systems.test_settling import in_numpy, joints_of_a_wall
 
 
 def beside_in_python(bodies: np.ndarray, most: int) -> list[set[int]]:
@@ -63,6 +63,13 @@ def test_the_equations_of_a_patch_hold_with_the_velocities_that_W_gives() -> Non
     moved = u + (W @ (found - r).ravel()).reshape(-1, 3)
     after = np.linalg.norm(weight[own, None] * alart_curnier(moved[own], found[own], mu[own], rho[own])[0])
     assert after <= patches.FALLS * before
+    dofs = (3 * own[:, None] + np.arange(3)).ravel()
+    twin = in_numpy(W[np.ix_(dofs, dofs)], u[own], r[own], mu[own], rho[own], weight[own])
+    assert_allclose(found[own], twin, atol=1e-6 * np.abs(twin).max())
+    single = patches.solved(W[np.ix_(dofs, dofs)], u[own], r[own], mu[own], rho[own], weight[own], np.float32)
+    assert np.any(single != found[own])
+    moved = (W[np.ix_(dofs, dofs)] @ (single - r[own]).ravel()).reshape(-1, 3)
+    assert np.linalg.norm(weight[own, None] * alart_curnier(moved, single, mu[own], rho[own])[0]) <= patches.FALLS * before
 
 
 def test_whole_steps_lead_on_where_no_part_of_one_does_and_never_to_worse() -> None:
@@ -76,7 +83,7 @@ def test_whole_steps_lead_on_where_no_part_of_one_does_and_never_to_worse() -> N
             W, mu, rho, weight = H.T @ H + 1e-3 * np.eye(12), np.full(4, 0.8), np.full((4, 3), 0.3), np.ones(4)
             u, r = rng.standard_normal((2, 4, 3))
             before = np.linalg.norm(alart_curnier(u, r, mu, rho)[0])
-            found = kernels.settle_joint(W, u, r, mu, rho, weight, patches.ITERATIONS, patches.FALLS, leaps)
+            found = kernels.settle_patch(W, u, r, mu, rho, weight, patches.ITERATIONS, patches.FALLS, leaps, np.empty(0))
             after = np.linalg.norm(alart_curnier(u + (W @ (found - r).ravel()).reshape(4, 3), found, mu, rho)[0])
             assert after <= before * (1 + 1e-9)
             count += bool(after <= patches.FALLS * before * (1 + 1e-6))

@@ -1,11 +1,11 @@
-"""Joints solved one by one between Newton's systems: the kernels beside NumPy, and whole steps that are checked by their own residuals."""
+"""Patches solved between Newton's systems: whole steps that are checked by their own residuals, and Newton's method on a patch in NumPy."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 from fcsim.arrays import FloatArray
 from fcsim.problem import Delassus, scaled_error
@@ -15,7 +15,8 @@ from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems import choice, condensed
 from fcsim.solvers.newton.systems.two_level import _settling_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import Joints
-from fcsim.solvers.newton.systems.two_level.settling import FALLS, ITERATIONS, Rounds, SettlesJoints, settled
+from fcsim.solvers.newton.systems.two_level.patches import FALLS, ITERATIONS, LEAPS
+from fcsim.solvers.newton.systems.two_level.settling import Rounds, SettlesJoints
 from tests.unit.solvers.newton.systems.test_two_level import shares_and_rows, step_of, walls
 
 
@@ -28,7 +29,7 @@ def joints_of_a_wall() -> tuple[Joints, np.ndarray]:
 
 
 def in_numpy(W: np.ndarray, u: np.ndarray, r: np.ndarray, mu: np.ndarray, rho: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """`settle_joint` by dense matrices."""
+    """`settle_patch` by dense matrices."""
     n, d = r.shape
 
     def size(F: np.ndarray) -> float:
@@ -53,45 +54,10 @@ def in_numpy(W: np.ndarray, u: np.ndarray, r: np.ndarray, mu: np.ndarray, rho: n
     return r
 
 
-def test_the_compliance_of_a_joint_is_that_of_W() -> None:
-    joints, W = joints_of_a_wall()
-    for k in range(len(joints.cuts) - 1):
-        wide = 3 * (joints.begins[k + 1] - joints.begins[k])
-        E = joints.E[joints.starts[k] : joints.starts[k + 1]].reshape(wide, wide)
-        dofs = (3 * joints.order[joints.cuts[k] : joints.cuts[k + 1], None] + np.arange(3)).ravel()
-        own = kernels.joint_compliance(E, joints.modes[0][joints.cuts[k] : joints.cuts[k + 1]])
-        assert_allclose(own, W[np.ix_(dofs, dofs)], atol=1e-6 * np.abs(W).max())
-
-
-def test_joints_above_the_limit_are_solved_and_no_others() -> None:
-    """As NumPy has it; the equations of a joint hold with the velocities that W gives, those of others stay as they are."""
-    joints, W = joints_of_a_wall()
-    nc, rng = len(joints.order), np.random.default_rng(0)
-    weight, rho = W.diagonal().reshape(nc, 3).mean(1), 1 / W.diagonal().reshape(nc, 3)
-    mu, r = np.full(nc, 0.5), np.zeros((nc, 3))
-    r[:, 0] = rng.uniform(1.0, 2.0, nc)
-    u = np.zeros((nc, 3))
-    own = joints.order[joints.cuts[2] : joints.cuts[3]]
-    r[own, 1:] += 0.6 * rng.standard_normal((len(own), 2))  # beyond friction, which nothing but u = 0 holds
-    before = np.linalg.norm(weight[own, None] * alart_curnier(u[own], r[own], mu[own], rho[own])[0])
-    assert settled(joints, u, r, mu, rho, weight, 1.01 * before) is None
-    found = settled(joints, u, r, mu, rho, weight, 0.99 * before)
-    assert found is not None
-    others = np.setdiff1d(np.arange(nc), own)
-    assert_array_equal(found[others], r[others])
-    dofs = (3 * own[:, None] + np.arange(3)).ravel()
-    of_joint = W[np.ix_(dofs, dofs)]
-    moved = (of_joint @ (found - r)[own].ravel()).reshape(-1, 3)
-    after = np.linalg.norm(weight[own, None] * alart_curnier(moved, found[own], mu[own], rho[own])[0])
-    assert after <= 2 * FALLS * before  # W is in single precision there
-    twin = in_numpy(of_joint, u[own], r[own], mu[own], rho[own], weight[own])
-    assert_allclose(found[own], twin, atol=1e-4 * np.abs(twin).max())
-
-
-def test_a_joint_that_nothing_determines_stays_as_it_is() -> None:
+def test_a_patch_that_nothing_determines_stays_as_it_is() -> None:
     """W = 0 and contacts that stick: Newton's matrix is zero."""
     r, u = np.array([[1.0, 0.0, 0.0]]), np.array([[0.1, 0.0, 0.0]])
-    found = kernels.settle_joint(np.zeros((3, 3)), u, r, np.ones(1), np.ones((1, 3)), np.ones(1), ITERATIONS, FALLS, 4)
+    found = kernels.settle_patch(np.zeros((3, 3)), u, r, np.ones(1), np.ones((1, 3)), np.ones(1), ITERATIONS, FALLS, LEAPS, np.empty(0))
     assert_array_equal(found, r)
 
 

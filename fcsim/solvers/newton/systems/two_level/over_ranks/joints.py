@@ -1,12 +1,12 @@
 """What a rank's part of the two-level preconditioner takes from W: its own joints with their neighbours, G and E of W = E + G G^T there.
 
-A joint between bodies of two ranks belongs to one of them, in turns. E comes from the bodies themselves, h (C - L L^T) h^T with L the
+A joint between bodies of two ranks belongs to the one that has less. E comes from the bodies themselves, h (C - L L^T) h^T with L the
 compliant motions: of others' bodies a rank knows h, as of all, and asks their owners for C. No rank needs entries of W.
 """
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as own_kernels
 from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarsePattern
+from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll
 from fcsim.threads import pieces_by_work, side_by_side
 
 
@@ -31,7 +32,8 @@ class OwnJoints:
         self.all_bodies, self.diagonal_of_W = bodies, W.diagonal().reshape(-1, self.d)
         sizes = behind.sizes(world)
         with layout.together("joints of a rank"):
-            self._find(behind, np.where(sizes > EIGEN_UP_TO, sizes, 0), bodies)
+            h = behind.make_h()
+            self._find(behind.nc, h, np.where(sizes > EIGEN_UP_TO, sizes, 0), bodies)
             wanted = np.zeros(self.count, dtype=bool)
             wanted[self.listed] = True
         self.shares = SharesByParts(parts, layout)
@@ -41,36 +43,41 @@ class OwnJoints:
         self.in_halo = place[self.order]
         compliances = behind.compliances(world, wanted)
         with layout.together("blocks of joints"):
-            self._fill(behind, compliances.matrices, compliances.kind)
+            self._fill(behind.pairs(*h[:2])[self.order], h[2:], compliances.matrices, compliances.kind)
             own = slice(0, len(parts.own))
             G = self.modes[0]
             left = self.diagonal_of_W[self.order[own]] - np.einsum("aij,aij->ai", G[own], G[own])
         self.shift = SHIFT * float(parts.summed(np.array([np.abs(left).sum()]))[0]) / self.diagonal_of_W.size
         self._find_coarse(behind.rank)
 
-    def _find(self, behind: BodiesOverRanks, sizes: IntArray, bodies: IntArray) -> None:
-        """The joints, their neighbours and bodies; sizes (bodies,): as in `with_neighbours`."""
+    @cached_property
+    def of_all(self) -> JointsOfAll:
+        """The joints of all ranks, for patches."""
+        return JointsOfAll(self.all_bodies, self.count)
+
+    def _find(self, nc: int, h: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray], sizes: IntArray, bodies: IntArray) -> None:
+        """The joints, their neighbours and bodies among all nc contacts; h: made by `make_h`; sizes (bodies,): see `with_neighbours`."""
         own = self.parts.own
-        others = np.setdiff1d(np.arange(behind.nc), own)
-        every, position = np.concatenate([own, others]), np.empty(behind.nc, dtype=np.int64)
-        position[every] = np.arange(behind.nc)
+        others = np.setdiff1d(np.arange(nc), own)
+        every, position = np.concatenate([own, others]), np.empty(nc, dtype=np.int64)
+        position[every] = np.arange(nc)
         number = numbers_of_pairs(bodies[own], self.count)
         self.cuts = np.concatenate([np.flatnonzero(np.diff(number, prepend=-1)), [len(own)]])
-        h = behind.h[:4]
-        self.begins, wide = kernels.with_neighbours(*h, sizes, position, self.cuts, JOINT_UP_TO)
+        self.begins, wide = kernels.with_neighbours(*h[:4], sizes, position, self.cuts, JOINT_UP_TO)
         beyond = np.unique(wide[wide >= len(own)])
         self.wide = np.where(wide < len(own), wide, len(own) + np.searchsorted(beyond, wide))
         self.order = np.concatenate([own, every[beyond]])
         self.bodies = bodies[self.order]
         self.body_begins, self.listed = kernels.bodies_of_joints(self.begins, self.wide, self.bodies, self.count)
 
-    def _fill(self, behind: BodiesOverRanks, matrices: tuple[FloatArray, ...], kind: IntArray) -> None:
-        """G and E from the bodies' compliances, matrices[kind[b]] that of body b."""
+    def _fill(self, pairs: IntArray, h: tuple[IntArray, IntArray, FloatArray], matrices: tuple[FloatArray, ...], kind: IntArray) -> None:
+        """G and E from the bodies' compliances, matrices[kind[b]] that of body b; pairs: of the contacts `order`; h: begins, unknowns,
+        weights."""
         k, d = MOTIONS, self.d
         motions = [compliant_motions(C, k) for C in matrices]
         rows = np.array([len(C) for C in matrices], dtype=np.int64)
         left = np.concatenate([np.empty(0), *((C - L @ L.T).ravel() for C, L in zip(matrices, motions, strict=True))])
-        G, pairs, h = np.zeros((len(self.order), d, 2 * k)), behind.pairs()[self.order], behind.h[2:]
+        G = np.zeros((len(self.order), d, 2 * k))
         L = np.concatenate([np.empty(0), *(own.ravel() for own in motions)])
         own_kernels.modes_of_contacts(pairs, self.bodies, *h, L, _begins(k * rows, kind), G)
         self.modes = G, self.bodies, self.body_begins, self.listed
@@ -110,11 +117,19 @@ class OwnJoints:
 
 
 def parts_by_joints(W: DistributedDelassus, behind: BodiesOverRanks, bodies: IntArray) -> ContactParts:
-    """Contacts cut by joints; bodies (nc, 2): of each contact. A joint is of its body's rank, between two ranks of one and the other in
-    turns."""
-    rank = behind.rank[bodies]
-    between = (bodies[:, 1] >= 0) & (bodies.sum(axis=1) % 2 == 1)
-    return ContactParts(W.layout.world, np.where(between, rank[:, 1], rank[:, 0]), numbers_of_pairs(bodies, behind.count))
+    """Contacts cut by joints; bodies (nc, 2): of each contact. A joint is of its bodies' rank, between two ranks of the one that has fewer
+    contacts so far."""
+    rank = np.where(bodies >= 0, behind.rank[bodies], behind.rank[bodies[:, ::-1]])
+    numbers = numbers_of_pairs(bodies, behind.count)
+    owner, between = rank[:, 0].copy(), np.flatnonzero(rank[:, 0] != rank[:, 1])
+    contacts = np.bincount(np.delete(owner, between), minlength=W.layout.world.size)
+    _, first, joint = np.unique(numbers[between], return_index=True, return_inverse=True)
+    of_joints = np.empty(len(first), dtype=np.int64)
+    for k, pair in enumerate(rank[between[first]]):
+        of_joints[k] = pair[np.argmin(contacts[pair])]
+        contacts[of_joints[k]] += np.count_nonzero(joint == k)
+    owner[between] = of_joints[joint]
+    return ContactParts(W.layout.world, owner, numbers)
 
 
 def _begins(sizes: IntArray, kind: IntArray) -> IntArray:

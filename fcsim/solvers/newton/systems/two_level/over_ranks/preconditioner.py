@@ -28,6 +28,7 @@ class PreconditionerOverRanks:
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q, by the joints' order
         self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
         self._T = np.empty(joints.T_starts[-1])
+        self._coarse: CoarseFactor | None = None
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
 
     @property
@@ -54,6 +55,7 @@ class PreconditionerOverRanks:
         joints.parts.world.summed("motions of bodies on joints", between)
         S[joints.coarse_between] = between.reshape(-1, k, k)
         S[joints.coarse.diagonal] += np.eye(k)
+        self._coarse = None  # the old one makes room for the new
         self._coarse = CoarseFactor(joints.coarse, S)
 
     def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
@@ -90,6 +92,7 @@ class PreconditionerOverRanks:
     def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """P^-1 x on this rank's own contacts for x on those of the joints' halo."""
         joints = self.joints
+        assert self._coarse is not None  # of the last update
         wide, c = x.reshape(-1, joints.d).take(joints.in_halo, axis=0), np.zeros((joints.count, MOTIONS), dtype=np.float32)
         sums = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32)
         given = (self._V, joints.V_starts, joints.begins, joints.wide)

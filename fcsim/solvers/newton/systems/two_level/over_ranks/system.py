@@ -13,24 +13,29 @@ from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
+from fcsim.solvers.newton.systems.two_level.over_ranks.patches import patched_over_ranks
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
-from fcsim.solvers.newton.systems.two_level.settling import Rounds, settled
+from fcsim.solvers.newton.systems.two_level.settling import Rounds
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
 
-PLATEAU = 0.05
-"""Of every system: single joints leave more than patches do."""
+ROUNDS, PART, WORTH = 2, 0.3, 0.5
+"""As `Rounds` has them, fewer than in one process: rounds are dearer beside GMRES' iterations, where one rank solves a patch while others
+wait."""
+
+KEPT = 40
+"""Iterations of GMRES up to which what W makes of its steps is kept; W times the answer of longer ones takes one more product."""
 
 
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
 
-    rounds = Rounds()  # of single joints: a patch's bodies may be on several ranks
+    rounds = Rounds(ROUNDS, PART, WORTH)
 
     def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, kept: PreconditionerOverRanks | None = None) -> None:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
-        self._demand, bodies = Demand(PLATEAU, PLATEAU), behind.bodies
+        self._demand, bodies = Demand(), behind.bodies
         self.pays = bodies is not None and largest_joint(bodies, behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
     @property
@@ -71,17 +76,15 @@ class TwoLevelOverRanks:
     def settled(
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
     ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr (m,) as `TwoLevelSystem.settled`, all (nc, ...) whole on every rank: each solves its own joints."""
+        """dr and W dr (m,) as `TwoLevelSystem.settled`, all (nc, ...) whole on every rank."""
         if self._precondition is None or self._precondition.given_away or not self.pays:
             return None
-        joints = self._precondition.joints
-        own = joints.parts.own
-        with self._W.layout.together("joints one by one"):
-            found = settled(joints, u, r, mu, rho, weight, limit)
-            step = np.zeros((len(own), joints.d)) if found is None else found[own] - r[own]
-        with joints.parts.world.unasked("joints one by one"):
-            dr = joints.parts.whole(step)
-            return (dr.ravel(), joints.parts.whole(joints.shares.product(self._W, step)).ravel()) if dr.any() else None
+        step = patched_over_ranks(self._precondition.joints.of_all, self._W, u, r, mu, rho, weight, limit)
+        if step is None:
+            return None
+        dr, layout = step.ravel(), self._W.layout
+        with layout.world.unasked("W times what patches move by"):
+            return dr, layout.summed(self._W.own_product(dr[layout.own_unknowns]))
 
     def _by(
         self,
@@ -102,11 +105,16 @@ class TwoLevelOverRanks:
         d = rhs.shape[1]
         shared_A, own_B = A[: halo.shared // d], B[: halo.shared // d]
         own_B[halo.own // d :] = 0.0  # B r is its owner's
-        images = list[FloatArray]()  # this rank's shares of W times the steps
+        images, products = list[FloatArray](), 0  # this rank's shares of W times the steps; how many there were
 
         def product(x: FloatArray) -> FloatArray:
+            nonlocal products
             x, image = joints.shares.of(self._W, x.reshape(-1, d))
-            images.append(image)
+            products += 1
+            if products <= KEPT:
+                images.append(image)
+            else:
+                images.clear()
             share: FloatArray = apply_blocks(shared_A, image, own_B, x)
             return share.ravel()
 
@@ -115,5 +123,11 @@ class TwoLevelOverRanks:
             if found is None:
                 return None
             step, y = found
-            image = combined(y, images) if len(y) else np.zeros(shared_A.shape[:2])
-            return parts.whole(step.reshape(-1, d)).ravel(), parts.whole(joints.shares.joined(image)).ravel()
+            step = step.reshape(-1, d)
+            if not len(y):
+                image = np.zeros_like(step)
+            elif images:
+                image = joints.shares.joined(combined(y, images))
+            else:
+                image = joints.shares.product(self._W, step)
+            return parts.whole(step).ravel(), parts.whole(image).ravel()
