@@ -62,6 +62,9 @@ def _solved(
         reduction = Reduction(problem, compliance)
         rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
         tol = _tolerance(settings.tol, reduction, extent, equation)
+        if equation.borne and equation.linked is None:
+            size = max(float(np.linalg.norm(reduction.q)), settings.floor)
+            tol = max(tol, min(ROUGHEST, equation.borne * float(np.sqrt(problem.nc)) / size))
         first = len(attempts)
         if start is None:
             enough = tol * max(float(np.linalg.norm(reduction.q)), settings.floor)
@@ -133,6 +136,8 @@ def _start(
     return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 
+ROUGHEST = 1e-2
+"""The largest tolerance of an answer after which the step is solved again."""
 ROUND = float(np.finfo(np.float64).eps)
 """Tolerances below it are met by nothing."""
 
