@@ -38,13 +38,13 @@ def test_the_last_answer_of_each_step_is_by_the_settings() -> None:
 
 
 def test_steps_meet_what_they_meet_with_fine_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Over 0.08 s boxes move by centimetres; BORNE of 0.1 m is a micrometre."""
+    """Contacts that lie about as deep as is borne, a micrometre, are met by the one run and not by the other; boxes move by centimetres."""
     rough = list(rocking(SPRINGS))
     monkeypatch.setattr(look_ahead, "MEANT", 0.0)
     fine = list(rocking(SPRINGS))
-    assert all(len(a.attempts) >= len(b.attempts) for a, b in zip(rough, fine, strict=True))
+    assert all(attempt.tol <= 1e-9 for step in fine for attempt in step.attempts)
     for a, b in zip(rough, fine, strict=True):
-        assert np.abs(a.state.x - b.state.x).max() <= 2e-5, a.number
+        assert np.abs(a.state.x - b.state.x).max() <= 1e-4, a.number
     assert np.abs(fine[-1].state.x).max() > 1e-2
 
 
