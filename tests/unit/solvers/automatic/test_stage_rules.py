@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -299,3 +300,19 @@ def test_fischer_burmeister_enters_last(spent: float, running: bool, from_zero: 
     if from_zero:
         runners["proximal Newton from zero"] = Shown(result=ENDED)
     assert stage("Fischer-Burmeister").enters(state(runners=runners)) is enters
+
+
+@pytest.mark.parametrize(("warm", "along", "held"), [(False, 10.0, 0), (True, 2.0, 6)])
+def test_paths_fall_slowly_from_a_warm_start(warm: bool, along: float, held: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps of blocks in motion; problems from zero by the options of the table."""
+    asked: list[Any] = []
+
+    def path_turns(problem: Any, r: Any, monitor: Any, options: Any) -> Any:
+        asked.append(options)
+        return iter(())
+
+    monkeypatch.setattr(methods, "path_turns", path_turns)
+    race = SimpleNamespace(warm=warm, problem=None, best_r=lambda: None, options=SimpleNamespace(max_iterations=77))
+    with pytest.raises(StopIteration):
+        next(methods.paths(race, SimpleNamespace()))  # type: ignore[arg-type]
+    assert (asked[0].along, asked[0].held, asked[0].max_iterations) == (along, held, 77)
