@@ -50,7 +50,7 @@ itself on its way to that error (measured on piles of a thousand boxes). Noise o
 
 SWEEPS = GaussSeidelOptions()
 PATHS = PathOptions()
-PATHS_IN_MOTION = PathOptions(along=2.0, held=6, longest=1200)
+PATHS_IN_MOTION = PathOptions(along=2.0, held=6, longest=1200, patience=400)
 """From a warm start: ten steps of rigid masonry in motion that took 2600 to 27 000 pieces each took 104 000 by the options of the table,
 whose paths are lost again where alpha falls tenfold after each, and take 51 000, none more than 10 700."""
 INTERIOR = InteriorPointOptions(paths=3)
