@@ -43,7 +43,7 @@ from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import Linearisation, joined_nodes
-from fcsim.timestep.step_equation.look_ahead import ROUNDS, looked_ahead
+from fcsim.timestep.step_equation.look_ahead import ROUNDS, borne_at_first, looked_ahead
 from fcsim.timestep.step_equation.penetration import at_end
 from fcsim.timestep.step_equation.sequence import solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled
@@ -154,14 +154,12 @@ class Simulation:
     @cached_property
     def watch(self) -> Watch | None:
         """The witness at work, from the initial state on; InputError where it refuses that."""
-        initial = self.initial or at_rest(self.model, h=self.scheme.h)
-        return None if self.witness is None else begin(self.witness, self.model, initial.x)
+        return None if self.witness is None else begin(self.witness, self.model, (self.initial or at_rest(self.model, h=self.scheme.h)).x)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What the summary of a run says of the scheme and of the witness."""
-        seen = ("overlap of bodies is not witnessed",) if self.watch is None else self.watch.notes
-        return (*self.scheme.notes, *seen)
+        return (*self.scheme.notes, *(("overlap of bodies is not witnessed",) if self.watch is None else self.watch.notes))
 
     def _witnessed(self, step: Step) -> Step:
         """The step with its overlap, where it is one that is measured."""
@@ -253,11 +251,9 @@ class Simulation:
         """The contacts of the step; None where bodies would pass each other in it: it is to be cut, or refused by InputError."""
         met = encounter(self.model, self.detector, scheme, start.state, self._proportions, start.variables)
         clock.lap("detection")
-        if met.passing is None:
-            return met
-        if cuts == self.cuttings:
+        if met.passing is not None and cuts == self.cuttings:
             refuse_going_through(self.model, scheme, met.passing, f"step {start.number}, t = {start.state.t:.6g} s")
-        return None
+        return met if met.passing is None else None
 
     def support_impulse(self, scheme: Scheme, answer: Answer, impulse: FloatArray, rigid_mass: FloatArray, after: State) -> FloatArray:
         """The supports' impulses (n_dofs,), from what is left of A v - f - H r."""
@@ -296,8 +292,9 @@ class Simulation:
         elastic = Linearisation(scheme, model, state, past.serving)
         factor = self.system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
         met, looks, driven, links = began, 0, scheme.driven(model, state), Closing(linked(self.linkage, model, scheme, state), self._extent)
+        borne = borne_at_first(model, self.detector, scheme, met)
         while True:
-            equation = Equation(scheme, model, state, met, factor, rest, driven, elastic, 0.5**cuts, links.rows)
+            equation = Equation(scheme, model, state, met, factor, rest, driven, elastic, 0.5**cuts, links.rows, borne=borne)
             answer, past = solve_settled(equation, self.solver, self._extent, past, attempts, clock, partial(self._anew, start))
             if kept is not None and past.serving is not None:
                 kept[cuts] = past.serving
@@ -313,9 +310,11 @@ class Simulation:
                 continue
             ahead = looked_ahead(model, self.detector, scheme, state, met, v, after) if looks < ROUNDS else None
             clock.lap("detection")
-            if ahead is None:
+            if ahead is None and not borne:
                 break
-            met, past, looks = ahead, past.of_the_same_step(met.contacts, ahead.contacts, result.r), looks + 1
+            seen, met, looks = met, ahead or met, looks + (ahead is not None)
+            past = past.of_the_same_step(seen.contacts, met.contacts, result.r)
+            borne = borne_at_first(model, self.detector, scheme, met, seen) if borne and looks < ROUNDS else 0.0
         met.refuse_driven(model, v, f"step {start.number}, t = {after.t:.6g} s")
         end = at_end(model, self.detector, scheme, began, met, after, state, looks < ROUNDS)
         if end.too_long(cuts, self.cuttings, attempts, self.solver.tol):

@@ -90,10 +90,10 @@ def _share(race: Race) -> int:
 
 
 def newton_first(race: Race) -> bool:
-    """Whether Newton is the first stage."""
+    """Whether Newton is the first stage: in joints, be it between rigid blocks, and from a warm start."""
     if not race.options.patience or singular_here(race):
         return False
-    return race.joints is not None or (race.warm and not _sweeps_are_cheap(race))
+    return race.joints is not None or on_springs(race) or (race.warm and not _sweeps_are_cheap(race))
 
 
 def _sweeps_are_cheap(race: Race) -> bool:
@@ -159,6 +159,8 @@ def _on_track(race: Race, runner: Runner) -> bool:
 
 
 def _enter_sweeps(race: Race) -> bool:
+    if on_springs(race) and newton_first(race):  # sweeps have not solved one of 300 such problems
+        return race.over("Newton") and race.over("proximal Newton")
     return race.over("Newton") or race.over("splitting") if newton_first(race) or _splitting_first(race) else True
 
 
@@ -175,7 +177,7 @@ def _enter_proximal(race: Race) -> bool:
         return True
     if not race.over("Newton"):
         return singular_here(race) and dearer_than_proximal(race, swept(race))
-    return race.warm or race.joints is not None or dearer_than_proximal(race, swept(race))
+    return race.warm or race.joints is not None or on_springs(race) or dearer_than_proximal(race, swept(race))
 
 
 def _enter_proof(race: Race) -> bool:
@@ -216,7 +218,8 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "sweeps",
         "Gauss-Seidel (NSGS-AC, then NNCG; NNCG alone up to 20 000 contacts). Enters at once; after Newton or ADMM from a warm start and "
-        "where contacts come in joints. Left where two thirds of its sweeps made the error no tenth smaller.",
+        "where contacts come in joints, after both of Newton's methods where joints of rigid blocks have stiffness. Left where two thirds "
+        "of its sweeps made the error no tenth smaller.",
         enters=_enter_sweeps,
         turns=methods.sweeps,
         price=lambda race: race.prices.sweep,
@@ -241,8 +244,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "Newton",
-        "NSN-AC. Enters at once where contacts come in joints, and from a warm start unless a probe of sweeps costs less than one of its "
-        "iterations on a sparse W; else where the sweeps will cost more. Works alone, "
+        "NSN-AC. Enters at once where contacts come in joints or blocks in joints with stiffness, and from a warm start unless a probe of "
+        "sweeps costs less than one of its iterations on a sparse W; else where the sweeps will cost more. Works alone, "
         "and leaves where a dozen iterations bring no better iterate or one throws the error up, or leads as far, as only a rank-deficient "
         "W does.",
         enters=_enter_newton,

@@ -36,6 +36,8 @@ class PathOptions(Options):
     alpha         first regularisation over the error of the start, at most alpha_most; D is the contacts' compliances
     alpha_least   regularisation that it does not fall below
     fall, rise    by which alpha is divided after a step, multiplied where a path was lost
+    along         by which it is divided after a step that took a path
+    held          steps after a lost path that leave it where it is
     patience      steps and lost paths without a better error before giving up
     """
 
@@ -49,6 +51,8 @@ class PathOptions(Options):
     alpha_most: float = 1e-2
     fall: float = 10.0
     rise: float = 30.0
+    along: float = 10.0
+    held: int = 0
     patience: int = 150
 
     def __post_init__(self) -> None:
@@ -56,10 +60,10 @@ class PathOptions(Options):
         for name in ("alpha", "alpha_least", "alpha_most"):
             if not getattr(self, name) > 0:
                 raise InputError(f"option {name}: expected a number > 0, got {getattr(self, name)}")
-        for name in ("fall", "rise"):
+        for name in ("fall", "rise", "along"):
             if not getattr(self, name) > 1:
                 raise InputError(f"option {name}: expected a number > 1, got {getattr(self, name)}")
-        for name, least in (("before", 0), ("newton", 1), ("pieces", 0), ("longest", 0), ("patience", 1)):
+        for name, least in (("before", 0), ("newton", 1), ("pieces", 0), ("longest", 0), ("held", 0), ("patience", 1)):
             if getattr(self, name) < least:
                 raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
 
@@ -93,7 +97,7 @@ def path_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: 
     u = W @ r + problem.q
     error = monitor.record(r, u)
     alpha, pieces = min(options.alpha * error, options.alpha_most), pieces_of(operator)
-    best, least, waited = r, error, 0
+    best, least, waited, held = r, error, 0, 0
     while not error <= monitor.tol:
         status = monitor.stopped(error, options.max_iterations)
         if status is None and (waited >= options.patience or alpha > MOST_ALPHA):
@@ -101,13 +105,15 @@ def path_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: 
         if status is not None:
             return Iterate(best, status)
         alpha = max(alpha, options.alpha_least)
-        inner = Regularised(pieces, q, mu, 1.0 / (alpha * operator.compliance), monitor)
+        inner, begun = Regularised(pieces, q, mu, 1.0 / (alpha * operator.compliance), monitor), monitor.iterations
         found = _solved(inner, r.reshape(shape), u.reshape(shape), max(INNER * monitor.tol, min(INNER * least, NEAREST)), options)
         waited += 1
         if found is None:
-            alpha *= options.rise
+            alpha, held = alpha * options.rise, options.held
         else:
-            alpha /= options.fall
+            if not held:
+                alpha /= options.fall if monitor.iterations - begun <= options.newton else options.along
+            held = max(held - 1, 0)
             r = found.ravel()
             u = W @ r + problem.q
             error = monitor.record(r, u)

@@ -38,7 +38,8 @@ class Equation:
     met: its contacts; factor: of the step's M; rest (n_dofs,): right side without the elastic term; driven: values of the driven
     unknowns; share: of the whole step that it is; linked: the rows of its links; bent (n_dofs, n_dofs): geometric stiffness of contact that
     is part of M, None = none; slanted (n_dofs, m): E of `leaning`, with the iterate v_i (n_dofs,) that it is of, None = none;
-    summed: W where it is known, see `StepCompliance`
+    summed: W where it is known, see `StepCompliance`; borne [m/s]: the residual that a contact may have where the step is to be solved
+    again, 0 = none but that of the settings, see `look_ahead.borne_at_first`
     """
 
     scheme: Scheme
@@ -54,6 +55,7 @@ class Equation:
     bent: sp.csr_array | None = None
     slanted: tuple[sp.csr_array, FloatArray] | None = None
     summed: Matrix | None = None
+    borne: float = 0.0
 
     @cached_property
     def _moved(self) -> FloatArray | None:

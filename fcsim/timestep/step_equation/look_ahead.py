@@ -26,6 +26,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Everything, ExactContacts
 from fcsim.contact_detection.contacts import join
 from fcsim.contact_detection.sweep import brought_back
+from fcsim.contact_law.law import Implicit
 from fcsim.timestep.encounter import Encounter, under_law
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -41,6 +42,12 @@ BORNE_BY_CABLES = 1e-8
 
 _TURNS_A_CABLE = 1e-4
 """Of the smallest body: a cable whose ends pass each other by less has grown by less than is borne."""
+
+MEANT = 0.1
+"""Of `BORNE`: how far contacts may be, in the mean, from where an answer that says where to look has them."""
+
+FEW = 5e-3
+"""Of the contacts: where a look has found no more new ones, the next answer is likely to be the last."""
 
 THROWN = 1e-3
 """Of the smaller body's size: a contact that is carried farther than meant, since what bent it did not come about, is bent less."""
@@ -85,6 +92,22 @@ def looked_ahead(
     )
     same = len(again.contacts) == len(held) and np.array_equal(again.terms.w, met.terms.w)
     return None if same else again  # a law that does not ask for gaps
+
+
+def borne_at_first(model: Model, detection: Detection, scheme: Scheme, met: Encounter, seen: Encounter | None = None) -> float:
+    """The residual [m/s] that each contact of `met` may have at an answer which says where to look, 0 where it is to be the step's own.
+
+    seen: the encounter before it, None where it is the first. Between rigid bodies whose joints have stiffness most steps are solved
+    again with contacts that their first answer met, and such joints are so stiff that each time many reactions are others: what the first
+    answers have of them is of no use. Velocities that move no contact by more than a share of what counts show the same contacts. The last
+    answer is always one by the settings' tolerance.
+    """
+    joints = met.compliance is not None and not isinstance(scheme.law, Implicit)
+    if not joints or model.deformable or not isinstance(detection, Everything) or not scheme.timing.moving:
+        return 0.0
+    if seen is not None and len(met.contacts) - len(seen.contacts) <= FEW * len(met.contacts):
+        return 0.0
+    return MEANT * BORNE * float(met.meeting.proportions.size.min(initial=np.inf)) / scheme.timing.length_per_u
 
 
 def places(known: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:

@@ -61,7 +61,7 @@ def _solved(
         problem = equation.problem(load)
         reduction = Reduction(problem, compliance)
         rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
-        tol = _tolerance(settings.tol, reduction, extent, equation)
+        tol = max(_tolerance(settings.tol, reduction, extent, equation), _rough(equation, reduction, settings.floor))
         first = len(attempts)
         if start is None:
             enough = tol * max(float(np.linalg.norm(reduction.q)), settings.floor)
@@ -147,6 +147,18 @@ def _tolerance(tol: float, reduction: Reduction, extent: float, equation: Equati
             "units, a shorter step"
         )
     return tol * min(1.0, flight)
+
+
+ROUGHEST = 1e-2
+"""The largest tolerance of an answer after which the step is solved again."""
+
+
+def _rough(equation: Equation, reduction: Reduction, floor: float) -> float:
+    """The tolerance of an answer after which the step is solved again, 0 where it may be the last; links are to be closed by each."""
+    if not equation.borne or equation.linked is not None:
+        return 0.0
+    size = max(float(np.linalg.norm(reduction.q)), floor)
+    return min(ROUGHEST, equation.borne * float(np.sqrt(reduction.problem.nc)) / (size or 1.0))
 
 
 def longest_flight(reduction: Reduction, extent: float, force_per_reaction: float) -> float:

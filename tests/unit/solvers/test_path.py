@@ -19,6 +19,7 @@ from fcsim.solvers import Status, solve
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.proximal import _path_kernels as kernels
 from fcsim.solvers.proximal import path as path_module
+from fcsim.solvers.proximal import path_steps
 from fcsim.solvers.proximal import pieces as pieces_module
 from fcsim.solvers.proximal._following_kernels import by_ranks
 from fcsim.solvers.proximal.path import Regularised
@@ -226,6 +227,31 @@ def test_rigid_bodies_of_the_families(d: int) -> None:
         assert result.solved and scaled_error(p, result.r) <= 1e-8
     bare = LocalProblem(p.W, p.q, p.mu, dimension=p.dimension)
     assert solve(bare, "PROX-PATH", tol=1e-8, before=0).solved
+
+
+@pytest.mark.parametrize(
+    ("options", "falls"),
+    [({}, [10, 10, 1 / 30, 10, 10]), ({"along": 2.0, "held": 2}, [10, 2, 1 / 30, 1, 1])],
+    ids=["the table's", "in motion"],
+)
+def test_how_alpha_falls_after_newton_and_after_a_path_and_where_a_path_was_lost(
+    options: dict[str, float], falls: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps by Newton's method, along a path, lost, and two by Newton's method: what alpha is divided by after each."""
+    iterations, alphas = iter([10, 11, 300, 3, 3, 1]), []
+
+    def told(inner: Regularised, r: np.ndarray, u: np.ndarray, target: float, options: path_steps.PathOptions) -> np.ndarray | None:
+        alphas.append(float(1 / (inner.rho * problem.delassus.compliance)[0]))
+        inner.monitor.iterations += (count := next(iterations))
+        return None if count == 300 else r
+
+    problem = LocalProblem(np.eye(6), np.array([-1.0, 0.5, 0.0, -1.0, 0.0, 0.5]), np.full(2, 0.5))
+    monkeypatch.setattr(path_steps, "_solved", told)
+    monitor = Monitor(problem.q, problem.mu, 3, 1e-8)
+    turns = path_steps.path_turns(problem, np.full(6, 0.1), monitor, path_steps.PathOptions(alpha_most=1e-2, **options))
+    for _ in range(6):
+        next(turns)
+    assert_allclose(np.array(alphas[:-1]) / alphas[1:], falls)
 
 
 def test_limits_and_options() -> None:

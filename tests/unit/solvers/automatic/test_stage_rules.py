@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -254,6 +255,34 @@ def test_sweeps_spend_a_tenth_beside_proximal_newton_where_joints_have_stiffness
     assert stage("sweeps").share(state(holds=0.0, regular=True, runners=runners, **changes)) == share
 
 
+@pytest.mark.parametrize(
+    ("changes", "runners", "newton_enters", "sweeps_enter"),
+    [
+        ({}, {}, True, False),  # from zero too
+        ({"warm": True, "sparse": True, "newton_price": 30.0}, {}, True, False),  # sweeps would be cheap
+        ({}, {"Newton": Shown(result=ENDED)}, True, False),
+        ({}, {"Newton": Shown(result=ENDED), "proximal Newton": newton()}, True, False),
+        ({}, {"Newton": Shown(result=ENDED), "proximal Newton": newton(result=ENDED)}, True, True),
+        ({"without": ("Newton", "proximal Newton")}, {}, True, True),
+        ({"patience": 0}, {}, False, True),
+        ({"regular": False}, {}, False, True),
+        ({"in_velocities": False}, {}, False, True),
+    ],
+)
+def test_where_joints_have_stiffness_sweeps_come_after_both_of_newtons_methods(
+    changes: dict[str, Any], runners: dict[str, Shown], newton_enters: bool, sweeps_enter: bool
+) -> None:
+    race = state(runners=runners, **{"holds": 0.0, "regular": True, **changes})
+    assert stages.newton_first(race) is newton_enters
+    assert stage("sweeps").enters(race) is sweeps_enter
+
+
+@pytest.mark.parametrize(("changes", "enters"), [({}, True), ({"regular": False}, False)])
+def test_proximal_newton_follows_newton_from_zero_where_joints_have_stiffness(changes: dict[str, Any], enters: bool) -> None:
+    race = state(runners={"Newton": Shown(result=ENDED)}, **{"holds": 0.0, "regular": True, **changes})
+    assert stage("proximal Newton").enters(race) is enters
+
+
 def test_where_joints_have_stiffness_no_proof_is_looked_for() -> None:
     runners = {"proximal Newton": newton(spent=900.0)}
     assert stage("proof").enters(state(runners=runners)) and not stage("proof").enters(state(runners=runners, regular=True))
@@ -329,3 +358,19 @@ def test_proximal_newton_s_options_follow_from_how_bodies_touch(
     usual = getattr(methods, options)
     assert given[0].alpha == pytest.approx(1e-4 if race.in_velocities else usual.alpha)
     assert given == [replace(usual, alpha=given[0].alpha, max_iterations=race.options.max_iterations)]
+
+
+@pytest.mark.parametrize(("warm", "along", "held"), [(False, 10.0, 0), (True, 2.0, 6)])
+def test_paths_fall_slowly_from_a_warm_start(warm: bool, along: float, held: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps of blocks in motion; problems from zero by the options of the table."""
+    asked: list[Any] = []
+
+    def path_turns(problem: Any, r: Any, monitor: Any, options: Any) -> Any:
+        asked.append(options)
+        return iter(())
+
+    monkeypatch.setattr(methods, "path_turns", path_turns)
+    race = SimpleNamespace(warm=warm, problem=None, best_r=lambda: None, options=SimpleNamespace(max_iterations=77))
+    with pytest.raises(StopIteration):
+        next(methods.paths(race, SimpleNamespace()))  # type: ignore[arg-type]
+    assert (asked[0].along, asked[0].held, asked[0].max_iterations) == (along, held, 77)
