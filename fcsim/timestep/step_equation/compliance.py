@@ -282,7 +282,7 @@ class StepCompliance:
     def _entries_by_body(self, H: sp.sparray, dimension: int) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
         """h of all bodies, see `entries_by_body`."""
         on, count = self._on_compliances(sp.csc_array(H)), len(self.factor.ranks())
-        return entries_by_body(on.indptr, on.indices, on.data, *self.factor.places, count, dimension)  # type: ignore[no-any-return]
+        return entries_by_body(on.indptr, on.indices, on.data, *self.factor.places, count, dimension)
 
     def _asked(self, H: sp.csc_array) -> BoolArray:
         """Which rows (n,) of H have entries, as `SystemFactor.compliances` asks; none where no body has a factor of its own, which alone
