@@ -247,8 +247,8 @@ class StepCompliance:
         return W.matrix()
 
     def _distributed(self, H: sp.csc_array, given: sp.sparray, dimension: int) -> Matrix | None:
-        """The same as the ranks' own bodies' shares; None where W is small, its contacts are not all ranks', or there is one process.
-        given: the H that the problem keeps, so that no other one is kept for who asks for h of all bodies."""
+        """The same as the ranks' own bodies' shares; None where W is small, its contacts are not all ranks', or there is one process;
+        given: the problem's H, so that no other one is kept for who asks for h of all bodies."""
         shares = self.factor.model.shares
         if shares is None or dimension != self.factor.model.dimension:
             return None
@@ -282,9 +282,7 @@ class StepCompliance:
     def _entries_by_body(self, H: sp.sparray, dimension: int) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
         """h of all bodies, see `entries_by_body`."""
         on, count = self._on_compliances(sp.csc_array(H)), len(self.factor.ranks())
-        h: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
-        h = entries_by_body(on.indptr, on.indices, on.data, *self.factor.places, count, dimension)
-        return h
+        return entries_by_body(on.indptr, on.indices, on.data, *self.factor.places, count, dimension)
 
     def _asked(self, H: sp.csc_array) -> BoolArray:
         """Which rows (n,) of H have entries, as `SystemFactor.compliances` asks; none where no body has a factor of its own, which alone
