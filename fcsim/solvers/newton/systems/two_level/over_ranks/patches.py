@@ -3,9 +3,6 @@
 W of a patch's contacts is the sum of the shares of its bodies, h C h^T, each of which its body's rank makes: nobody needs others' C. A
 patch whose bodies are all of one rank takes no exchange there; between ranks, or where another rank has less to do, the others send the
 one that solves it what their bodies have on its contacts. Then all ranks have all reactions that have changed.
-
-Newton's matrices of patches are factored in single precision: what it rounds is in checkerboards, as what GMRES leaves, and ||F|| falls
-in as many iterations.
 """
 
 from __future__ import annotations
@@ -77,7 +74,7 @@ def patched_over_ranks(
         def solve(begin: int, end: int) -> None:
             for i in range(begin, end):
                 own, W_own = patches[mine[i]], _summed(shares[i], places[mine[i]], len(patches[mine[i]]), d)
-                answers[i] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own], np.float32) - r[own]
+                answers[i] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own]) - r[own]
 
         side_by_side([partial(solve, begin, end) for begin, end in pieces(len(mine), 1)])
         in_order = np.argsort(solver, kind="stable")
