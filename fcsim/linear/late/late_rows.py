@@ -53,6 +53,8 @@ class LateRows(sp.bsr_array):
         """The matrix (size, size) of blocks (d, d) with the pattern of sorted block rows."""
         empty = np.broadcast_to(np.zeros(1), (len(indices), d, d))  # takes no memory; nobody reads it
         rows = cls((empty, indices, indptr), shape=(size, size), blocksize=(d, d))
+        if rows.indices.dtype == indices.dtype:
+            rows.indices = indices  # SciPy has a view of it, which nobody could tell for the same pattern
         rows._source, rows._entries, rows._block = source, None, d
         rows.has_sorted_indices = True
         return rows

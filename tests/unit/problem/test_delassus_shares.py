@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from fcsim.errors import InputError
 from fcsim.linear import storage
 from fcsim.linear.joints import joint_rows
 from fcsim.linear.late.late_rows import LateRows, in_blocks
-from fcsim.problem import Delassus, LocalProblem
+from fcsim.problem import Delassus, LocalProblem, delassus_sum
 from fcsim.problem.bodies import product as bodies_product
 from fcsim.problem.bodies.late import summed_late
 from fcsim.problem.bodies.product import ShareProduct
@@ -163,6 +164,30 @@ def test_joints_are_found_without_entries() -> None:
     W, _ = late([0] * BODIES)
     plain = sp.bsr_array((W.copy().data, W.indices, W.indptr), shape=W.shape)
     assert (joint_rows(W, 3) is None) == (joint_rows(plain, 3) is None)
+
+
+def test_the_pattern_serves_the_next_W_of_the_same_contacts() -> None:
+    W, following = (late([0] * BODIES)[0] for _ in range(2))
+    assert following.indices is W.indices
+    assert W.indices.dtype == np.int32
+
+
+def test_a_pattern_is_that_of_the_contacts_whatever_was_asked_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two bodies of two contacts each, in turns with others and with one contact more, which touches neither; patterns by hand."""
+    found, union = [], delassus_sum.union_of_neighbours
+    monkeypatch.setattr(delassus_sum, "union_of_neighbours", lambda *given: found.append(1) or union(*given))
+    patterns, first = delassus_sum._Patterns(), np.array([0, 2, 4])
+    row, star = ([0, 1, 1, 2], [[0, 1], [0, 1, 2], [1, 2]]), ([0, 1, 0, 2], [[0, 1, 2], [0, 1], [0, 2]])
+    kept = []
+    for contacts, expected in (row, row, star, row, row):
+        starts, columns = patterns.of(first, np.array(contacts), 3)
+        assert [columns[i:j].tolist() for i, j in itertools.pairwise(starts)] == expected
+        kept.append(columns)
+    assert kept[1] is kept[0] and kept[4] is kept[3] and len(found) == 3
+    assert len(patterns.of(first, np.array(row[0]), 4)[0]) == 5
+    del kept, columns
+    starts, columns = patterns.of(first, np.array(row[0]), 4)  # nobody has kept it
+    assert len(found) == 5 and columns.tolist() == list(itertools.chain(*row[1]))
 
 
 def test_entries_are_summed_at_once_where_bodies_cost_more(monkeypatch: pytest.MonkeyPatch) -> None:
