@@ -161,8 +161,9 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # of glibc's mallo
 
 def keep_freed_memory() -> None:
     """Have glibc's malloc keep the memory of freed arrays instead of returning it to the system, which clears every page anew: a third of
-    the time in which W of a refined wall is summed, in each step. Nothing happens elsewhere, or where the user's environment sets malloc's
-    thresholds (MALLOC_MMAP_THRESHOLD_, MALLOC_TRIM_THRESHOLD_, GLIBC_TUNABLES)."""
+    the time in which W of a refined wall is summed, in each step. All threads have one heap: another thread's own, of 64 MB, gives pages
+    back whatever the thresholds. Nothing happens elsewhere, or where the user's environment sets malloc's thresholds
+    (MALLOC_MMAP_THRESHOLD_, MALLOC_TRIM_THRESHOLD_, GLIBC_TUNABLES)."""
     if any(name in os.environ for name in ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "GLIBC_TUNABLES")):
         return
     if platform.libc_ver()[0] == "glibc":
