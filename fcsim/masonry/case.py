@@ -98,7 +98,7 @@ def build(problem: MasonryProblem, p: Parameters) -> Case:
 
     stone = Stone(p.E, p.nu, p.cells, p.beta)
     staying: Callable[[float], float] = (lambda t: math.cos(rate * t)) if p.tilt else (lambda t: 1.0)
-    model, remarks = structure(question, p.blocks_are, stone, multiplier=grown, staying=staying)
+    model, remarks = structure(question, p.blocks_are, stone, multiplier=grown, staying=staying, over=p.h)
     mu = problem.friction
     friction = {pair: p.friction * value for pair, value in mu.items()} if isinstance(mu, dict) else p.friction * mu
     solver = SolverSettings(name=p.solver, tol=p.tol)

@@ -72,8 +72,14 @@ class BaseAcceleration:
     direction: tuple[float, float, float]
     record: AccelerationRecord
 
-    def __call__(self, t: float) -> FloatArray:
-        return self.record(t) * np.asarray(self.direction) / float(np.linalg.norm(self.direction))
+    def __call__(self, t: float, over: float = 0.0) -> FloatArray:
+        """(3,) [m/s^2] at t, or of a record its mean over the time from t - over / 2, not before 0, to t + over / 2: the steps of a
+        simulation add up to the ground's velocity then, however short its pulses are."""
+        way = np.asarray(self.direction) / float(np.linalg.norm(self.direction))
+        begin, end = max(t - 0.5 * over, 0.0), t + 0.5 * over
+        if not (isinstance(self.record, AccelerationRecord) and end > begin):
+            return self.record(t) * way
+        return (self.record.velocity(end) - self.record.velocity(begin)) / (end - begin) * way
 
 
 @dataclass(frozen=True)
@@ -146,6 +152,11 @@ class MasonryProblem:
                 raise InputError(f"{what}, base_acceleration: expected a direction, in a plane problem in x and z, got {shown(way)}")
             if not callable(shake.record):
                 raise InputError(f"{what}, base_acceleration: expected an acceleration record, got {shown(shake.record)}")
+            if isinstance(shake.record, AccelerationRecord) and shake.record.times[0] < 0:
+                raise InputError(
+                    f"{what}, base_acceleration: expected times >= 0, since simulations begin at t = 0, got {shake.record.times[0]:g} s: "
+                    "shift them (AccelerationRecord.delayed)"
+                )
         for name in self.motion:
             if not self.blocks[names.index(name)].support:
                 raise InputError(f"{what}, support_motion: expected a support, got the free block {name!r}")
@@ -175,9 +186,9 @@ class MasonryProblem:
         """Smallest of the free blocks' largest extents [m]."""
         return float(min(np.ptp(block.surface.points, axis=0).max() for block in self.blocks if not block.support))
 
-    def ground(self, t: float) -> FloatArray:
-        """Acceleration (3,) [m/s^2] of the ground."""
-        return np.sum([shake(t) for shake in self.shaking], axis=0) if self.shaking else np.zeros(3)
+    def ground(self, t: float, over: float = 0.0) -> FloatArray:
+        """Acceleration (3,) [m/s^2] of the ground, of records the mean over a time [s], see `BaseAcceleration`."""
+        return np.sum([shake(t, over) for shake in self.shaking], axis=0) if self.shaking else np.zeros(3)
 
     def acceleration(self, *, scaled: bool) -> FloatArray:
         """Sum (3,) [m/s^2] of the body forces that the multiplier scales, or of the others."""

@@ -101,7 +101,7 @@ def shake_summary(seen: Shake) -> Mapping[str, object]:
     """A shaking in JSON's types."""
     largest = {"displacement": float(seen.displacement.max()), "turn": float(seen.turn.max())}
     end = {"t": float(seen.t[-1]), "displacement": float(seen.displacement[-1]), "turn": float(seen.turn[-1])}
-    return {"version": __version__, "largest": largest, "end": end, "fallen": seen.fallen, "moving": seen.moving}
+    return {"version": __version__, "largest": largest, "end": end, "fallen": seen.fallen, "moving": seen.moving, "remarks": seen.remarks}
 
 
 def write_shake(directory: Path, seen: Shake) -> None:

@@ -53,12 +53,14 @@ def structure(
     staying: TimeFunction = lambda t: 1.0,
     held: Sequence[Support] | None = None,
     lumped: bool = True,
+    over: float = 0.0,
 ) -> tuple[Model, tuple[str, ...]]:
     """Return the model of a problem and remarks on it; its loads are staying(t) times those that stay, multiplier(t) times the others,
     and where the ground shakes the inertia of blocks that are seen from it.
 
     held: in place of the problem's own supports; lumped: the mass of deformable blocks on their nodes, which gives coarse meshes too much
-    inertia of rotation. "mixed": every second block is deformable. Supports, blocks of a given mass and blocks
+    inertia of rotation; over [s]: the step, over which the ground's acceleration is taken in the mean, or shorter pulses would count as
+    they happen to lie. "mixed": every second block is deformable. Supports, blocks of a given mass and blocks
     with a force or a support upon them are rigid always. Blocks that are equal but for their place are one part, meshed once.
     """
     if blocks_are not in ("rigid", "deformable", "mixed"):
@@ -80,7 +82,7 @@ def structure(
 
     def gravity(t: float) -> FloatArray:
         steady = staying(t) * still + multiplier(t) * growing
-        return steady - np.array(vector_of(problem, problem.ground(t))) if problem.shaking else steady
+        return steady - np.array(vector_of(problem, problem.ground(t, over))) if problem.shaking else steady
 
     loads: list[Load] = []
     for load in problem.loads:

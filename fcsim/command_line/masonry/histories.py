@@ -45,6 +45,8 @@ def shake_ground(options: argparse.Namespace, problem: MasonryProblem) -> int:
     print_table(("", "", "at"), rows, texts=1)
     fell = ", ".join(seen.fallen[:8]) + (f" and {len(seen.fallen) - 8} more" if len(seen.fallen) > 8 else "")
     say(f"fallen: {fell}" if fell else "nothing has fallen" + (", but it moves still" if seen.moving else ""))
+    for remark in seen.remarks:
+        say(f"note: {remark}")
     if options.out is not None:
         say(f"history and picture: {options.out}")
     return EXIT_OK

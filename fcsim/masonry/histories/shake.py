@@ -36,7 +36,7 @@ class Shake:
     """Histories (n,): t [s], the largest displacement of a corner [m], the largest turn of a block from where it began [rad].
 
     fallen: the names of the blocks that came down by more than `DOWN` of their extent; moving: whether corners moved faster than a
-    hundredth of the structure's extent a second in the end
+    hundredth of the structure's extent a second in the end; remarks: what the run says of its steps and of what it does not cover
     """
 
     t: FloatArray
@@ -44,6 +44,7 @@ class Shake:
     turn: FloatArray
     fallen: tuple[str, ...]
     moving: bool
+    remarks: tuple[str, ...] = ()
 
 
 def shaken(problem: MasonryProblem, direction: tuple[float, float, float], record: AccelerationRecord) -> MasonryProblem:
@@ -68,26 +69,30 @@ def shake(
     if duration is None:
         if not problem.shaking:
             raise InputError(f"{problem.name!r}: expected base_acceleration or a duration, got neither")
-        duration = max(float(each.record.times[-1]) for each in problem.shaking) + _AFTER
+        ends = [float(each.record.times[-1]) for each in problem.shaking if isinstance(each.record, AccelerationRecord)]
+        if len(ends) < len(problem.shaking):
+            raise InputError(f"{problem.name!r}: expected a duration, since its ground shakes by a function, which has no end")
+        duration = max(ends) + _AFTER
     h = float(np.sqrt(2 * problem.smallest / GRAVITY)) / _STEPS if h is None else h
     if not (is_number(duration) and is_number(h) and 0 < h <= duration):
         raise InputError(f"duration, h: expected times in s with 0 < h <= duration, got {shown(duration)} and {shown(h)}")
-    model, _ = structure(problem, blocks, stone, lumped=False)
+    model, _ = structure(problem, blocks, stone, lumped=False, over=h)
     simulation = Simulation(
         model, Everything(model, problem.friction), Theta(h, theta), int(np.ceil(duration / h)), SolverSettings(name="auto"), created=np.inf
     )
     corners = free_nodes(problem, model)
-    t, displacement, turn, speed = [], [], [], 0.0
+    t, displacement, turn, speed, remarks = [], [], [], 0.0, list[str]()
     drop = np.zeros(len(model.bodies))
     for step in simulation:
         t.append(step.state.t)
+        remarks += step.remarks
         displacement.append(float(np.linalg.norm(model.node_displacement(step.state.x)[corners], axis=1).max()))
         turns, drop = _turns_and_drops(model, step.state.x)
         turn.append(float(turns.max()))
         speed = float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[corners], axis=1).max())
     extents = [np.ptp(problem.blocks[problem.number[body.name]].surface.points, axis=0).max() for body in model.bodies]
     fallen = tuple(body.name for body, by, extent in zip(model.bodies, drop, extents, strict=True) if by > DOWN * extent)
-    return Shake(np.array(t), np.array(displacement), np.array(turn), fallen, speed > 0.01 * problem.size)
+    return Shake(np.array(t), np.array(displacement), np.array(turn), fallen, speed > 0.01 * problem.size, tuple(remarks))
 
 
 def _turns_and_drops(model: Model, x: FloatArray) -> tuple[FloatArray, FloatArray]:
