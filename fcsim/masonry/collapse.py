@@ -280,10 +280,19 @@ def _sorted(known: Mapping[float, Trial]) -> tuple[Trial, ...]:
 
 
 def _acceleration(problem: MasonryProblem, limit: LimitProblem) -> float:
-    """What the loads that grow give all free blocks together at the multiplier 1 [m/s^2], without regard to signs."""
-    model = limit.model
+    """What the loads that grow give all free blocks together at the multiplier 1 [m/s^2], without regard to signs: by their forces, or
+    by their moments, as forces with the block's extent as the arm, where these are more.
+
+    InputError where none of them acts on a free block.
+    """
+    model, free = limit.model, np.array([not block.support for block in problem.blocks])
     mass = sum(body.mass for body, block in zip(model.rigid, problem.blocks, strict=True) if not block.support)
-    return float(np.abs(model.rigid_part(limit.live)[:, : model.dimension]).sum() / mass)
+    rows, d = np.abs(model.rigid_part(limit.live))[free], model.dimension
+    extents = np.array([np.ptp(block.surface.points, axis=0).max() for block in problem.blocks])[free]
+    pull = max(float(rows[:, :d].sum()), float((rows[:, d:] / extents[:, None]).sum())) / mass
+    if pull == 0:
+        raise InputError(f"{problem.name!r}: expected a load that grows on a free block, got loads on supports or of no size alone")
+    return pull
 
 
 def _bisected(low: float, high: float, resolution: float, nothing: float, happens: Callable[[float], bool]) -> tuple[float, float]:

@@ -34,6 +34,8 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
         said.append(f"the acceleration that stays, {tuple(weight.tolist())} m/s^2, does not act down: z is up")
     elif not np.any(analysis.limit.dead):
         said.append("no load stays upon the blocks: nothing presses joints together")
+    if not np.any(analysis.limit.live[analysis.limit.free]):
+        said.append("no load grows upon a free block: push in a --direction, or mark loads as scaled_by_multiplier")
     if not held.any():
         said.append("no block is a support: all fall")
     elif loose.any():

@@ -1,0 +1,53 @@
+"""Loads that grow with the multiplier: moments alone, beside statics; loads that act on supports, or none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fcsim.errors import InputError
+from fcsim.masonry import Acceleration, Block, MasonryProblem, PointForce, analyse, bracket
+from fcsim.masonry.remarks import remarks
+from fcsim.mesh.solids.closed_surface import closed_surface
+
+CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=float)
+FACES = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+WEIGHT = 2000.0 * 0.3 * 0.5 * 1.0 * 9.81  # [N]
+
+
+def stone_on_floor(*loads: PointForce) -> MasonryProblem:
+    def box(name: str, low: tuple[float, float, float], size: tuple[float, float, float]):  # type: ignore[no-untyped-def]
+        return closed_surface(name, (np.array(low) + CORNERS * size).tolist(), FACES)
+
+    floor = Block(box("floor", (-2, -2, -1), (4, 4, 1)), support=True)
+    stone = Block(box("stone", (-0.15, -0.25, 0), (0.3, 0.5, 1.0)), density=2000.0)
+    return MasonryProblem("stone", 3, (floor, stone), mu=0.6, loads=(Acceleration((0.0, 0.0, -9.81)), *loads))
+
+
+@pytest.mark.parametrize(
+    ("moment", "borne"),
+    [
+        ((0.0, 100.0, 0.0), WEIGHT * 0.15 / 100),  # turns about the edge at x = 0.15
+        ((-100.0, 0.0, 0.0), WEIGHT * 0.25 / 100),
+        ((0.0, 0.0, 100.0), 0.6 * WEIGHT * np.hypot(0.15, 0.25) / 100),  # twists on its four corners
+    ],
+)
+def test_a_moment_alone(moment: tuple[float, float, float], borne: float) -> None:
+    """Limit analysis and the simulation, which had no acceleration to find its times from."""
+    problem = stone_on_floor(PointForce("stone", (0.0, 0.0, 0.0), scaled=True, moment=moment))
+    found = analyse(problem)
+    assert found.associative.multiplier == pytest.approx(borne, rel=1e-5)
+    seen = bracket(problem, 0.98 * borne, 1.02 * borne, resolution=0.02)
+    assert 0.97 * borne < seen.fall[0] < seen.fall[1] < 1.03 * borne
+
+
+def test_loads_on_supports_alone_grow_upon_nothing() -> None:
+    problem = stone_on_floor(PointForce("floor", (1000.0, 0.0, 0.0), scaled=True))
+    assert any("no load grows upon a free block" in said for said in remarks(analyse(problem), None))
+    with pytest.raises(InputError, match="expected a load that grows on a free block"):
+        bracket(problem, 1.0, 2.0)
+
+
+def test_no_load_that_grows_is_said() -> None:
+    (said,) = remarks(analyse(stone_on_floor()), None)
+    assert "no load grows upon a free block" in said
