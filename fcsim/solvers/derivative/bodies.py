@@ -18,7 +18,7 @@ from fcsim.errors import InputError
 from fcsim.linear.factors import is_symmetric
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers.derivative.contacts import Change, LocalDerivative, checked_direction
-from fcsim.solvers.derivative.outer import OuterProduct
+from fcsim.solvers.derivative.outer import OuterProduct, checked_change
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +51,7 @@ class GlobalDerivative:
         p, n = self.reduction.problem, len(self.v)
         load = checked_direction(f, "f", (n,))
         if M is not None:
-            if np.shape(M) != (n, n):
-                raise InputError(f"M: expected a change of shape {(n, n)}, got {np.shape(M)}")
-            load = load - M @ self.v
+            load = load - checked_change(M, "M", (n, n)) @ self.v
         free = self._velocity(load)
         local = self.contacts.forward(q=checked_direction(w, "w", (p.m,)) + p.H.T @ free, mu=mu)
         return Change(local.r, local.u, free + self._velocity(p.H @ local.r))

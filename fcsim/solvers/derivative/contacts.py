@@ -27,7 +27,7 @@ from fcsim.errors import InputError
 from fcsim.linear.factors import DenseLU, SingularMatrix, SuperLU
 from fcsim.linear.singularity import refuse_singular
 from fcsim.problem import OPEN, SLIP, STICK, LocalProblem
-from fcsim.solvers.derivative.outer import OuterProduct
+from fcsim.solvers.derivative.outer import OuterProduct, checked_change
 
 DENSE_UP_TO = 3000
 """Unknowns of closed contacts up to which their system is factored as a dense matrix."""
@@ -75,9 +75,7 @@ class LocalDerivative:
         m, nc = len(self.r), len(self.status)
         b = checked_direction(q, "q", (m,))
         if W is not None:
-            if np.shape(W) != (m, m):
-                raise InputError(f"W: expected a change of shape {(m, m)}, got {np.shape(W)}")
-            b = b + W @ self.r
+            b = b + checked_change(W, "W", (m, m)) @ self.r
         dmu = checked_direction(mu, "mu", (nc,))[self.closed]
         moved = np.where(dmu[:, None] == 0, 0.0, self.law_mu) * dmu[:, None]
         if not np.all(np.isfinite(moved)):
@@ -165,6 +163,8 @@ def checked_direction(value: FloatArray | None, name: str, shape: tuple[int, ...
     if value is None:
         return np.zeros(shape)
     try:
+        if np.iscomplexobj(value):  # whose imaginary part NumPy would drop
+            raise TypeError
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{name}: expected numbers of shape {shape}, got a {type(value).__name__}") from None

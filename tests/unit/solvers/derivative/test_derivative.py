@@ -209,6 +209,25 @@ def test_directions_of_another_shape_are_refused(name: str, change: object) -> N
         found.forward(**{name: change})  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("value", "what"), [(1j, "real numbers|numbers of shape"), (np.nan, "finite numbers")])
+def test_changes_without_real_numbers_are_refused(value: complex, what: str) -> None:
+    """The imaginary part was dropped, NaN of a matrix went on into the answer."""
+    p = bodies(3, 2)
+    found = of_bodies(p)
+    gradient = found.backward(r=np.ones(p.m))
+    for change in (
+        lambda: found.forward(f=np.full(p.n, value)),
+        lambda: found.forward(M=np.full((p.n, p.n), value)),
+        lambda: found.contacts.forward(W=sp.csr_array(np.full((p.m, p.m), value))),
+        lambda: found.backward(r=np.full(p.m, value)),
+        lambda: gradient.M.dot(np.full((p.n, p.n), value)),
+    ):
+        with pytest.raises(InputError, match=what):
+            change()
+    with pytest.raises(InputError, match="direction: expected a change of shape"):
+        gradient.M.dot(np.eye(3))
+
+
 def test_gradients_of_an_unsymmetric_mass_are_refused() -> None:
     p = bodies(3, 2)
     skew = 0.1 * np.triu(np.ones((p.n, p.n)), 1)
