@@ -97,7 +97,7 @@ def _joints(problem: MasonryProblem) -> str:
 def _fclib(options: argparse.Namespace) -> int:
     import numpy as np
 
-    from fcsim.export_fclib import read_fclib
+    from fcsim.export_fclib import odd_matrices, read_fclib
     from fcsim.problem import GlobalProblem, Judge, LocalProblem
     from fcsim.problem.rolling import GlobalRollingProblem
     from fcsim.solvers.solve_rolling import rolling_errors
@@ -137,4 +137,6 @@ def _fclib(options: argparse.Namespace) -> int:
         say(f"  solution     {stated}")
     if content.guesses:
         say(f"  guesses      {len(content.guesses)}")
+    for remark in odd_matrices(problem):
+        say(f"  note: {remark}")
     return EXIT_OK

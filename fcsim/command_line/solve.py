@@ -129,6 +129,8 @@ def _finite(values: Mapping[str, object]) -> dict[str, object]:
 
 
 def _answer(options: argparse.Namespace, content: FclibFile, problem: Problem, result: Result) -> dict[str, object]:
+    from fcsim.export_fclib import odd_matrices
+
     return _finite(
         {
             "file": str(options.file),
@@ -147,6 +149,7 @@ def _answer(options: argparse.Namespace, content: FclibFile, problem: Problem, r
             "form": content.form,
             "checks": _finite(vars(result.checks)),
             "message": result.message,
+            "remarks": odd_matrices(problem),
         }
     )
 
@@ -160,6 +163,8 @@ def _space(problem: Problem) -> str:
 
 
 def _print_answer(options: argparse.Namespace, content: FclibFile, problem: Problem, result: Result) -> None:
+    from fcsim.export_fclib import odd_matrices
+
     say(f"{options.file}: {content.form} form, {problem.nc} contacts {_space(problem)}, n = {_unknowns(problem)}")
     error = f"{options.error} error {result.error:.3e} (tol {options.tol:g})"
     say(f"{result.method}: {result.status.value}; {error}, {result.iterations} iterations")
@@ -168,5 +173,7 @@ def _print_answer(options: argparse.Namespace, content: FclibFile, problem: Prob
     say("seconds: " + ", ".join(f"{phase} {value:.3f}" for phase, value in result.seconds.items()))
     finite = {name: value for name, value in _finite(vars(result.checks)).items() if value is not None}
     say("checks:  " + ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in finite.items()))
+    for remark in odd_matrices(problem):
+        say(f"note: {remark}")
     if options.write_solution is not None:
         say(f"written: {options.write_solution}")

@@ -216,4 +216,6 @@ def _solution(group: Group, problem: Problem) -> Solution:
 
 def _guesses(group: Group, problem: Problem) -> tuple[Solution, ...]:
     count = _integer(group, "number_of_guesses")
+    if count < 0:
+        raise InputError(f"{_place(group, 'number_of_guesses')}: expected a number >= 0, got {count}")
     return tuple(_solution(_group(group, str(number)), problem) for number in range(1, count + 1))

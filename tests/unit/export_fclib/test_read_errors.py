@@ -91,6 +91,7 @@ CHANGES = {
     "solution without v": (lambda f: f.pop("solution/v"), "/solution/v: expected a vector of numbers, got nothing"),
     "solution short": (lambda f: put(f, "solution/r", np.ones(2)), r"/solution/r: expected shape \(3,\), got \(2,\)"),
     "guess missing": (lambda f: put(f, "guesses/number_of_guesses", [2]), "/guesses/2: expected a group, got nothing"),
+    "guesses negative": (lambda f: put(f, "guesses/number_of_guesses", [-1]), "number_of_guesses: expected a number >= 0, got -1"),
     "guess NaN": (lambda f: put(f, "guesses/1/u", [0, 0, np.nan]), "/guesses/1/u: expected finite numbers"),
     "title a number": (lambda f: put(f, "fclib_global/info/title", 3), "info/title: expected a text, got values of type int64"),
 }
