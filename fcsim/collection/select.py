@@ -218,6 +218,7 @@ def _grade(member: Member, known: Entry | None, asked: _Asked) -> Graded:
         result = solve(problem, asked.solver, tol=asked.tol, time_limit=asked.time_limit)
         status, iterations = result.status.name, result.iterations
     except SingularMatrix:
+        reduced(problem)  # where M or R itself is singular: there is no W to describe, and the problem is left out
         status, iterations = "SINGULAR", 0
     if status == "SOLVED" and iterations == 0:
         raise InputError("r = 0 solves it")

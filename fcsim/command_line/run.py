@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from contextlib import nullcontext
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -138,4 +139,4 @@ def _print_summary(summary: Summary, directory: Path) -> None:
     there = [name + use for name, use in written.items() if (directory / name).exists()]
     say(f"results: {directory} ({', '.join(there)})")
     if summary.converged:
-        say(f"pictures, film and plots: fcsim render {directory}")
+        say(f"pictures, film and plots: fcsim render {shlex.quote(str(directory))}")

@@ -26,7 +26,7 @@ def odd_matrices(problem: Problem) -> tuple[str, ...]:
     if lower != upper:
         which = "lower" if lower else "upper"
         found.append(
-            f"{letter} has its {which} triangle alone and is taken as it stands: an FCLIB file has both of a symmetric matrix; if it is the "
+            f"{letter} has its {which} triangle alone and is taken as it stands: FCLIB files have both of a symmetric matrix; if it is the "
             "half of one, this is another problem"
         )
     elif len(value):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -112,7 +113,7 @@ def _bench(options: argparse.Namespace) -> int:
     for note in [*notes, *progress.notes]:
         say(note, to_stderr=True)
     say(f"{progress.measured} measurements made, {progress.done} of {progress.total} in {directory / FILE}")
-    say(f"profiles: fcsim profile {directory}")
+    say(f"profiles: fcsim profile {shlex.quote(str(directory))}")
     return EXIT_BAD_INPUT if progress.notes else EXIT_OK
 
 

@@ -204,6 +204,12 @@ def by(rows: Sequence[Measurement]) -> dict[tuple[str, float], Measurement]:
     return {(row.solver, row.tol): row for row in rows}
 
 
+def test_the_next_command_can_be_copied(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "a b"
+    assert bench(block, "--solvers", "NSGS-AC", "--tols", "1e-2", "--out", out) == 0
+    assert f"fcsim profile '{out}'" in capsys.readouterr().out
+
+
 def test_what_solvers_do_wrong_is_recorded(block: Path, plugin: Path, tmp_path: Path) -> None:
     names = ["LATE", "EXITS", "SEGFAULTS", "RAISES", "ENDS-ITS-PARENT", "LEAKS", "USES-MEMORY", "LIES", "NOT-A-NUMBER"]
     names += ["NSN-AC", "2D-LEMKE"]

@@ -14,7 +14,7 @@ from fcsim.collection.folder import Name, members, parse_name
 from fcsim.command_line.main import main
 from fcsim.errors import InputError
 from fcsim.export_fclib import GlobalRollingProblem, Solution, read_fclib, write_fclib
-from fcsim.problem import LocalProblem
+from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, Method, Status, solve
 from fcsim.solvers.base import Iterate, Monitor, Options
 
@@ -41,6 +41,20 @@ def known_iterations(monkeypatch: pytest.MonkeyPatch) -> None:
 def write(path: Path, problem: Any, **more: Any) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     return write_fclib(path, problem, **more)
+
+
+def test_problems_without_a_delassus_operator_are_left_out(tmp_path: Path) -> None:
+    """One file with a singular M ended the whole selection, after all others were solved, without its name."""
+    H = sp.csc_array(np.eye(3))
+    massless = GlobalProblem(sp.csc_array(np.diag([1.0, 0.0, 1.0])), H, np.array([-1.0, 0, 0]), np.zeros(3), np.array([0.5]))
+    mixed = LocalProblem(np.eye(3), -np.ones(3), np.array([0.5]), np.ones((3, 1)), np.zeros((1, 1)), np.ones(1))
+    write(tmp_path / "set" / "a.hdf5", massless)
+    write(tmp_path / "set" / "b.hdf5", mixed)
+    write(tmp_path / "set" / "c.hdf5", one_contact(3))
+    selection = select_problems(tmp_path / "set", tmp_path / "out", count=3, solver="auto")
+    assert [row.source for row in selection.entries] == ["c.hdf5"]
+    assert any(note.startswith("a: left out, M is singular") for note in selection.notes)
+    assert any(note.startswith("b: left out, R of 1 equality constraints is singular") for note in selection.notes)
 
 
 def test_graded(tmp_path: Path) -> None:
