@@ -35,7 +35,7 @@ from fcsim import (
     build_model,
     contact_surface,
 )
-from fcsim.assembly.loads import Traction
+from fcsim.assembly.loads import Force, Traction
 from fcsim.assembly.model import Model
 from fcsim.command_line.main import main
 from fcsim.command_line.start.begin import TEMPLATE
@@ -124,6 +124,12 @@ def shaken(h: float) -> str:
     return said(scene(supports=floor), scheme=Theta(h=h))
 
 
+def blow() -> str:
+    """Of a blow on the block that lasts half a step, between two of them."""
+    hammer = Force("block", (100.0, 0.0, 0.0), surface="x-", factor=lambda t: float(0.0103 < t < 0.0113))
+    return said(scene(loads=[hammer]), scheme=Theta(h=2e-3))
+
+
 def column() -> str:
     """A clamped column, fifty times as high as thick, under twice the load that buckles it, pi^2 E I / (4 H^2)."""
     part = brick("block", (0.02, 0.02, 1.0), (1, 1, 20), STONE, elements="Q1-enhanced")
@@ -149,6 +155,7 @@ MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
     "A 2D mesh among bodies in space": (flat, "expected all in 2D or all in 3D, got 'sheet' in 2D and 'floor' in 3D"),
     "Steps that are too long": (lambda: said(scene(), scheme=Theta(h=0.2), steps=1), "choose h below"),
     "A load that is faster than the steps": (lambda: shaken(0.02), "choose h below a tenth of its period"),
+    "A pulse that is shorter than a step": (blow, "choose h below a tenth of its duration"),
     "A column of linear material that would buckle": (column, "saint_venant_kirchhoff(E, nu, density), of finite strain, does"),
     "h is 0 or negative": (lambda: Theta(h=-1e-3), "h: expected a number > 0"),
     "The number of steps is no whole number": (lambda: said(scene(), steps=10.5), "steps: expected a whole number"),  # type: ignore[arg-type]

@@ -15,8 +15,9 @@ from fcsim.linkage import Linkage
 from fcsim.mesh.part import Body
 from fcsim.timestep.remarks.falling import falling
 from fcsim.timestep.remarks.locked_joints import locked_joints
+from fcsim.timestep.remarks.over_time.lost_pulses import lost_pulses
+from fcsim.timestep.remarks.over_time.undersampled import undersampled
 from fcsim.timestep.remarks.pieces import torn_meshes
-from fcsim.timestep.remarks.undersampled import undersampled
 from fcsim.timestep.remarks.unlikely import diagonal_pull, fast_turning, growing, restitution_of_points, soft_or_stiff, steep_friction
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -48,6 +49,7 @@ def opening_remarks(
     found: list[Iterable[str]] = [_units(model, gravity), upwards, _long_steps(model, scheme, gravity)]
     found += [_coarse_floor(model, scheme, floor), steep_friction(detector), fast_turning(model, scheme, state.t, steps)]
     found += [diagonal_pull(model, scheme, state.t, steps), undersampled(model, scheme, state.t, steps)]
+    found.append(lost_pulses(model, scheme, state.t, steps))
     found += [restitution_of_points(model, scheme), growing(model, scheme, linked)]
     found.append(soft_or_stiff(model, gravity, EARTH[0] <= float(np.linalg.norm(gravity)) <= EARTH[1]))
     found.append(torn_meshes(model))

@@ -21,7 +21,7 @@ from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from fcsim.running.case import load_case
 from fcsim.timestep.quasi_static import QuasiStatic
-from fcsim.timestep.remarks.undersampled import undersampled
+from fcsim.timestep.remarks.over_time.undersampled import undersampled
 from fcsim.timestep.remarks.unlikely import restitution_of_points
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest

@@ -31,7 +31,7 @@ def undersampled(model: Model, scheme: Scheme, begin: float, steps: int) -> Iter
     first = np.unique(np.linspace(0, steps - 1, min(steps, LOOKED_AT)).astype(int))
     share = np.linspace(0.0, 1.0, PLACES + 1)
     times = begin + scheme.h * (first[:, None] + share)
-    for what, function in _functions(model):
+    for what, function in functions_of_time(model):
         values = np.array([np.asarray(function(float(t)), dtype=np.float64).ravel() for t in times.ravel()]).reshape(*times.shape, -1)
         extent = np.ptp(values, axis=(0, 1)).max()
         straight = values[:, :1] + share[:, None] * (values[:, -1:] - values[:, :1])
@@ -44,10 +44,11 @@ def undersampled(model: Model, scheme: Scheme, begin: float, steps: int) -> Iter
             return
 
 
-def _functions(model: Model) -> Iterator[tuple[str, Callable[[float], ArrayLike]]]:
+def functions_of_time(model: Model) -> Iterator[tuple[str, Callable[[float], ArrayLike]]]:
+    """Gravity, the loads' factors (each once) and the motions of supports, each with a name for it."""
     if model.gravity is not None:
         yield "gravity", model.gravity_at
-    for load in model.loads:
+    for load in {id(load.factor): load for load in reversed(model.loads)}.values():
         yield f"the {type(load).__name__} on body {load.body!r}", partial(factor_at, load)
     for support in model.supports:
         if isinstance(support, DrivenRotation):
