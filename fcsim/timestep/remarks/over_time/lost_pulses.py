@@ -30,7 +30,7 @@ def lost_pulses(model: Model, scheme: Scheme, begin: float, steps: int) -> Itera
         return
     functions = list(functions_of_time(model))
     looks = min(LOOKS // (steps * max(len(functions), 1)), PLACES)
-    ends: FloatArray = begin + scheme.h * np.arange(steps + 1)
+    ends = np.asarray(begin + scheme.h * np.arange(steps + 1), dtype=np.float64)
     between = (ends[:-1, None] + scheme.h * np.arange(1, looks) / max(looks, 1)).ravel()
     for what, function in functions:
         known = _times(function)
