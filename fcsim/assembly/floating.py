@@ -46,3 +46,11 @@ def proposed_eta(model: Model, number: int, h: float) -> float | None:
             mass, stiffness = float(group.M.diagonal().sum()), float(group.K.diagonal().sum())
             return FAINT * h**2 * stiffness / mass if mass > 0 and stiffness > 0 else None
     return None
+
+
+def nodal_stiffness(model: Model, number: int) -> float | None:
+    """[N/m] The mean of the diagonal of a deformable body's stiffness; None of one that ranks have together."""
+    for group in model.groups:
+        if number in group.members and isinstance(group.K, sp.csr_array):
+            return float(group.K.diagonal().mean())
+    return None

@@ -150,7 +150,7 @@ class GeneralisedAlpha(Dynamic):
         x = model.held.placed(model.advance(explicit, self.kappa * alpha_f * end), state.t + h)
         return State(state.t + h, x, model.keep_momentum(v, rigid_mass, x), next_rate, next_inertia)
 
-    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray, v: FloatArray, rigid_mass: FloatArray) -> FloatArray:
         """h R + what contacts give to driven dofs, from the residual kappa R + the same: in the step's equation R counts kappa."""
         struck = -model.driven_share(impulse)
         return struck + self.h / self.kappa * (residual - struck)

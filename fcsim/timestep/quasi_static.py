@@ -133,23 +133,31 @@ class QuasiStatic:
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         return State(state.t + self.h, model.held.placed(model.advance(state.x, v), state.t + self.h), v / self.h)
 
-    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
-        return residual
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray, v: FloatArray, rigid_mass: FloatArray) -> FloatArray:
+        """The residual less eta/h^2 M dx at driven dofs: the mass that regularises is no body's weight that supports would have to move."""
+        return residual - model.driven_share(self._regularising(model, v, rigid_mass)) if self.eta else residual
+
+    def _regularising(self, model: Model, dx: FloatArray, rigid_mass: FloatArray) -> FloatArray:
+        """(n_dofs,) eta/h^2 M dx [N], of all dofs."""
+        return self.eta / self.h**2 * model.apply_mass(dx, rigid_mass)
 
     def energy(self, model: Model, before: State, after: State, acting: Acting, support: FloatArray) -> Energy:
         """The step's equation times dx, exact for every load step:
 
-        d(x.K x / 2) = dx.F+ + dx.s + dx.H r - dx.K dx / 2 - eta/h^2 dx.M dx (turning bodies: dx.F_int+ - dE in place of dx.K dx / 2)
+        d(x.K x / 2) = dx.F+ + dx.s + dx.H r - dx.K dx / 2 - eta/h^2 dx_f.M dx (turning bodies: dx.F_int+ - dE in place of dx.K dx / 2)
 
-        with s the supports' forces. The last two terms are the scheme's dissipation: that of the implicit Euler rule, which vanishes
-        with the size of the load steps, and that of the regularisation.
+        with s the supports' forces and dx_f the free part of dx. The last two terms are the scheme's dissipation: that of the implicit
+        Euler rule, which vanishes with the size of the load steps, and that of the regularisation.
         """
         dx = self.h * after.v
         first, last = model.elastic.at(before.x), model.elastic.at(after.x)
         energies, loss = model.elastic.energies(first, last)
         gain = energies[1] - energies[0]
         euler = float(dx @ model.elastic.force(last, last, 1.0)) - gain if model.elastic.turning else 0.5 * loss
-        regularisation = self.eta / self.h**2 * float(dx @ model.apply_mass(dx, model.rigid_mass(before.x))) if self.eta else 0.0
+        regularisation = 0.0
+        if self.eta:
+            mass = self._regularising(model, dx, model.rigid_mass(before.x))
+            regularisation = float(dx @ (mass - model.driven_share(mass)))
         return balance(
             kinetic=(0.0, 0.0),
             elastic=energies,

@@ -138,8 +138,8 @@ class Scheme(Protocol):
         `rigid_mass`."""
         ...
 
-    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
-        """Return the supports' impulses (n_dofs,) from the residual A v - f - H r and H r."""
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray, v: FloatArray, rigid_mass: FloatArray) -> FloatArray:
+        """Return the supports' impulses (n_dofs,) from the residual A v - f - H r, H r and the unknowns v."""
         ...
 
     def energy(self, model: Model, before: State, after: State, acting: Acting, support: FloatArray) -> Energy:

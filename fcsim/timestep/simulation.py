@@ -260,7 +260,7 @@ class Simulation:
         residual = answer.factor.apply(answer.v) - answer.load - impulse
         if self.model.nonlinear:
             residual = self.model.driven_share(residual)  # the rest is what Newton's method has left
-        support = scheme.support_impulse(self.model, residual, impulse)
+        support = scheme.support_impulse(self.model, residual, impulse, answer.v, rigid_mass)
         return support + turning_impulse(self.model, answer.v, rigid_mass, after) if scheme.timing.moving else support
 
     def _anew(self, start: Moment, equation: Equation) -> Anew | None:

@@ -122,7 +122,7 @@ class Theta(Dynamic):
         x = model.held.placed(model.advance(middle, self.h * self.theta * end), state.t + self.h)
         return State(state.t + self.h, x, model.keep_momentum(v, rigid_mass, x))
 
-    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray) -> FloatArray:
+    def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray, v: FloatArray, rigid_mass: FloatArray) -> FloatArray:
         return residual
 
     def energy(self, model: Model, before: State, after: State, acting: Acting, support: FloatArray) -> Energy:

@@ -10,8 +10,9 @@ from numpy.testing import assert_allclose
 from fcsim.assembly.loads import Traction
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Everything
+from fcsim.contact_detection import Everything, ExactContacts
 from fcsim.errors import Penetration
+from fcsim.mesh.exact.rigid_shapes import rigid_sphere
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part
 from fcsim.timestep.quasi_static import QuasiStatic
@@ -28,8 +29,14 @@ RUBBER = Material(E, 0.0, 1000.0)
 
 def carried(model: Model, direction: int, steps: int = 20) -> np.ndarray:
     """Sum of the contacts' forces [N] along an axis after each load step, times going from 0 to 1."""
-    everything = Everything(model, 0.0)
-    simulation = Simulation(model, everything, QuasiStatic(1 / steps), steps, SolverSettings(name="auto", tol=1e-9))
+    exact = any(body.shape is not None for body in model.rigid)
+    simulation = Simulation(
+        model,
+        ExactContacts(model, 0.0) if exact else Everything(model, 0.0),
+        QuasiStatic(1 / steps),
+        steps,
+        SolverSettings(name="auto", tol=1e-9),
+    )
     return np.array([np.abs(step.force_in_space[:, direction]).sum() for step in simulation])
 
 
@@ -40,15 +47,18 @@ def against(found: np.ndarray, touching: float, most: float, rtol: float, share:
     assert_allclose(found[sure], share * np.maximum(0, load - touching)[sure], atol=rtol * touching)
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e-3])
-def test_the_legs_of_a_spring_are_pressed_together(unit: float) -> None:
-    """Two cantilevers: each tip moves by P L^3 / 3 E I, they touch at P* = 3 E I gap / 2 L^3."""
+@pytest.mark.parametrize(("unit", "beside"), [(1.0, ()), (1e-3, ()), (1.0, ("disk",))])
+def test_the_legs_of_a_spring_are_pressed_together(unit: float, beside: tuple[str, ...]) -> None:
+    """Two cantilevers: each tip moves by P L^3 / 3 E I, they touch at P* = 3 E I gap / 2 L^3; also beside a disk that only `ExactContacts`
+    know."""
     L, t, gap = 1.0 * unit, 0.05 * unit, 0.02 * unit
     part = fork(RUBBER, L, t, gap, 40, 2, plane="stress", elements="Q1-enhanced", thickness=unit)
     touching = 1.5 * E * (unit * t**3 / 12) * gap / L**3
     most = 3 * touching
     loads = [Traction("fork", f"{which} tip", (0, sign * most / (t * unit)), lambda s: s) for which, sign in (("upper", -1), ("lower", 1))]
-    model = build_model([Body("fork", part)], supports=[Support("fork", ("x", "y"), "base")], loads=loads)
+    disks = [rigid_sphere(name, 0.1, (3.0, 0.0), 1.0) for name in beside]
+    supports = [Support("fork", ("x", "y"), "base"), *(Support(name, ("x", "y", "rz")) for name in beside)]
+    model = build_model([Body("fork", part), *disks], supports=supports, loads=loads)
     against(carried(model, 1), touching, most, 0.01)
 
 

@@ -78,7 +78,7 @@ class ExactContacts:
         values = {
             "solids": solids,
             "skin": mesh_skin(rest, nodes, others) if rest is not None else None,
-            "meshed": self._everything(rest) if rest is not None and len(others) > 1 else None,
+            "meshed": self._everything(rest) if rest is not None and (len(others) > 1 or rest.deformable) else None,
             "distance": self.alert if self.alert is not None else _ALERT * float((radii if len(radii) else _half_extents(model)).min()),
             "friction": FrictionTable(self.mu, names),
             "movable": driven < np.diff(model.dof_offset),
@@ -107,7 +107,9 @@ class ExactContacts:
     @property
     def nodes(self) -> IntArray:
         """Sorted numbers of the nodes that contacts can touch."""
-        return np.union1d(self.solids.node, self._meshed_nodes)
+        own = [] if self.meshed is None else [self._meshed_nodes[self.meshed.nodes]]
+        skin = [] if self.skin is None else [self.skin.vertices]
+        return np.unique(np.concatenate([self.solids.node.ravel(), *skin, *own]))
 
     def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
         """Contacts at `positions` (n_nodes, d) [m], sorted by identity.

@@ -10,6 +10,8 @@ from fcsim.contact_detection._vector_kernels import Vector, at, cross, dot, leng
 from fcsim.contact_detection.general._pierce_kernels import pierced
 
 _FLAT = np.cos(np.deg2rad(1.0))  # faces that oppose each other closer than this touch flatly: the contact's normal is the face's
+_TILTED = 1e-4  # from this angle between them on, edges that cross at `_SKEW` or more have their own normal, along which neither slides
+_SKEW = 0.5  # sine of the angle between edges from which their common normal is within twice the tilt of the faces'
 _PARALLEL = 1e-7  # sine of the angle below which edges of flatly touching faces do not cross; vertices hold these
 _ALONG = 1e-4  # the same of edges in space, whose direction of contact is round-off
 _ARC = 0.05  # sine of how far the normal may leave the arc between an edge's faces
@@ -97,6 +99,9 @@ def crossings(
             turn = dot(N, across)
             if abs(turn) < _PARALLEL:
                 continue
+            own = times((1.0 if turn > 0.0 else -1.0) / sine, across)
+            if sine > _SKEW and length(minus(own, N)) > _TILTED:
+                N, turn = own, dot(own, across)
             s, t = dot(N, cross(r, db)) / turn, dot(N, cross(r, da)) / turn
         else:
             if sine < _ALONG:

@@ -2,6 +2,8 @@
 
 Where a face of one body lies flat on a face of the other, the patch they share is the intersection of two polygons. Its corners are
 vertices of either face (see `vertices`) and crossings of their edges; these carry the patch's moments, and their normal is the face's.
+Of faces that are tilted, by up to a degree, edges that cross at more than 30 degrees have their own: on a body that tips over an edge the
+other face's would take energy from what slides.
 Elsewhere two edges touch where their directions a x b lie in the arcs between their faces' normals (the Gauss map: the pair is then a
 face of the Minkowski difference); the gap is the distance along a x b.
 """

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fcsim.assembly.floating import floating, proposed_eta
+from fcsim.assembly.floating import floating, nodal_stiffness, proposed_eta
 from fcsim.assembly.model import Model
 from fcsim.assembly.shares.group_factor import FAINT
 from fcsim.mesh.material.by_region import AnyMaterial, ByRegion
@@ -18,7 +18,8 @@ from fcsim.timestep.scheme import Scheme
 
 HIDDEN = 1e-3
 """Of the proposed eta: below it round-off hides the mass of a body that only contact holds, whatever was tried. Where solvers stagnate near
-an answer it may hide it up to the proposed one: a steel block between two plates ends at errors of 5e-8 at 1e-3 of it, 1e-9 at a tenth."""
+an answer it may hide it up to the proposed one: a steel block between two plates ends at errors of 5e-8 at 1e-3 of it, 1e-9 at a tenth,
+a rigid ball of 1 kg between two plates of 1 GPa at 4e-8 at 1e-2 of it in the plane, at 2e-8 at 1e-3 in space."""
 NEAR = 1e-6  # an error that stagnates below it is round-off's
 TENFOLD = 10.0  # of the eta of linear bodies: problems within Newton's method on nonlinear ones are solved to 1e-9 for 1e-8
 PRESSED = 1e-2
@@ -51,6 +52,7 @@ def doubts(
             f"eta / h^2 M is {FAINT * scheme.eta / own:.0e} of the stiffness of body {model.bodies[number].name!r}, which only contact "
             f"holds, and round-off {'hides' if scheme.eta < HIDDEN * eta else 'may hide'} it: try eta = {eta:.0e}"
         )
+    yield from _faint_beside(model, scheme, near)
     pressed = [(eta, number) for eta, number in loose if any(number in group.members and group.finite for group in model.groups)]
     if pressed and scheme.eta < PRESSED / FAINT * max(pressed)[0]:
         eta, number = max(pressed)
@@ -58,6 +60,22 @@ def doubts(
             f"where body {model.bodies[number].name!r}, which only contact holds, has lost its stiffness: loads that press it make it "
             f"unstable, and its mass has to bear that until contact does: try eta = {PRESSED / FAINT * eta:.0e} and steps in which "
             "loads stand"
+        )
+
+
+def _faint_beside(model: Model, scheme: QuasiStatic, near: bool) -> Iterator[str]:
+    """Of rigid bodies, whose mass is to be seen beside the stiffness at a node of the deformable bodies that may press them."""
+    rigid = [(model.rigid[number - len(model.deformable)].mass, number) for number in floating(model) if number >= len(model.deformable)]
+    stiff = [(nodal_stiffness(model, number) or 0.0, number) for number in range(len(model.deformable))]
+    if not rigid or not stiff or not max(stiff)[0]:
+        return
+    (mass, number), (stiffness, by) = min(rigid), max(stiff)
+    eta = TENFOLD * FAINT * scheme.h**2 * stiffness / mass
+    if scheme.eta < (1.0 if near else HIDDEN) * eta:
+        yield (
+            f"eta / h^2 m of rigid body {model.bodies[number].name!r}, which only contact holds, is "
+            f"{scheme.eta / scheme.h**2 * mass / stiffness:.0e} of the stiffness at a node of {model.bodies[by].name!r}, and round-off "
+            f"{'hides' if scheme.eta < HIDDEN * eta else 'may hide'} it: try eta = {eta:.0e}"
         )
 
 

@@ -45,7 +45,10 @@ def _shares(step: Step, scheme: QuasiStatic) -> FloatArray:
     dx = scheme.h * step.state.v
     inertia = scheme.eta / scheme.h**2 * model.apply_mass(dx, model.rigid_mass(step.previous.x))
     inertia -= model.driven_share(inertia)
-    forces = [model.load(step.state.t, x) + pushing(model, x, When.at(step.state.t)), step.H @ step.reaction, step.support_impulse]
+    contact = step.H @ step.reaction
+    rigid = model.n_elastic  # the forces of contacts on it cancel each other in a body's dofs where it is squeezed
+    contact[rigid:] = np.abs(step.H)[rigid:] @ np.abs(step.reaction)
+    forces = [model.load(step.state.t, x) + pushing(model, x, When.at(step.state.t)), contact, step.support_impulse]
     if step.linked is not None and step.result.multiplier is not None:
         forces.append(step.linked.G @ step.result.multiplier)
     held, *others = (np.add.reduceat(weight * np.abs(force), begin) for force in (inertia, *forces))

@@ -12,6 +12,7 @@ from fcsim.timestep.remarks.driven_parts import driven_parts
 from fcsim.timestep.remarks.equilibria.buckled import Buckled
 from fcsim.timestep.remarks.equilibria.snapping import Snapping
 from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
+from fcsim.timestep.remarks.of_laws.carried_round import CarriedRound
 from fcsim.timestep.remarks.of_laws.rigid_joints import rigid_joints
 from fcsim.timestep.remarks.of_laws.struck_together import struck_together
 from fcsim.timestep.remarks.spinning import spinning
@@ -23,7 +24,7 @@ class StepRemarks:
 
     def __init__(self, detection: Detection, steps: int) -> None:
         self._detection, self._steps, self._snapping, self._inertia = detection, steps, Snapping(), LumpedInertia()
-        self._buckled = Buckled()
+        self._buckled, self._carried = Buckled(), CarriedRound()
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
@@ -37,4 +38,5 @@ class StepRemarks:
             | driven_parts(step, when, said)
             | struck_together(step, when, said)
             | rigid_joints(step, when, said)
+            | self._carried(step, when, said)
         )

@@ -1,0 +1,56 @@
+"""What the mass that regularises statics is not: a force of supports, nor of a rigid body that is squeezed; and what it has to be."""
+
+from functools import partial
+
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim import Body, Everything, ExactContacts, Material, QuasiStatic, Simulation, Step, Support, build_model
+from fcsim.errors import NotConverged
+from fcsim.mesh import brick, rectangle, rigid_rectangle, rigid_sphere
+
+
+def test_a_plate_of_any_mass_presses_with_the_force_of_what_it_presses() -> None:
+    """A smooth plate of 1000 kg on a bar of 10 kg in plane strain: F = E / (1 - nu^2) e b, whatever the plate weighs; of the work of a load
+    step n, n k e^2, the Euler rule dissipates k e^2 / 2."""
+    soft = Material(E=1e6, nu=0.3, density=1000.0)
+    plates = [rigid_rectangle("floor", (1.0, 0.1), (0.0, -0.05), 1.0), rigid_rectangle("plate", (1.0, 0.1), (0.0, 0.15), 1000.0)]
+    down = Support("plate", ("y",), displacement=lambda t: -1e-4 * t)
+    supports = [Support("floor", ("x", "y", "rz")), down, Support("plate", ("x", "rz")), Support("bar", ("x",), at=(0.0, 0.0))]
+    bar = rectangle("bar", (0.1, 0.1), (4, 4), soft, origin=(-0.05, 0.0))
+    model = build_model([Body("bar", bar), *plates], supports=supports)
+    for step in Simulation(model, Everything(model, mu=0.0), QuasiStatic(1.0, eta=1.0), 3):
+        force = 1e6 / (1 - 0.3**2) * 1e-3 * step.number * 0.1
+        assert_allclose(step.support_force(down), (0.0, -force), rtol=1e-4, atol=1e-4 * force)
+        energy = step.energy
+        assert abs(energy.residual) < 1e-9 * energy.support_work
+        assert_allclose(energy.numerical_dissipation, energy.support_work / (2 * step.number), rtol=1e-4)
+
+
+def squeezed(eta: float) -> Step:
+    """A rigid ball of 1 kg between two blocks of 1 GPa that have come together by 0.2 mm."""
+    stiff = Material(E=1e9, nu=0.3, density=1000.0)
+    block = partial(brick, size=(0.2, 0.2, 0.05), divisions=(8, 8, 2), material=stiff)
+    blocks = [Body(name, block(name, origin=(-0.1, -0.1, z))) for name, z in (("lower", -0.05), ("upper", 0.1))]
+    supports = [
+        Support("lower", ("x", "y", "z"), "z-"),
+        Support("upper", ("x", "y"), "z+"),
+        Support("upper", ("z",), "z+", displacement=lambda t: -2e-4 * t),
+    ]
+    model = build_model([*blocks, rigid_sphere("ball", 0.05, (0.0, 0.0, 0.05), 1.0)], supports=supports)
+    (step,) = Simulation(model, ExactContacts(model, mu=0.3), QuasiStatic(1.0, eta=eta), 1, cuttings=0)
+    return step
+
+
+def test_a_ball_that_is_squeezed_is_in_equilibrium() -> None:
+    """Both blocks press it with 1.9 kN, and its mass carries 0.01 N of it: that is no lack of equilibrium. A mass too faint to be seen is
+    refused with one that is enough."""
+    step = squeezed(100.0)
+    lower, upper = step.contact_force_on(0)[2], step.contact_force_on(1)[2]
+    assert_allclose(upper, -lower, rtol=1e-4)
+    assert upper > 1000.0
+    assert not [text for text in step.remarks if "carried by the mass" in text]
+    with pytest.raises(NotConverged, match="rigid body 'ball', which only contact holds") as told:
+        squeezed(1e-2)
+    enough = squeezed(float(str(told.value).rsplit(" ", 1)[1]))
+    assert_allclose(enough.contact_force_on(1)[2], upper, rtol=1e-4)
