@@ -21,6 +21,9 @@ from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add
 from fcsim.solvers.newton.systems.two_level.patches import PATCH_UP_TO, SHARE, chosen, joints_beside, missed_by_joints, solved
 from fcsim.threads import pieces, side_by_side
 
+MORE = 0.1
+"""Share of the limit above which a joint is worth a patch that a rank solves while it would wait."""
+
 
 class JointsOfAll:
     """The joints of all ranks, as `Joints` has those of one process: contacts of pairs of `count` bodies, `order` those of all contacts
@@ -85,12 +88,11 @@ def patched_over_ranks(
 
 
 def chosen_for_ranks(joints: JointsOfAll, missed: FloatArray, limit: float, ranks: int) -> list[IntArray]:
-    """The contacts of the patches that are chosen in one process, and of those that follow up to a multiple of the ranks."""
-    nc = len(joints.order)
-    patches = chosen(joints, missed, limit, SHARE + ranks * PATCH_UP_TO / nc)
-    before = np.cumsum([0, *(len(own) for own in patches)])[:-1]  # contacts of those before each
-    count = np.count_nonzero(before < SHARE * nc)
-    return patches[: count + -count % ranks]
+    """The contacts of the patches that are chosen in one process, and up to a multiple of the ranks of those that follow: what is missed
+    in these may be below `limit`, down to MORE of it."""
+    count = len(chosen(joints, missed, limit))
+    more = -count % ranks
+    return chosen(joints, missed, MORE * limit, 1.0)[: count + more] if more else chosen(joints, missed, limit)
 
 
 def solvers_of(patches: list[IntArray], known: IntArray) -> IntArray:
