@@ -33,6 +33,7 @@ class JointsOfAll:
         """bodies (nc, 2): by contacts, -1 for none."""
         self.count = count
         number, joint = np.unique(numbers_of_pairs(bodies, count), return_inverse=True)
+        self.joint = joint.reshape(-1)  # of each contact (nc,)
         self.order = np.argsort(joint, kind="stable")
         self.cuts = np.searchsorted(joint[self.order], np.arange(len(number) + 1))
         self.bodies = bodies[self.order]
@@ -63,20 +64,20 @@ def patched_over_ranks(
     counts = np.array([[len(at) for at in of_ranks] for of_ranks in places])
     solver = solvers_of(patches, counts)
     mine = np.flatnonzero(solver == world.number)
+    sizes = (d * counts) ** 2 * (solver[:, None] != np.arange(world.size))  # that are sent (patches, ranks)
     with layout.together("patches of joints"):
-        parts = {p: W.own_part(patches[p][places[p][world.number]]) for p in np.flatnonzero(counts[:, world.number]).tolist()}
+        given = _joined([W.own_part(patches[p][places[p][world.number]]) for p in np.flatnonzero(sizes[:, world.number]).tolist()])
     with world.unasked("patches of joints"):
-        sizes = (d * counts) ** 2 * (solver[:, None] != np.arange(world.size))  # that are sent (patches, ranks)
-        given = _joined([parts.pop(p) for p in np.flatnonzero(sizes[:, world.number]).tolist()])
         received = world.gathered(given, sizes.sum(axis=0)) if sizes.any() else given
         begins = np.cumsum(sizes.T.ravel()).reshape(sizes.T.shape).T - sizes  # in what is received (patches, ranks)
         answers: list[FloatArray] = [np.empty(0)] * len(mine)
 
         def solve(begin: int, end: int) -> None:
             for i in range(begin, end):
-                p = mine[i]
+                p, own = mine[i], patches[mine[i]]
                 shares = [received[at : at + size] for at, size in zip(begins[p], sizes[p], strict=True)]
-                own, W_own = patches[p], _summed(parts.pop(p, None), places[p][world.number], shares, places[p], len(patches[p]), d)
+                here = places[p][world.number]
+                W_own = _summed(W.own_part(own[here]), here, shares, places[p], len(own), d)
                 answers[i] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own]) - r[own]
 
         side_by_side([partial(solve, begin, end) for begin, end in pieces(len(mine), 1)])
@@ -90,9 +91,12 @@ def patched_over_ranks(
 def chosen_for_ranks(joints: JointsOfAll, missed: FloatArray, limit: float, ranks: int) -> list[IntArray]:
     """The contacts of the patches that are chosen in one process, and up to a multiple of the ranks of those that follow: what is missed
     in these may be below `limit`, down to MORE of it."""
-    count = len(chosen(joints, missed, limit))
-    more = -count % ranks
-    return chosen(joints, missed, MORE * limit, 1.0)[: count + more] if more else chosen(joints, missed, limit)
+    nc = len(joints.order)
+    patches = chosen(joints, missed, MORE * limit, SHARE + ranks * PATCH_UP_TO / nc)
+    before = np.cumsum([0, *(len(own) for own in patches)])[:-1]  # contacts of those before each
+    middle = joints.joint[[own[0] for own in patches]]
+    count = np.count_nonzero((before < SHARE * nc) & (missed[middle] > limit))
+    return patches[: count + -count % ranks]
 
 
 def solvers_of(patches: list[IntArray], known: IntArray) -> IntArray:
@@ -106,15 +110,12 @@ def solvers_of(patches: list[IntArray], known: IntArray) -> IntArray:
     return solver
 
 
-def _summed(own: FloatArray | None, own_places: IntArray, shares: list[FloatArray], places: list[IntArray], n: int, d: int) -> FloatArray:
-    """W (n d, n d) of a patch from this rank's part of it at `own_places` of its contacts, None: it has none, and the others' shares at
-    places, empty: none."""
-    if own is not None and len(own_places) == n:
-        W = own
-    else:
+def _summed(own: FloatArray, own_places: IntArray, shares: list[FloatArray], places: list[IntArray], n: int, d: int) -> FloatArray:
+    """W (n d, n d) of a patch from this rank's part of it at `own_places` of its contacts, and the others' shares, empty: none."""
+    W = own
+    if len(own_places) < n:
         W = np.zeros((n * d, n * d))
-        if own is not None:
-            add_part(own, own_places, d, W)
+        add_part(own, own_places, d, W)
     for share, at in zip(shares, places, strict=True):
         if len(share):
             add_part(share.reshape(d * len(at), -1), at, d, W)
