@@ -23,13 +23,13 @@ def separators(begins, columns, rank):
         for e in range(begins[b], begins[b + 1]):
             beside[b] += rank[columns[e]] != rank[b]
     while True:
-        b = np.argmax(beside)
-        if beside[b] == 0:
+        most = np.argmax(beside)
+        if beside[most] == 0:
             return taken
-        taken[b], beside[b] = True, 0
-        for e in range(begins[b], begins[b + 1]):
+        taken[most], beside[most] = True, 0
+        for e in range(begins[most], begins[most + 1]):
             other = columns[e]
-            if rank[other] != rank[b] and not taken[other]:
+            if rank[other] != rank[most] and not taken[other]:
                 beside[other] -= 1
 
 
