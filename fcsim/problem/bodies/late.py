@@ -23,7 +23,8 @@ class LateSum:
         self._sum, self.shares = sum_of, shares
 
     @cached_property
-    def _product(self) -> ShareProduct:
+    def product(self) -> ShareProduct:
+        """What multiplies by the bodies."""
         return ShareProduct(self.shares)
 
     def rows(self) -> LateRows:
@@ -35,7 +36,7 @@ class LateSum:
 
     def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
         """W x + q (m,)."""
-        return self._product.affine(x, q)
+        return self.product.affine(x, q)
 
     def diagonal_blocks(self) -> FloatArray:
         """W_aa (nc, d, d)."""

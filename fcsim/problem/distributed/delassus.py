@@ -51,6 +51,10 @@ class DistributedDelassus(LinearOperator):
         Wx: FloatArray = product_by_rows(self.rows, np.zeros_like(x), x) if self.layout.dimension == 3 else self.rows @ x
         return Wx
 
+    def own_product_of_few(self, x: FloatArray) -> FloatArray:
+        """As `own_product`, for x that is zero but at few contacts."""
+        return self._share.product.of_few(x) if isinstance(self._share, LateSum) else self.own_product(x)
+
     def own_part(self, contacts: IntArray) -> FloatArray:
         """This rank's share (k d, k d) of the blocks of contacts (k,), all of them its own."""
         place, d = self._place[contacts], self.layout.dimension

@@ -16,7 +16,9 @@ from fcsim.linear.joints import BlockRows
 from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.systems.two_level import patches, system
 from fcsim.solvers.newton.systems.two_level.joints import Joints
-from fcsim.solvers.newton.systems.two_level.over_ranks.patches import solvers_of
+from fcsim.solvers.newton.systems.two_level.over_ranks._coarse_kernels import separators
+from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_part
+from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll, chosen_for_ranks, solvers_of
 from tests.unit.ranks.conftest import Program
 from tests.unit.ranks.two_level import WORST, unsolved
 from tests.unit.ranks.walls import simulation
@@ -172,3 +174,52 @@ def test_a_patch_is_solved_by_who_has_least_to_do_and_knows_most_of_it() -> None
     assert solvers_of([large] * 4, np.array([[100, 0]] * 4)).tolist() == [0, 1, 0, 1]
     assert solvers_of([large] * 2, np.array([[20, 100], [100, 90]])).tolist() == [1, 0]
     assert solvers_of([small, large], np.array([[10, 0], [100, 0]])).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+def test_a_round_has_as_many_patches_for_each_rank(ranks: int) -> None:
+    """Those of one process in its order, and up to a multiple of the ranks the next ones, from a tenth of the limit on; fewer where there
+    are no more."""
+    bodies = np.repeat(np.stack([np.arange(60), np.arange(1, 61)], axis=1), 10, axis=0)  # a row of bodies with ten contacts a joint
+    joints = JointsOfAll(bodies, 61)
+    missed = np.random.default_rng(1).uniform(0.5, 1.0, 60)
+    alone, every = patches.chosen(joints, missed, 0.0), patches.chosen(joints, missed, 0.0, 1.0)
+    assert len(alone) == 1 and len(every) > 2 * ranks
+    found = chosen_for_ranks(joints, missed, 0.0, ranks)
+    assert len(found) == ranks
+    for own, other in zip(found, every, strict=False):
+        assert np.array_equal(own, other)
+    others = np.argsort(missed)[:-1]
+    missed[others] = 0.02
+    assert len(chosen_for_ranks(joints, missed, 0.1, ranks)) == ranks
+    missed[others] = 0
+    assert len(chosen_for_ranks(joints, missed, 0.1, ranks)) == 1
+
+
+@pytest.mark.parametrize("d", (2, 3))
+def test_parts_of_a_patch_are_added_at_their_contacts(d: int) -> None:
+    rng = np.random.default_rng(d)
+    W, at = rng.standard_normal((5 * d, 5 * d)), np.array([3, 0, 4])
+    part, before = rng.standard_normal((3 * d, 3 * d)), W.copy()
+    chosen = np.zeros((5 * d, 3 * d))
+    chosen[(d * at[:, None] + np.arange(d)).ravel(), np.arange(3 * d)] = 1
+    add_part(part, at, d, W)
+    assert np.allclose(W, before + chosen @ part @ chosen.T, rtol=0, atol=1e-15)
+
+
+def test_one_body_beside_many_separates_ranks_in_their_place() -> None:
+    """A platen on bricks of two ranks, of which two neighbours are next to each other; and any graph falls apart."""
+    graph = np.zeros((11, 11), dtype=bool)
+    graph[0, 1:] = True
+    graph[5, 6] = True
+    rank = np.array([1] + 5 * [0] + 5 * [1])
+    graph |= graph.T
+    taken = separators(np.concatenate([[0], np.cumsum(graph.sum(axis=1))]), np.nonzero(graph)[1], rank)
+    assert np.flatnonzero(taken).tolist() == [0, 5]
+    rng = np.random.default_rng(4)
+    graph, rank = rng.random((60, 60)) < 0.05, rng.integers(0, 3, 60)
+    graph = graph | graph.T | np.eye(60, dtype=bool)
+    taken = separators(np.concatenate([[0], np.cumsum(graph.sum(axis=1))]), np.nonzero(graph)[1], rank)
+    row, column = np.nonzero(graph)
+    assert 0 < taken.sum() < 60
+    assert np.all((rank[row] == rank[column]) | taken[row] | taken[column])

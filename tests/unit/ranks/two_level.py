@@ -55,7 +55,7 @@ def in_patches(W: DistributedDelassus, A: FloatArray, B: FloatArray, rhs: FloatA
     given, limits = unsolved(W.diagonal().reshape(rhs.shape))
     before = system.settled(*given, limits[0]) is None
     system.solve(A, B, rhs)
-    with mock.patch.object(patches, "SHARE", 1.0):  # all that have no joint in common
+    with mock.patch.multiple(patches, SHARE=1.0, MORE=1.0):  # all above the limit that have no joint in common, and no others
         found, knows = [system.settled(*given, limit) for limit in limits], space.knows_joints
     assert system._two_level is not None
     system._two_level.pays = False

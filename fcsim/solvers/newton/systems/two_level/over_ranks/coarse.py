@@ -1,7 +1,7 @@
 """The coarse matrix over ranks: each eliminates the motions of its own bodies, all what that leaves on the bodies between ranks.
 
-Bodies next to those of a higher rank separate the others of one rank from the others' (J. S. Przemieniecki, AIAA J. 1, 1963). What is left
-on these, a dense matrix T, is summed over the ranks and factored by all.
+Some of the bodies that are next to another rank's separate all others of one rank from the others' (J. S. Przemieniecki, AIAA J. 1, 1963):
+a platen in the place of all bricks below it. What is left on these, a dense matrix T, is summed over the ranks and factored by all.
 """
 
 from __future__ import annotations
@@ -32,8 +32,7 @@ class CoarsePattern:
         row = np.repeat(np.arange(n), np.diff(begins))
         self.diagonal = np.flatnonzero(row == columns)
         self.mirror = np.searchsorted(row * n + columns, columns * n + row)
-        between = np.zeros(n, dtype=bool)
-        between[row[rank[row] < rank[columns]]] = True
+        between = kernels.separators(begins, columns, rank)
         tree = elimination_tree(begins, columns, PADDING, last=between)
         self.tree = (tree.order, tree.first, tree.starts, tree.rows)
         of_all = np.logical_or.reduceat(between[tree.order], tree.first[:-1])  # fronts with a body between ranks

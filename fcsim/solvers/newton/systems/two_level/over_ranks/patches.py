@@ -1,5 +1,8 @@
 """Patches of joints over ranks: which there are follows from all joints, as in one process; each is solved by one rank.
 
+A round has as many patches for each rank, so that none waits for another one: as many in all as one process would take, and up to a
+multiple of the ranks where there are more.
+
 W of a patch's contacts is the sum of the shares of its bodies, h C h^T, each of which its body's rank makes: nobody needs others' C. A
 patch whose bodies are all of one rank takes no exchange there; between ranks, or where another rank has less to do, the others send the
 one that solves it what their bodies have on its contacts. Then all ranks have all reactions that have changed.
@@ -14,11 +17,12 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.newton.systems.two_level.joints import numbers_of_pairs
-from fcsim.solvers.newton.systems.two_level.patches import chosen, joints_beside, missed_by_joints, solved
+from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_part
+from fcsim.solvers.newton.systems.two_level.patches import PATCH_UP_TO, SHARE, chosen, joints_beside, missed_by_joints, solved
 from fcsim.threads import pieces, side_by_side
 
-SHARE = 0.02
-"""Of all contacts that a round's patches have about, at the most: of a wall of 192 bricks two patches, one for each of two ranks."""
+MORE = 0.1
+"""Share of the limit above which a joint is worth a patch that a rank solves while it would wait."""
 
 
 class JointsOfAll:
@@ -29,6 +33,7 @@ class JointsOfAll:
         """bodies (nc, 2): by contacts, -1 for none."""
         self.count = count
         number, joint = np.unique(numbers_of_pairs(bodies, count), return_inverse=True)
+        self.joint = joint.reshape(-1)  # of each contact (nc,)
         self.order = np.argsort(joint, kind="stable")
         self.cuts = np.searchsorted(joint[self.order], np.arange(len(number) + 1))
         self.bodies = bodies[self.order]
@@ -52,28 +57,27 @@ def patched_over_ranks(
     """What r (nc, d) moves by in a round of patches, as `patched`, on all ranks, which have all arguments; None where there are none."""
     layout, d = W.layout, r.shape[1]
     world = layout.world
-    patches = chosen(joints, missed_by_joints(joints, u, r, mu, rho, weight), limit, SHARE)
+    patches = chosen_for_ranks(joints, missed_by_joints(joints, u, r, mu, rho, weight), limit, world.size)
     if not patches:
         return None
     places = [[np.flatnonzero(known) for known in layout.known[:, own]] for own in patches]
-    solver = solvers_of(patches, np.array([[len(at) for at in of_ranks] for of_ranks in places]))
+    counts = np.array([[len(at) for at in of_ranks] for of_ranks in places])
+    solver = solvers_of(patches, counts)
     mine = np.flatnonzero(solver == world.number)
+    sizes = (d * counts) ** 2 * (solver[:, None] != np.arange(world.size))  # that are sent (patches, ranks)
     with layout.together("patches of joints"):
-        blocks = [W.own_part(own[at[world.number]]) for own, at in zip(patches, places, strict=True)]
+        given = _joined([W.own_part(patches[p][places[p][world.number]]) for p in np.flatnonzero(sizes[:, world.number]).tolist()])
     with world.unasked("patches of joints"):
-        sent = solver[:, None] != np.arange(world.size)  # (patches, ranks)
-        sizes = np.array([[(d * len(at)) ** 2 for at in of_ranks] for of_ranks in places]) * sent
-        given = _joined([block for block, other in zip(blocks, sent[:, world.number], strict=True) if other])
-        received = [np.empty(0)] * sizes.size
-        if sizes.any():
-            received = np.split(world.gathered(given, sizes.sum(axis=0)), np.cumsum(sizes.T.ravel())[:-1])
-        shares = [[blocks[p] if k == world.number else received[k * len(patches) + p] for k in range(world.size)] for p in mine]
-        del blocks, received
+        received = world.gathered(given, sizes.sum(axis=0)) if sizes.any() else given
+        begins = np.cumsum(sizes.T.ravel()).reshape(sizes.T.shape).T - sizes  # in what is received (patches, ranks)
         answers: list[FloatArray] = [np.empty(0)] * len(mine)
 
         def solve(begin: int, end: int) -> None:
             for i in range(begin, end):
-                own, W_own = patches[mine[i]], _summed(shares[i], places[mine[i]], len(patches[mine[i]]), d)
+                p, own = mine[i], patches[mine[i]]
+                shares = [received[at : at + size] for at, size in zip(begins[p], sizes[p], strict=True)]
+                here = places[p][world.number]
+                W_own = _summed(W.own_part(own[here]), here, shares, places[p], len(own), d)
                 answers[i] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own]) - r[own]
 
         side_by_side([partial(solve, begin, end) for begin, end in pieces(len(mine), 1)])
@@ -82,6 +86,17 @@ def patched_over_ranks(
         step = np.zeros_like(r)
         step[np.concatenate([patches[p] for p in in_order])] = world.gathered(_joined(answers), counts).reshape(-1, d)
     return step
+
+
+def chosen_for_ranks(joints: JointsOfAll, missed: FloatArray, limit: float, ranks: int) -> list[IntArray]:
+    """The contacts of the patches that are chosen in one process, and up to a multiple of the ranks of those that follow: what is missed
+    in these may be below `limit`, down to MORE of it."""
+    nc = len(joints.order)
+    patches = chosen(joints, missed, MORE * limit, SHARE + ranks * PATCH_UP_TO / nc)
+    before = np.cumsum([0, *(len(own) for own in patches)])[:-1]  # contacts of those before each
+    middle = joints.joint[[own[0] for own in patches]]
+    count = np.count_nonzero((before < SHARE * nc) & (missed[middle] > limit))
+    return patches[: count + -count % ranks]
 
 
 def solvers_of(patches: list[IntArray], known: IntArray) -> IntArray:
@@ -95,14 +110,16 @@ def solvers_of(patches: list[IntArray], known: IntArray) -> IntArray:
     return solver
 
 
-def _summed(shares: list[FloatArray], places: list[IntArray], n: int, d: int) -> FloatArray:
-    """W (n d, n d) of a patch from what ranks have of it at `places` of its contacts."""
-    if len(places[0]) == n and not any(len(at) for at in places[1:]):
-        return shares[0].reshape(n * d, n * d)
-    W = np.zeros((n, d, n, d))
-    for own, at in zip(shares, places, strict=True):
-        W[at[:, None], :, at] += own.reshape(len(at), d, len(at), d).transpose(0, 2, 1, 3)
-    return W.reshape(n * d, n * d)
+def _summed(own: FloatArray, own_places: IntArray, shares: list[FloatArray], places: list[IntArray], n: int, d: int) -> FloatArray:
+    """W (n d, n d) of a patch from this rank's part of it at `own_places` of its contacts, and the others' shares, empty: none."""
+    W = own
+    if len(own_places) < n:
+        W = np.zeros((n * d, n * d))
+        add_part(own, own_places, d, W)
+    for share, at in zip(shares, places, strict=True):
+        if len(share):
+            add_part(share.reshape(d * len(at), -1), at, d, W)
+    return W
 
 
 def _joined(parts: list[FloatArray]) -> FloatArray:

@@ -15,12 +15,9 @@ from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import patched_over_ranks
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
+from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS
 from fcsim.solvers.newton.systems.two_level.settling import Rounds
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
-
-ROUNDS, PART, WORTH = 2, 0.3, 0.5
-"""As `Rounds` has them, fewer than in one process: rounds are dearer beside GMRES' iterations, where one rank solves a patch while others
-wait."""
 
 KEPT = 40
 """Iterations of GMRES up to which what W makes of its steps is kept; W times the answer of longer ones takes one more product."""
@@ -29,7 +26,7 @@ KEPT = 40
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
 
-    rounds = Rounds(ROUNDS, PART, WORTH)
+    rounds = Rounds(ROUNDS, PART)
 
     def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, kept: PreconditionerOverRanks | None = None) -> None:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
@@ -84,7 +81,7 @@ class TwoLevelOverRanks:
             return None
         dr, layout = step.ravel(), self._W.layout
         with layout.world.unasked("W times what patches move by"):
-            return dr, layout.summed(self._W.own_product(dr[layout.own_unknowns]))
+            return dr, layout.summed(self._W.own_product_of_few(dr[layout.own_unknowns]))
 
     def _by(
         self,
