@@ -19,6 +19,10 @@ from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS
 from fcsim.solvers.newton.systems.two_level.settling import Rounds
 from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
 
+WORTH = 0.5
+"""As `Rounds` has it, what a round of patches must leave of the error for another one to follow, less than in one process: of a wall of 768
+bricks half of the rounds lead to as few systems."""
+
 KEPT = 40
 """Iterations of GMRES up to which what W makes of its steps is kept; W times the answer of longer ones takes one more product."""
 
@@ -26,7 +30,7 @@ KEPT = 40
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
 
-    rounds = Rounds(ROUNDS, PART)
+    rounds = Rounds(ROUNDS, PART, WORTH)
 
     def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, kept: PreconditionerOverRanks | None = None) -> None:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
