@@ -104,6 +104,8 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
     except BrokenPipeError:  # the reader of our output left, as `head` does
         silence(sys.stdout)
         return EXIT_OK, ""
+    except (FileExistsError, NotADirectoryError) as error:
+        return EXIT_BAD_INPUT, f"{error.filename}: expected a folder to write into, found a file there or above it"
     except OSError as error:  # a folder that cannot be written, a full disk
         return EXIT_BAD_INPUT, str(error)
     except (KeyboardInterrupt, SystemError) as error:

@@ -280,3 +280,25 @@ def test_info_says_where_the_stored_u_is_not_that_of_the_stored_r(tmp_path: Path
         write_fclib(path, problem, solution=Solution(u=u, r=np.array([1.0, 0.0, 0.0])))
         assert main(["info", str(path)]) == 0
         assert ("the stored u is another one than that of the stored r, by 5.0e+00 |q|" in capsys.readouterr().out) is said
+
+
+@pytest.mark.parametrize("command", ["bench", "profile", "collection"])
+def test_a_file_in_the_place_of_a_folder_is_named(tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was "[Errno 17] File exists" or "[Errno 20] Not a directory"."""
+    problem, file = tmp_path / "set" / "one.hdf5", tmp_path / "file"
+    problem.parent.mkdir()
+    write_fclib(problem, LocalProblem(np.eye(3), np.array([-1.0, 0.1, 0.0]), np.array([0.5])))
+    file.write_text("something else")
+    measured = tmp_path / "measured"
+    before = ["bench", str(problem.parent), "--solvers", "NSGS-AC", "--tols", "1e-2", "--out", str(measured)]
+    asked = {
+        "bench": [*before[:-1], str(file)],
+        "profile": ["profile", str(measured), "--out", str(file)],
+        "collection": ["collection", "select", str(problem.parent), "--out", str(file / "set")],
+    }[command]
+    if command == "profile":
+        assert main(before) == 0
+    assert main(asked) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert str(file) in said and "expected a folder to write into, found a file there or above it" in said
+    assert file.read_text() == "something else"
