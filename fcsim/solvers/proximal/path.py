@@ -43,9 +43,8 @@ ROOM = 36
 """Changes of low rank before the bodies' matrix is factored anew: an elimination costs what some thirty solutions with its factor do."""
 AGAIN = 4
 """Paths that are followed for one problem: from the end of each, where Newton's method does not arrive from there."""
-ACCURACY = 1e-2
-"""What the equations of motion may be left with on the way over w as a momentum, both by their norms: by 1e-3 paths have the same pieces
-within a thousandth, each of 6 % more time."""
+ACCURACY = 1e-3
+"""What the equations of motion may be left with on the way over w as a momentum, both by their norms."""
 
 
 @dataclass(frozen=True)
