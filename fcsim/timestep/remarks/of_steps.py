@@ -38,5 +38,5 @@ class StepRemarks:
             | driven_parts(step, when, said)
             | struck_together(step, when, said)
             | rigid_joints(step, when, said)
-            | self._carried(step, when, said)
+            | self._carried(step, found, when, said)
         )

@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.timestep.step import Step
 
 CREPT = 0.01
 """Of the smaller body's size: the way from which on it is said."""
+TURNED = 1e-3
+"""[rad] Where no body has turned by more from its reference nothing has crept by CREPT of its size, unless it is far from the axis."""
+
+_NOTHING: tuple[IntArray, FloatArray] = (np.empty(0, dtype=np.int64), np.empty((0, 0)))
 
 
 class CarriedRound:
@@ -22,17 +27,20 @@ class CarriedRound:
     """
 
     def __init__(self) -> None:
-        self._borne: tuple[IntArray, FloatArray] = (np.empty(0, dtype=np.int64), np.empty((0, 0)))
+        self._borne = _NOTHING
         self._way: dict[int, float] = {}
 
-    def __call__(self, step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
+    def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """The remark by its kind; {} where there is none, or where it is `said`."""
         if "carried round" in said or not step.scheme.timing.moving:
             return {}
+        if not _turned(step, found):
+            self._borne = _NOTHING
+            return {}
         pairs, crept, size = self._crept(step)
-        for one, way in zip(pairs.tolist(), crept.tolist(), strict=True):
+        for one, way in zip(pairs[crept > 0].tolist(), crept[crept > 0].tolist(), strict=True):
             self._way[one] = self._way.get(one, 0.0) + way
-        far = np.array([self._way[one] for one in pairs.tolist()]) / size
+        far = np.array([self._way.get(one, 0.0) for one in pairs.tolist()]) / size
         if far.max(initial=0.0) < CREPT:
             return {}
         worst = int(np.argmax(far))
@@ -65,6 +73,12 @@ class CarriedRound:
         size = np.broadcast_to(meeting.size, len(contacts))[bears][now][first]
         alike = (slid < turned) & (np.bincount(pair) >= contacts.dimension)
         return pairs, np.where(alike, 0.5 * step.scheme.h * step.substeps * turned, 0.0), size
+
+
+def _turned(step: Step, found: Deformation) -> bool:
+    model = step.model
+    rigid = model.rigid_part(step.state.x)[:, model.dimension :] if len(model.rigid) else np.zeros((0, 1))
+    return max(float(found.rotation.max(initial=0.0)), float(np.linalg.norm(rigid, axis=1).max(initial=0.0))) > TURNED
 
 
 def _means(values: FloatArray, group: IntArray) -> FloatArray:
