@@ -10,7 +10,8 @@ problem is not monotone, unlike the convex programs of IPM in which ||u_T|| is h
 to the boundary shrink to nothing. Then another path is followed, of other weights and from nearer to the best iterate.
 
 A contact that grazes, or is about to slide, is known to the root of tau only, and the distance of a sliding one to its cone is round-off at
-errors of about 1e-9. Where a path ends with an error of at most POLISHED, a few iterations of proximal Newton give the last digits.
+errors of about 1e-9. Where a path has come to an error of at most POLISHED, a few iterations of proximal Newton from there give the last
+digits; a start that is as good already, as another method's iterate, is not what they begin from.
 
 Sources: Chen, Ly, Wojtan, "Primal-dual non-smooth friction for rigid body animation", SIGGRAPH 2024; Howell et al., "Dojo",
 arXiv:2203.00806, 2022; Mehrotra, SIAM J. Optim. 2, 1992; Nesterov, Todd, SIAM J. Optim. 8, 1998. The weights, the further paths and the
@@ -94,7 +95,7 @@ def interior_point_turns(
     for number in range(options.paths):
         best = r if monitor.best_r is None else monitor.best_r
         status = yield from method.follow(best, NEARER**number * size, *WEIGHTS[number % len(WEIGHTS)])
-        if status is None and options.polish and monitor.best <= POLISHED:
+        if status is None and options.polish and method.least <= POLISHED:
             status = yield from method.polish()
         if status is not None:
             return Iterate(r if monitor.best_r is None else monitor.best_r, status)
@@ -111,9 +112,12 @@ class _InteriorPoint:
         self._compliance = problem.delassus.compliance
         self.pairs = ContactPairs(problem.mu, problem.dimension)
         self._system = InteriorSystem(problem.delassus)
+        self.least, self._nearest = np.inf, np.empty(0)
 
     def follow(self, r: FloatArray, size: float, by_compliance: float, by_friction: float) -> PathTurns:
-        """Follow a central path from near r (m,), from tau = size^2 [velocity] over the compliance; None where it ends unsolved."""
+        """Follow a central path from near r (m,), from tau = size^2 [velocity] over the compliance; None where it ends unsolved. What it
+        came to is its least error, `least`."""
+        self.least = np.inf
         c, monitor = self._compliance, self._monitor
         mean = float(np.exp(np.log(c).mean()))
         tau = (mean / c) ** by_compliance / mean
@@ -135,8 +139,11 @@ class _InteriorPoint:
             self._told(products / total)
             monitor.iterations += 1
             answer = self._answer(R, y)
-            if monitor.record(answer, self._velocity(answer).ravel()) <= monitor.tol:
+            error = monitor.record(answer, self._velocity(answer).ravel())
+            if error <= monitor.tol:
                 return Status.SOLVED
+            if error < self.least:
+                self.least, self._nearest = error, answer
             short = short + 1 if point.length < SHORT else 0
             yield
         return None
@@ -162,15 +169,14 @@ class _InteriorPoint:
         return _Point(t, *step.moved(R, dr, y, dy, t))
 
     def polish(self) -> PathTurns:
-        """Proximal Newton from the best iterate; None where it does not arrive within its iterations."""
+        """Proximal Newton from the path's best iterate; None where it does not arrive within its iterations."""
         monitor, most = self._monitor, self._options.max_iterations
-        assert monitor.best_r is not None
         options = replace(
             PROXIMAL_NEWTON,
-            alpha=min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(monitor.best))),
+            alpha=min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(self.least))),
             max_iterations=min(monitor.iterations + self._options.polish, most),
         )
-        status = (yield from proximal_turns(self._problem, monitor.best_r, monitor, options)).status
+        status = (yield from proximal_turns(self._problem, self._nearest, monitor, options)).status
         return status if status in (Status.SOLVED, Status.TIME_LIMIT) or monitor.iterations >= most else None
 
 
