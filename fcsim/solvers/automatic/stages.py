@@ -28,6 +28,7 @@ from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, swept
 from fcsim.solvers.automatic.later import (
     BESIDE,
+    beside_interior,
     enter_from_zero,
     enter_interior,
     enter_least_squares,
@@ -62,6 +63,10 @@ RESTING = 120
 96 to 317; 220 on an arch and a wall that took it 8629 and 812."""
 BEHIND = 10.0
 """Times the best error beyond which ADMM's own is far behind."""
+LED = 15
+"""Iterations of proximal Newton whose cost sweeps spend in beds of grains before it begins. From 1300, 800, 500, 300 and 200 sweeps it took
+6, 9, 20, 38, 48 iterations on a bed of rocks, 15, 17, 16, 20, 22 on one of unlike masses, 33, 33, 13, more than 300, 195 on one of large
+friction."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
 PLATEAU = 50
@@ -176,8 +181,18 @@ def _enter_proximal(race: Race) -> bool:
     if race.over("sweeps") and (race.over("Newton") or singular_here(race)):
         return True
     if not race.over("Newton"):
-        return singular_here(race) and dearer_than_proximal(race, swept(race))
-    return race.warm or race.joints is not None or on_springs(race) or dearer_than_proximal(race, swept(race))
+        return singular_here(race) and dearer_than_proximal(race, swept(race)) and not _sweeps_lead_on(race)
+    if race.warm or race.joints is not None or on_springs(race):
+        return True
+    return dearer_than_proximal(race, swept(race)) and not _sweeps_lead_on(race)
+
+
+def _sweeps_lead_on(race: Race) -> bool:
+    """Whether sweeps of a bed of grains have yet to spend what some iterations of proximal Newton cost, which takes fewer from further on:
+    they find out which contacts hold at a fraction of its price."""
+    if race.warm or race.joints is not None or not race.prices.in_velocities or held_as_blocks(race) or "sweeps" not in race.runners:
+        return False
+    return race.runners["sweeps"].spent < LED * race.prices.running(closed(race))
 
 
 def _enter_proof(race: Race) -> bool:
@@ -186,14 +201,19 @@ def _enter_proof(race: Race) -> bool:
 
 
 def _share_of_sweeps(race: Race) -> float:
-    """Beds of grains may hold as much as the bodies' velocities without being blocks: there sweeps do arrive."""
-    return SWEEPS_BESIDE if "proximal Newton" in race.runners and (held_as_blocks(race) or on_springs(race)) else 1.0
+    """Beds of grains may hold as much as the bodies' velocities without being blocks: there sweeps do arrive, seldom once an interior point
+    has begun."""
+    if "proximal Newton" in race.runners and (held_as_blocks(race) or on_springs(race)):
+        return SWEEPS_BESIDE
+    return LITTLE if beside_interior(race) else 1.0
 
 
 def _share_of_splitting(race: Race) -> float:
     """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate, unless
-    it has come for the sweeps."""
+    it has come for the sweeps; in beds of grains below 1e-4 beside an interior point it has little in any case."""
     behind = race.best < FAR and race.runners["splitting"].monitor.best > BEHIND * race.best
+    if race.best <= BESIDE and beside_interior(race):
+        return LITTLE
     return LITTLE if behind and not in_place_of_sweeps(race) else 1.0
 
 

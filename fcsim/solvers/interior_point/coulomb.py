@@ -86,13 +86,17 @@ def interior_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
 def interior_point_turns(
     problem: LocalProblem, r: FloatArray, monitor: Monitor, options: InteriorPointOptions, told: Callable[[float], None] | None = None
 ) -> Turns:
-    """The same by turns of one iteration each; told: is told tau after each."""
+    """The same by turns of one iteration each, and one of none before each path but the first; told: is told tau after each iteration
+    along a path, infinity before a path."""
     error = monitor.record(r, problem.delassus.affine(r, problem.q))
     if error <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     method = _InteriorPoint(problem, monitor, options, told or (lambda tau: None))
     begun, size = monitor.iterations, monitor.scale / np.sqrt(problem.nc)
     for number in range(options.paths):
+        method.told(np.inf)
+        if number:
+            yield
         best = r if monitor.best_r is None else monitor.best_r
         status = yield from method.follow(best, NEARER**number * size, *WEIGHTS[number % len(WEIGHTS)])
         if status is None and options.polish and method.least <= POLISHED:
@@ -107,7 +111,7 @@ class _InteriorPoint:
     """The paths of one problem; their points are r (nc, d), and flat x and y on both sides of the pairs."""
 
     def __init__(self, problem: LocalProblem, monitor: Monitor, options: InteriorPointOptions, told: Callable[[float], None]) -> None:
-        self._problem, self._monitor, self._options, self._told = problem, monitor, options, told
+        self._problem, self._monitor, self._options, self.told = problem, monitor, options, told
         self._operator, self._shape = problem.delassus, (problem.nc, problem.dimension)
         self._compliance = problem.delassus.compliance
         self.pairs = ContactPairs(problem.mu, problem.dimension)
@@ -136,7 +140,7 @@ class _InteriorPoint:
             if not (point.length > 0 and point.inside and np.isfinite(point.products)):
                 return None  # as far as floating point goes
             R, x, y, products = point.r, point.x, point.y, point.products
-            self._told(products / total)
+            self.told(products / total)
             monitor.iterations += 1
             answer = self._answer(R, y)
             error = monitor.record(answer, self._velocity(answer).ravel())
