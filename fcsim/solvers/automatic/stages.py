@@ -25,7 +25,7 @@ from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, swept
+from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, sweeps_lead_on, swept
 from fcsim.solvers.automatic.later import (
     BESIDE,
     beside_interior,
@@ -34,6 +34,7 @@ from fcsim.solvers.automatic.later import (
     enter_least_squares,
     enter_least_squares_again,
     enter_paths,
+    enter_proof,
     exhausted,
     in_place_of_sweeps,
     interior_is_first,
@@ -52,9 +53,8 @@ begun."""
 PATHS_ALONE = 2.0
 """Times what all others have spent that paths from zero spend before they share: once they have begun it is mostly they who arrive (27 of
 28 arches and walls in 2D)."""
-PROOF_AFTER, PROOF_SHARE = 2.0, 4.0
-"""Times what a proof costs that others have spent when it enters, and may spend before it goes first: where there is a solution that
-costs half as much more at the most."""
+PROOF_SHARE = 4.0
+"""Times what a proof costs that others may spend before it goes first."""
 TO_REST = 1.4
 """Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
 is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
@@ -63,10 +63,6 @@ RESTING = 120
 96 to 317; 220 on an arch and a wall that took it 8629 and 812."""
 BEHIND = 10.0
 """Times the best error beyond which ADMM's own is far behind."""
-LED = 15
-"""Iterations of proximal Newton whose cost sweeps spend in beds of grains before it begins. From 1300, 800, 500, 300 and 200 sweeps it took
-6, 9, 20, 38, 48 iterations on a bed of rocks, 15, 17, 16, 20, 22 on one of unlike masses, 33, 33, 13, more than 300, 195 on one of large
-friction."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
 PLATEAU = 50
@@ -181,23 +177,10 @@ def _enter_proximal(race: Race) -> bool:
     if race.over("sweeps") and (race.over("Newton") or singular_here(race)):
         return True
     if not race.over("Newton"):
-        return singular_here(race) and dearer_than_proximal(race, swept(race)) and not _sweeps_lead_on(race)
+        return singular_here(race) and dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)
     if race.warm or race.joints is not None or on_springs(race):
         return True
-    return dearer_than_proximal(race, swept(race)) and not _sweeps_lead_on(race)
-
-
-def _sweeps_lead_on(race: Race) -> bool:
-    """Whether sweeps of a bed of grains have yet to spend what some iterations of proximal Newton cost, which takes fewer from further on:
-    they find out which contacts hold at a fraction of its price."""
-    if race.warm or race.joints is not None or not race.prices.in_velocities or held_as_blocks(race) or "sweeps" not in race.runners:
-        return False
-    return race.runners["sweeps"].spent < LED * race.prices.running(closed(race))
-
-
-def _enter_proof(race: Race) -> bool:
-    """Where every contact has a compliance there is a solution: y^T W y > 0."""
-    return "proximal Newton" in race.runners and race.best > FAR and race.spent() > PROOF_AFTER * race.prices.proof and not on_springs(race)
+    return dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)
 
 
 def _share_of_sweeps(race: Race) -> float:
@@ -283,8 +266,9 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "interior point",
-        "IPM-COULOMB from the best iterate. Enters from zero where proximal Newton has ended, or is past its own iterations and in "
-        "beds of grains has spent, in edges and faces needs as much as an interior point costs. Alone on a central path that leads on.",
+        "IPM-COULOMB, in blocks from the best iterate, in beds of grains from zero. Enters, in a problem from zero, where proximal Newton "
+        "has ended or is past its own iterations and in beds has spent, in blocks needs as much as an interior point costs. Alone on a "
+        "central path that leads on.",
         enters=enter_interior,
         turns=methods.interior,
         price=lambda race: race.prices.interior,
@@ -305,7 +289,7 @@ STAGES: tuple[Stage, ...] = (
         "proof",
         "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent twice as "
         "much; goes first once they have spent four times as much.",
-        enters=_enter_proof,
+        enters=enter_proof,
         turns=methods.proof,
         price=lambda race: race.prices.proof,
         alone=lambda race, runner: race.best > FAR and race.spent() > PROOF_SHARE * race.prices.proof,
