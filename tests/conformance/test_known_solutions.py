@@ -77,12 +77,13 @@ def test_none_is_called_infeasible_and_most_are_solved() -> None:
 
 def test_degenerate_solutions_that_other_stages_do_not_reach() -> None:
     """Proximal Newton from zero and Fischer and Burmeister's equations lead to some of them where reactions are not unique and several
-    contacts are between two statuses; to which ones hangs on a processor's last bits."""
-    last, without, reached = ("proximal Newton from zero", "Fischer-Burmeister"), 0, 0
+    contacts are between two statuses; to which ones hangs on a processor's last bits. The interior point, which leads to one of them, is
+    left out."""
+    last, without, reached = ("interior point", "proximal Newton from zero", "Fischer-Burmeister"), 0, 0
     for number in (33, 56, 77, 157):
         p = known(1, number)
         without += solve(p, "auto", tol=TOL, without=last).solved
-        result = solve(p, "auto", tol=TOL)
+        result = solve(p, "auto", tol=TOL, without=("interior point",))
         assert not result.solved or residual(p, result.r) <= 1.01 * TOL
         reached += result.solved
     assert reached >= without + 2

@@ -33,7 +33,8 @@ HOPE, LITTLE = 3.0, 0.25
 class ShareOfMonitor(Monitor):
     """The monitor of one method in a race: counts its own iterations and its own best, and tells the race's monitor.
 
-    speed: ||u + g(u)|| / ||q|| of the velocities that the method believes in, infinite where it says nothing of them.
+    speed: ||u + g(u)|| / ||q|| of the velocities that the method believes in, infinite where it says nothing of them; paths: of an
+    interior point, the root of tau after each iteration along each of its central paths.
     """
 
     def __init__(self, whole: Monitor) -> None:
@@ -46,6 +47,7 @@ class ShareOfMonitor(Monitor):
         )
         self.whole, self.scale, self._told = whole, whole.scale, 0
         self.speed = float("inf")
+        self.paths: list[list[float]] = []
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         return self.whole.error(r, u)
@@ -130,14 +132,15 @@ class Runner:
         return self.monitor.iterations * self.price
 
     def work(self, amount: float) -> None:
-        """Take turns until about so much is spent, one at least."""
+        """Take turns until about so much is spent, one at least, or one without an iteration says that something new would begin."""
         until = self.spent + amount
         while self.result is None:
+            done = self.monitor.iterations
             try:
                 next(self._turns)
             except StopIteration as stop:
                 self.result = stop.value
-            if self.spent >= until:
+            if self.spent >= until or self.monitor.iterations == done:
                 break
         self.monitor.tell()
         best = min(self._course[-1][1], self.monitor.best)

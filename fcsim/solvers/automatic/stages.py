@@ -25,14 +25,16 @@ from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, swept
+from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, sweeps_lead_on, swept
 from fcsim.solvers.automatic.later import (
     BESIDE,
+    beside_interior,
     enter_from_zero,
     enter_interior,
     enter_least_squares,
     enter_least_squares_again,
     enter_paths,
+    enter_proof,
     exhausted,
     in_place_of_sweeps,
     interior_is_first,
@@ -51,9 +53,8 @@ begun."""
 PATHS_ALONE = 2.0
 """Times what all others have spent that paths from zero spend before they share: once they have begun it is mostly they who arrive (27 of
 28 arches and walls in 2D)."""
-PROOF_AFTER, PROOF_SHARE = 2.0, 4.0
-"""Times what a proof costs that others have spent when it enters, and may spend before it goes first: where there is a solution that
-costs half as much more at the most."""
+PROOF_SHARE = 4.0
+"""Times what a proof costs that others may spend before it goes first."""
 TO_REST = 1.4
 """Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
 is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
@@ -176,24 +177,26 @@ def _enter_proximal(race: Race) -> bool:
     if race.over("sweeps") and (race.over("Newton") or singular_here(race)):
         return True
     if not race.over("Newton"):
-        return singular_here(race) and dearer_than_proximal(race, swept(race))
-    return race.warm or race.joints is not None or on_springs(race) or dearer_than_proximal(race, swept(race))
-
-
-def _enter_proof(race: Race) -> bool:
-    """Where every contact has a compliance there is a solution: y^T W y > 0."""
-    return "proximal Newton" in race.runners and race.best > FAR and race.spent() > PROOF_AFTER * race.prices.proof and not on_springs(race)
+        return singular_here(race) and dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)
+    if race.warm or race.joints is not None or on_springs(race):
+        return True
+    return dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)
 
 
 def _share_of_sweeps(race: Race) -> float:
-    """Beds of grains may hold as much as the bodies' velocities without being blocks: there sweeps do arrive."""
-    return SWEEPS_BESIDE if "proximal Newton" in race.runners and (held_as_blocks(race) or on_springs(race)) else 1.0
+    """Beds of grains may hold as much as the bodies' velocities without being blocks: there sweeps do arrive, seldom once an interior point
+    has begun."""
+    if "proximal Newton" in race.runners and (held_as_blocks(race) or on_springs(race)):
+        return SWEEPS_BESIDE
+    return LITTLE if beside_interior(race) else 1.0
 
 
 def _share_of_splitting(race: Race) -> float:
     """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate, unless
-    it has come for the sweeps."""
+    it has come for the sweeps; in beds of grains below 1e-4 beside an interior point it has little in any case."""
     behind = race.best < FAR and race.runners["splitting"].monitor.best > BEHIND * race.best
+    if race.best <= BESIDE and beside_interior(race):
+        return LITTLE
     return LITTLE if behind and not in_place_of_sweeps(race) else 1.0
 
 
@@ -263,8 +266,9 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "interior point",
-        "IPM-COULOMB from the best iterate. Enters from zero where proximal Newton has ended, or is past its own iterations and in "
-        "beds of grains has spent, in edges and faces needs as much as an interior point costs. Alone on a central path that leads on.",
+        "IPM-COULOMB, in blocks from the best iterate, in beds of grains from zero. Enters, in a problem from zero, where proximal Newton "
+        "has ended or is past its own iterations and in beds has spent, in blocks needs as much as an interior point costs. Alone on a "
+        "central path that leads on.",
         enters=enter_interior,
         turns=methods.interior,
         price=lambda race: race.prices.interior,
@@ -285,7 +289,7 @@ STAGES: tuple[Stage, ...] = (
         "proof",
         "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent twice as "
         "much; goes first once they have spent four times as much.",
-        enters=_enter_proof,
+        enters=enter_proof,
         turns=methods.proof,
         price=lambda race: race.prices.proof,
         alone=lambda race, runner: race.best > FAR and race.spent() > PROOF_SHARE * race.prices.proof,

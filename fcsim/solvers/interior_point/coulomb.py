@@ -10,7 +10,8 @@ problem is not monotone, unlike the convex programs of IPM in which ||u_T|| is h
 to the boundary shrink to nothing. Then another path is followed, of other weights and from nearer to the best iterate.
 
 A contact that grazes, or is about to slide, is known to the root of tau only, and the distance of a sliding one to its cone is round-off at
-errors of about 1e-9. Where a path ends with an error of at most POLISHED, a few iterations of proximal Newton give the last digits.
+errors of about 1e-9. Where a path has come to an error of at most POLISHED, a few iterations of proximal Newton from there give the last
+digits; a start that is as good already, as another method's iterate, is not what they begin from.
 
 Sources: Chen, Ly, Wojtan, "Primal-dual non-smooth friction for rigid body animation", SIGGRAPH 2024; Howell et al., "Dojo",
 arXiv:2203.00806, 2022; Mehrotra, SIAM J. Optim. 2, 1992; Nesterov, Todd, SIAM J. Optim. 8, 1998. The weights, the further paths and the
@@ -85,16 +86,20 @@ def interior_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, optio
 def interior_point_turns(
     problem: LocalProblem, r: FloatArray, monitor: Monitor, options: InteriorPointOptions, told: Callable[[float], None] | None = None
 ) -> Turns:
-    """The same by turns of one iteration each; told: is told tau after each."""
+    """The same by turns of one iteration each, and one of none before each path but the first; told: is told tau after each iteration
+    along a path, infinity before a path."""
     error = monitor.record(r, problem.delassus.affine(r, problem.q))
     if error <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     method = _InteriorPoint(problem, monitor, options, told or (lambda tau: None))
     begun, size = monitor.iterations, monitor.scale / np.sqrt(problem.nc)
     for number in range(options.paths):
+        method.told(np.inf)
+        if number:
+            yield
         best = r if monitor.best_r is None else monitor.best_r
         status = yield from method.follow(best, NEARER**number * size, *WEIGHTS[number % len(WEIGHTS)])
-        if status is None and options.polish and monitor.best <= POLISHED:
+        if status is None and options.polish and method.least <= POLISHED:
             status = yield from method.polish()
         if status is not None:
             return Iterate(r if monitor.best_r is None else monitor.best_r, status)
@@ -106,14 +111,17 @@ class _InteriorPoint:
     """The paths of one problem; their points are r (nc, d), and flat x and y on both sides of the pairs."""
 
     def __init__(self, problem: LocalProblem, monitor: Monitor, options: InteriorPointOptions, told: Callable[[float], None]) -> None:
-        self._problem, self._monitor, self._options, self._told = problem, monitor, options, told
+        self._problem, self._monitor, self._options, self.told = problem, monitor, options, told
         self._operator, self._shape = problem.delassus, (problem.nc, problem.dimension)
         self._compliance = problem.delassus.compliance
         self.pairs = ContactPairs(problem.mu, problem.dimension)
         self._system = InteriorSystem(problem.delassus)
+        self.least, self._nearest = np.inf, np.empty(0)
 
     def follow(self, r: FloatArray, size: float, by_compliance: float, by_friction: float) -> PathTurns:
-        """Follow a central path from near r (m,), from tau = size^2 [velocity] over the compliance; None where it ends unsolved."""
+        """Follow a central path from near r (m,), from tau = size^2 [velocity] over the compliance; None where it ends unsolved. What it
+        came to is its least error, `least`."""
+        self.least = np.inf
         c, monitor = self._compliance, self._monitor
         mean = float(np.exp(np.log(c).mean()))
         tau = (mean / c) ** by_compliance / mean
@@ -132,11 +140,14 @@ class _InteriorPoint:
             if not (point.length > 0 and point.inside and np.isfinite(point.products)):
                 return None  # as far as floating point goes
             R, x, y, products = point.r, point.x, point.y, point.products
-            self._told(products / total)
+            self.told(products / total)
             monitor.iterations += 1
             answer = self._answer(R, y)
-            if monitor.record(answer, self._velocity(answer).ravel()) <= monitor.tol:
+            error = monitor.record(answer, self._velocity(answer).ravel())
+            if error <= monitor.tol:
                 return Status.SOLVED
+            if error < self.least:
+                self.least, self._nearest = error, answer
             short = short + 1 if point.length < SHORT else 0
             yield
         return None
@@ -162,15 +173,14 @@ class _InteriorPoint:
         return _Point(t, *step.moved(R, dr, y, dy, t))
 
     def polish(self) -> PathTurns:
-        """Proximal Newton from the best iterate; None where it does not arrive within its iterations."""
+        """Proximal Newton from the path's best iterate; None where it does not arrive within its iterations."""
         monitor, most = self._monitor, self._options.max_iterations
-        assert monitor.best_r is not None
         options = replace(
             PROXIMAL_NEWTON,
-            alpha=min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(monitor.best))),
+            alpha=min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(self.least))),
             max_iterations=min(monitor.iterations + self._options.polish, most),
         )
-        status = (yield from proximal_turns(self._problem, monitor.best_r, monitor, options)).status
+        status = (yield from proximal_turns(self._problem, self._nearest, monitor, options)).status
         return status if status in (Status.SOLVED, Status.TIME_LIMIT) or monitor.iterations >= most else None
 
 

@@ -31,10 +31,11 @@ class Shown:
     tenfolds: float = 0.0
     best: float = 1.0
     result: object = None
+    paths: list[list[float]] = field(default_factory=list)
 
     @property
     def monitor(self) -> Any:
-        return SimpleNamespace(iterations=self.iterations, best=self.best)
+        return SimpleNamespace(iterations=self.iterations, best=self.best, paths=self.paths)
 
     def gain(self, share: float) -> float:
         return self.fell
@@ -93,7 +94,7 @@ class State:
                 "admm": 2.0,
                 "least_in_velocities": 10.0,
             },
-            **dict.fromkeys(("newton", "least", "proximal"), lambda held: self.newton_price),
+            **dict.fromkeys(("newton", "least", "proximal", "running"), lambda held: self.newton_price),
             **dict.fromkeys(("splitting", "least_splitting"), lambda iterations: 100.0 + 2.0 * iterations),
             least_squares=lambda held: 25.0,
         )

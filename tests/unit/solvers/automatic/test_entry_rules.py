@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fcsim.bench.families import problems
@@ -118,22 +119,41 @@ def test_an_interior_point_enters(changes: dict[str, Any], proximal: Shown | Non
     assert later.enter_interior(state(runners=runners, **{"best": NEAR, **changes})) is due
 
 
+def falling(iterations: int, last_third: float, tenfolds: float) -> list[float]:
+    """Roots of tau along a path: down by so many powers of ten in all, by that factor in the last third."""
+    third = iterations - 2 * iterations // 3
+    before = 10.0**-tenfolds * last_third
+    roots = [*np.geomspace(1.0, before, iterations - third), *np.geomspace(before, 10.0**-tenfolds, third + 1)[1:]]
+    return [float(root) for root in roots]
+
+
+FORTH, BACK = falling(30, 1.41, 1.0), falling(30, 1.39, 1.0)
+
+
 @pytest.mark.parametrize(
-    ("iterations", "slows", "slowed_by", "leads"),
+    ("paths", "leads"),
     [
-        (19, 1.0, 0.0, True),
-        (20, 1.4, 0.0, False),
-        (20, 1.41, 0.0, True),
-        (60, 1.41, 2.0, True),  # twenty for each tenfold
-        (61, 1.41, 2.0, False),
+        ([], True),
+        ([[]], True),
+        ([[1.0] * 19], True),  # in its own iterations
+        ([[1.0] * 20], False),
+        ([falling(20, 1.39, 0.5)], False),
+        ([falling(20, 1.41, 0.5)], True),
+        ([falling(60, 1.41, 2.01)], True),  # twenty for each tenfold
+        ([falling(61, 1.41, 2.01)], False),
+        ([FORTH, []], False),  # a path has ended: the next one begins when it is its turn
+        ([BACK, [1.0]], True),
+        ([BACK, [1.0] * 19], True),
+        ([FORTH, [1.0] * 20], False),
+        ([BACK, FORTH], True),
+        ([FORTH, BACK], False),
     ],
 )
-def test_an_interior_point_is_on_a_path_that_leads_on(iterations: int, slows: float, slowed_by: float, leads: bool) -> None:
-    shown = Shown(iterations=iterations, slows=slows, slowed_by=slowed_by)
-    assert later.on_a_path(shown) is leads  # type: ignore[arg-type]
+def test_an_interior_point_is_on_a_path_that_leads_on(paths: list[list[float]], leads: bool) -> None:
+    assert later.on_a_path(Shown(paths=paths)) is leads  # type: ignore[arg-type]
 
 
-PATH = Shown(iterations=20, slows=1.41)
+PATH = Shown(iterations=30, paths=[FORTH])
 
 
 @pytest.mark.parametrize(
@@ -142,8 +162,8 @@ PATH = Shown(iterations=20, slows=1.41)
         ({"best": 1.1e-4}, None, True),
         ({"best": 1e-4}, None, False),
         ({"best": 1e-6}, PATH, True),
-        ({}, Shown(iterations=20, slows=1.4), False),
-        ({}, Shown(iterations=20, slows=1.41, result=ENDED), False),
+        ({}, Shown(iterations=30, paths=[BACK]), False),
+        ({}, Shown(iterations=30, paths=[FORTH], result=ENDED), False),
         ({"warm": True}, PATH, False),
         ({"joints": object()}, PATH, False),
         ({"without": ("interior point",)}, None, False),

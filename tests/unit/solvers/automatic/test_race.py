@@ -148,3 +148,22 @@ def test_who_opens_is_alone_until_it_says_so() -> None:
     assert iterate.status is Status.SOLVED
     assert asked[:2] == [0, 7]  # when the race begins, before anyone has; then after the opening
     assert len(asked) == 2
+
+
+def test_a_turn_without_an_iteration_ends_a_slice() -> None:
+    """As where an interior point's path has ended and another one would begin."""
+
+    def turns(race: Race, monitor: ShareOfMonitor) -> Turns:
+        while True:
+            for _ in range(3):
+                monitor.iterations += 1
+                yield
+            yield
+
+    _, the_race = race([method("sudden", lambda k: 0.0)])
+    runner = Runner(Stage("by threes", "Test.", enters=lambda race: True, turns=turns, price=lambda race: 1.0), the_race)
+    done = []
+    for amount in (2.0, 100.0, 100.0, 1.0):
+        runner.work(amount)
+        done.append(runner.monitor.iterations)
+    assert done == [2, 3, 6, 7]

