@@ -28,6 +28,7 @@ from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.brief import brief, shown
 from fcsim.errors import InputError, asked
 from fcsim.linear.over_ranks.rows import whole
+from fcsim.linear.sparse.each import times_each
 from fcsim.mesh.part import Kinematics, Placed, refuse_kinematics
 
 
@@ -178,7 +179,7 @@ class Model(BodyLayout):
             if operator == "M" and group.lumped is not None:
                 y[dofs] = group.lumped * x[dofs]
             else:
-                y[dofs] = (getattr(group, operator) @ x[dofs].T).T
+                y[dofs] = times_each(getattr(group, operator), x[dofs])
         return y
 
     def matrix(self, mass: float, stiffness: float) -> sp.csr_array:

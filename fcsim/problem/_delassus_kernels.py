@@ -60,27 +60,6 @@ def merge(a, count, b, union):
     return k
 
 
-@njit(cache=True)
-def alike_in_contacts(indptr, indices, n, unknowns, d):
-    """Where a new group begins in the unknowns (k,) so that those of a group touch the same contacts of H (n, d nc; csc): (groups + 1,).
-
-    Neighbours alone are compared, and by a hash: what is grouped by mistake only makes the group's share of W larger.
-    """
-    signature, last = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)  # last: 1 + the last contact
-    for a in range((len(indptr) - 1) // d):
-        for e in range(indptr[a * d], indptr[a * d + d]):
-            if last[indices[e]] <= a:
-                last[indices[e]] = a + 1
-                signature[indices[e]] = 1000003 * (signature[indices[e]] ^ (a + 1))
-    begin, groups = np.empty(len(unknowns) + 1, dtype=np.int64), 0
-    for k in range(len(unknowns)):
-        if k == 0 or signature[unknowns[k]] != signature[unknowns[k - 1]]:
-            begin[groups] = k
-            groups += 1
-    begin[groups] = len(unknowns)
-    return begin[: groups + 1]
-
-
 @njit(cache=True, nogil=True)
 def bodies_of_contacts(indptr, indices, body, d):
     """The bodies (nc, 2) of each contact, ascending, -1 where it has one alone or none, and whether some contact has more.
@@ -107,6 +86,23 @@ def bodies_of_contacts(indptr, indices, body, d):
 
 
 @njit(cache=True, nogil=True)
+def of_one_pattern(indptr, indices, d):
+    """Of each contact whether its d columns of H have entries in the same rows, ascending (nc,)."""
+    found = np.empty((len(indptr) - 1) // d, dtype=np.bool_)
+    for a in range(len(found)):
+        begin, n, same = indptr[d * a], indptr[d * a + 1] - indptr[d * a], True
+        for i in range(1, d):
+            same = same and indptr[d * a + i + 1] - indptr[d * a + i] == n
+        for k in range(n if same else 0):
+            row = indices[begin + k]
+            same = same and (k == 0 or row > indices[begin + k - 1])
+            for i in range(1, d):
+                same = same and indices[begin + i * n + k] == row
+        found[a] = same
+    return found
+
+
+@njit(cache=True, nogil=True)
 def entries_by_body(indptr, indices, data, body, column, count, d):
     """Sort the entries of H by bodies: body b is on contacts[first[b]:first[b + 1]], the rest is h as above.
 
@@ -115,8 +111,9 @@ def entries_by_body(indptr, indices, data, body, column, count, d):
     """
     nc = (len(indptr) - 1) // d
     first, last = np.zeros(count + 1, dtype=np.int64), np.zeros(count, dtype=np.int64)  # last[b]: 1 + the last contact that met b
+    alike = of_one_pattern(indptr, indices, d)  # contacts of which one column says which unknowns they are on
     for a in range(nc):
-        for e in range(indptr[d * a], indptr[d * a + d]):
+        for e in range(indptr[d * a], indptr[d * a + (1 if alike[a] else d)]):
             b = body[indices[e]]
             if b >= 0 and last[b] <= a:
                 last[b] = a + 1
@@ -128,7 +125,7 @@ def entries_by_body(indptr, indices, data, body, column, count, d):
     pair, used = np.empty(len(indices), dtype=np.int64), np.zeros(count, dtype=np.int64)  # the pair of an entry, the pairs of a body
     met = np.zeros(len(body), dtype=np.int64)  # 1 + the last contact that met an unknown
     for a in range(nc):
-        for e in range(indptr[d * a], indptr[d * a + d]):
+        for e in range(indptr[d * a], indptr[d * a + (1 if alike[a] else d)]):
             b = body[indices[e]]
             pair[e] = -1
             if b >= 0:
@@ -145,6 +142,16 @@ def entries_by_body(indptr, indices, data, body, column, count, d):
     unknowns, weights = np.empty(begins[-1], dtype=np.int64), np.zeros((begins[-1], 3))
     free, place = np.zeros(len(contacts), dtype=np.int64), np.empty(len(body), dtype=np.int64)
     for a in range(nc):
+        if alike[a]:
+            for e in range(indptr[d * a], indptr[d * a + 1]):
+                p = pair[e]
+                if p >= 0:
+                    at = begins[p] + free[p]
+                    unknowns[at] = column[indices[e]]
+                    free[p] += 1
+                    for i in range(d):
+                        weights[at, i] = data[indptr[d * a + i] + e - indptr[d * a]]
+            continue
         for i in range(d):
             for e in range(indptr[d * a + i], indptr[d * a + i + 1]):
                 dof, p = indices[e], pair[e]

@@ -168,3 +168,24 @@ def added_to_own_blocks(indptr, indices, blocks, diagonal):
         for i in range(d):
             blocks[own[a], i, i] += diagonal[d * a + i]
     return True
+
+
+@njit(cache=True)
+def alike_in_contacts(indptr, indices, n, unknowns, d):
+    """Where a new group begins in the unknowns (k,) so that those of a group touch the same contacts of H (n, d nc; csc): (groups + 1,).
+
+    Neighbours alone are compared, and by a hash: what is grouped by mistake only makes the group's share of W larger.
+    """
+    signature, last = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)  # last: 1 + the last contact
+    for a in range((len(indptr) - 1) // d):
+        for e in range(indptr[a * d], indptr[a * d + d]):
+            if last[indices[e]] <= a:
+                last[indices[e]] = a + 1
+                signature[indices[e]] = 1000003 * (signature[indices[e]] ^ (a + 1))
+    begin, groups = np.empty(len(unknowns) + 1, dtype=np.int64), 0
+    for k in range(len(unknowns)):
+        if k == 0 or signature[unknowns[k]] != signature[unknowns[k - 1]]:
+            begin[groups] = k
+            groups += 1
+    begin[groups] = len(unknowns)
+    return begin[: groups + 1]

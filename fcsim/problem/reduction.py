@@ -26,8 +26,7 @@ from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
 from fcsim.linear.sparse.behind import first_rows
 from fcsim.linear.sparse.columns import transposed_times
-from fcsim.problem._delassus_kernels import alike_in_contacts
-from fcsim.problem._reduction_kernels import asymmetry, block_of, connected_components, equal_blocks
+from fcsim.problem._reduction_kernels import alike_in_contacts, asymmetry, block_of, connected_components, equal_blocks
 from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.problem.delassus import diagonal_blocks, own_compliance

@@ -13,6 +13,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.frames import FloatingGroup, Frames, Turned
+from fcsim.linear.sparse.each import times_each
 
 KEPT = 3
 """Configurations that are kept."""
@@ -94,10 +95,10 @@ class ElasticForces:
             else:
                 y = a.strained.reshape(len(a.strained), -1)
                 dy = b.strained.reshape(y.shape) - y
-            forces = (group.K @ np.concatenate([y, dy]).T).T  # K is read once
-            start += 0.5 * float(np.sum(y * forces[: len(y)]))
-            change += float(np.sum(y * forces[len(y) :]))
-            loss += float(np.sum(dy * forces[len(y) :]))
+            of_y, of_dy = times_each(group.K, y), times_each(group.K, dy)
+            start += 0.5 * float(np.sum(y * of_y))
+            change += float(np.sum(y * of_dy))
+            loss += float(np.sum(dy * of_dy))
         return (start, start + change + 0.5 * loss), loss
 
     def force(
@@ -116,7 +117,7 @@ class ElasticForces:
                 x += self.beta * v[dofs]
             if less is not None:
                 x = less.weight * x - less.factor * less.x[dofs]
-            total[dofs] = (group.K @ x.T).T
+            total[dofs] = times_each(group.K, x)
         return total
 
     def turned_stiffness(self, Q: FloatArray, x: FloatArray) -> FloatArray:
@@ -124,7 +125,7 @@ class ElasticForces:
         total = np.zeros_like(x)
         for group, floating in zip(self.groups, self._floating, strict=True):
             if floating is None:
-                total[group.dofs] = (group.K @ x[group.dofs].T).T
+                total[group.dofs] = times_each(group.K, x[group.dofs])
             else:
                 floating.turned_stiffness(Q, x, total)
         return total

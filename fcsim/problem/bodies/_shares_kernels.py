@@ -117,11 +117,12 @@ def diagonal_of_shares(first, contacts, begins, unknowns, weights, begin, C, kin
 
 
 @njit(cache=True, nogil=True)
-def rows_of_shares(first, contacts, begins, unknowns, weights, begin, C, kind, wanted, place, values):
-    """Add h C h^T of the contacts a with wanted[a] >= 0 as rows and b with place[b] >= 0 as columns to `values`."""
+def rows_of_shares(first, contacts, begins, unknowns, weights, begin, C, kind, some, wanted, place, lower, values):
+    """Add h C h^T of the contacts a with wanted[a] >= 0 as rows and b with place[b] >= 0 as columns to `values`, those of the bodies
+    begin + b for b in `some`; lower: only of columns up to the row's own place."""
     n = C.shape[1]
     rows = np.empty((3, n))
-    for b in range(len(kind)):
+    for b in some:
         own = C[kind[b]]
         for p in range(first[begin + b], first[begin + b + 1]):
             at = 3 * wanted[contacts[p]]
@@ -137,13 +138,36 @@ def rows_of_shares(first, contacts, begins, unknowns, weights, begin, C, kind, w
             row0, row1, row2 = rows[0], rows[1], rows[2]
             for q in range(first[begin + b], first[begin + b + 1]):
                 column = 3 * place[contacts[q]]
-                if column < 0:
+                if column < 0 or (lower and column > at):
                     continue
+                x0, x1, x2, y0, y1, y2, z0, z1, z2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                 for e in range(begins[q], begins[q + 1]):
                     j = unknowns[e]
                     x, y, z = row0[j], row1[j], row2[j]
-                    for i in range(3):
-                        w = weights[e, i]
-                        values[at, column + i] += x * w
-                        values[at + 1, column + i] += y * w
-                        values[at + 2, column + i] += z * w
+                    w0, w1, w2 = weights[e, 0], weights[e, 1], weights[e, 2]
+                    x0 += x * w0
+                    x1 += x * w1
+                    x2 += x * w2
+                    y0 += y * w0
+                    y1 += y * w1
+                    y2 += y * w2
+                    z0 += z * w0
+                    z1 += z * w1
+                    z2 += z * w2
+                row = values[at]
+                row[column], row[column + 1], row[column + 2] = row[column] + x0, row[column + 1] + x1, row[column + 2] + x2
+                row = values[at + 1]
+                row[column], row[column + 1], row[column + 2] = row[column] + y0, row[column + 1] + y1, row[column + 2] + y2
+                row = values[at + 2]
+                row[column], row[column + 1], row[column + 2] = row[column] + z0, row[column + 1] + z1, row[column + 2] + z2
+
+
+@njit(cache=True, nogil=True)
+def mirrored(values):
+    """Copy the lower triangle of values (m, m) to the upper one, by tiles that a core's cache holds."""
+    m, tile = len(values), 24
+    for rows in range(0, m, tile):
+        for columns in range(0, rows + 1, tile):
+            for i in range(rows, min(rows + tile, m)):
+                for j in range(columns, min(columns + tile, i)):
+                    values[j, i] = values[i, j]

@@ -9,7 +9,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.linear.late.late_rows import LateRows
 from fcsim.linear.storage import REAL, REFERENCE, Work
-from fcsim.problem.bodies._shares_kernels import diagonal_of_shares, rows_of_shares
+from fcsim.problem.bodies._shares_kernels import diagonal_of_shares, mirrored, rows_of_shares
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, Run
 from fcsim.problem.delassus_sum import DelassusSum
@@ -53,10 +53,16 @@ class LateSum:
         """W of the contacts `rows` and `columns` (3 rows, 3 columns)."""
         values, place = np.zeros((3 * len(rows), 3 * len(columns))), np.full(self.shares.nc, -1)
         place[columns] = np.arange(len(columns))
-        wanted = np.full(self.shares.nc, -1)
-        wanted[rows] = np.arange(len(rows))
-        for run in self.shares.runs:
-            rows_of_shares(*self.shares.h, *run, wanted, place, values)
+        wanted, lower = place, rows is columns or np.array_equal(rows, columns)
+        if not lower:
+            wanted = np.full(self.shares.nc, -1)
+            wanted[rows] = np.arange(len(rows))
+        bodies = self.product.bodies_of(rows)
+        for begin, C, kind in self.shares.runs:
+            some = bodies[np.searchsorted(bodies, begin) : np.searchsorted(bodies, begin + len(kind))] - begin
+            rows_of_shares(*self.shares.h, begin, C, kind, some, wanted, place, lower, values)
+        if lower:
+            mirrored(values)
         return values
 
     def finite(self) -> bool:

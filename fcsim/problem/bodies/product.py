@@ -60,6 +60,13 @@ class ShareProduct:
             return None
         return frames.reshape(-1, 9), frame_of, nodes, shapes
 
+    def bodies_of(self, contacts: IntArray) -> IntArray:
+        """The bodies that these contacts are on, ascending."""
+        begin, counts = self._starts[contacts], np.diff(self._starts)[contacts]
+        place = np.repeat(begin - np.cumsum(counts) + counts, counts) + np.arange(int(counts.sum()))
+        found: IntArray = np.unique(self._bodies[place])
+        return found
+
     @property
     def operations(self) -> int:
         """Multiplications with entries of compliances in a product."""

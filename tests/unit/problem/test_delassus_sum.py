@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear import storage
 from fcsim.linear.factors import mirror
-from fcsim.problem._delassus_kernels import alike_in_contacts, union_of_neighbours
-from fcsim.problem._reduction_kernels import added_to_own_blocks
+from fcsim.problem._delassus_kernels import entries_by_body, union_of_neighbours
+from fcsim.problem._reduction_kernels import added_to_own_blocks, alike_in_contacts
 from fcsim.problem.delassus_sum import DelassusSum
 
 
@@ -75,6 +75,23 @@ def test_entries_of_h_stored_twice_are_summed() -> None:
     W = DelassusSum(H, np.zeros(2, dtype=np.int64), np.arange(2), 1, 2)
     W.add(0, np.array([[[2.0, 1.0], [1.0, 3.0]]]), np.zeros(1, dtype=np.int64))
     assert_allclose(W.matrix(), [[18, 12], [12, 48]])
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_contacts_of_one_pattern_are_sorted_by_bodies_as_any_others(d: int) -> None:
+    """H whose columns of a contact have the same rows, against the same H with a zero more in a row that no other column has."""
+    rng, n, nc = np.random.default_rng(0), 60, 25
+    rows = [np.sort(rng.choice(n - 1, 8, replace=False)) for _ in range(nc)]
+    H = sp.csc_array((rng.standard_normal(8 * d * nc), np.repeat(rows, d, axis=0).ravel(), 8 * np.arange(d * nc + 1)), shape=(n, d * nc))
+    body, column = np.append(np.sort(rng.integers(-1, 6, n - 1)), -1), np.arange(n)
+    indptr = H.indptr + np.arange(d * nc + 1) // d
+    last = indptr[d::d] - 1
+    data, indices = np.zeros(indptr[-1]), np.full(indptr[-1], n - 1)
+    others = np.delete(np.arange(indptr[-1]), last)
+    data[others], indices[others] = H.data, H.indices
+    found = entries_by_body(H.indptr, H.indices, H.data, body, column, 6, d)
+    for x, y in zip(found, entries_by_body(indptr, indices, data, body, column, 6, d), strict=True):
+        assert_array_equal(x, y)
 
 
 def test_pattern_of_block_rows() -> None:

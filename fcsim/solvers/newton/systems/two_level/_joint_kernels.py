@@ -10,8 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.linear._front_kernels import dot
-
 
 @njit(cache=True)
 def with_neighbours(first, contacts, begins, unknowns, sizes, position, cuts, most):
@@ -138,13 +136,13 @@ def joint_blocks(indptr, indices, blocks, order, position, joints, modes, starts
 
 @njit(cache=True, nogil=True)
 def invert_joints(A, B, E, shift, cuts, joints, modes, starts, out, which):
-    """Of the joints k in `which` write Q, the rows of its own contacts of (A (E + shift I) + B)^-1, V = G_o^T Q, G_o the rows of its own
-    contacts in the columns of its own bodies, and T = V A G. out: Q, where each joint's begins, V and T likewise. Raises LinAlgError where
+    """Of the joints k in `which` write Q, the rows of its own contacts of (A (E + shift I) + B)^-1, R = Q A G, and T = G_o^T R, G_o the
+    rows of its own contacts in the columns of its own bodies. out: Q, where each joint's begins, R and T likewise. Raises LinAlgError where
     a joint is singular.
     """
     begins, wide = joints
     G, bodies, body_begins, all_listed = modes
-    Q, Q_starts, V, V_starts, T, T_starts = out
+    Q, Q_starts, R, R_starts, T, T_starts = out
     d, k = G.shape[1], G.shape[2] // 2
     number = np.empty(max(1, all_listed.max() + 1 if len(all_listed) else 1), dtype=np.int64)
     for joint in which:
@@ -171,14 +169,14 @@ def invert_joints(A, B, E, shift, cuts, joints, modes, starts, out, which):
         for i in range(inner * d):
             unit[i, i] = 1.0
         rows = np.ascontiguousarray(np.linalg.solve(np.ascontiguousarray(J.reshape(n * d, n * d).T), unit).T)
-        Q[Q_starts[joint] : Q_starts[joint + 1]] = rows.ravel()
         two = 0
         for b in bodies[own[0]]:
             two += b >= 0
         own_modes = np.ascontiguousarray(g[: inner * d, : two * k].T)
-        sums = np.dot(own_modes, rows)
-        V[V_starts[joint] : V_starts[joint + 1]] = sums.ravel()
-        T[T_starts[joint] : T_starts[joint + 1]] = np.dot(sums, AG.reshape(n * d, -1)).ravel()
+        images = np.dot(rows, AG.reshape(n * d, -1))
+        Q[Q_starts[joint] : Q_starts[joint + 1]] = rows.ravel()
+        R[R_starts[joint] : R_starts[joint + 1]] = images.ravel()
+        T[T_starts[joint] : T_starts[joint + 1]] = np.dot(own_modes, images).ravel()
 
 
 @njit(cache=True)
@@ -194,105 +192,6 @@ def add_joints(T, T_starts, places, place_begins, body_begins, S):
             for p in range(k):
                 for q in range(k):
                     block[p, q] += T[at + p * columns * k + q]
-
-
-@njit(cache=True, nogil=True)
-def solve_joints(Q, Q_starts, cuts, begins, wide, first, last, x, z):
-    """z of the own contacts of the joints first, ..., last - 1: Q x; x and z (nc, d) of Q's precision."""
-    d = x.shape[1]
-    most = 0
-    for k in range(first, last):
-        most = max(most, begins[k + 1] - begins[k])
-    given = np.empty(most * d, dtype=x.dtype)
-    for k in range(first, last):
-        own = wide[begins[k] : begins[k + 1]]
-        n = len(own) * d
-        for i in range(len(own)):
-            for p in range(d):
-                given[i * d + p] = x[own[i], p]
-        rows = Q[Q_starts[k] : Q_starts[k + 1]]
-        at = 0
-        for a in range(cuts[k], cuts[k + 1]):
-            for p in range(d):
-                z[a, p] = dot(rows[at : at + n], given[:n])
-                at += n
-
-
-@njit(cache=True, nogil=True)
-def sum_joints(V, V_starts, begins, wide, first, last, x, sums):
-    """sums (joints, 2 k) of the joints first, ..., last - 1: V x, for x (nc, d) of V's precision; as many as its bodies have motions."""
-    d = x.shape[1]
-    most = 0
-    for k in range(first, last):
-        most = max(most, begins[k + 1] - begins[k])
-    given = np.empty(most * d, dtype=x.dtype)
-    for k in range(first, last):
-        own = wide[begins[k] : begins[k + 1]]
-        n = len(own) * d
-        for i in range(len(own)):
-            for p in range(d):
-                given[i * d + p] = x[own[i], p]
-        rows = V[V_starts[k] : V_starts[k + 1]]
-        for i in range(len(rows) // n):
-            sums[k, i] = dot(rows[i * n : (i + 1) * n], given[:n])
-
-
-@njit(cache=True)
-def add_to_bodies(sums, cuts, bodies, c):
-    """Add the joints' sums (joints, 2 k) to c (bodies, k) of their own bodies; bodies (nc, 2), -1 for none."""
-    k = c.shape[1]
-    for joint in range(len(sums)):
-        at = 0
-        for body in bodies[cuts[joint]]:
-            if body >= 0:
-                for j in range(k):
-                    c[body, j] += sums[joint, at + j]
-                at += k
-
-
-@njit(cache=True, nogil=True)
-def in_order(x, order, first, last, out):
-    """out[a] = x[order[a]] (nc, d) for first <= a < last, in the precision of `out`."""
-    for a in range(first, last):
-        for i in range(x.shape[1]):
-            out[a, i] = x[order[a], i]
-
-
-@njit(cache=True, nogil=True)
-def from_order(x, order, first, last, out):
-    """out[order[a]] = x[a] (nc, d) for first <= a < last, in the precision of `out`."""
-    for a in range(first, last):
-        for i in range(x.shape[1]):
-            out[order[a], i] = x[a, i]
-
-
-@njit(cache=True, nogil=True)
-def less_motions_of(A, G, bodies, c, x, first, last, out):
-    """out = x - A G c (nc, d), for c (bodies, k), of the contacts first, ..., last - 1."""
-    d, wide = G.shape[1], G.shape[2]
-    k = wide // 2
-    own, u = np.zeros(wide, dtype=G.dtype), np.empty(d, dtype=G.dtype)
-    for a in range(first, last):
-        p, q = bodies[a]
-        if a == first or p != bodies[a - 1, 0] or q != bodies[a - 1, 1]:
-            own[:] = 0
-            if p >= 0:
-                own[:k] = c[p]
-            if q >= 0:
-                own[k:] = c[q]
-        for i in range(d):
-            u[i] = dot(G[a, i], own)
-        for i in range(d):
-            total = x[a, i]
-            for j in range(d):
-                total -= A[a, i, j] * u[j]
-            out[a, i] = total
-
-
-@njit(cache=True)
-def less_motions(A, G, bodies, c, x, out):
-    """`less_motions_of` all contacts."""
-    less_motions_of(A, G, bodies, c, x, 0, len(x), out)
 
 
 @njit(cache=True)

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from fcsim.solvers.newton._formulation_kernels import disk_equations
+from fcsim.solvers.newton.systems.two_level._held_kernels import may_slide, newton_step, slides, without_held
 
 
 @njit(cache=True, nogil=True)
@@ -20,31 +21,29 @@ def weighted(F, weight):
 
 
 @njit(cache=True, nogil=True)
-def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, like):
+def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge):
     """Reactions (n, d) from (u, r) with u moving by W times what they move by, by at most `most` iterations of Newton's method on Alart and
     Curnier's F; steps are halved until ||weight F|| falls by a hundredth of them, it ends where that is `falls` of what it was. Where no
-    part of a step is enough the whole one is taken, `leaps` times at most; the best of all that were met are returned. Newton's matrix is
-    factored in the precision of `like` (0,)."""
+    part of a step is enough the whole one is taken, `leaps` times at most; the best of all that were met are returned. edge: see
+    `may_slide`."""
     n, d = u.shape
     F, A, B = disk_equations(u, r, mu, rho, False)
     size = weighted(F, weight)
     enough, best, least = falls * size, r, size
+    free, known = np.zeros(n, dtype=np.bool_), False
+    L, Y, S = np.empty((0, 0)).T, np.empty((0, 0)), np.empty((0, 0))
+    held, others = np.flatnonzero(free), np.flatnonzero(free)
     for _ in range(most):
         if size <= enough:
             break
-        J = np.zeros((n, d, n * d), dtype=like.dtype)
-        for a in range(n):
-            for p in range(d):
-                row = J[a, p]
-                for q in range(d):
-                    x = A[a, p, q]
-                    if x != 0:
-                        for c in range(n * d):
-                            row[c] += x * W[a * d + q, c]
-                    row[a * d + q] += B[a, p, q]
         try:
-            step = np.linalg.solve(J.reshape(n * d, n * d), (-F.ravel()).astype(like.dtype)).astype(np.float64)
-        except Exception:  # all that compiled code can name: the joint is singular
+            if not known or slides(B, held):
+                may_slide(u, r, mu, rho, B, edge, free)
+                held, others = np.flatnonzero(~free), np.flatnonzero(free)
+                L, Y, S = without_held(W, held, others, d)
+                known = True
+            step = newton_step(F, A, B, held, others, L, Y, S)
+        except Exception:  # all that compiled code can name: the patch is singular
             break
         dr, du, t = step.reshape(n, d), np.dot(W, step).reshape(n, d), 1.0
         found = False

@@ -44,7 +44,7 @@ class Joints:
         sizes, inner, listed = np.diff(self.begins), np.diff(self.cuts), np.diff(self.body_begins)
         own = np.sum(bodies[self.order[self.cuts[:-1]]] >= 0, axis=1)
         self.starts, self.Q_starts = _ends((d * sizes) ** 2), _ends(d * d * sizes * inner)
-        self.V_starts = _ends(own * MOTIONS * d * sizes)
+        self.R_starts = _ends(d * inner * listed * MOTIONS)
         self.T_starts, self.place_begins = _ends(own * listed * MOTIONS**2), _ends(own * listed)
         self.E = np.empty(self.starts[-1], dtype=np.float32)
         given = (rows.indptr, rows.indices, rows.blocks, self.order, position, (self.begins, self.wide), self.modes, self.starts)

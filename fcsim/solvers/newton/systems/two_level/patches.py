@@ -42,9 +42,8 @@ PATCH_UP_TO, MANY = 300, 12
 ITERATIONS, FALLS, LEAPS = 15, 1e-2, 4
 """Of Newton's method in a patch: at most, the ||F|| relative to where it began at which it ends, for the next round goes on, and how often
 a whole step is taken though ||F|| does not fall."""
-FACTORED = np.float32
-"""In which Newton's matrices are factored: what that rounds is in checkerboards, as what GMRES leaves, and ||F|| falls in as many
-iterations, each of 0.6 of the time."""
+EDGE = 0.8
+"""Of what friction holds beyond which a contact of a patch may slide in the next steps, see `_held_kernels`."""
 
 
 class JointsOfPatches(Protocol):
@@ -95,7 +94,7 @@ def missed_by_joints(
 
 def solved(W: FloatArray, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray) -> FloatArray:
     """r (n, d) of a patch with W (n d, n d) and u where the system has led."""
-    found: FloatArray = kernels.settle_patch(W, u, r, mu, rho, weight, ITERATIONS, FALLS, LEAPS, np.empty(0, dtype=FACTORED))
+    found: FloatArray = kernels.settle_patch(W, u, r, mu, rho, weight, ITERATIONS, FALLS, LEAPS, EDGE)
     return found
 
 

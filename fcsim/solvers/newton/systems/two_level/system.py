@@ -45,13 +45,17 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
 from fcsim.linear.krylov import combined, gmres
+from fcsim.linear.late.late_rows import source_of
+from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
+from fcsim.solvers.newton.systems.two_level import _block_kernels as block_kernels
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS, patched
 from fcsim.solvers.newton.systems.two_level.settling import Rounds
+from fcsim.solvers.newton.systems.two_level.taken_over import Numbers, TakenOver
 from fcsim.threads import pieces, pieces_by_work, side_by_side
 
 ACCURACY, FORESEEN, SAFETY, AT_FIRST = 1e-3, 1e-5, 0.3, 0.1
@@ -88,8 +92,8 @@ class Preconditioner:
     def __init__(self, joints: Joints) -> None:
         self._joints, self._steps = joints, 0
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q; by the order of the joints
-        self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
-        self._T = np.empty(joints.T_starts[-1])
+        Q, R = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.R_starts))
+        self._blocks = TakenOver((Q, R, np.empty(joints.T_starts[-1])), (joints.Q_starts, joints.R_starts, joints.T_starts))
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
         self._contacts = pieces(len(joints.order), CONTACTS_A_PIECE)
 
@@ -107,21 +111,21 @@ class Preconditioner:
         joints = self._joints
         changed = self._changed(A[joints.order], B[joints.order])
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
-        out = (self._Q, joints.Q_starts, self._V, joints.V_starts, self._T, joints.T_starts)
+        Q, R, T = self._blocks.to_write(np.flatnonzero(changed))
+        out = (Q, joints.Q_starts, R, joints.R_starts, T, joints.T_starts)
         which = [i + np.flatnonzero(changed[i:j]) for i, j in joints.ranges]
         try:
             side_by_side([partial(kernels.invert_joints, *given, out, own) for own in which if len(own)])
         except np.linalg.LinAlgError:
             raise SingularMatrix("a joint's block is singular") from None
-        self._A32 = self._A.astype(np.float32)
-        self._coarse = self._motions()
+        self._coarse = self._motions(T)
 
-    def _motions(self) -> Multifrontal:
+    def _motions(self, T: Numbers) -> Multifrontal:
         """The factor of I + G^T Q A G."""
         joints, k, n = self._joints, MOTIONS, self._joints.count
         S = np.zeros((len(joints.coarse_columns), k, k))
         S[joints.diagonal] = np.eye(k)
-        kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
+        kernels.add_joints(T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
         coarse = BlockRows(sp.bsr_array((S, joints.coarse_columns, joints.coarse_begins), shape=(n * k, n * k)), k, joints.coarse_pattern)
         joints.coarse_pattern = coarse.pattern
         return Multifrontal(coarse, None, np.ones(n, dtype=bool), np.float32)
@@ -137,8 +141,7 @@ class Preconditioner:
         if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
             return None
         other = copy(self)
-        own = self._A, self._B, self._Q, self._V, self._T
-        other._A, other._B, other._Q, other._V, other._T = side_by_side([x.copy for x in own])
+        other._A, other._B, other._blocks = self._A.copy(), self._B.copy(), self._blocks.following()
         other._steps += 1
         return other
 
@@ -151,21 +154,18 @@ class Preconditioner:
 
     def __call__(self, x: FloatArray) -> FloatArray:
         joints, x = self._joints, x.reshape(-1, self._joints.d)
-        given, rest, z = np.empty((3, *x.shape), dtype=np.float32)
+        Q, R, _ = self._blocks.to_read()
+        given, z = np.empty((2, *x.shape), dtype=np.float32)
         c = np.zeros((joints.count, MOTIONS), dtype=np.float32)
-        sums = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32)
-        step = np.empty(x.shape)
-        side_by_side([partial(kernels.in_order, x, joints.order, i, j, given) for i, j in self._contacts])
-        of_joints = self._V, joints.V_starts, joints.begins, joints.wide
-        side_by_side([partial(kernels.sum_joints, *of_joints, i, j, given, sums) for i, j in self._ranges])
-        kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
+        sums, step = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32), np.empty(x.shape)
+        side_by_side([partial(block_kernels.in_order, x, joints.order, i, j, given) for i, j in self._contacts])
+        blocks = Q, joints.Q_starts, joints.cuts, joints.begins, joints.wide, joints.G32
+        side_by_side([partial(block_kernels.solve_joints, *blocks, i, j, given, z, sums) for i, j in self._ranges])
+        block_kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
         order = self._coarse.contacts
         c[order] = self._coarse.solve(c[order])
-        motions = self._A32, joints.G32, joints.bodies, c, given
-        side_by_side([partial(kernels.less_motions_of, *motions, i, j, rest) for i, j in self._contacts])
-        blocks = self._Q, joints.Q_starts, joints.cuts, joints.begins, joints.wide
-        side_by_side([partial(kernels.solve_joints, *blocks, i, j, rest, z) for i, j in self._ranges])
-        side_by_side([partial(kernels.from_order, z, joints.order, i, j, step) for i, j in self._contacts])
+        motions = R, joints.R_starts, joints.cuts, joints.body_begins, joints.listed, c
+        side_by_side([partial(block_kernels.less_motions, *motions, i, j, z, joints.order, step) for i, j in self._ranges])
         return step.ravel()
 
 
@@ -224,7 +224,8 @@ class TwoLevelSystem:
 
     @cached_property
     def _by_bodies(self) -> ShareProduct:
-        return ShareProduct(self._shares)
+        source = source_of(self._rows.W)
+        return source.product if isinstance(source, LateSum) and source.shares is self._shares else ShareProduct(self._shares)
 
     def _product(self, x: FloatArray) -> FloatArray:
         """W x (m,)."""

@@ -5,9 +5,12 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from fcsim.solvers.newton._formulation_kernels import disk_equations
 from fcsim.solvers.newton.formulations import alart_curnier
+from fcsim.solvers.newton.systems.two_level import _held_kernels as held_kernels
 from fcsim.solvers.newton.systems.two_level import _settling_kernels as kernels
 from fcsim.solvers.newton.systems.two_level import patches
 from tests.unit.solvers.newton.systems.test_settling import in_numpy, joints_of_a_wall
@@ -65,7 +68,35 @@ def test_the_equations_of_a_patch_hold_with_the_velocities_that_W_gives() -> Non
     assert after <= patches.FALLS * before
     dofs = (3 * own[:, None] + np.arange(3)).ravel()
     twin = in_numpy(W[np.ix_(dofs, dofs)], u[own], r[own], mu[own], rho[own], weight[own])
-    assert_allclose(found[own], twin, atol=1e-2 * np.abs(twin).max())  # in double precision; they differ in checkerboards
+    assert_allclose(found[own], twin, atol=1e-6 * np.abs(twin).max())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_step_without_the_held_contacts_is_that_of_the_whole_system(d: int) -> None:
+    """Contacts that stick, slide and are open, with any rho, against the dense matrix; also where all stick and where none does."""
+    rng = np.random.default_rng(d)
+    n = 40
+    H = rng.standard_normal((n * d + 5, n * d))
+    W, rho, mu = H.T @ H, rng.uniform(0.5, 2.0, (n, d)), np.full(n, 0.5)
+    r, u = np.zeros((n, d)), rng.standard_normal((n, d))
+    r[:, 0] = 5.0
+    u[:15] = 0.05 * rng.standard_normal((15, d))
+    r[30:] = -5.0
+    for which in (np.arange(n), np.arange(15), np.arange(30, n)):
+        dofs = (d * which[:, None] + np.arange(d)).ravel()
+        W_own, m = W[np.ix_(dofs, dofs)], len(which)
+        F, A, B = disk_equations(u[which], r[which], mu[which], rho[which], False)
+        free = np.zeros(m, dtype=bool)
+        held_kernels.may_slide(u[which], r[which], mu[which], rho[which], B, patches.EDGE, free)
+        assert np.all(free[which >= 30]) and not np.any(free[which < 15])
+        held, others = np.flatnonzero(~free), np.flatnonzero(free)
+        assert not held_kernels.slides(B, held)
+        assert held_kernels.slides(B, np.arange(m)) == np.any(which >= 30)
+        step = held_kernels.newton_step(F, A, B, held, others, *held_kernels.without_held(W_own, held, others, d))
+        J = np.einsum("aij,ajk->aik", A, W_own.reshape(m, d, m * d)).reshape(m, d, m, d)
+        J[np.arange(m), :, np.arange(m), :] += B
+        expected = np.linalg.solve(J.reshape(m * d, m * d), -F.ravel())
+        assert_allclose(step, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_whole_steps_lead_on_where_no_part_of_one_does_and_never_to_worse() -> None:
@@ -79,7 +110,7 @@ def test_whole_steps_lead_on_where_no_part_of_one_does_and_never_to_worse() -> N
             W, mu, rho, weight = H.T @ H + 1e-3 * np.eye(12), np.full(4, 0.8), np.full((4, 3), 0.3), np.ones(4)
             u, r = rng.standard_normal((2, 4, 3))
             before = np.linalg.norm(alart_curnier(u, r, mu, rho)[0])
-            found = kernels.settle_patch(W, u, r, mu, rho, weight, patches.ITERATIONS, patches.FALLS, leaps, np.empty(0))
+            found = kernels.settle_patch(W, u, r, mu, rho, weight, patches.ITERATIONS, patches.FALLS, leaps, patches.EDGE)
             after = np.linalg.norm(alart_curnier(u + (W @ (found - r).ravel()).reshape(4, 3), found, mu, rho)[0])
             assert after <= before * (1 + 1e-9)
             count += bool(after <= patches.FALLS * before * (1 + 1e-6))

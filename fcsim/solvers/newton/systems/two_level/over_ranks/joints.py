@@ -81,11 +81,11 @@ class OwnJoints:
         L = np.concatenate([np.empty(0), *(own.ravel() for own in motions)])
         own_kernels.modes_of_contacts(pairs, self.bodies, *h, L, _begins(k * rows, kind), G)
         self.modes = G, self.bodies, self.body_begins, self.listed
-        self.G32 = G.astype(np.float32)
+        self.G32 = G[: len(self.parts.own)].astype(np.float32)
         inner, sizes, listed = np.diff(self.cuts), np.diff(self.begins), np.diff(self.body_begins)
         own = np.sum(self.bodies[self.cuts[:-1]] >= 0, axis=1)
         self.starts, self.Q_starts = _ends((d * sizes) ** 2), _ends(d * d * sizes * inner)
-        self.V_starts, self.T_starts = _ends(own * k * d * sizes), _ends(own * listed * k**2)
+        self.R_starts, self.T_starts = _ends(d * inner * listed * k), _ends(own * listed * k**2)
         self.E = np.empty(self.starts[-1], dtype=np.float32)
         compliances = (left, _begins(rows**2, kind), rows[kind] if len(rows) else kind)
         given = (pairs, self.bodies, h, compliances, (self.begins, self.wide), (self.body_begins, self.listed), self.starts, d)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem.distributed import ContactLayout
+from fcsim.solvers.newton.systems.two_level import _block_kernels as block_kernels
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import MOTIONS
 from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarseFactor
@@ -26,7 +27,7 @@ class PreconditionerOverRanks:
     def __init__(self, joints: OwnJoints, layout: ContactLayout) -> None:
         self.joints, self._layout, self._steps, self.given_away = joints, layout, 0, False
         self._A, self._B = np.full((2, len(joints.order), joints.d, joints.d), np.nan)  # of Q, by the joints' order
-        self._Q, self._V = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.V_starts))
+        self._Q, self._R = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.R_starts))
         self._T = np.empty(joints.T_starts[-1])
         self._coarse: CoarseFactor | None = None
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
@@ -40,7 +41,7 @@ class PreconditionerOverRanks:
         """Make it the one of A and B (k, d, d) by the joints' order, but for changes up to CHANGED."""
         joints, k = self.joints, MOTIONS
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
-        out = (self._Q, joints.Q_starts, self._V, joints.V_starts, self._T, joints.T_starts)
+        out = (self._Q, joints.Q_starts, self._R, joints.R_starts, self._T, joints.T_starts)
         S = np.zeros((len(joints.coarse.columns), k, k))
         with self._layout.together("joints of A W + B"):
             changed = self._changed(A, B)
@@ -50,7 +51,6 @@ class PreconditionerOverRanks:
             except np.linalg.LinAlgError:
                 raise SingularMatrix("a joint's block is singular") from None
             kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
-            self._A32 = self._A.astype(np.float32)
         between = S[joints.coarse_between].ravel()
         joints.parts.world.summed("motions of bodies on joints", between)
         S[joints.coarse_between] = between.reshape(-1, k, k)
@@ -82,22 +82,16 @@ class PreconditionerOverRanks:
         other._steps, self.given_away = self._steps + 1, True
         return other
 
-    def _joint_by_joint(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Q x on this rank's contacts, x on them and on those that it needs."""
-        joints, z = self.joints, np.empty((len(self.joints.parts.own), self.joints.d), dtype=np.float32)
-        given = (self._Q, joints.Q_starts, joints.cuts, joints.begins, joints.wide)
-        side_by_side([partial(kernels.solve_joints, *given, begin, end, x, z) for begin, end in self._ranges])
-        return z
-
     def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """P^-1 x on this rank's own contacts for x on those of the joints' halo."""
-        joints = self.joints
+        joints, own = self.joints, np.arange(len(self.joints.parts.own))
         assert self._coarse is not None  # of the last update
-        wide, c = x.reshape(-1, joints.d).take(joints.in_halo, axis=0), np.zeros((joints.count, MOTIONS), dtype=np.float32)
-        sums = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32)
-        given = (self._V, joints.V_starts, joints.begins, joints.wide)
-        side_by_side([partial(kernels.sum_joints, *given, begin, end, wide, sums) for begin, end in self._ranges])
-        kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
-        c, rest = joints.parts.summed(c.ravel()).reshape(c.shape), np.empty_like(wide)
-        kernels.less_motions(self._A32, joints.G32, joints.bodies, self._coarse.solve(c), wide, rest)
-        return self._joint_by_joint(rest).ravel()
+        wide, z = x.reshape(-1, joints.d).take(joints.in_halo, axis=0), np.empty((len(own), joints.d), dtype=np.float32)
+        sums, c = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32), np.zeros((joints.count, MOTIONS), dtype=np.float32)
+        blocks = (self._Q, joints.Q_starts, joints.cuts, joints.begins, joints.wide, joints.G32)
+        side_by_side([partial(block_kernels.solve_joints, *blocks, i, j, wide, z, sums) for i, j in self._ranges])
+        block_kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
+        c = self._coarse.solve(joints.parts.summed(c.ravel()).reshape(c.shape))
+        motions = (self._R, joints.R_starts, joints.cuts, joints.body_begins, joints.listed, c)
+        side_by_side([partial(block_kernels.less_motions, *motions, i, j, z, own, z) for i, j in self._ranges])
+        return z.ravel()
