@@ -38,7 +38,7 @@ def chain(kinds: list[int], seed: int = 3, d: int = 3) -> tuple[DelassusSum, tup
     W = DelassusSum(sp.csc_array(H), np.repeat(np.arange(BODIES), SIZE), np.tile(np.arange(SIZE), BODIES), BODIES, d)
     kind = np.array(kinds)
     shares = (0, C, kind[:4]), (4, C, kind[4:])
-    return W, shares, H.T @ sp.block_diag([C[k] for k in kinds]).toarray() @ H
+    return W, shares, H.T @ sp.block_diag([sp.coo_array(C[k]) for k in kinds]).toarray() @ H
 
 
 @pytest.fixture(autouse=True)

@@ -55,10 +55,14 @@ def part(W, rows, columns, d):
 
 
 @njit(cache=True, nogil=True)
-def without_held(W, held, others, d):
-    """L, Y and S. Raises LinAlgError where W_hh is not positive definite."""
-    S, Y = part(W, others, others, d), part(W, held, others, d)
-    L = np.linalg.cholesky(part(W, held, held, d))
+def without_held(W, held, others, d, eased):
+    """L, Y and S, with `eased` of W's diagonal added to it. Raises LinAlgError where W_hh is not positive definite."""
+    S, Y, own = part(W, others, others, d), part(W, held, others, d), part(W, held, held, d)
+    for i in range(len(S)):
+        S[i, i] *= 1 + eased
+    for i in range(len(own)):
+        own[i, i] *= 1 + eased
+    L = np.linalg.cholesky(own)
     if len(held) and len(others):
         solve_below(L, Y)
         S -= np.dot(Y.T, Y)

@@ -21,11 +21,11 @@ def weighted(F, weight):
 
 
 @njit(cache=True, nogil=True)
-def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge):
+def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge, eased):
     """Reactions (n, d) from (u, r) with u moving by W times what they move by, by at most `most` iterations of Newton's method on Alart and
     Curnier's F; steps are halved until ||weight F|| falls by a hundredth of them, it ends where that is `falls` of what it was. Where no
     part of a step is enough the whole one is taken, `leaps` times at most; the best of all that were met are returned. edge: see
-    `may_slide`."""
+    `may_slide`; eased: `without_held`."""
     n, d = u.shape
     F, A, B = disk_equations(u, r, mu, rho, False)
     size = weighted(F, weight)
@@ -40,7 +40,7 @@ def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge):
             if not known or slides(B, held):
                 may_slide(u, r, mu, rho, B, edge, free)
                 held, others = np.flatnonzero(~free), np.flatnonzero(free)
-                L, Y, S = without_held(W, held, others, d)
+                L, Y, S = without_held(W, held, others, d, eased)
                 known = True
             step = newton_step(F, A, B, held, others, L, Y, S)
         except Exception:  # all that compiled code can name: the patch is singular

@@ -45,8 +45,8 @@ def test_the_worst_joints_choose_first_and_none_is_in_two_patches() -> None:
     assert which.tolist() == [5, 4, 6]
 
 
-def test_the_equations_of_a_patch_hold_with_the_velocities_that_W_gives() -> None:
-    """And all reactions elsewhere stay as they are; nothing is found where no joint is above the limit."""
+def test_the_equations_of_a_patch_hold_with_the_velocities_that_W_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And all reactions elsewhere stay as they are; nothing is found where no joint is above the limit; with W as it is Newton's answer."""
     joints, W = joints_of_a_wall()
     nc, rng = len(joints.order), np.random.default_rng(0)
     weight, rho = W.diagonal().reshape(nc, 3).mean(1), 1 / W.diagonal().reshape(nc, 3)
@@ -67,6 +67,9 @@ def test_the_equations_of_a_patch_hold_with_the_velocities_that_W_gives() -> Non
     after = np.linalg.norm(weight[own, None] * alart_curnier(moved[own], found[own], mu[own], rho[own])[0])
     assert after <= patches.FALLS * before
     dofs = (3 * own[:, None] + np.arange(3)).ravel()
+    monkeypatch.setattr(patches, "EASED", 0.0)
+    found = patches.patched(joints, W, u, r, mu, rho, weight, 0.99 * before)
+    assert found is not None
     twin = in_numpy(W[np.ix_(dofs, dofs)], u[own], r[own], mu[own], rho[own], weight[own])
     assert_allclose(found[own], twin, atol=1e-6 * np.abs(twin).max())
 
@@ -92,7 +95,7 @@ def test_a_step_without_the_held_contacts_is_that_of_the_whole_system(d: int) ->
         held, others = np.flatnonzero(~free), np.flatnonzero(free)
         assert not held_kernels.slides(B, held)
         assert held_kernels.slides(B, np.arange(m)) == np.any(which >= 30)
-        step = held_kernels.newton_step(F, A, B, held, others, *held_kernels.without_held(W_own, held, others, d))
+        step = held_kernels.newton_step(F, A, B, held, others, *held_kernels.without_held(W_own, held, others, d, 0.0))
         J = np.einsum("aij,ajk->aik", A, W_own.reshape(m, d, m * d)).reshape(m, d, m, d)
         J[np.arange(m), :, np.arange(m), :] += B
         expected = np.linalg.solve(J.reshape(m * d, m * d), -F.ravel())
@@ -110,7 +113,7 @@ def test_whole_steps_lead_on_where_no_part_of_one_does_and_never_to_worse() -> N
             W, mu, rho, weight = H.T @ H + 1e-3 * np.eye(12), np.full(4, 0.8), np.full((4, 3), 0.3), np.ones(4)
             u, r = rng.standard_normal((2, 4, 3))
             before = np.linalg.norm(alart_curnier(u, r, mu, rho)[0])
-            found = kernels.settle_patch(W, u, r, mu, rho, weight, patches.ITERATIONS, patches.FALLS, leaps, patches.EDGE)
+            found = kernels.settle_patch(W, u, r, mu, rho, weight, patches.ITERATIONS, patches.FALLS, leaps, patches.EDGE, patches.EASED)
             after = np.linalg.norm(alart_curnier(u + (W @ (found - r).ravel()).reshape(4, 3), found, mu, rho)[0])
             assert after <= before * (1 + 1e-9)
             count += bool(after <= patches.FALLS * before * (1 + 1e-6))

@@ -15,7 +15,7 @@ from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems import choice, condensed
 from fcsim.solvers.newton.systems.two_level import _settling_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import Joints
-from fcsim.solvers.newton.systems.two_level.patches import EDGE, FALLS, ITERATIONS, LEAPS
+from fcsim.solvers.newton.systems.two_level.patches import EASED, EDGE, FALLS, ITERATIONS, LEAPS
 from fcsim.solvers.newton.systems.two_level.settling import Rounds, SettlesJoints
 from tests.unit.solvers.newton.systems.test_two_level import shares_and_rows, step_of, walls
 
@@ -57,7 +57,7 @@ def in_numpy(W: np.ndarray, u: np.ndarray, r: np.ndarray, mu: np.ndarray, rho: n
 def test_a_patch_that_nothing_determines_stays_as_it_is() -> None:
     """W = 0 and contacts that stick: Newton's matrix is zero."""
     r, u = np.array([[1.0, 0.0, 0.0]]), np.array([[0.1, 0.0, 0.0]])
-    found = kernels.settle_patch(np.zeros((3, 3)), u, r, np.ones(1), np.ones((1, 3)), np.ones(1), ITERATIONS, FALLS, LEAPS, EDGE)
+    found = kernels.settle_patch(np.zeros((3, 3)), u, r, np.ones(1), np.ones((1, 3)), np.ones(1), ITERATIONS, FALLS, LEAPS, EDGE, EASED)
     assert_array_equal(found, r)
 
 
