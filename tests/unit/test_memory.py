@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fcsim import memory
+from fcsim import Body, Everything, Simulation, Support, Theta, build_model, memory
 from fcsim.command_line.main import main
 from fcsim.errors import InputError
 from fcsim.memory import any_size, free_memory, readable, refuse_beyond_memory
@@ -92,3 +92,15 @@ def test_a_run_says_its_size_and_refuses_one_too_large(
     said = capsys.readouterr().err
     assert f"14 bodies with {dofs} degrees of freedom" in said and "95 MiB are free" in said and not (tmp_path / "two").exists()
     assert main([*arguments[:3], str(tmp_path / "two"), *arguments[4:], "--any-size"]) == 0
+
+
+def test_a_compliance_that_no_memory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The surface that contact may touch is what counts: from Python, too, where no run has weighed the model before."""
+    block = brick("block", (0.1, 0.1, 0.1), (2, 2, 2), STONE)
+    ground = rigid_box("ground", (1.0, 1.0, 0.1), (0.05, 0.05, -0.05), 1.0)
+    supports = [Support("ground", ("x", "y", "z", "rx", "ry", "rz"))]
+    model = build_model([ground, Body("block", block)], supports=supports, gravity=lambda t: (0.0, 0.0, -9.81))
+    monkeypatch.setattr(memory, "free_memory", lambda: 1000.0)
+    dofs = 3 * 26  # the nodes of 2 x 2 x 2 cells but the one inside
+    with pytest.raises(InputError, match=rf"^part 'block': the compliance between the {dofs} degrees of freedom of the surface"):
+        next(iter(Simulation(model, Everything(model, mu=0.5), Theta(1e-3), 1)))

@@ -20,6 +20,7 @@ from fcsim.linear.factors import Factor, SingularMatrix
 from fcsim.linear.over_ranks.mumps import MumpsOverRanks
 from fcsim.linear.over_ranks.rows import RowsOverRanks, whole
 from fcsim.linear.singularity import refuse_singular
+from fcsim.memory import refuse_beyond_memory
 from fcsim.runtime import release_freed_memory
 
 FAINT = 1e-8
@@ -85,7 +86,10 @@ class GroupFactor:
 
     @cached_property
     def compliance(self) -> FloatArray:
-        """A^-1 on the contact dofs (k, k)."""
+        """A^-1 on the contact dofs (k, k); InputError where that does not fit into the free memory."""
+        k = len(self.surface)
+        what = f"part {self._group.part.name!r}: the compliance between the {k} degrees of freedom of the surface that contact may touch"
+        refuse_beyond_memory(what, 8.0 * k**2)
         return _symmetric(linear.inverse_on(np.searchsorted(self.free, self.surface), self.factor, len(self.free)))
 
     def make(self) -> None:
