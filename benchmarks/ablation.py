@@ -135,11 +135,14 @@ def main() -> None:
         writer = csv.DictWriter(file, fields)
         if not rows:
             writer.writeheader()
+        variants, loaded = ALL if arguments.beside is None else ("auto", *NAMED), False
         for family, name, problem in sets(arguments):
             limit = arguments.limit
-            for variant in ALL if arguments.beside is None else ("auto", *NAMED):
-                if (name, variant) in done:
-                    continue
+            missing = [variant for variant in variants if (name, variant) not in done]
+            for variant in missing if not loaded else ():  # once, so that no measured solve compiles code for longer than LOADING
+                measured(problem, variant, 60.0)
+                loaded = True
+            for variant in missing:
                 status, seconds = measured(problem, variant, limit)
                 if variant == "auto" and arguments.beside is not None:
                     limit = min(limit, max(0.1, arguments.beside * seconds))
