@@ -252,3 +252,7 @@ def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'fcsim' has no attribute {name!r}")
     return getattr(import_module(f"fcsim.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,11 +1,12 @@
-"""How values that hold arrays show themselves: in a line, whatever they hold."""
+"""What values that hold arrays show of themselves, in a line whatever they hold, and what of them is pickled and copied in depth."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,3 +58,22 @@ def shown(value: object) -> str:
     else:
         text = f"{type(value).__name__}(...)"
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def by_fields(record: object) -> tuple[Callable[..., object], tuple[object, ...]]:
+    """`__reduce__` of a dataclass: its class and the values of its fields. Factors, locks and other caches stay in the process, and are
+    made anew where it is used."""
+    given = {field.name: getattr(record, field.name) for field in fields(record) if field.init}  # type: ignore[arg-type]
+    return _made, (type(record), {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in given.items()})
+
+
+def _made(kind: Callable[..., object], given: dict[str, object]) -> object:
+    return kind(**given)
+
+
+def refused(record: object) -> tuple[()]:
+    """`__reduce__` of what is not pickled."""
+    raise TypeError(
+        f"a {type(record).__name__} holds factors and matrices of its process, and is neither pickled nor copied: take what is needed of "
+        "it, as state, contacts, result"
+    )

@@ -10,7 +10,8 @@
 * The working directory is a place, not a source (`without_local_options`): numba reads .numba_config.yaml there (where compiled functions
   are loaded from), dolfinx dolfinx_jit_options.json (arguments of the C compiler), PETSc .petscrc (files it writes, libraries it loads),
   matplotlib matplotlibrc (programs it calls), and `python -c` every module: a folder of somebody else's results would run their code.
-* `gmsh_model()` is the only place that initialises and finalises gmsh, so that a failure inside cannot poison what comes next.
+* `gmsh_model()` is the only place that initialises and finalises gmsh, so that a failure inside cannot poison what comes next. A process
+  has one gmsh: threads wait for each other there.
 """
 
 from __future__ import annotations
@@ -296,11 +297,24 @@ def has_petsc() -> bool:
     return find_spec("dolfinx_solver") is not None or find_spec("petsc4py") is not None
 
 
+_GMSH = threading.RLock()
+
+
+def _free_gmsh() -> None:
+    """In a child: the thread that may hold the lock is not there."""
+    global _GMSH
+    _GMSH = threading.RLock()
+
+
+os.register_at_fork(after_in_child=_free_gmsh)
+
+
 @contextmanager
 def gmsh_model(name: str) -> Iterator[ModuleType]:
     """Yield the gmsh module with a new, empty model; gmsh is finalised however the block ends.
 
-    gmsh's own signal handlers and terminal output are off: errors come as exceptions.
+    gmsh's own signal handlers and terminal output are off: errors come as exceptions. InputError where the program works with gmsh itself:
+    its models and options are not ours, and what it has set would change our meshes.
     """
     try:
         import gmsh
@@ -309,17 +323,21 @@ def gmsh_model(name: str) -> Iterator[ModuleType]:
             f"gmsh cannot be imported ({error}): pip install 'fcsim[fem]'; its wheel loads X and GL libraries, on Debian: "
             "apt-get install libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libxext6"
         ) from None
-    if gmsh.isInitialized():
-        raise RuntimeError("gmsh_model: gmsh is already initialised; nested use is not supported")
-    gmsh.initialize(interruptible=False, argv=["", "-nopopup"], readConfigFiles=False)  # options of a user's home would change meshes
-    _restore_signal_handlers()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add(name)
-        yield gmsh
-    finally:
-        gmsh.finalize()
+    with _GMSH:
+        if gmsh.isInitialized():
+            raise InputError(
+                f"mesh of {name!r}: expected gmsh to be free, and it is in use (gmsh.initialize(), or a block of gmsh_model): make the "
+                "mesh before, or after gmsh.finalize()"
+            )
+        gmsh.initialize(interruptible=False, argv=["", "-nopopup"], readConfigFiles=False)  # options of a user's home would change meshes
         _restore_signal_handlers()
+        try:
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.model.add(name)
+            yield gmsh
+        finally:
+            gmsh.finalize()
+            _restore_signal_handlers()
 
 
 def _restore_signal_handlers() -> None:

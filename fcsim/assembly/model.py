@@ -25,7 +25,7 @@ from fcsim.assembly.loads import Follower, Load, factor_at, load_vector, turned
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
 from fcsim.assembly.shares.shares import Shares, shares_of
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
-from fcsim.brief import brief, shown
+from fcsim.brief import brief, by_fields, shown
 from fcsim.errors import InputError, asked
 from fcsim.linear.over_ranks.rows import whole
 from fcsim.linear.sparse.each import times_each
@@ -51,7 +51,7 @@ class Model(BodyLayout):
     driven: Literal["eliminated", "identity"]
     kinematics: Kinematics | None = None
 
-    __repr__ = brief
+    __repr__, __reduce__ = brief, by_fields
 
     @cached_property
     def held(self) -> HeldDofs:

@@ -88,6 +88,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if answer.document is not None:
             about = {"command": options.command, "exit_code": code, **({"error": message} if message else {})}
             write(json_text({**about, **answer.whole()}).rstrip())
+        if answer.lost:  # what is kept of the answer is not the answer: no success, though the work is done
+            say(f"fcsim: standard output: {answer.lost}; the answer there is not whole", to_stderr=True)
+            code = code or EXIT_BAD_INPUT
     return code
 
 

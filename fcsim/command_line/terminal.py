@@ -23,7 +23,7 @@ def printable(text: object) -> str:
 
 def say(text: object = "", *, to_stderr: bool = False) -> None:
     """Print a line, or keep it for the answer in JSON; nothing from then on where the reader has left, or where the file that takes it is
-    full. A line on standard error is for people and is always shown."""
+    full, which the command says at its end. A line on standard error is for people and is always shown."""
     if not to_stderr and current().silent:
         current().lines.append(printable(text))
         return
@@ -35,8 +35,10 @@ def write(text: object = "", *, to_stderr: bool = False) -> None:
     stream = sys.stderr if to_stderr else sys.stdout
     try:
         print(printable(text), file=stream, flush=True)
-    except OSError:
+    except OSError as error:
         silence(stream)
+        if not to_stderr and not isinstance(error, BrokenPipeError):
+            current().lost = error.strerror or type(error).__name__
 
 
 def one_line(text: str) -> str:

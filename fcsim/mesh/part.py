@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fcsim.arrays import FloatArray, IntArray, is_number
-from fcsim.brief import brief, shown
+from fcsim.brief import brief, by_fields, shown
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, RAISED
 from fcsim.mesh.exact_shape import ExactShape
@@ -144,7 +144,7 @@ class Part:
     regions: Mapping[str, IntArray] = field(default_factory=dict, kw_only=True)
     nodes: Mapping[str, IntArray] = field(default_factory=dict, kw_only=True)
 
-    __repr__ = brief
+    __repr__, __reduce__ = brief, by_fields
 
     if TYPE_CHECKING:
 
@@ -247,7 +247,7 @@ class Body(Placed):
     translation: FloatArray = None  # type: ignore[assignment]
     kinematics: Kinematics | None = field(default=None, kw_only=True)
 
-    __repr__ = brief
+    __repr__, __reduce__ = brief, by_fields
 
     if TYPE_CHECKING:  # what is given may be less than an array
 
@@ -310,7 +310,7 @@ class RigidBody(Placed):
     surfaces: Mapping[str, IntArray] = field(default_factory=dict)
     shape: ExactShape | None = None
 
-    __repr__ = brief
+    __repr__, __reduce__ = brief, by_fields
 
     if TYPE_CHECKING:
 

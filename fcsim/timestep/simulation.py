@@ -15,7 +15,7 @@ from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.locking import locking_parts
 from fcsim.assembly.model import Model
-from fcsim.brief import brief, shown
+from fcsim.brief import brief, by_fields, shown
 from fcsim.contact_detection import Detection
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
@@ -84,7 +84,7 @@ class Simulation:
     linkage: Linkage | None = None
     witness: Witness | None = field(default_factory=Witness)
 
-    __repr__ = brief
+    __repr__, __reduce__ = brief, by_fields
 
     def __post_init__(self) -> None:
         refuse_arguments(self, self.model, self.detector, self.scheme)

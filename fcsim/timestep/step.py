@@ -15,7 +15,7 @@ from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.functions.of_bodies import Field, body_function
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import Support
-from fcsim.brief import brief
+from fcsim.brief import brief, refused
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import NOTHING, Breaking, Variables
 from fcsim.errors import InputError
@@ -142,7 +142,7 @@ class Step:
     penetration: float = 0.0
     struck: Energy | None = None
 
-    __repr__ = brief
+    __repr__, __reduce__ = brief, refused
 
     @property
     def memory(self) -> tuple[Reactions, ...]:

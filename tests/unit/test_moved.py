@@ -44,3 +44,7 @@ def test_old_names_end() -> None:
         return tuple(int(part) for part in text.split("."))
 
     assert all(release(entry.ends) > release(fcsim.__version__) for entry in (*NAMES.values(), *MODULES.values()))
+
+
+def test_shells_see_the_names_that_are_loaded_when_first_used() -> None:
+    assert {*fcsim.__all__, "__version__"} <= set(dir(fcsim))

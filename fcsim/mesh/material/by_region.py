@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from fcsim.brief import by_fields
 from fcsim.errors import InputError
 from fcsim.mesh.material.law import AnyMaterial, LinearLaw, LinearMaterial, PointLaw
 
@@ -25,6 +26,8 @@ class ByRegion:
             if not isinstance(material, LinearMaterial | PointLaw):
                 raise InputError(f"ByRegion, region {name!r}: expected a material, got {type(material).__name__}")
         object.__setattr__(self, "materials", MappingProxyType(dict(self.materials)))
+
+    __reduce__ = by_fields
 
 
 def is_linear(material: AnyMaterial | ByRegion) -> bool:

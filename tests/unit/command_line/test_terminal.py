@@ -54,6 +54,14 @@ def test_a_reader_that_leaves_does_not_end_a_run(case_folder: Path, tmp_path: Pa
     assert run.description.status == "finished" and len(run.columns["step"]) == 12
 
 
+@pytest.mark.parametrize("options", ["", "--json"])
+def test_an_answer_that_a_full_disk_does_not_take_is_no_success(options: str) -> None:
+    """/dev/full takes nothing, as a full disk: what a script reads there afterwards is not the answer."""
+    done = fcsim("cases", options, shell="> /dev/full")
+    assert done.returncode == 2
+    assert done.stderr.decode() == "fcsim: standard output: No space left on device; the answer there is not whole\n"
+
+
 @pytest.mark.parametrize(
     ("sent", "by"), [("SIGTERM", "SIGTERM"), ("SIGHUP", "SIGHUP (the terminal was closed)"), ("SIGINT", "the keyboard")]
 )

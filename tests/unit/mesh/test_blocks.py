@@ -1,5 +1,7 @@
 """Blocks: counts, volumes, named surfaces and inertia, and parts from a user's own gmsh model."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -252,3 +254,26 @@ def test_a_box_of_one_facet_a_face_is_what_gmsh_makes_of_it(make, dimension, see
 def test_a_box_without_an_inside_is_refused_by_name(size, centre):
     with pytest.raises(InputError, match=r"'flat', (size|origin): expected"):
         rigid_box("flat", size, centre, 1.0)
+
+
+def test_threads_mesh_one_after_the_other() -> None:
+    """A process has one gmsh: parts that threads make at a time are those that one makes."""
+    expected = brick("b", (0.3, 0.2, 0.1), (3, 2, 1), MATERIAL)
+    with ThreadPoolExecutor(4) as pool:
+        for part in pool.map(lambda _: brick("b", (0.3, 0.2, 0.1), (3, 2, 1), MATERIAL), range(8)):
+            assert np.array_equal(part.points, expected.points) and np.array_equal(part.cells, expected.cells)
+
+
+def test_a_program_that_works_with_gmsh_itself() -> None:
+    """Its options would change our meshes, and `finalize` of ours would take its models: refused, and its session is as it was."""
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.model.add("mine")
+        with pytest.raises(InputError, match=r"mesh of 'b': expected gmsh to be free.* after gmsh.finalize"):
+            brick("b", (0.3, 0.2, 0.1), (3, 2, 1), MATERIAL)
+        assert gmsh.model.getCurrent() == "mine"
+    finally:
+        gmsh.finalize()
+    assert len(brick("b", (0.3, 0.2, 0.1), (3, 2, 1), MATERIAL).cells) == 6
