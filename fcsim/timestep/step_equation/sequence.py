@@ -15,7 +15,7 @@ from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
 from fcsim.solvers import Method, method
 from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.timestep.chain import Attempt, Clock, SolverSettings, solve_chain, solve_rolling_chain
+from fcsim.timestep.chain import MET, Attempt, Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.expected_motion import with_motion
 from fcsim.timestep.reactions.reactions import Reactions
@@ -139,12 +139,14 @@ ROUND = float(np.finfo(np.float64).eps)
 
 def _tolerance(tol: float, reduction: Reduction, extent: float, equation: Equation) -> float:
     """Of the step's problem for that of the settings; Unphysical where no numbers meet it."""
-    flight = longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction)
+    timing = equation.met.meeting.timing
+    flight = longest_flight(reduction, extent, timing.force_per_reaction)
     if tol * flight < ROUND:
+        least = max(flight, 1e-300)
+        mend = "a shorter step" if timing.moving else f"a larger eta (about {MET / (tol * least):.0e} times)"
         raise Unphysical(
-            f"t = {equation.state.t:.6g} s: without contact bodies would move by {1 / max(flight, 1e-300):.3g} times the model's size, "
-            f"{extent:.3g} m, in one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's "
-            "units, a shorter step"
+            f"t = {equation.state.t:.6g} s: without contact bodies would move by {1 / least:.3g} times the model's size, {extent:.3g} m, "
+            f"in one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's units, {mend}"
         )
     return tol * min(1.0, flight)
 
