@@ -19,6 +19,7 @@ from fcsim.timestep.chain import MET, Attempt, Clock, SolverSettings, solve_chai
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.expected_motion import with_motion
 from fcsim.timestep.reactions.reactions import Reactions
+from fcsim.timestep.reactions.unanswered import unanswered
 from fcsim.timestep.reactions.warm_start import nearest_start, warm_start
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
@@ -88,6 +89,7 @@ def _solved(
         clock.lap("solve")
         past = replace(past, serving=serving)
         if result is None:
+            _explain(attempts, equation, problem, reduction)
             return None, past
         if not mixing.points and rolling is None:  # a step teaches once, whatever its linearisations
             past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
@@ -108,6 +110,12 @@ def _solved(
     apart = TOLERANCE * float(change.max())
     attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
     return None, past
+
+
+def _explain(attempts: list[Attempt], equation: Equation, problem: GlobalProblem | GlobalRollingProblem, reduction: Reduction) -> None:
+    """Say of the last attempt why the step's problem has no answer, where that is known."""
+    if isinstance(problem, GlobalProblem):
+        attempts[-1] = replace(attempts[-1], why=unanswered(reduction.local, equation.met.contacts, equation.model))
 
 
 def _beginning(equation: Equation, chosen: Method, *, first: bool) -> StepCompliance | LinkedCompliance:
