@@ -11,6 +11,8 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Rolling, Velocity
+from fcsim.contact_law.law import Law
 from fcsim.errors import FcsimError, InputError, NotConverged
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material, neo_hooke
@@ -234,3 +236,10 @@ def test_a_mass_too_small_to_be_seen_is_refused_with_one_that_is() -> None:
     *_, last = Simulation(model, contact, QuasiStatic(1.0, eta=eta), 2)
     assert_allclose(last.contact_force_on(model.number["block"]), [0.0, 0.0, 1e4], rtol=1e-5, atol=0.1)
     assert last.state.x[model.n_elastic + 2] == pytest.approx(-1e4 * 0.4 / (1e8 * 0.01), rel=1e-4)
+
+
+@pytest.mark.parametrize("law", [Velocity(), Rolling(0.1, Velocity(0.5))])
+def test_the_law_of_impacts_is_refused(law: Law) -> None:
+    """It knows gaps only once they are closed: a block would stay in the other by what is left of the load step."""
+    with pytest.raises(InputError, match=r"QuasiStatic, law: expected a law that closes gaps, as Gap\(\), got Velocity"):
+        QuasiStatic(1.0, law=law)
