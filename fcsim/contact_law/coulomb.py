@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, is_number
 from fcsim.brief import shown
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.friction import Elliptic, Friction, friction_terms, slip_after
+from fcsim.contact_law.friction import Elliptic, Friction, friction_terms, way_slid
 from fcsim.contact_law.law import Meeting, Outcome, Remembered, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
@@ -116,7 +116,9 @@ def closing(meeting: Meeting, recovery: float) -> FloatArray:
 
 
 def remembered_slip(friction: Friction | Elliptic | None, meeting: Meeting, outcome: Outcome) -> Remembered:
-    """The distance slid, where a coefficient depends on it."""
+    """The distance slid, where a coefficient depends on it; of quasi-statics, whose state has no velocity, also the rate in this step."""
     if friction is None or isinstance(friction, Elliptic):
         return Remembered()
-    return Remembered({"slip": slip_after(meeting, outcome)})
+    way = way_slid(meeting, outcome)
+    slip = meeting.recall("slip", np.zeros(len(meeting))) + way
+    return Remembered({"slip": slip} if meeting.timing.moving else {"slip": slip, "rate": way / meeting.timing.h})

@@ -1,6 +1,7 @@
 """Friction coefficients that are not one number: functions of slip, sliding velocity, place and time; and the elliptic cone.
 
-A coefficient is taken at the beginning of a step, from what has been slid until then: explicit, with an error of the order of h.
+A coefficient is taken at the beginning of a step, from what has been slid until then: explicit, with an error of the order of h. In
+quasi-statics the velocity is that of the last load step, the way slid in it over its h.
 """
 
 from __future__ import annotations
@@ -129,7 +130,10 @@ def friction_terms(friction: Friction | Elliptic | None, meeting: Meeting) -> Fr
         raise InputError(
             f"friction: expected a function of what slides, or None for the pairs' own coefficients (mu), got {friction!r:.60}"
         )
-    velocity = np.sqrt(np.einsum("ai,ai->a", meeting.before[:, 1:], meeting.before[:, 1:]))
+    if meeting.timing.moving:
+        velocity = np.sqrt(np.einsum("ai,ai->a", meeting.before[:, 1:], meeting.before[:, 1:]))
+    else:
+        velocity = np.nan_to_num(meeting.recall("rate", np.zeros(len(contacts))))
     sliding = Sliding(meeting.recall("slip", np.zeros(len(contacts))), velocity, contacts.point, meeting.t, contacts.mu)
     mu = numbers_of(asked(f"friction {friction!r:.60} at t = {meeting.t} s", friction, sliding))
     if mu.shape != contacts.mu.shape or not np.all(np.isfinite(mu) & (mu >= 0)):
@@ -137,12 +141,12 @@ def friction_terms(friction: Friction | Elliptic | None, meeting: Meeting) -> Fr
     return FrictionTerms(mu)
 
 
-def slip_after(meeting: Meeting, outcome: Outcome) -> FloatArray:
-    """The distance (nc,) [m] slid under pressure until the end of the step, by the mean velocity theta u+ + (1 - theta) u^-."""
+def way_slid(meeting: Meeting, outcome: Outcome) -> FloatArray:
+    """The distance (nc,) [m] slid under pressure in the step, by the mean velocity theta u+ + (1 - theta) u^-."""
     theta = meeting.timing.theta
     mean = theta * outcome.after[:, 1:] + (1 - theta) * meeting.before[:, 1:]
     way = meeting.timing.length_per_u * np.sqrt(np.einsum("ai,ai->a", mean, mean))
-    return meeting.recall("slip", np.zeros(len(meeting))) + np.where(outcome.r[:, 0] > 0, way, 0.0)
+    return np.where(outcome.r[:, 0] > 0, way, 0.0)
 
 
 def _elliptic(friction: Elliptic, meeting: Meeting) -> FrictionTerms:

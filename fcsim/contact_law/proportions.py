@@ -26,7 +26,7 @@ class Proportions:
 
     size      (nbodies,) [m] the smallest of a body's extents along its principal axes that is not flat, an exact shape's own; inf: planes
     facets    (nf, k) node numbers of all named surfaces, each facet once, -1 = none
-    thickness (nf,) [m] of the facets' parts in 2D; 1 in 3D
+    thickness (nbodies,) [m] of deformable bodies in 2D; nan: rigid ones, which have none of their own, and in 3D
     rigid     (nbodies,) whether a body is
     """
 
@@ -54,7 +54,8 @@ class Proportions:
 
         A_k = sum over the facets at node k of n area / (nodes of the facet), S_k = sum_b w_bk N_b over the contacts b with the weight
         w_bk > 0 on k; area_a = sum_k w_ak (-A_k . N_a) / (S_k . N_a): a node's area towards N_a, shared by its contacts of that side.
-        Where two bodies are slaves of each other (two passes), each pass stands for half.
+        Where two bodies are slaves of each other (two passes), each pass stands for half. In 2D areas are lengths times the thickness
+        that both bodies share: the smaller of two, the deformable one's beside a rigid body, 1 between rigid ones.
         """
         nc, d = len(contacts), contacts.dimension
         if not nc:
@@ -67,7 +68,7 @@ class Proportions:
         towards = np.zeros((len(positions), d))
         np.add.at(towards, node, w[:, None] * normal[row])
         share = -np.einsum("ei,ei->e", outward[node], normal[row]) / np.einsum("ei,ei->e", towards[node], normal[row])
-        area = np.bincount(row, w * share, minlength=nc)
+        area = np.bincount(row, w * share, minlength=nc) * self._shared_thickness(contacts)
         if not np.all(area > 0):
             bad = int(np.argmin(area))
             raise InputError(
@@ -79,15 +80,20 @@ class Proportions:
         back = contacts.bodies[:, 1] * count + contacts.bodies[:, 0]
         return np.where(np.isin(back, one_way), 0.5 * area, area)
 
+    def _shared_thickness(self, contacts: Contacts) -> FloatArray:
+        """(nc,) [m]; 1 in 3D."""
+        shared = np.fmin(*self.thickness[contacts.bodies].T)
+        return np.where(np.isnan(shared), 1.0, shared)
+
     def _nodal_areas(self, positions: FloatArray) -> FloatArray:
-        """Vectors A_k (n_nodes, d) [m^2], outwards."""
+        """Vectors A_k (n_nodes, d) [m^2] outwards; in 2D of the thickness 1."""
         d = positions.shape[1]
         areas = np.zeros((len(positions), d))
         if not len(self.facets):  # bodies of exact shape alone
             return areas
         if d == 2:
             tangent = positions[self.facets[:, 1]] - positions[self.facets[:, 0]]
-            vector = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1) * self.thickness[:, None]
+            vector = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
         else:  # half the cross product of the diagonals; of a triangle a, b, c with d = a: (c - a) x (a - b)
             a, b, c = (positions[self.facets[:, i]] for i in range(3))
             last = positions[np.where(self.facets[:, 3] < 0, self.facets[:, 0], self.facets[:, 3])] if self.facets.shape[1] == 4 else a
@@ -103,15 +109,14 @@ def proportions(model: Model) -> Proportions:
     """Return the proportions of a model's bodies."""
     size = np.array([_size_of(body) for body in model.bodies])
     facets: list[IntArray] = []
-    thickness: list[FloatArray] = []
     for body, first in zip(model.bodies, model.node_offset, strict=False):
         own = _different(body.surfaces.values())
         facets.append(np.where(own >= 0, own + first, -1))
-        thickness.append(np.full(len(own), body.part.thickness if isinstance(body, Body) and model.dimension == 2 else 1.0))
     width = max((array.shape[1] for array in facets), default=2)
     padded = [np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=-1) for array in facets]
     rigid = np.array([not isinstance(body, Body) for body in model.bodies])
-    return Proportions(size, np.concatenate(padded), np.concatenate(thickness), rigid)
+    thickness = np.array([np.nan if not isinstance(body, Body) or model.dimension == 3 else body.part.thickness for body in model.bodies])
+    return Proportions(size, np.concatenate(padded), thickness, rigid)
 
 
 def _size_of(body: Body | RigidBody) -> float:

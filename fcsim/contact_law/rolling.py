@@ -29,7 +29,7 @@ class _Resistance:
             raise InputError(f"{name}, resistance: expected a length {symbol} >= 0 in m, got {shown(self.resistance)}")
         if isinstance(self.law, type) or not callable(getattr(self.law, "terms", None)):
             raise InputError(f"{name}, law: expected a contact law, as Gap(), got {self.law!r:.60}")
-        if _has(self.law, type(self)):
+        if contains(self.law, type(self)):
             raise InputError(f"{name}, law: expected a law without {name.lower()} resistance, got another {name}")
 
     def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
@@ -88,7 +88,7 @@ class Spinning(_Resistance):
         return replace(self.law.terms(meeting), spinning=np.full(len(meeting), self.resistance))
 
 
-def _has(law: object, kind: type) -> bool:
+def contains(law: object, kind: type) -> bool:
     """Whether a law, one that it stands beside, or one of a table is of a kind."""
     within = (*getattr(law, "laws", ()), *([law.law] if isinstance(law, _Resistance) else []))
-    return isinstance(law, kind) or any(_has(other, kind) for other in within)
+    return isinstance(law, kind) or any(contains(other, kind) for other in within)

@@ -62,15 +62,20 @@ class Certificate:
         if self.direction is None:
             near = "" if self.reactions == float("inf") else f", not with reactions of up to {self.reactions:.0e} times the usual"
             return f"no solution: contacts {few} can neither be open nor stick nor slide (all cases{near})"
-        needed = "no reactions" if self.reactions == float("inf") else f"only reactions of {self.reactions:.0e} times the usual"
         return (
             f"no solution: contacts {few} are squeezed, a self-stress of their normal forces works against what is prescribed "
-            f"({needed} would keep them apart)"
+            f"({self.needed} would keep them apart)"
         )
 
+    @property
+    def needed(self) -> str:
+        """The reactions of an answer, in words."""
+        return "no reactions" if self.reactions == float("inf") else f"only reactions of {self.reactions:.0e} times the usual"
 
-def squeezed(problem: LocalProblem) -> Certificate | None:
-    """A self-stress y that proves that no reactions keep the bodies apart, None where linear programming finds none.
+
+def squeezed(problem: LocalProblem, beyond: float = REACTIONS) -> Certificate | None:
+    """A self-stress y that proves that no reactions up to `beyond` (see `REACTIONS`) keep the bodies apart, None where linear programming
+    finds none.
 
     minimise q_N . y subject to W^T N y = 0, sum y = 1, y >= 0, each unknown and row in units of its own compliance, so that a heavy body
     among light ones is not taken for one that is held. Where W = H^T M^-1 H is known,
@@ -105,7 +110,7 @@ def squeezed(problem: LocalProblem) -> Certificate | None:
     work, leak = -float(cost @ y), float(np.linalg.norm(own * (W[::d].T @ (own[::d] * y))))
     usual = float(np.linalg.norm(own * problem.q))
     reactions = work / (leak * usual) if leak > 0 else float("inf")
-    if not work > 0 or reactions < REACTIONS:
+    if not work > 0 or reactions < beyond:
         return None
     direction = np.zeros(problem.m)
     direction[::d] = own[::d] * y / (own[::d] @ y)
@@ -224,6 +229,6 @@ def _missed(W: FloatArray, q: FloatArray, mu: FloatArray, case: tuple[int, ...])
     return float(found.fun) if found.status == 0 else 0.0
 
 
-def certificate(problem: LocalProblem) -> Certificate | None:
-    """A proof that the problem has no solution, None where none was found."""
-    return squeezed(problem) or without_a_case(problem)
+def certificate(problem: LocalProblem, beyond: float = REACTIONS) -> Certificate | None:
+    """A proof that the problem has no solution, or of squeezed bodies none with reactions up to `beyond`; None where none was found."""
+    return squeezed(problem, beyond) or without_a_case(problem)

@@ -33,7 +33,7 @@ class Attempt:
     bodies and contacts in one loop from the previous steps, which the chain follows where that does not arrive.
 
     share: the part of the step that was attempted, 1 or, where the step was cut, 1/2, 1/4, ...; tol: the error asked for; leads: it began
-    the chain because the steps before needed it, see `Lead`
+    the chain because the steps before needed it, see `Lead`; why: of the last one of a chain, why there is no answer, where that is known
     """
 
     solver: str
@@ -44,6 +44,7 @@ class Attempt:
     share: float
     tol: float
     leads: bool = False
+    why: str = ""
 
     def __str__(self) -> str:
         return f"{self.way}: {self.status}, error {self.error:.2e}"
@@ -213,7 +214,9 @@ def not_converged(
             f", from t = {begin:.6g} to {end:.6g} s: cut into parts of h/2 to h/{2**cuttings} = {last.share * (end - begin):.3g} s, "
             f"the last from t = {part:.6g} s"
         )
-    if last.status == Status.EXHAUSTED.value:
+    if last.why:
+        text += f"; {last.why}"
+    elif last.status == Status.EXHAUSTED.value:
         text += (
             "; what rigid bodies that meet in faces do is not determined by Coulomb's law alone, and the solvers creep: give the joints "
             "stiffness, Compliant(Springs(..., each=True)), or ask for less, tol=1e-6"

@@ -13,8 +13,9 @@ from fcsim.assembly.floating import floating, proposed_eta
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
-from fcsim.contact_law.coulomb import Gap
+from fcsim.contact_law.coulomb import Gap, Velocity
 from fcsim.contact_law.law import Law, Timing
+from fcsim.contact_law.rolling import contains
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_work, pushing
@@ -27,7 +28,7 @@ class QuasiStatic:
     """Quasi-statics by load steps: (K + eta/h^2 M) dx = H r + F(t + h) - K x; r are forces [N], dx increments [m].
 
     h [s] the step of the load's time; eta >= 0 the mass regularisation (dimensionless), which a run says where it carries a body;
-    law: see `fcsim.contact_law`. InputError: h or eta out of range.
+    law: see `fcsim.contact_law`. InputError: h or eta out of range, the law Velocity.
     """
 
     h: float
@@ -39,6 +40,11 @@ class QuasiStatic:
         if not (is_number(self.eta) and self.eta >= 0):
             raise InputError(f"eta: expected a number >= 0, got {shown(self.eta)}")
         refuse_law(self.law)
+        if contains(self.law, Velocity):
+            raise InputError(
+                "QuasiStatic, law: expected a law that closes gaps, as Gap(), got Velocity, the law of impacts: statics have no velocity, "
+                "and what comes to touch within a load step would stay as deep in the other body as the step takes it"
+            )
 
     @property
     def force_per_reaction(self) -> float:

@@ -8,12 +8,15 @@ from numpy.testing import assert_allclose
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Compliant, Elliptic, Gap, RateDependent, SlipWeakening, Springs, StaticKinetic
+from fcsim.contact_law.friction import Friction
 from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib, write_fclib
-from fcsim.mesh.blocks import rigid_box
+from fcsim.mesh.blocks import brick, rigid_box
+from fcsim.mesh.material import Material
+from fcsim.mesh.part import Body
 from fcsim.solvers import solve
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation, SolverSettings
@@ -209,3 +212,25 @@ def test_refusals() -> None:
     ):
         with pytest.raises(InputError, match=message):
             wrong()
+
+
+@pytest.mark.parametrize("h", [1.0, 0.25])
+@pytest.mark.parametrize(
+    ("friction", "sliding"),
+    [(StaticKinetic(0.5, 0.2), 0.2), (RateDependent(0.5, 0.2, 0.02), 0.35), (lambda sliding: 0.5 - 0.1 * (sliding.velocity > 1e-3), 0.4)],
+)
+def test_in_statics_the_rate_is_the_way_of_the_last_load_step(friction: Friction, sliding: float, h: float) -> None:
+    """A block pressed until t = 1 and drawn at 0.02 m a unit of time from t = 1 to 5: it begins to slide under mu = 0.5."""
+    block = Body("block", brick("block", (1, 1, 1), (2, 2, 2), Material(1e8, 0.0, 1000.0)))
+    floor = rigid_box("floor", (4, 4, 1), (0.5, 0.5, -0.5), 1.0)
+    supports = [
+        Support("floor", ("x", "y", "z", "rx", "ry", "rz")),
+        Support("block", ("z",), "z+", displacement=lambda t: -1e-3 * min(t, 1.0)),
+        Support("block", ("x",), "z+", displacement=lambda t: 0.02 * max(t - 1.0, 0.0)),
+        Support("block", ("y",), "z+"),
+    ]
+    model = build_model([block, floor], supports=supports)
+    steps = list(Simulation(model, Everything(model, 0.5), QuasiStatic(h, law=Gap(friction=friction)), round(5 / h)))
+    ratio = [abs(x / z) for x, _, z in (step.contact_force_on(model.number["block"]) for step in steps[round(1 / h) :])]
+    assert ratio[0] == pytest.approx(0.5)
+    assert ratio[-1] == pytest.approx(sliding, rel=1e-3)

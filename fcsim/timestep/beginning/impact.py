@@ -139,11 +139,12 @@ def remark(energy: Energy | None) -> tuple[str, ...]:
         return ()
     lost, linked = energy.normal_dissipation + energy.tangential_dissipation, -energy.link_work
     begun = energy.kinetic + lost + linked - energy.support_work
+    given = f" and of {energy.support_work:.4g} J that supports gave" if energy.support_work > TOLD * begun else ""
     said = []
     if lost > TOLD * begun:
         said.append(
             "bodies that touch, or would meet within half a step, begin with velocities into each other: they were struck at once, which "
-            f"took {lost:.4g} of their {begun:.4g} J, as an inelastic impact does"
+            f"took {lost:.4g} of their {begun:.4g} J{given}, as an inelastic impact does"
         )
     if linked > TOLD * begun:
         said.append(

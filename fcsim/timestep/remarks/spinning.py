@@ -13,15 +13,17 @@ FEW, LEAST = 12, 3
 """Contacts of a flat joint: more are a mesh of it, fewer are no face."""
 FLAT = 0.999
 """Cosine between normals of one flat joint."""
+TURN = 1e-9
+"""[rad] Turns by less in a step are what solvers leave of bodies at rest."""
 
 
 def spinning(step: Step, detection: Detection, when: str, said: frozenset[str]) -> dict[str, str]:
     """The remark on the first flat joint of few points that spins about its normal more than it slides; {} where there is none.
 
     With p the points of a pair's contacts, u their relative velocities and c, v the means, the spin is
-    omega = sum N . (p - c) x (u - v) / sum |p - c|^2, and it counts where omega times the mean radius exceeds |v|. Where more than one
-    point sticks the joint does not spin: the others creep, as bodies strain. Detectors are left out whose contacts stand for areas (see
-    docs/contact_laws.md), and laws with spinning resistance.
+    omega = sum N . (p - c) x (u - v) / sum |p - c|^2, and it counts where omega times the mean radius exceeds |v|, and the turn in a step
+    `TURN`. Where more than one point sticks the joint does not spin: the others creep, as bodies strain. Points without friction have no
+    torque. Detectors are left out whose contacts stand for areas (see docs/contact_laws.md), and laws with spinning resistance.
     """
     contacts, met = step.contacts, step.encounter
     if "spinning" in said or len(contacts) < LEAST or contacts.dimension < 3 or met.terms.spinning is not None:
@@ -29,7 +31,7 @@ def spinning(step: Step, detection: Detection, when: str, said: frozenset[str]) 
     if isinstance(detection, Detector) and any(pair.candidates != "nodes" for pair in detection.pairs):
         return {}
     loaded = step.contact_force[:, 0] > 0
-    slips = (step.contact_status == SLIP) & loaded
+    slips = (step.contact_status == SLIP) & loaded & (contacts.mu > 0)
     if np.count_nonzero(slips) < LEAST:
         return {}
     count = len(step.model.bodies)
@@ -49,6 +51,7 @@ def spinning(step: Step, detection: Detection, when: str, said: frozenset[str]) 
     slide = np.linalg.norm(_mean(u, pair), axis=1)
     stuck = np.bincount(np.searchsorted(pairs, both[loaded & ~slips & np.isin(both, pairs)]), minlength=len(pairs))
     spins = (pairs >= 0) & (stuck <= 1) & flat & (number >= LEAST) & (number <= FEW) & (np.abs(spin) * radius > slide)
+    spins &= np.abs(spin) * met.meeting.timing.length_per_u > TURN
     if not spins.any():
         return {}
     worst = int(np.flatnonzero(spins)[0])

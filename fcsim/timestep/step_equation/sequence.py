@@ -15,10 +15,11 @@ from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
 from fcsim.solvers import Method, method
 from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.timestep.chain import Attempt, Clock, SolverSettings, solve_chain, solve_rolling_chain
+from fcsim.timestep.chain import MET, Attempt, Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.expected_motion import with_motion
 from fcsim.timestep.reactions.reactions import Reactions
+from fcsim.timestep.reactions.unanswered import unanswered
 from fcsim.timestep.reactions.warm_start import nearest_start, warm_start
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
@@ -88,6 +89,7 @@ def _solved(
         clock.lap("solve")
         past = replace(past, serving=serving)
         if result is None:
+            _explain(attempts, equation, problem, reduction)
             return None, past
         if not mixing.points and rolling is None:  # a step teaches once, whatever its linearisations
             past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
@@ -108,6 +110,12 @@ def _solved(
     apart = TOLERANCE * float(change.max())
     attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
     return None, past
+
+
+def _explain(attempts: list[Attempt], equation: Equation, problem: GlobalProblem | GlobalRollingProblem, reduction: Reduction) -> None:
+    """Say of the last attempt why the step's problem has no answer, where that is known."""
+    if isinstance(problem, GlobalProblem):
+        attempts[-1] = replace(attempts[-1], why=unanswered(reduction.local, equation.met.contacts, equation.model))
 
 
 def _beginning(equation: Equation, chosen: Method, *, first: bool) -> StepCompliance | LinkedCompliance:
@@ -139,12 +147,14 @@ ROUND = float(np.finfo(np.float64).eps)
 
 def _tolerance(tol: float, reduction: Reduction, extent: float, equation: Equation) -> float:
     """Of the step's problem for that of the settings; Unphysical where no numbers meet it."""
-    flight = longest_flight(reduction, extent, equation.met.meeting.timing.force_per_reaction)
+    timing = equation.met.meeting.timing
+    flight = longest_flight(reduction, extent, timing.force_per_reaction)
     if tol * flight < ROUND:
+        least = max(flight, 1e-300)
+        mend = "a shorter step" if timing.moving else f"a larger eta (about {MET / (tol * least):.0e} times)"
         raise Unphysical(
-            f"t = {equation.state.t:.6g} s: without contact bodies would move by {1 / max(flight, 1e-300):.3g} times the model's size, "
-            f"{extent:.3g} m, in one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's "
-            "units, a shorter step"
+            f"t = {equation.state.t:.6g} s: without contact bodies would move by {1 / least:.3g} times the model's size, {extent:.3g} m, "
+            f"in one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's units, {mend}"
         )
     return tol * min(1.0, flight)
 

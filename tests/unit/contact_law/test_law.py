@@ -21,7 +21,7 @@ from fcsim.contact_law.proportions import proportions
 from fcsim.mesh import rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
-from fcsim.mesh.part import Body
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.theta import Theta
 
@@ -108,6 +108,29 @@ def test_areas_in_two_dimensions_have_the_thickness() -> None:
     contacts = Detector([pair], model.n_nodes)(positions)
     areas = proportions(model).area_at(contacts, positions)
     assert_allclose(np.sort(areas), 0.25 * np.array([0.1, 0.1, 0.2, 0.2]))
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "shared"), [(0.5, 0.25, 0.25), (0.25, 0.5, 0.25), (None, 0.25, 0.25), (0.5, None, 0.5), (None, None, 1.0)]
+)
+@pytest.mark.parametrize("passes", [0, 1, 2])
+def test_joints_of_unlike_thickness_have_the_area_that_both_share(
+    below: float | None, above: float | None, shared: float, passes: int
+) -> None:
+    """0.6 m of a joint by the smaller thickness, whichever body is the slave, and in two passes; None: rigid."""
+
+    def block(name: str, low: float, columns: int, thickness: float | None) -> Body | RigidBody:
+        if thickness is None:
+            return rigid_rectangle(name, (0.6, 0.2), (0.3, low + 0.1), 1.0, (columns, 1))
+        return Body(name, rectangle(name, (0.6, 0.2), (columns, 1), SOFT, thickness=thickness), translation=np.array([0.0, low]))
+
+    model = build_model([block("lower", 0.0, 2, below), block("upper", 0.2, 3, above)])
+    first, second = (contact_surface(model, [side]) for side in (("upper", "y-"), ("lower", "y+")))
+    first, second = (second, first) if passes == 1 else (first, second)
+    pairs = two_pass(first, second, 0.5, 0.01, "faces") if passes == 2 else (SurfacePair(first, second, 0.5, 0.01, "faces"),)
+    positions = model.positions(np.zeros(model.n_dofs))
+    contacts = Detector(pairs, model.n_nodes)(positions)
+    assert proportions(model).area_at(contacts, positions).sum() == pytest.approx(0.6 * shared)
 
 
 def test_the_guides_law_of_ones_own_runs() -> None:

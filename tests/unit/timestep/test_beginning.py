@@ -97,6 +97,16 @@ def test_two_boxes_that_touch_go_on_together() -> None:
     assert next(iter(apart)).struck is None
 
 
+def test_a_driven_wall_that_strikes_gives_as_much_as_is_lost() -> None:
+    """2 kg that a wall of 1 kg brings to 0.5 m/s: 1/4 J is lost of 1/2 J that the wall's support gives, more than the 1/8 J there were."""
+    bodies = [rigid_box("wall", (0.1, 0.5, 0.5), (-0.05, 0, 0), 1.0), rigid_box("box", (0.1, 0.1, 0.1), (0.05, 0, 0), 2.0)]
+    model = build_model(bodies, supports=[Support("wall", ("x",), velocity=0.5), Support("wall", ("y", "z", "rx", "ry", "rz"))])
+    first = next(iter(simulation(model, {})))
+    assert first.energy.support_work == pytest.approx(0.5)
+    (told,) = [remark for remark in first.remarks if "struck at once" in remark]
+    assert "took 0.25 of their 0.125 J and of 0.5 J that supports gave," in told
+
+
 @pytest.mark.parametrize("spin", [5.0, 20.0])
 @pytest.mark.parametrize("phase", [0.0, 0.5])
 def test_a_ring_that_spins_on_a_peg_begins_without_overlap(spin: float, phase: float) -> None:

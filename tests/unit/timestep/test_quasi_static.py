@@ -11,7 +11,9 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
-from fcsim.errors import InputError, NotConverged
+from fcsim.contact_law import Rolling, Velocity
+from fcsim.contact_law.law import Law
+from fcsim.errors import FcsimError, InputError, NotConverged
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material, neo_hooke
 from fcsim.mesh.part import Body
@@ -220,3 +222,24 @@ def test_a_mass_that_carries_is_named() -> None:
     assert_allclose(float(end.split(" s: ")[1].split(" of the forces")[0]), lacking, rtol=0.1)
     lacking, texts = last(1e3, 3)
     assert abs(lacking) < 1e-3 and not texts
+
+
+def test_a_mass_too_small_to_be_seen_is_refused_with_one_that_is() -> None:
+    """A rigid block pressed on an elastic one: eta so small that it would fly millions of times its size without contact."""
+    column = brick("column", (0.1, 0.1, 0.4), (1, 1, 4), Material(1e8, 0.0, 1000.0))
+    bodies = [rigid_box("block", (0.1, 0.1, 0.1), (0.05, 0.05, 0.45), 1.0), Body("column", column)]
+    model = build_model(bodies, supports=[Support("column", ("x", "y", "z"), "z-")], loads=[Force("block", (0.0, 0.0, -1e4))])
+    contact = Everything(model, mu=0.5)
+    with pytest.raises(FcsimError, match=r"a larger eta \(about .* times\)") as told:
+        list(Simulation(model, contact, QuasiStatic(1.0, eta=1e-7), 1))
+    eta = 1e-7 * float(str(told.value).split("(about ")[1].split(" times")[0])
+    *_, last = Simulation(model, contact, QuasiStatic(1.0, eta=eta), 2)
+    assert_allclose(last.contact_force_on(model.number["block"]), [0.0, 0.0, 1e4], rtol=1e-5, atol=0.1)
+    assert last.state.x[model.n_elastic + 2] == pytest.approx(-1e4 * 0.4 / (1e8 * 0.01), rel=1e-4)
+
+
+@pytest.mark.parametrize("law", [Velocity(), Rolling(0.1, Velocity(0.5))])
+def test_the_law_of_impacts_is_refused(law: Law) -> None:
+    """It knows gaps only once they are closed: a block would stay in the other by what is left of the load step."""
+    with pytest.raises(InputError, match=r"QuasiStatic, law: expected a law that closes gaps, as Gap\(\), got Velocity"):
+        QuasiStatic(1.0, law=law)
