@@ -68,6 +68,13 @@ class Model(BodyLayout):
     def free_dofs(self) -> IntArray:
         return np.setdiff1d(np.arange(self.n_dofs), self.driven_dofs)
 
+    @cached_property
+    def place_of_unknowns(self) -> tuple[IntArray, int]:
+        """Which of the problems' unknowns of the bodies each dof is (n_dofs,), -1: driven, and how many they are."""
+        place = np.full(self.n_dofs, -1)
+        place[self.free_dofs] = np.arange(len(self.free_dofs)) if self.driven == "eliminated" else self.free_dofs
+        return place, len(self.free_dofs) if self.driven == "eliminated" else self.n_dofs
+
     def driven_velocity(self, t: float, h: float = 1e-3) -> FloatArray:
         """Velocity (n_driven,) [m/s, rad/s] that the supports prescribe at time t; h [s]: the step, see `DrivenRotation`."""
         return self.held.velocity(t, h)
@@ -305,11 +312,11 @@ class Model(BodyLayout):
         self.rigid_part(kept)[:, d:] += np.einsum("aij,aj->ai", turned_matrices(back, inverse), change)
         return kept
 
-    def contact_matrix(self, nodal: sp.sparray, x: FloatArray) -> sp.csr_array:
+    def contact_matrix(self, nodal: sp.sparray, x: FloatArray) -> sp.csc_array:
         """Return H (n_dofs, m) from the nodal contact matrix (d n_nodes, m) in the configuration x: B^T times it, where node velocities are
         B v: those of deformable bodies, v + omega x (p - c) on rigid ones."""
         if not self.rigid:
-            return sp.csr_array(nodal)
+            return sp.csc_array(nodal)
         return self.rigid_bodies.on_bodies(self.rigid_part(x), sp.csc_array(nodal), self.n_elastic)
 
 
