@@ -49,3 +49,20 @@ def fill_contact_matrix(
                 for i in range(d):
                     rows[np.uint64(at + i)] = node + i
                     data[np.uint64(at + i)] = weight * frame[a, c, i]
+
+
+@njit(cache=True)
+def along_normals(nodes: IntArray, weights: FloatArray, frame: FloatArray, vectors: FloatArray) -> FloatArray:
+    """See `Contacts.along_normals`, in space."""
+    along = np.zeros(len(nodes))
+    for a in range(len(nodes)):
+        x, y, z = frame[a, 0, 0], frame[a, 0, 1], frame[a, 0, 2]
+        s = 0.0
+        for k in range(nodes.shape[1]):
+            w, node = weights[a, k], nodes[a, k]
+            if node >= 0:
+                s += w * vectors[node, 0] * x
+                s += w * vectors[node, 1] * y
+                s += w * vectors[node, 2] * z
+        along[a] = s
+    return along

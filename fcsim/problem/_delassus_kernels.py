@@ -113,54 +113,44 @@ def entries_by_body(indptr, indices, data, body, column, count, d):
     first, last = np.zeros(count + 1, dtype=np.int64), np.zeros(count, dtype=np.int64)  # last[b]: 1 + the last contact that met b
     alike = of_one_pattern(indptr, indices, d)  # contacts of which one column says which unknowns they are on
     for a in range(nc):
-        before = -1
         for e in range(indptr[d * a], indptr[d * a + (1 if alike[a] else d)]):
             b = body[indices[e]]
-            if b != before and b >= 0 and last[b] <= a:
+            if b >= 0 and last[b] <= a:
                 last[b] = a + 1
                 first[b + 1] += 1
-            before = b
     for b in range(count):
         first[b + 1] += first[b]
         last[b] = 0
     contacts, begins = np.empty(first[count], dtype=np.int64), np.zeros(first[count] + 1, dtype=np.int64)
     pair, used = np.empty(len(indices), dtype=np.int64), np.zeros(count, dtype=np.int64)  # the pair of an entry, the pairs of a body
-    met = np.zeros(0 if alike.all() else len(body), dtype=np.int64)  # 1 + the last contact that met an unknown
+    met = np.zeros(len(body), dtype=np.int64)  # 1 + the last contact that met an unknown
     for a in range(nc):
-        before, own = -1, -1  # of one body and contact as the entry before, most
         for e in range(indptr[d * a], indptr[d * a + (1 if alike[a] else d)]):
             b = body[indices[e]]
-            if b != before:
-                before, own = b, -1
-                if b >= 0:
-                    if last[b] <= a:
-                        last[b] = a + 1
-                        contacts[first[b] + used[b]] = a
-                        used[b] += 1
-                    own = first[b] + used[b] - 1
-            pair[e] = own
-            if own < 0:
-                continue
-            if alike[a]:
-                begins[own + 1] += 1
-            elif met[indices[e]] <= a:
-                met[indices[e]] = a + 1
-                begins[own + 1] += 1
+            pair[e] = -1
+            if b >= 0:
+                if last[b] <= a:
+                    last[b] = a + 1
+                    contacts[first[b] + used[b]] = a
+                    used[b] += 1
+                pair[e] = first[b] + used[b] - 1
+                if met[indices[e]] <= a:
+                    met[indices[e]] = a + 1
+                    begins[pair[e] + 1] += 1
     for p in range(len(contacts)):
         begins[p + 1] += begins[p]
     unknowns, weights = np.empty(begins[-1], dtype=np.int64), np.zeros((begins[-1], 3))
-    free, place = np.zeros(len(contacts), dtype=np.int64), np.empty(len(met), dtype=np.int64)
+    free, place = np.zeros(len(contacts), dtype=np.int64), np.empty(len(body), dtype=np.int64)
     for a in range(nc):
         if alike[a]:
-            begin, n = indptr[d * a], indptr[d * a + 1] - indptr[d * a]
-            for k in range(n):
-                p = pair[begin + k]
+            for e in range(indptr[d * a], indptr[d * a + 1]):
+                p = pair[e]
                 if p >= 0:
                     at = begins[p] + free[p]
-                    unknowns[at] = column[indices[begin + k]]
+                    unknowns[at] = column[indices[e]]
                     free[p] += 1
                     for i in range(d):
-                        weights[at, i] = data[begin + i * n + k]
+                        weights[at, i] = data[indptr[d * a + i] + e - indptr[d * a]]
             continue
         for i in range(d):
             for e in range(indptr[d * a + i], indptr[d * a + i + 1]):

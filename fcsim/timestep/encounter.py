@@ -281,8 +281,7 @@ def _separated(H: sp.sparray, meeting: Meeting, apart: BoolArray) -> tuple[Drive
 def passing(left: Contacts, moved: FloatArray, proportions: Proportions) -> Contacts | None:
     """Return open contacts that a law leaves out (it takes closed ones only) and that the step's motion (n_nodes, d) [m] would close by
     more than half of the smaller body: the next detection would see that body behind the other, or on its far side."""
-    weights = np.where(left.nodes < 0, 0.0, left.weights)
-    closes = left.gap + np.einsum("ak,akd,ad->a", weights, moved[left.nodes], left.frame[:, 0])
+    closes = left.gap + left.along_normals(moved)
     deep = (left.gap > 0) & (closes < -_HALF * proportions.size_at(left))
     return left.take(deep) if deep.any() else None
 
