@@ -25,7 +25,7 @@ from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
 from fcsim.linear.sparse.behind import first_rows
-from fcsim.linear.sparse.columns import times, transposed_times
+from fcsim.linear.sparse.columns import entries_of_rows, times, transposed_times
 from fcsim.problem._reduction_kernels import alike_in_contacts, asymmetry, block_of, connected_components, equal_blocks
 from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
@@ -300,7 +300,7 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
         return None
     few = FEW * problem.m
     H: sp.csr_array | sp.csc_array = problem.H if isinstance(problem.H, sp.csc_array) else sp.csr_array(problem.H)
-    count = np.diff(H.indptr) if H.format == "csr" else np.bincount(H.indices, minlength=problem.n)
+    count = entries_of_rows(H)
     if not 0 < np.count_nonzero(count > 1) <= few and not 0 < np.count_nonzero(count) <= few:
         return None
     M = sp.csr_array(problem.entries)

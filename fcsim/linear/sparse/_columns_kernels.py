@@ -119,3 +119,12 @@ def squares_of_touched_columns(indptr, indices, data, weight, some, step, count)
                 if not some[i]:
                     others[indices[k] // step] += square
     return whole, others, touched[: count * step : step].copy()
+
+
+@njit(cache=True)
+def entries_of_rows(indices, count):
+    """How many entries each row (count,) has of a matrix by columns."""
+    found = np.zeros(count, dtype=np.int32)
+    for k in range(len(indices)):
+        found[np.uint64(indices[np.uint64(k)])] += 1
+    return found

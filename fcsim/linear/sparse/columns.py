@@ -43,6 +43,12 @@ def rows_kept(A: sp.csc_array, place: IntArray, count: int) -> sp.csc_array:
     return kept
 
 
+def entries_of_rows(A: sp.csr_array | sp.csc_array) -> IntArray:
+    """How many entries each row (n,) of A (n, m) has."""
+    found: IntArray = np.diff(A.indptr) if isinstance(A, sp.csr_array) else kernels.entries_of_rows(A.indices, A.shape[0])
+    return found
+
+
 def normals_of_some(
     A: sp.csr_array | sp.csc_array, weight: FloatArray, some: BoolArray, step: int
 ) -> tuple[FloatArray, FloatArray, BoolArray]:

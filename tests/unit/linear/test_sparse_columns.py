@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fcsim.linear.sparse.columns import normals_of_some, rows_kept, times, transposed_times
+from fcsim.linear.sparse.columns import entries_of_rows, normals_of_some, rows_kept, times, transposed_times
 
 
 @pytest.mark.parametrize("form", ["csr", "csc", "coo", "dense"])
@@ -48,6 +48,8 @@ def test_rows_are_renumbered_and_left_out() -> None:
     found = rows_kept(A, place, 25)
     assert found.has_canonical_format
     assert_array_equal(found.toarray(), A.toarray()[kept])
+    for form in (A, sp.csr_array(A)):
+        assert_array_equal(entries_of_rows(form), np.count_nonzero(A.toarray(), axis=1))
     assert rows_kept(A, np.full(40, -1), 3).toarray().tolist() == np.zeros((3, A.shape[1])).tolist()
 
 
