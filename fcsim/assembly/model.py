@@ -68,6 +68,13 @@ class Model(BodyLayout):
     def free_dofs(self) -> IntArray:
         return np.setdiff1d(np.arange(self.n_dofs), self.driven_dofs)
 
+    @cached_property
+    def place_of_unknowns(self) -> tuple[IntArray, int]:
+        """Which of the problems' unknowns of the bodies each dof is (n_dofs,), -1: driven, and how many they are."""
+        place, without = np.full(self.n_dofs, -1), self.driven == "eliminated"
+        place[self.free_dofs] = np.arange(len(self.free_dofs)) if without else self.free_dofs
+        return place, len(self.free_dofs) if without else self.n_dofs
+
     def driven_velocity(self, t: float, h: float = 1e-3) -> FloatArray:
         """Velocity (n_driven,) [m/s, rad/s] that the supports prescribe at time t; h [s]: the step, see `DrivenRotation`."""
         return self.held.velocity(t, h)
@@ -158,8 +165,7 @@ class Model(BodyLayout):
 
         One and the same read-only array for all x where it does not depend on x: in 2D, and where all inertias are isotropic.
         """
-        rigid = self.rigid_bodies
-        return rigid.reference_mass if x is None else rigid.mass(self.rigid_part(x))
+        return self.rigid_bodies.reference_mass if x is None else self.rigid_bodies.mass(self.rigid_part(x))
 
     def apply_stiffness(self, x: FloatArray) -> FloatArray:
         """Return K x (n_dofs,) [N], K of the reference configuration (of nonlinear materials their tangent there)."""
@@ -221,8 +227,7 @@ class Model(BodyLayout):
     @cached_property
     def body_mass(self) -> FloatArray:
         """(nbodies,) [kg]."""
-        mass: FloatArray = np.add.reduceat(self._weight_of_units[0], self.dof_offset[:-1])
-        return mass
+        return np.asarray(np.add.reduceat(self._weight_of_units[0], self.dof_offset[:-1]), dtype=np.float64)
 
     @cached_property
     def _load_vectors(self) -> tuple[FloatArray, ...]:
@@ -242,9 +247,7 @@ class Model(BodyLayout):
     def load(self, t: float, x: FloatArray | None = None) -> FloatArray:
         """External forces (n_dofs,) [N] at time t: gravity and the loads; followers of rigid bodies as they stand at x (default: the
         reference). Without what follows deformable bodies, which is part of what a step solves for: see `following`."""
-        force = np.zeros(self.n_dofs)
-        if self.gravity is not None:
-            force += self.gravity_at(t) @ self._weight_of_units
+        force = np.zeros(self.n_dofs) if self.gravity is None else self.gravity_at(t) @ self._weight_of_units
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
             if any(load is other for other in self.following.loads):
                 continue
@@ -264,8 +267,7 @@ class Model(BodyLayout):
     def node_displacement(self, x: FloatArray) -> FloatArray:
         """Displacement (n_nodes, d) [m] of all nodes, those of rigid bodies included."""
         d = self.dimension
-        displacement = np.empty((self.n_nodes, d))
-        count = self.n_elastic // d
+        displacement, count = np.empty((self.n_nodes, d)), self.n_elastic // d
         displacement[:count] = x[: self.n_elastic].reshape(-1, d)
         displacement[count:] = self.rigid_bodies.displacement(self.rigid_part(x))
         return displacement
@@ -279,9 +281,8 @@ class Model(BodyLayout):
 
     def node_velocity(self, v: FloatArray, x: FloatArray | None = None) -> FloatArray:
         """Velocity (n_nodes, d) [m/s] of all nodes for v (n_dofs,), in the configuration x (default: the reference)."""
-        x = np.zeros(self.n_dofs) if x is None else x
-        elastic = v[: self.n_elastic].reshape(-1, self.dimension)
-        return np.concatenate([elastic, self.rigid_bodies.velocity(self.rigid_part(x), self.rigid_part(v))])
+        rigid = self.rigid_part(np.zeros(self.n_dofs) if x is None else x)
+        return np.concatenate([v[: self.n_elastic].reshape(-1, self.dimension), self.rigid_bodies.velocity(rigid, self.rigid_part(v))])
 
     def advance(self, x: FloatArray, dx: FloatArray) -> FloatArray:
         """Return the configuration x moved by the increment dx; rotations are composed, exp(dx) exp(x), not added."""
@@ -297,19 +298,18 @@ class Model(BodyLayout):
         if not self._may_turn or (now := self.rigid_mass(x)) is rigid_mass:
             return v
         d, axes = self.dimension, None if self.rigid_axes is None else self.rigid_axes[:, self.dimension :, self.dimension :]
-        omega = self.rigid_part(v)[:, d:]
-        change = np.einsum("aij,aj->ai", (rigid_mass - now)[:, d:, d:], omega)
+        change = np.einsum("aij,aj->ai", (rigid_mass - now)[:, d:, d:], self.rigid_part(v)[:, d:])
         inverse = inverse_on(self.rigid_free[:, d:], turned_matrices(axes, now[:, d:, d:]))
         kept = v.copy()
         back = None if axes is None else axes.transpose(0, 2, 1)
         self.rigid_part(kept)[:, d:] += np.einsum("aij,aj->ai", turned_matrices(back, inverse), change)
         return kept
 
-    def contact_matrix(self, nodal: sp.sparray, x: FloatArray) -> sp.csr_array:
+    def contact_matrix(self, nodal: sp.sparray, x: FloatArray) -> sp.csc_array:
         """Return H (n_dofs, m) from the nodal contact matrix (d n_nodes, m) in the configuration x: B^T times it, where node velocities are
         B v: those of deformable bodies, v + omega x (p - c) on rigid ones."""
         if not self.rigid:
-            return sp.csr_array(nodal)
+            return sp.csc_array(nodal)
         return self.rigid_bodies.on_bodies(self.rigid_part(x), sp.csc_array(nodal), self.n_elastic)
 
 

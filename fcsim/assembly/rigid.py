@@ -117,17 +117,21 @@ class RigidBodies:
         velocities: FloatArray = kernels.point_velocities(np.ascontiguousarray(v), self._body, self._turned_arms(q))
         return velocities
 
-    def on_bodies(self, q: FloatArray, nodal: sp.csc_array, split: int) -> sp.csr_array:
+    def on_bodies(self, q: FloatArray, nodal: sp.csc_array, split: int) -> sp.csc_array:
         """B^T G (split + k nr, m) of a nodal matrix G (split + d np, m): rows from `split` on, forces g at points, become forces and
         moments (g, (p - c) x g) on the bodies in the configuration q."""
         k, points = self.size, (split, self.dimension, self._body, self.count)
-        elastic, bodies = kernels.bodies_of_columns(nodal.indptr, nodal.indices, *points)
+        ordered = bool(nodal.has_sorted_indices)
+        elastic, bodies = kernels.bodies_of_columns(nodal.indptr, nodal.indices, ordered, *points)
         starts = np.concatenate([[0], np.cumsum(elastic + k * bodies)])
         index = np.int32 if starts[-1] < np.iinfo(np.int32).max else np.int64
         rows, values = np.empty(starts[-1], dtype=index), np.empty(starts[-1])
         columns = nodal.indptr, nodal.indices, nodal.data
-        kernels.on_bodies(*columns, split, self._body, self._turned_arms(q), k, self.count, starts, rows, values)
-        return sp.csc_array((values, rows, starts.astype(index)), shape=(split + k * self.count, nodal.shape[1])).tocsr()
+        kernels.on_bodies(*columns, split, self._body, self._turned_arms(q), k, self.count, elastic, starts, rows, values)
+        H = sp.csc_array((values, rows, starts.astype(index)), shape=(split + k * self.count, nodal.shape[1]))
+        if nodal.has_canonical_format:  # points of a body stand together, bodies in their order
+            H.has_canonical_format = True
+        return H
 
 
 def _cross(a: FloatArray) -> FloatArray:

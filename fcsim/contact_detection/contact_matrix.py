@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csc_array
 
-from fcsim.contact_detection._contact_matrix_kernels import fill_contact_matrix
+from fcsim.contact_detection._contact_matrix_kernels import fill_contact_matrix, starts_of_columns
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
 
@@ -21,13 +21,12 @@ def contact_matrix(contacts: Contacts, n_nodes: int) -> csc_array:
     InputError where a node number is not below n_nodes.
     """
     nc, d = len(contacts), contacts.dimension
-    if contacts.nodes.size and contacts.nodes.max() >= n_nodes:
-        raise InputError(f"contact_matrix: expected node numbers below n_nodes = {n_nodes}, got {contacts.nodes.max()}")
-    count = d * np.count_nonzero((contacts.nodes >= 0) & (contacts.weights != 0.0), axis=1)
-    size = d * int(count.sum())
+    starts, largest = starts_of_columns(contacts.nodes, contacts.weights, d)
+    if largest >= n_nodes:
+        raise InputError(f"contact_matrix: expected node numbers below n_nodes = {n_nodes}, got {largest}")
+    size = int(starts[-1])
     index = np.int32 if max(d * n_nodes, d * nc, size) < np.iinfo(np.int32).max else np.int64
-    indptr = np.zeros(d * nc + 1, dtype=index)
-    np.cumsum(np.repeat(count, d), out=indptr[1:])
+    indptr = starts.astype(index)
     data, rows = np.empty(size), np.empty(size, dtype=index)
     fill_contact_matrix(contacts.nodes, contacts.weights, contacts.frame, indptr, rows, data)
     matrix = csc_array((data, rows, indptr), shape=(d * n_nodes, d * nc))

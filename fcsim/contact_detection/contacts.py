@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.brief import brief
+from fcsim.contact_detection._contact_matrix_kernels import along_normals
 
 CABLES = 1 << 61
 """Identities of cables, which are contacts that pull, begin here (`fcsim.linkage.cables`): above those of all surfaces."""
@@ -59,6 +60,14 @@ class Contacts:
         weights = np.where(self.nodes < 0, 0.0, -np.minimum(self.weights, 0.0))
         total = weights.sum(axis=1, keepdims=True)
         return np.where(np.abs(total - 1) > 1e-6, weights / np.where(total > 0, total, 1.0), weights)
+
+    def along_normals(self, vectors: FloatArray) -> FloatArray:
+        """N . (sum of weights times the nodes' vectors) (nc,) for vectors (n_nodes, d): gaps, or how they change."""
+        if self.dimension == 3 and vectors.dtype == np.float64:
+            along: FloatArray = along_normals(self.nodes, self.weights, self.frame, vectors)
+            return along
+        weights = np.where(self.nodes < 0, 0.0, self.weights)
+        return np.einsum("ak,akd,ad->a", weights, vectors[self.nodes], self.frame[:, 0])
 
     def take(self, chosen: NDArray[np.bool_] | IntArray) -> Contacts:
         """Return the chosen contacts (a mask (nc,) or numbers)."""

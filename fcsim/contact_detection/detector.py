@@ -137,7 +137,9 @@ class Detector:
 
     def _looks(self, x: FloatArray, way: FloatArray) -> int:
         """How often to look along the way: 0 where no pair of surfaces that may meet moves by more than its alert distance."""
-        count = 0
+        count, fastest = 0, float(np.abs(way).max(initial=0.0))
+        if 2 * np.sqrt(self.dimension) * fastest <= (1 - 1e-6) * min(pair.alert for pair in self.pairs):
+            return 0  # nothing moves as far
         for pair, nodes in zip(self.pairs, self._nodes_of_pairs, strict=True):
             if not all(map(len, nodes)):
                 continue

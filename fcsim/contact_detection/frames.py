@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.contact_detection.surfaces._facet_kernels import frames_of_normals
 
 
 def frames(normals: FloatArray) -> FloatArray:
@@ -16,7 +17,5 @@ def frames(normals: FloatArray) -> FloatArray:
     """
     if normals.shape[1] == 2:
         return np.stack([normals, np.stack([-normals[:, 1], normals[:, 0]], axis=1)], axis=1)
-    axis = np.where(np.abs(normals[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-    t1 = axis - np.einsum("nd,nd->n", axis, normals)[:, None] * normals
-    t1 /= np.sqrt(np.einsum("nd,nd->n", t1, t1))[:, None]
-    return np.stack([normals, t1, np.cross(normals, t1)], axis=1)
+    in_space: FloatArray = frames_of_normals(normals)
+    return in_space

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from fcsim.contact_detection.false_sides import came_another_way, known_facets, 
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.surfaces import candidates as candidate_points
 from fcsim.contact_detection.surfaces import facets as contact_facets
+from fcsim.contact_detection.surfaces._facet_kernels import facing_above, feet_of_points, mean_points
 from fcsim.contact_detection.surfaces.facets import FacetGeometry
 from fcsim.contact_detection.surfaces.projection import closest_on_boundary, project_on_facets
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
@@ -118,8 +120,12 @@ class NodeToSegment:
     def configuration(self, x: FloatArray) -> Configuration:
         """The candidates and facets at positions x (n_nodes, d) [m]."""
         slave = contact_facets.geometry(self.slaves, x)
-        point = np.einsum("nk,nkd->nd", self.candidates.weights, x[self.candidates.nodes])
-        mean = self.candidates.averaging @ np.column_stack([slave.normal, slave.size])
+        candidates = self.candidates
+        if x.shape[1] == 3:
+            point: FloatArray = mean_points(candidates.nodes, candidates.weights, x)
+        else:
+            point = np.einsum("nk,nkd->nd", candidates.weights, x[candidates.nodes])
+        mean = candidates.averaging @ np.column_stack([slave.normal, slave.size])
         length = np.sqrt(np.einsum("nd,nd->n", mean[:, :-1], mean[:, :-1]))
         outward = mean[:, :-1] / np.maximum(length, 1e-300)[:, None]
         return Configuration(point, outward, mean[:, -1], contact_facets.geometry(self.masters, x), x)
@@ -137,13 +143,22 @@ class NodeToSegment:
             found.append((candidate + ours.start, facet + theirs.start))
         candidate, facet = (np.concatenate(part) for part in zip(*found, strict=True))
         other = self.candidates.bodies[candidate] != self.masters.bodies[facet]
-        return candidate[other], facet[other]
+        return (candidate, facet) if other.all() else (candidate[other], facet[other])
+
+    @cached_property
+    def _alert_of_candidate(self) -> FloatArray:
+        return np.array([pair.alert for pair in self.pairs])[self.pair_of_candidate]
 
     def _alert(self, candidate: IntArray) -> FloatArray:
-        return np.array([pair.alert for pair in self.pairs])[self.pair_of_candidate[candidate]]
+        return self._alert_of_candidate[candidate]
 
     def plausible(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[IntArray, IntArray]:
         """Pairs that face each other with the point above or just beside the facet: few are left to project."""
+        if now.point.shape[1] == 3:
+            given = now.point, now.outward, now.size, self._alert_of_candidate, tuple(now.master)
+            found: tuple[IntArray, IntArray]
+            found = facing_above(candidate, facet, *given, OPPOSING, self.edge_tolerance, self.penetration)
+            return found
         facing = np.einsum("nd,nd->n", now.outward[candidate], now.master.normal[facet]) < OPPOSING
         candidate, facet = candidate[facing], facet[facing]
         normal, size = now.master.normal[facet], np.minimum(now.size[candidate], now.master.size[facet])
@@ -159,9 +174,12 @@ class NodeToSegment:
 
     def at_weights(self, now: Configuration, candidate: IntArray, facet: IntArray, weights: FloatArray, normal: FloatArray) -> Feet:
         """The feet (n,) at shape functions weights (n, k) of the facets, along unit normals (n, d)."""
-        foot = np.einsum("nk,nkd->nd", weights, now.master.corners[facet])
-        arm = now.point[candidate] - foot
-        gap, distance = np.einsum("nd,nd->n", arm, normal), np.sqrt(np.einsum("nd,nd->n", arm, arm))
+        if now.point.shape[1] == 3:
+            foot, gap, distance = feet_of_points(now.point, candidate, now.master.corners, facet, weights, normal)
+        else:
+            foot = np.einsum("nk,nkd->nd", weights, now.master.corners[facet])
+            arm = now.point[candidate] - foot
+            gap, distance = np.einsum("nd,nd->n", arm, normal), np.sqrt(np.einsum("nd,nd->n", arm, arm))
         scale = np.minimum(now.size[candidate], now.master.size[facet])
         return Feet(candidate, facet, weights, foot, normal, gap, distance, scale)
 
@@ -174,8 +192,9 @@ class NodeToSegment:
             on_edges = self._on_edges(now, feet.take(~inside))
             feet = Feet._make(np.concatenate(both) for both in zip(feet.take(inside), on_edges, strict=True))
         facing = np.einsum("nd,nd->n", now.outward[feet.candidate], feet.normal) < OPPOSING
-        feet = feet.take(facing & self.within(feet))
-        return feet.take(self._nearest_by_body(now, feet))
+        rows = np.flatnonzero(facing & self.within(feet))
+        nearest = self._nearest_of(now, feet.candidate[rows], feet.facet[rows], feet.distance[rows])
+        return feet.take(rows[nearest])
 
     def _on_edges(self, now: Configuration, feet: Feet) -> Feet:
         """Feet on edges and vertices of candidates that do not project inside the facet: one a body, none far beyond its boundary."""
@@ -227,9 +246,15 @@ class NodeToSegment:
     def _nearest_by_body(self, now: Configuration, feet: Feet, last: BoolArray | None = None) -> IntArray:
         """Row of the nearest foot for each (candidate, body), sorted by these; of equal ones the first facet; those marked `last` only
         where there is no other."""
-        identity = self.number(feet)
-        rounded = np.round(feet.distance / (ROUND * now.size[feet.candidate]))
-        order = np.lexsort((feet.facet, rounded, identity) if last is None else (feet.facet, rounded, last, identity))
+        return self._nearest_of(now, feet.candidate, feet.facet, feet.distance, last)
+
+    def _nearest_of(
+        self, now: Configuration, candidate: IntArray, facet: IntArray, distance: FloatArray, last: BoolArray | None = None
+    ) -> IntArray:
+        """`_nearest_by_body` of feet at those distances."""
+        identity = candidate * self._n_bodies + self.masters.bodies[facet]
+        rounded = np.round(distance / (ROUND * now.size[candidate]))
+        order = np.lexsort((facet, rounded, identity) if last is None else (facet, rounded, last, identity))
         identity = identity[order]
         return order[np.append(True, identity[1:] != identity[:-1])[: len(order)]]
 
@@ -256,7 +281,8 @@ class NodeToSegment:
     def _contacts(self, feet: Feet) -> Contacts:
         candidate, master, number = feet.candidate, self.masters.nodes[feet.facet], self.number(feet)
         first, pair = self._first * self._n_bodies, self.pair_of_candidate[candidate]
-        again = np.arange(len(number)) - np.searchsorted(number, number)  # in a valley
+        alone = bool(np.all(number[1:] > number[:-1]))
+        again = 0 if alone else np.arange(len(number)) - np.searchsorted(number, number)  # in a valley
         mu = np.array([pair.mu for pair in self.pairs])
         return Contacts(
             point=feet.point,

@@ -57,7 +57,7 @@ def moved_by_supports(model: Model, H: sp.sparray, dimension: int, proportions: 
     if not len(model.driven_dofs) or not len(none):
         return none
     rows = H if model.axes_matrix is None else model.axes_matrix @ H
-    rows = rows if isinstance(rows, sp.csr_array) else sp.csr_array(rows)
+    rows = rows if isinstance(rows, sp.csr_array | sp.csc_array) else sp.csr_array(rows)
     weight = np.ones(model.n_dofs)
     size = proportions.size[len(model.deformable) :, None]
     model.rigid_part(weight)[:, model.dimension :] /= np.where(size > 0, size, 1.0) ** 2

@@ -25,7 +25,7 @@ from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
 from fcsim.linear.sparse.behind import first_rows
-from fcsim.linear.sparse.columns import transposed_times
+from fcsim.linear.sparse.columns import entries_of_rows, times, transposed_times
 from fcsim.problem._reduction_kernels import alike_in_contacts, asymmetry, block_of, connected_components, equal_blocks
 from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
@@ -268,7 +268,7 @@ class Reduction:
 
     def pushed(self, r: FloatArray) -> FloatArray:
         """M^-1 H r (n,), as `unloaded`."""
-        return self.factor.solve(self._H @ r)
+        return self.factor.solve(times(self._H, r))
 
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """v (n,) and l (p,), None without equality constraints, of a solution x with the factor."""
@@ -277,7 +277,7 @@ class Reduction:
     @limited_threads()
     def answer(self, r: FloatArray) -> Answer:
         """u = H^T v + w with v, l and the momentum residual."""
-        impulse = self._H @ r
+        impulse = times(self._H, r)
         v, multiplier = self.split(self.unloaded + self.factor.solve(impulse))
         residual = self.momentum_residual(r, v, multiplier, impulse[: self.problem.n])
         return Answer(transposed_times(self.problem.H, v) + self.problem.w, v, multiplier, residual)
@@ -285,7 +285,7 @@ class Reduction:
     def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None, impulse: FloatArray | None = None) -> float:
         """Return ||M v - H r - G l - f|| / ||f||; impulse (n,): H r, where it is known."""
         p = self.problem
-        residual = p.momentum(v) - (p.H @ r if impulse is None else impulse) - p.f
+        residual = p.momentum(v) - (times(p.H, r) if impulse is None else impulse) - p.f
         if p.G is not None and multiplier is not None:
             residual = residual - p.G @ multiplier
         scale = float(np.linalg.norm(p.f))
@@ -298,8 +298,9 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
     compliances of that."""
     if problem.G is not None:
         return None
-    H, few = sp.csr_array(problem.H), FEW * problem.m
-    count = np.diff(H.indptr)
+    few = FEW * problem.m
+    H: sp.csr_array | sp.csc_array = problem.H if isinstance(problem.H, sp.csc_array) else sp.csr_array(problem.H)
+    count = entries_of_rows(H)
     if not 0 < np.count_nonzero(count > 1) <= few and not 0 < np.count_nonzero(count) <= few:
         return None
     M = sp.csr_array(problem.entries)
@@ -311,6 +312,7 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
     bodies = np.setdiff1d(np.arange(problem.n), springs)
     if not 0 < np.count_nonzero(count[bodies]) <= few:
         return None
+    H = sp.csr_array(H)
     place = H.indptr[springs]
     own = np.bincount(H.indices[place], H.data[place] ** 2 / diagonal[springs], minlength=problem.m)
     if bodies[-1] == (k := len(bodies)) - 1:  # all springs stand behind the bodies: no row is to be looked for

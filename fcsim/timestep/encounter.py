@@ -20,7 +20,7 @@ from fcsim.contact_law.driven import Driven, moved_by_supports, refuse_driven, w
 from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
-from fcsim.linear.sparse.columns import transposed_times
+from fcsim.linear.sparse.columns import times, transposed_times
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 
@@ -73,7 +73,10 @@ class Encounter:
     def scaled_H(self) -> sp.csc_array:
         """H S, the problem's."""
         scale = self.terms.scale
-        return self.acting_H if scale is None else sp.csc_array(self.acting_H @ sp.diags_array(self._of_rows(scale, 1.0)))
+        if scale is None:
+            return self.acting_H
+        H = self.acting_H
+        return sp.csc_array((H.data * np.repeat(self._of_rows(scale, 1.0), np.diff(H.indptr)), H.indices, H.indptr), shape=H.shape)
 
     @property
     def w(self) -> FloatArray:
@@ -88,7 +91,7 @@ class Encounter:
     @property
     def adhesive_impulse(self) -> FloatArray | None:
         """H r_c (n_dofs,), None without adhesion."""
-        return None if self.terms.adhesion is None else self.H @ self.terms.adhesion.ravel()
+        return None if self.terms.adhesion is None else times(self.H, self.terms.adhesion.ravel())
 
     def reaction(self, r: FloatArray) -> FloatArray:
         """S r - r_c (m,): what acts on the slave bodies for the problem's r."""
@@ -98,8 +101,7 @@ class Encounter:
 
     def impulse(self, r: FloatArray) -> FloatArray:
         """(n_dofs,) on the bodies' dofs for the problem's r (m,)."""
-        impulse: FloatArray = self.acting_H @ self.reaction(r)
-        return impulse
+        return times(self.acting_H, self.reaction(r))
 
     def forces(self, r: FloatArray) -> FloatArray:
         """The forces' components (nc, d) of a vector on the problem's rows (m,)."""
@@ -279,8 +281,7 @@ def _separated(H: sp.sparray, meeting: Meeting, apart: BoolArray) -> tuple[Drive
 def passing(left: Contacts, moved: FloatArray, proportions: Proportions) -> Contacts | None:
     """Return open contacts that a law leaves out (it takes closed ones only) and that the step's motion (n_nodes, d) [m] would close by
     more than half of the smaller body: the next detection would see that body behind the other, or on its far side."""
-    weights = np.where(left.nodes < 0, 0.0, left.weights)
-    closes = left.gap + np.einsum("ak,akd,ad->a", weights, moved[left.nodes], left.frame[:, 0])
+    closes = left.gap + left.along_normals(moved)
     deep = (left.gap > 0) & (closes < -_HALF * proportions.size_at(left))
     return left.take(deep) if deep.any() else None
 
@@ -291,4 +292,6 @@ def _turned(H: sp.csc_array, meeting: Meeting, frame: FloatArray) -> tuple[sp.cs
     turn = np.einsum("aij,akj->aik", frame, old.frame)  # new components from old ones
     blocks = sp.bsr_array((turn.transpose(0, 2, 1), np.arange(nc), np.arange(nc + 1)), shape=(d * nc, d * nc))
     before = np.einsum("aik,ak->ai", turn, meeting.before)
-    return sp.csc_array(H @ blocks), replace(meeting, contacts=replace(old, frame=frame), before=before)
+    H = sp.csc_array(H @ blocks)
+    H.sort_indices()
+    return H, replace(meeting, contacts=replace(old, frame=frame), before=before)

@@ -131,8 +131,8 @@ def of_ranks(model: Model, terms: Sequence[tuple[int, Callable[[], FloatArray]]]
 
 
 def momentum(model: Model, state: State) -> FloatArray:
-    """M v (n_dofs,) [N s, N m s] of a state, the rigid bodies' inertia as it stands there."""
-    return model.apply_mass(state.v, model.rigid_mass(state.x))
+    """M v (n_dofs,) [N s, N m s] of a state, the rigid bodies' inertia as it stands there; kept with it: it ends a step and begins one."""
+    return state.kept(("momentum",), model, lambda: model.apply_mass(state.v, model.rigid_mass(state.x)))
 
 
 def turning(model: Model, v0: FloatArray, P0: FloatArray, v1: FloatArray, P1: FloatArray) -> float:

@@ -14,22 +14,19 @@ ABSURD = 1e8
 """Of the model's extent: a way that is refused by other means, since round-off hides the bodies beside it."""
 
 
-def pushed(model: Model, t: float, h: float) -> FloatArray | None:
-    """The increment h^2 a (n_dofs,) [m] that the loads at t [s] add to the way of bodies over the step h [s], rotations left out; None
-    where it is less than `FAR` for all.
+def pushed(model: Model, force: FloatArray, h: float) -> FloatArray | None:
+    """The increment h^2 a (n_dofs,) [m] that loads, `force` (n_dofs,) [N], add to the way of bodies over the step h [s], rotations left
+    out; None where it is less than `FAR` for all.
 
     a = sum F / m of each body, of a deformable one for all its nodes; 0 of those that supports hold, be it in part.
     """
     d, first = model.dimension, model.dof_offset[:-1]
-    force = model.load(t)
-    held = np.zeros(model.n_dofs)
-    held[model.driven_dofs] = 1.0
     acceleration = np.empty((len(model.bodies), d))
     count = len(model.deformable)
     nodal = force[: model.n_elastic].reshape(-1, d)
     acceleration[:count] = np.add.reduceat(nodal, first[:count] // d) if count else 0.0
     acceleration[count:] = model.rigid_part(force)[:, :d]
-    free = (np.maximum.reduceat(held, first) == 0) & (model.body_mass > 0)
+    free = ~model.held.some_of(first) & (model.body_mass > 0)
     acceleration[free] /= model.body_mass[free, None]
     acceleration[~free] = 0.0
     most = h**2 * float(np.abs(acceleration).max())

@@ -189,9 +189,12 @@ class Dynamic(ABC):
         return None
 
     def way(self, model: Model, state: State) -> FloatArray | None:
-        way = self.h * state.v
-        more = pushed(model, state.t + self.h, self.h)
-        return way if more is None else way + more
+        def made() -> FloatArray:
+            way = self.h * state.v
+            more = pushed(model, load_at(model, state, self.h), self.h)
+            return way if more is None else way + more
+
+        return state.kept(("way", self.h), model, made)
 
     def velocity_before(self, model: Model, state: State) -> FloatArray:
         """v (n_dofs,) of the state's momentum in the detection configuration."""
@@ -202,6 +205,11 @@ class Dynamic(ABC):
 
     def driven(self, model: Model, state: State) -> FloatArray:
         return model.driven_velocity(state.t + self.h, self.h)
+
+
+def load_at(model: Model, state: State, dt: float) -> FloatArray:
+    """The loads (n_dofs,) [N] at dt [s] after a state, followers of rigid bodies as in the reference; kept with the state."""
+    return state.kept(("load", dt), model, lambda: model.load(state.t + dt))
 
 
 def refuse_law(law: object) -> None:

@@ -219,6 +219,7 @@ class Simulation:
                 cuts += 1
                 continue
             last = part.last_energy()
+            part.previous.forget()
             part = replace(part, last=last, ledger=moment.ledger.after(last))
             if self.scheme.timing.moving:
                 # what moves slower than the solvers' floor is at rest
@@ -227,9 +228,8 @@ class Simulation:
             if cuts and position % (end >> (cuts - 1)) == 0:
                 cuts -= 1
             if position == end:
-                state = replace(part.state, t=after.state.t + self.scheme.h)  # h/2 + h/2 may not be h to the last bit of t
-                done = replace(part, state=state, attempts=tuple(attempts), seconds=clock.seconds, struck=impact)
-                return replace(done, substeps=substeps, before=before, cuts=cuts)
+                done = replace(part, state=part.state.at(after.state.t + self.scheme.h), seconds=clock.seconds, struck=impact)
+                return replace(done, attempts=tuple(attempts), substeps=substeps, before=before, cuts=cuts)
             before = last if before is None else before.then(last)
             moment = part.moment
 

@@ -40,13 +40,22 @@ class State:
         return {}
 
     def kept(self, what: tuple[object, ...], model: Model, made: Callable[[], FloatArray]) -> FloatArray:
-        """What `made` gives of this state and a model, read-only: a step asks for its middle configuration eight times."""
+        """What `made` gives of this state and a model, read-only: a step asks for its middle configuration eight times, for the loads on it
+        five times, and for its momentum as the last step did. What it gives is not to be None, and not to be written to by `made` later."""
         of, values = self._kept.get(what, (None, None))
         if of is not model or values is None:
             values = made()
             values.setflags(write=False)
             self._kept[what] = model, values
         return values
+
+    def at(self, t: float) -> State:
+        """The state at the time t [s], itself where it is that: h/2 + h/2 may not be h to the last bit."""
+        return self if self.t == t else replace(self, t=t)
+
+    def forget(self) -> None:
+        """Let go of what is kept: a step that begins here has ended."""
+        self._kept.clear()
 
 
 def at_rest(model: Model, t: float = 0.0, h: float = 1e-3) -> State:

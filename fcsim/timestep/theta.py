@@ -21,11 +21,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.loads import Follower
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.timestep.energy import Acting, ContactWork, Energy, balance, contact_work, inner_force, inner_work, momentum, of_ranks, pushing
-from fcsim.timestep.scheme import Dynamic, positive, refuse_law
+from fcsim.timestep.scheme import Dynamic, load_at, positive, refuse_law
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
 
@@ -106,15 +107,22 @@ class Theta(Dynamic):
         return model.held.placed(end, state.t + self.h) - end
 
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
-        h, theta, v = self.h, self.theta, state.v
-        inertia = model.apply_mass((1 - h * (1 - theta) * model.alpha) * v, model.rigid_mass(state.x))
-        return inertia + h * self._force(model, state)
+        h, undamped = self.h, 1 - self.h * (1 - self.theta) * model.alpha
+        if undamped == 1:
+            return momentum(model, state) + h * self._force(model, state)
+        return model.apply_mass(undamped * state.v, model.rigid_mass(state.x)) + h * self._force(model, state)
 
     def _force(self, model: Model, state: State) -> FloatArray:
         """theta F+ + (1-theta) F (n_dofs,) [N]; followers stand as at t + theta h, to first order."""
         h, theta = self.h, self.theta
-        x = model.advance(state.x, h * theta * state.v)
-        return theta * model.load(state.t + h, x) + (1 - theta) * model.load(state.t, x)
+
+        def made() -> FloatArray:
+            if not any(isinstance(load, Follower) for load in model.loads):
+                return theta * load_at(model, state, h) + (1 - theta) * load_at(model, state, 0.0)
+            x = model.advance(state.x, h * theta * state.v)
+            return theta * model.load(state.t + h, x) + (1 - theta) * model.load(state.t, x)
+
+        return state.kept(("force", h, theta), model, made)
 
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         middle = self.detection_configuration(model, state)

@@ -88,32 +88,47 @@ def point_velocities(v, body, arm):
 
 
 @njit(cache=True)
-def bodies_of_columns(indptr, rows, split, d, body, count):
-    """How many entries below `split`, and how many rigid bodies, each column (m,) of a nodal matrix has; see `on_bodies`."""
+def bodies_of_columns(indptr, rows, ordered, split, d, body, count):
+    """How many entries below `split`, and how many rigid bodies, each column (m,) of a nodal matrix has; see `on_bodies`. ordered: whether
+    rows ascend in each column."""
     m = len(indptr) - 1
     elastic, bodies = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
     seen = np.full(count, -1)
     for j in range(m):
+        below = indptr[j + 1] - indptr[j]
+        if below and not (ordered and rows[indptr[j + 1] - 1] < split):
+            below = 0
+            for e in range(indptr[j], indptr[j + 1]):
+                below += rows[e] < split
+        elastic[j] = below
+        if below == indptr[j + 1] - indptr[j]:
+            continue
         for e in range(indptr[j], indptr[j + 1]):
-            if rows[e] < split:
-                elastic[j] += 1
-            elif seen[body[(rows[e] - split) // d]] != j:
+            if rows[e] >= split and seen[body[(rows[e] - split) // d]] != j:
                 seen[body[(rows[e] - split) // d]] = j
                 bodies[j] += 1
     return elastic, bodies
 
 
 @njit(cache=True)
-def on_bodies(indptr, rows, data, split, body, arm, k, count, starts, new_rows, values):
+def on_bodies(indptr, rows, data, split, body, arm, k, count, elastic, starts, new_rows, values):
     """Write the columns B^T G of a nodal matrix G (d n_nodes, m) by columns, B the nodes' velocities by those of all dofs: rows below
     `split` as they are, those of a point at p of a rigid body b as (g, (p - c) x g) in its k rows from split + k b on.
 
-    body (np,), arm (np, d): of the rigid bodies' points, p - c; count: rigid bodies; starts (m + 1,): of the columns written.
+    body (np,), arm (np, d): of the rigid bodies' points, p - c; count: rigid bodies; elastic (m,): entries below `split`; starts (m + 1,):
+    of the columns written.
     """
     d = arm.shape[1]
     place = np.full(count, -1)
     for j in range(len(indptr) - 1):
         at = begin = starts[j]
+        first = indptr[j]
+        if elastic[j] == indptr[j + 1] - first:
+            for e in range(elastic[j]):
+                new_rows[np.uint64(begin + e)] = rows[np.uint64(first + e)]
+            for e in range(elastic[j]):
+                values[np.uint64(begin + e)] = data[np.uint64(first + e)]
+            continue
         for e in range(indptr[j], indptr[j + 1]):
             row, g = rows[e], data[e]
             if row < split:

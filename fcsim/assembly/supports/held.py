@@ -44,6 +44,12 @@ class HeldDofs:
     _holds: tuple[Hold | Turn, ...]
     _patterns: tuple[_Pattern, ...]
 
+    def some_of(self, first: IntArray) -> BoolArray:
+        """Of which of the bodies (nb,), the first of whose dofs are ascending, some are driven."""
+        driven = np.zeros(len(first), dtype=bool)
+        driven[np.searchsorted(first, self.dofs, side="right") - 1] = True
+        return driven
+
     def velocity(self, t: float, h: float) -> FloatArray:
         """Velocities (n_driven,) [m/s, rad/s] at time t; h [s] the step."""
         return self._of([hold.velocity(t, h) for hold in self._holds], t)

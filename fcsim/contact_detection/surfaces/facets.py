@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.surfaces._facet_kernels import facets_in_space
 from fcsim.contact_detection.surfaces.parents import Parents, of_first_order
 from fcsim.contact_detection.surfaces.parents import join as join_parents
 from fcsim.contact_detection.surfaces.surface import ContactSurface
@@ -124,22 +125,26 @@ def topology(facets: Facets) -> Topology:
 
 
 def geometry(facets: Facets, positions: FloatArray) -> FacetGeometry:
-    """Centres, normals and sizes of the facets for node positions (nodes, d) [m]; InputError on a facet without area."""
-    corners = positions[facets.closed]
-    centre = np.einsum("nkd->nd", corners) / facets.width
-    arm = corners - centre[:, None]
-    radius = np.sqrt(reduce(np.maximum, np.einsum("nkd,nkd->kn", arm, arm)))
-    if facets.width == 2:
+    """Centres, normals and sizes of the facets for node positions (nodes, d) [m]; InputError on a facet without area.
+
+    The normal in space is that of half the cross product of the diagonals: the exact mean normal of a bilinear facet; a triangle's last
+    corner is its first.
+    """
+    if positions.shape[1] == 3:
+        corners, centre, radius, normal, measure = facets_in_space(facets.closed, positions)
+    else:
+        corners = positions[facets.closed]
+        centre = np.einsum("nkd->nd", corners) / facets.width
+        arm = corners - centre[:, None]
+        radius = np.sqrt(reduce(np.maximum, np.einsum("nkd,nkd->kn", arm, arm)))
         tangent = corners[:, 1] - corners[:, 0]
         area = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
-    else:  # half the cross product of the diagonals: exact mean normal of a bilinear facet; a triangle's last corner is its first
-        area = 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3 % facets.width] - corners[:, 1])
-    measure = np.sqrt(np.einsum("nd,nd->n", area, area))
+        measure = np.sqrt(np.einsum("nd,nd->n", area, area))
+        normal = area / np.where(measure > 0, measure, 1.0)[:, None]
     if not (measure > 0).all():
         bad = int(np.argmin(measure > 0))
         raise InputError(f"contact detection: expected facets of positive area, got area 0 at nodes {facets.nodes[bad].tolist()}")
-    size = measure if facets.width == 2 else np.sqrt(measure)
-    return FacetGeometry(corners, centre, radius, area / measure[:, None], size)
+    return FacetGeometry(corners, centre, radius, normal, measure if facets.width == 2 else np.sqrt(measure))
 
 
 def shape_gradients(phi: FloatArray) -> tuple[FloatArray, FloatArray]:

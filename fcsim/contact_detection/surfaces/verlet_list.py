@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.contact_detection.surfaces._facet_kernels import near_of_list
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
 SKIN = 0.05
@@ -44,6 +45,9 @@ class VerletList:
             i, j = near_pairs(points, centres, reach + skin)
             order = np.lexsort((j, i))
             found = self._list = _Pairs(points.copy(), centres.copy(), reach.copy(), skin, i[order], j[order])
+        if points.shape[1] == 3:
+            near: tuple[IntArray, IntArray] = near_of_list(points, centres, reach, found.i, found.j)
+            return near
         arm = points[found.i] - centres[found.j]
         within = np.einsum("nd,nd->n", arm, arm) <= (reach * reach)[found.j]
         return found.i[within], found.j[within]

@@ -19,15 +19,87 @@ def transposed_times_rows(indptr, indices, data, x, size):
 
 @njit(cache=True)
 def transposed_times_columns(indptr, indices, data, x):
-    """A^T x (m,) of A (n, m) by columns for x (n,)."""
+    """A^T x (m,) of A (n, m) by columns for x (n,); three columns of one length at a time, a contact's, so that no sum waits for itself."""
     m = len(indptr) - 1
-    y = np.empty(m)
-    for j in range(m):
+    y, j = np.empty(m), 0
+    while j < m:
+        a = indptr[j]
+        n = indptr[j + 1] - a
+        if j + 2 < m and indptr[j + 2] - a == 2 * n and indptr[j + 3] - a == 3 * n:
+            r, s, t = 0.0, 0.0, 0.0
+            for k in range(a, a + n):
+                e, f, g = np.uint64(k), np.uint64(k + n), np.uint64(k + 2 * n)
+                r += data[e] * x[np.uint64(indices[e])]
+                s += data[f] * x[np.uint64(indices[f])]
+                t += data[g] * x[np.uint64(indices[g])]
+            y[j], y[j + 1], y[j + 2] = r, s, t
+            j += 3
+            continue
         s = 0.0
-        for k in range(indptr[j], indptr[j + 1]):
+        for k in range(a, a + n):
             s += data[k] * x[indices[k]]
         y[j] = s
+        j += 1
     return y
+
+
+@njit(cache=True)
+def times_columns(indptr, indices, data, x, size):
+    """A x (size,) of A (size, m) by columns for x (m,); three columns with entries in the same rows, a contact's, go through them once."""
+    m = len(indptr) - 1
+    y, j = np.zeros(size), 0
+    while j < m:
+        a = indptr[j]
+        n = indptr[j + 1] - a
+        alike = j + 2 < m and indptr[j + 2] - a == 2 * n and indptr[j + 3] - a == 3 * n
+        k = a
+        while alike and k < a + n:
+            alike = indices[k] == indices[k + n] and indices[k] == indices[k + 2 * n]
+            k += 1
+        if alike:
+            r, s, t = x[j], x[j + 1], x[j + 2]
+            for k in range(a, a + n):
+                e, i = np.uint64(k), np.uint64(indices[k])
+                y[i] = ((y[i] + data[e] * r) + data[np.uint64(k + n)] * s) + data[np.uint64(k + 2 * n)] * t
+            j += 3
+            continue
+        for k in range(a, a + n):
+            y[indices[k]] += data[k] * x[j]
+        j += 1
+    return y
+
+
+@njit(cache=True)
+def rows_kept(indptr, indices, data, place, starts, rows, values):
+    """Write the columns of A (n, m) with its rows i at place[i], those with place[i] < 0 left out, one after the other; their starts
+    (m + 1,)."""
+    at = 0
+    starts[0] = 0
+    for j in range(len(indptr) - 1):
+        for k in range(indptr[j], indptr[j + 1]):
+            i, to = place[np.uint64(indices[np.uint64(k)])], np.uint64(at)
+            rows[to], values[to] = i, data[np.uint64(k)]  # written over by the next where this row is left out
+            at += i >= 0
+        starts[j + 1] = at
+
+
+@njit(cache=True)
+def squares_of_touched(indptr, indices, data, weight, some, step, count):
+    """See `normals_of_some`, by columns."""
+    whole, others, touched = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_)
+    for c in range(count):
+        begin, end = indptr[c * step], indptr[c * step + 1]
+        for k in range(begin, end):
+            if some[indices[k]]:
+                touched[c] = True
+                break
+        if touched[c]:
+            for k in range(begin, end):
+                square = weight[indices[k]] * data[k] ** 2
+                whole[c] += square
+                if not some[indices[k]]:
+                    others[c] += square
+    return whole, others, touched
 
 
 @njit(cache=True)
@@ -47,3 +119,12 @@ def squares_of_touched_columns(indptr, indices, data, weight, some, step, count)
                 if not some[i]:
                     others[indices[k] // step] += square
     return whole, others, touched[: count * step : step].copy()
+
+
+@njit(cache=True)
+def entries_of_rows(indices, count):
+    """How many entries each row (count,) has of a matrix by columns."""
+    found = np.zeros(count, dtype=np.int32)
+    for k in range(len(indices)):
+        found[np.uint64(indices[np.uint64(k)])] += 1
+    return found

@@ -1,11 +1,12 @@
-"""Products with a transposed sparse matrix, and sums over the squares of its columns: a step asks ten times for H^T v."""
+"""Products with a sparse matrix that has few rows a column and with its transposed one, its rows renumbered, sums over the squares of its
+columns: a step asks ten times for H^T v."""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.sparse import _columns_kernels as kernels
 
 
@@ -22,9 +23,38 @@ def transposed_times(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
     return other
 
 
-def normals_of_some(A: sp.csr_array, weight: FloatArray, some: BoolArray, step: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+def times(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
+    """A x (n,) for A (n, m) and x (m,), in SciPy's order of summation."""
+    if isinstance(A, sp.csc_array) and x.ndim == 1 and len(x) == A.shape[1] and A.dtype == np.float64 == x.dtype:
+        product: FloatArray = kernels.times_columns(A.indptr, A.indices, A.data, x, A.shape[0])
+        return product
+    other: FloatArray = A @ x
+    return other
+
+
+def rows_kept(A: sp.csc_array, place: IntArray, count: int) -> sp.csc_array:
+    """The matrix (count, m) with row i of A (n, m) at place[i], those with place[i] < 0 left out; the others' order stays."""
+    starts, rows, values = np.empty_like(A.indptr), np.empty_like(A.indices), np.empty_like(A.data)
+    kernels.rows_kept(A.indptr, A.indices, A.data, place, starts, rows, values)
+    end = int(starts[-1])
+    kept = sp.csc_array((values[:end], rows[:end], starts), shape=(count, A.shape[1]))
+    if A.has_canonical_format:
+        kept.has_canonical_format = True
+    return kept
+
+
+def entries_of_rows(A: sp.csr_array | sp.csc_array) -> IntArray:
+    """How many entries each row (n,) of A (n, m) has."""
+    found: IntArray = np.diff(A.indptr) if isinstance(A, sp.csr_array) else kernels.entries_of_rows(A.indices, A.shape[0])
+    return found
+
+
+def normals_of_some(
+    A: sp.csr_array | sp.csc_array, weight: FloatArray, some: BoolArray, step: int
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Of each `step`-th column j of A (n, m): sum_i weight_i A_ij^2 over all rows and over those that are not `some` (n,), and whether
     it has entries in `some`; the sums are zero where it has none. weight (n,)."""
     sums: tuple[FloatArray, FloatArray, BoolArray]
-    sums = kernels.squares_of_touched_columns(A.indptr, A.indices, A.data, weight, some, step, A.shape[1] // step)
+    by = kernels.squares_of_touched if isinstance(A, sp.csc_array) else kernels.squares_of_touched_columns
+    sums = by(A.indptr, A.indices, A.data, weight, some, step, A.shape[1] // step)
     return sums

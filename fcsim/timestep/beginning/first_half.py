@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection
 from fcsim.contact_detection.contacts import Contacts
@@ -46,7 +46,7 @@ def passed_unseen(model: Model, detection: Detection, scheme: Scheme, state: Sta
         return None
     met = detection(here, way)
     least = _SHARE * proportions.size_at(met)
-    before, after = (_gap(met, x) for x in (here, ahead))
+    before, after = (met.along_normals(x) for x in (here, ahead))
     met = met.take((before > -least) & (after < -least))
     if not len(met):
         return None
@@ -75,11 +75,6 @@ def refuse_going_through(model: Model, scheme: Scheme, met: Contacts, when: str)
         f"{when}: expected steps in which bodies approach by less than half their size, got {one!r} and {other!r}, which would pass each "
         f"other within {scheme.h:.3g} s: choose a shorter h, or a law that meets what is still open (Gap)"
     )
-
-
-def _gap(contacts: Contacts, positions: FloatArray) -> FloatArray:
-    weights = np.where(contacts.nodes < 0, 0.0, contacts.weights)
-    return np.einsum("ak,akd,ad->a", weights, positions[contacts.nodes], contacts.frame[:, 0])
 
 
 def _pair(contacts: Contacts, bodies: int) -> IntArray:

@@ -14,8 +14,11 @@ def carry(identity, frame, r, wanted, wanted_frame, carried):
     place = np.full(len(wanted), -1)
     d = frame.shape[1]
     force = np.empty(d)
+    at = -1
     for a in range(len(wanted)):
-        at = np.searchsorted(identity, wanted[a])
+        at += 1  # most contacts are those of the step before, in the same order
+        if at >= len(identity) or identity[at] != wanted[a]:
+            at = np.searchsorted(identity, wanted[a])
         if at == len(identity) or identity[at] != wanted[a]:
             continue
         place[a] = at

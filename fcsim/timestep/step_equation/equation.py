@@ -13,7 +13,7 @@ from fcsim.arrays import FloatArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.linear.sparse.columns import transposed_times
+from fcsim.linear.sparse.columns import rows_kept, transposed_times
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
@@ -96,9 +96,11 @@ class Equation:
         v = self.model.along(v)
         return v[self.model.free_dofs] if self.model.driven == "eliminated" else v
 
-    def _on_unknowns(self, H: sp.sparray) -> sp.csr_array:
-        """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out."""
+    def _on_unknowns(self, H: sp.sparray) -> sp.csr_array | sp.csc_array:
+        """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out; by columns where H is."""
         model = self.model
+        if model.axes_matrix is None and isinstance(H, sp.csc_array):
+            return rows_kept(H, *model.place_of_unknowns)
         if model.axes_matrix is not None:
             H = sp.csr_array(model.axes_matrix @ H)
         if model.driven == "eliminated":

@@ -19,6 +19,8 @@ With it they ended less than 0.1 % apart, but then overlapped between the places
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
@@ -148,7 +150,7 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     held = met.meeting.contacts
     if not len(held):
         return False
-    slide = scheme.timing.length_per_u * np.abs(met.relative(v).reshape(len(held), -1)[:, 1:]).max(axis=1)
+    slide = scheme.timing.length_per_u * reduce(np.maximum, np.abs(met.relative(v).reshape(len(held), -1)[:, 1:]).T)
     if slide.max(where=held.cables, initial=0.0) > _TURNS_A_CABLE * smallest:
         return True
     if slide.max() * np.abs(straight).max(initial=0.0) <= 0.25 * smallest * counts:  # no node moves by more than twice that beside the mean

@@ -97,15 +97,9 @@ def _followed(met: Encounter, moved: FloatArray) -> tuple[float, bool]:
     for contacts in (met.meeting.contacts, met.left):
         if contacts is None or not len(contacts):
             continue
-        deep = -(contacts.gap + _closing(contacts, moved))
+        deep = -(contacts.gap + contacts.along_normals(moved))
         most = float(deep.max())
         if most > LOOKED_AT * smallest and np.any(deep > LOOKED_AT * size_at(contacts)):
             return most, True
         deepest = max(deepest, most)
     return deepest, False
-
-
-def _closing(contacts: Contacts, moved: FloatArray) -> FloatArray:
-    """The change (nc,) of the gaps by the nodes' displacements (n_nodes, d)."""
-    weights = np.where(contacts.nodes < 0, 0.0, contacts.weights)
-    return np.einsum("ak,akd,ad->a", weights, moved[contacts.nodes], contacts.frame[:, 0])

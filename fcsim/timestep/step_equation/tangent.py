@@ -75,7 +75,7 @@ def made_positive(
     kept = np.repeat(sticking(met.contacts.mu, of_contact, SURELY_STICKS)[:, None], met.rows, axis=1)
     kept[:, 0] = of_contact[:, 0] > 0
     pressed = np.flatnonzero(kept)
-    normal = met.scaled_H[:, pressed]
+    normal = sp.csr_array(met.scaled_H[:, pressed])
     for held in (0.0, *(times * largest for times in HELD)):
         bending = replace(equation, bent=bent + held * (normal @ normal.T), slanted=None) if held else replace(equation, bent=bent)
         own = bending.of_bodies

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fcsim.linear.sparse.columns import normals_of_some, transposed_times
+from fcsim.linear.sparse.columns import entries_of_rows, normals_of_some, rows_kept, times, transposed_times
 
 
 @pytest.mark.parametrize("form", ["csr", "csc", "coo", "dense"])
@@ -20,14 +20,48 @@ def test_transposed_products_are_scipys(form: str) -> None:
     assert transposed_times(empty, x).shape == (0,)
 
 
+def contacts(rng: np.random.Generator) -> sp.csc_array:
+    """Columns by threes of the same rows, of a contact's, and some of others between them."""
+    dense = np.repeat(rng.random((40, 9)) < 0.2, 3, axis=1) * rng.standard_normal((40, 27))
+    dense[:, [4, 13]] = 0
+    return sp.csc_array(np.hstack([dense, dense[:, :2]]))
+
+
+@pytest.mark.parametrize("form", ["csr", "csc", "dense"])
+def test_products_are_scipys(form: str) -> None:
+    """Bit for bit, and of columns by threes, too."""
+    rng = np.random.default_rng(3)
+    for A in (contacts(rng), sp.random_array((40, 27), density=0.3, rng=rng, format="csc")):
+        x, y = rng.standard_normal(A.shape[1]), rng.standard_normal(40)
+        other = A.toarray() if form == "dense" else A.asformat(form)
+        (assert_allclose if form == "dense" else assert_array_equal)(times(other, x), A @ x)
+        assert_array_equal(transposed_times(A, y), A.T @ y)
+    with pytest.raises(ValueError):
+        times(A, np.zeros(40))
+
+
+def test_rows_are_renumbered_and_left_out() -> None:
+    rng = np.random.default_rng(4)
+    A, place = contacts(rng), np.full(40, -1)
+    kept = np.sort(rng.choice(40, 25, replace=False))
+    place[kept] = np.arange(25)
+    found = rows_kept(A, place, 25)
+    assert found.has_canonical_format
+    assert_array_equal(found.toarray(), A.toarray()[kept])
+    for form in (A, sp.csr_array(A)):
+        assert_array_equal(entries_of_rows(form), np.count_nonzero(A.toarray(), axis=1))
+    assert rows_kept(A, np.full(40, -1), 3).toarray().tolist() == np.zeros((3, A.shape[1])).tolist()
+
+
 def test_a_vector_of_another_length_is_refused_as_scipy_does() -> None:
     with pytest.raises(ValueError):
         transposed_times(sp.csr_array((40, 27)), np.zeros(27))
 
 
-def test_squares_of_every_third_column_that_some_rows_touch() -> None:
+@pytest.mark.parametrize("form", ["csr", "csc"])
+def test_squares_of_every_third_column_that_some_rows_touch(form: str) -> None:
     rng = np.random.default_rng(2)
-    A, weight = sp.random_array((40, 27), density=0.2, rng=rng, format="csr"), rng.uniform(size=40)
+    A, weight = sp.random_array((40, 27), density=0.2, rng=rng, format=form), rng.uniform(size=40)
     some = np.zeros(40, dtype=bool)
     some[[3, 17]] = True
     whole, others, touched = normals_of_some(A, weight, some, 3)
