@@ -132,3 +132,11 @@ def spread_nodal_velocities(begins, unknowns, weights, starts, pairs, rows, noda
             u1 += F[1] * v0 + F[4] * v1 + F[7] * v2
             u2 += F[2] * v0 + F[5] * v1 + F[8] * v2
         u[3 * a], u[3 * a + 1], u[3 * a + 2] = u0, u1, u2
+
+
+@njit(cache=True, nogil=True)
+def spread_nodal_velocities_of(which, begins, unknowns, weights, starts, pairs, rows, nodal, velocities, u):
+    """`spread_nodal_velocities` of the contacts that `which` (nc,) says."""
+    for a in range(len(which)):
+        if which[a]:
+            spread_nodal_velocities(begins, unknowns, weights, starts, pairs, rows, nodal, a, a + 1, velocities, u)

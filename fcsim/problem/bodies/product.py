@@ -12,9 +12,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.problem.bodies._nodal_kernels import gather_nodal_forces, nodes_of_pairs, spread_nodal_velocities
-from fcsim.problem.bodies._shares_kernels import gather_forces, pairs_of_contacts, spread_velocities
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.problem.bodies._nodal_kernels import gather_nodal_forces, nodes_of_pairs, spread_nodal_velocities, spread_nodal_velocities_of
+from fcsim.problem.bodies._shares_kernels import contacts_moved, gather_forces, pairs_of_contacts, spread_velocities, spread_velocities_of
 from fcsim.problem.bodies.shares import BodyShares
 from fcsim.threads import pieces, pieces_by_work, side_by_side
 
@@ -62,7 +62,8 @@ class ShareProduct:
 
     def bodies_of(self, contacts: IntArray) -> IntArray:
         """The bodies that these contacts are on, ascending."""
-        begin, counts = self._starts[contacts], np.diff(self._starts)[contacts]
+        begin = self._starts[contacts]
+        counts = self._starts[contacts + 1] - begin
         place = np.repeat(begin - np.cumsum(counts) + counts, counts) + np.arange(int(counts.sum()))
         found: IntArray = np.unique(self._bodies[place])
         return found
@@ -74,9 +75,17 @@ class ShareProduct:
 
     def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
         """W x + q (m,) for x and q (m,)."""
+        u = self._shares.by_three(q)
+        return self._added(x, u.copy() if u is q else u)
+
+    def times(self, x: FloatArray) -> FloatArray:
+        """W x (m,) for x (m,)."""
+        return self._added(x, np.zeros(3 * self._shares.nc))
+
+    def _added(self, x: FloatArray, u: FloatArray) -> FloatArray:
+        """W x + u for u (3 nc,), which is written to."""
         s = self._shares
-        x, u = s.by_three(x), s.by_three(q)
-        u = u.copy() if u is q else u
+        x = s.by_three(x)
         forces, velocities = np.zeros(self._size), np.empty(self._size)
         h = (s.begins, s.unknowns, s.weights)
         gather, spread, nodal = self._ways
@@ -102,23 +111,18 @@ class ShareProduct:
         """W x (m,) for x (m,) that is zero but at few contacts: by their bodies alone, and at the contacts of these."""
         s = self._shares
         x, u = s.by_three(x), np.zeros(3 * s.nc)
-        pushed = x.reshape(-1, 3).any(axis=1)
-        touched = np.zeros(s.count, dtype=bool)
-        touched[self._bodies[np.repeat(pushed, np.diff(self._starts))]] = True
         forces, velocities = np.zeros(self._size), np.zeros(self._size)
-        h = (s.begins, s.unknowns, s.weights)
-        gather, spread, nodal = self._ways
-        for i, j in _ranges(touched):
-            gather(s.first, s.contacts, *h, self._row, *nodal, i, j, x, forces)
+        h, nodal = (s.begins, s.unknowns, s.weights), () if self._nodal is None else (self._nodal,)
+        gather = gather_forces if self._nodal is None else gather_nodal_forces
+        gather(s.first, s.contacts, *h, self._row, *nodal, 0, s.count, x, forces)  # which passes contacts by that are not pushed
         for begin, end, C in self._alike:
             n = C.shape[-1]
             Y, Z = forces[begin:end].reshape(-1, n), velocities[begin:end].reshape(-1, n)
             own = np.flatnonzero(Y.any(axis=1))
             Z[own] = Y[own] @ C if C.ndim == 2 else np.matmul(Y[own, None], C[own])[:, 0]
-        moved = np.zeros(s.nc, dtype=bool)
-        moved[s.contacts[np.repeat(touched, np.diff(s.first))]] = True
-        for i, j in _ranges(moved):
-            spread(*h, self._starts, self._pairs, self._rows, *nodal, i, j, velocities, u)
+        spread = spread_velocities_of if self._nodal is None else spread_nodal_velocities_of
+        moved = contacts_moved(s.first, s.contacts, x)
+        spread(moved, *h, self._starts, self._pairs, self._rows, *nodal, velocities, u)
         return s.by_dimension(u)
 
     def _products(self, forces: FloatArray, velocities: FloatArray) -> Iterator[Callable[[], object]]:
@@ -135,12 +139,6 @@ class ShareProduct:
                     yield partial(np.matmul, Y[i:j], C, out=Z[i:j])
                 else:
                     yield partial(np.matmul, Y[i:j, None], C[i:j], out=Z[i:j, None])
-
-
-def _ranges(which: BoolArray) -> list[tuple[int, int]]:
-    """(begin, end) of each run of True in `which` (n,)."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], which, [False]])))
-    return [(int(i), int(j)) for i, j in ends.reshape(-1, 2)]
 
 
 def _alike(shares: BodyShares) -> Iterator[tuple[IntArray, FloatArray]]:
