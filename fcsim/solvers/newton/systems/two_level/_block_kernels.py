@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from fcsim.linear._front_kernels import dot
+from fcsim.solvers.newton.systems.two_level._joint_kernels import diagonal_alone
 
 
 @njit(cache=True)
@@ -124,3 +125,34 @@ def less_motions(R, R_starts, cuts, body_begins, listed, c, first, last, z, orde
             for p in range(d):
                 out[to, p] = z[a, p] - dot(R[at : at + n], there)
                 at += n
+
+
+@njit(cache=True, nogil=True)
+def diagonals(A, B):
+    """Which contacts (nc,) have a diagonal A and no B, and A's diagonal (nc, d)."""
+    nc, d = len(A), A.shape[1]
+    alone, diagonal = np.empty(nc, dtype=np.bool_), np.empty((nc, d))
+    for a in range(nc):
+        alone[a] = diagonal_alone(A[a], B[a])
+        for i in range(d):
+            diagonal[a, i] = A[a, i, i]
+    return alone, diagonal
+
+
+@njit(cache=True, nogil=True)
+def apply_most_diagonal(A, B, alone, diagonal, y, x, first, last, z):
+    """z = A y + B x (nc, d) of the contacts first, ..., last - 1, as `apply_blocks`; alone and diagonal: see `diagonals`. The blocks of A
+    and B, six times what is written, are read for few."""
+    d = x.shape[1]
+    for a in range(first, last):
+        if alone[a]:
+            for i in range(d):
+                z[a, i] = diagonal[a, i] * y[a, i]
+            continue
+        for i in range(d):
+            s = A[a, i, 0] * y[a, 0]
+            for j in range(1, d):
+                s += A[a, i, j] * y[a, j]
+            for j in range(d):
+                s += B[a, i, j] * x[a, j]
+            z[a, i] = s

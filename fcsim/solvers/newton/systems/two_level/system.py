@@ -49,7 +49,6 @@ from fcsim.linear.multifrontal.lu import Multifrontal
 from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
-from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 from fcsim.solvers.newton.systems.two_level import _block_kernels as block_kernels
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
@@ -111,7 +110,7 @@ class Preconditioner:
         """Make it the one of A and B, but for changes up to CHANGED."""
         joints = self._joints
         earlier, self._coarse = self._coarse, None  # known again where all that follows succeeds
-        changed = self._changed(A[joints.order], B[joints.order])
+        changed = self._changed(A, B)
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
         Q, R, T = self._blocks.to_write(np.flatnonzero(changed))
         out = (Q, joints.Q_starts, R, joints.R_starts, T, joints.T_starts)
@@ -144,7 +143,7 @@ class Preconditioner:
             return None
         if np.any(joints.bodies != bodies[joints.order]):
             return None
-        if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
+        if kernels.moved(diagonal, joints.diagonal_of_W, CHANGED):
             return None
         other = copy(self)
         other._A, other._B, other._blocks = self._A.copy(), self._B.copy(), self._blocks.following()
@@ -153,10 +152,10 @@ class Preconditioner:
 
     def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
         """Take over A and B of contacts that have changed; which joints have one of these among theirs or their neighbours."""
-        far = np.abs(A - self._A).max((1, 2)) <= CHANGED * np.abs(A).max((1, 2))
-        far = ~(far & (np.abs(B - self._B).max((1, 2)) <= CHANGED))  # at first nothing compares
-        self._A[far], self._B[far] = A[far], B[far]
-        return np.logical_or.reduceat(far[self._joints.wide], self._joints.begins[:-1])
+        joints, far = self._joints, np.empty(len(A), dtype=bool)
+        given = (A, B, joints.order, CHANGED, self._A, self._B)
+        side_by_side([partial(kernels.changed_contacts, *given, i, j, far) for i, j in self._contacts])
+        return np.logical_or.reduceat(far[joints.wide], joints.begins[:-1])
 
     def __call__(self, x: FloatArray) -> FloatArray:
         joints, x, coarse = self._joints, x.reshape(-1, self._joints.d), self._coarse
@@ -285,9 +284,14 @@ class TwoLevelSystem:
         except SingularMatrix:
             return None
 
+        alone, diagonal = block_kernels.diagonals(A, B)
+        parts = pieces(len(rhs), CONTACTS_A_PIECE)
+
         def product(x: FloatArray) -> FloatArray:
             images.append(self._product(x))
-            return apply_blocks(A, images[-1].reshape(shape), B, x.reshape(shape)).ravel()
+            given, image = (A, B, alone, diagonal, images[-1].reshape(shape), x.reshape(shape)), np.empty(shape)
+            side_by_side([partial(block_kernels.apply_most_diagonal, *given, i, j, image) for i, j in parts])
+            return image.ravel()
 
         size = float(np.linalg.norm(rhs))
         accuracy, plateau = (size * limit for limit in limits)
