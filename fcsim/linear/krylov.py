@@ -180,8 +180,8 @@ def flat(defects: Sequence[float]) -> bool:
 
 
 def combined(y: FloatArray, vectors: Sequence[NDArray[np.floating]]) -> FloatArray:
-    """sum of y_i times vector i (n,), in double precision, without a copy of all of them, by pieces that a core's cache holds."""
-    total = np.empty(len(vectors[0]))
+    """sum of y_i times vector i, (n,) or (n, d), in double precision, without a copy of all of them, by pieces that a core's cache holds."""
+    total = np.empty(vectors[0].shape)
 
     def add_up(i: int, j: int) -> None:
         part = total[i:j]
@@ -189,5 +189,6 @@ def combined(y: FloatArray, vectors: Sequence[NDArray[np.floating]]) -> FloatArr
         for factor, vector in zip(y[1:], vectors[1:], strict=True):
             part += factor * vector[i:j]
 
-    side_by_side([partial(add_up, i, j) for i, j in pieces(len(total), NUMBERS_A_PIECE)])
+    rows = NUMBERS_A_PIECE * len(total) // max(total.size, 1)
+    side_by_side([partial(add_up, i, j) for i, j in pieces(len(total), rows)])
     return total
