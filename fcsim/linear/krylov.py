@@ -180,7 +180,7 @@ def flat(defects: Sequence[float]) -> bool:
 
 
 def combined(y: FloatArray, vectors: Sequence[NDArray[np.floating]]) -> FloatArray:
-    """sum of y_i times vector i, (n,) or (n, d), in double precision, without a copy of all of them, by pieces that a core's cache holds."""
+    """sum of y_i times vector i, (n,) or (n, d), in double precision, without a copy of all of them, by pieces that the cache holds."""
     total = np.empty(vectors[0].shape)
 
     def add_up(i: int, j: int) -> None:
