@@ -1,4 +1,4 @@
-"""Multifrontal elimination on the graph of the joints: LU of A W + B, with A and B block diagonal over contacts, and Cholesky of W.
+"""Multifrontal elimination on the graph of the joints: Cholesky of W; LU of A W + B is in `multifrontal`.
 
 In the order of an `EliminationTree` a joint's rows and columns are assembled in a dense front, eliminated with pivoting inside the
 joint, and the complement on the joints next to it is passed on to the parent: LAPACK on fronts. A general sparse LU has to find this
@@ -13,20 +13,17 @@ Sources: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9, 1983; J. W. H. Liu, 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
 
 import numpy as np
 import scipy.linalg as sla
 from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.linear._front_kernels import backward, extend_add, extend_add_upper, fill, fill_blocks, fill_symmetric, forward, solve_by_fronts
+from fcsim.linear._front_kernels import backward, extend_add_upper, fill_symmetric, forward
 from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.elimination_tree import EliminationTree
 from fcsim.linear.factors import SingularMatrix, mirror
 from fcsim.linear.joints import BlockRows
-from fcsim.linear.products import OPERATIONS_A_PIECE
-from fcsim.threads import pieces, side_by_side
 
 
 class _Assembly:
@@ -65,10 +62,10 @@ class _Assembly:
             yield begin, own, border, beyond, children
             begin += n
 
-    def most_entries(self, d: int, *, both: bool = False) -> int:
-        """At most so many entries are in the rows of all fronts' own unknowns, with `both` in rows and columns."""
+    def most_entries(self, d: int) -> int:
+        """At most so many entries are in the rows of all fronts' own unknowns."""
         fronts = [(int(np.count_nonzero(self._part[own])), int(np.count_nonzero(self._part[border]))) for own, border, _ in self._tree]
-        return sum(d * d * n * (n + (1 + both) * b) for n, b in fronts)
+        return sum(d * d * n * (n + b) for n, b in fronts)
 
     def pass_on(self, complement: NDArray[np.floating]) -> None:
         """Leave the present front's complement for its parent."""
@@ -76,69 +73,6 @@ class _Assembly:
             self.remainders.append((self._beyond - len(self.contacts), complement))
         elif len(self._beyond):
             self._waiting.setdefault(self._parent, []).append((self._beyond, complement))
-
-
-class Multifrontal:
-    """LU of A W + B on the active contacts (nc,) of `rows`, or of W itself; fronts of the given precision.
-
-    They are filled by rows of W, without gaps, and LAPACK, for which matrices are stored by columns, factors their transposes."""
-
-    def __init__(self, rows: BlockRows, AB: tuple[FloatArray, FloatArray] | None, active: BoolArray, dtype: DTypeLike = np.float64) -> None:
-        """AB: A and B (nc, d, d), None for W itself."""
-        d = rows.blocks.shape[1]
-        getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), dtype=dtype)
-        self._dtype = dtype
-        local = np.full(len(active), -1)
-        flat = None if AB is None else (rows.blocks.ravel(), *(x.ravel() for x in AB))
-        assembly = _Assembly(rows.tree, active)
-        self.contacts = assembly.contacts
-        values, end = np.zeros(assembly.most_entries(d, both=True), dtype=dtype), 0  # of all fronts in one array, as `solve_by_fronts` asks
-        sizes, pivots, borders = [], [], []
-        for _, own, border, beyond, children in assembly:
-            n, b = len(own), len(border)
-            first, second, after = end + d * d * n * n, end + d * d * n * (n + b), end + d * d * n * (n + 2 * b)
-            F11, F21 = values[end:first].reshape(d * n, d * n), values[first:second].reshape(d * b, d * n)
-            F12, F22, end = values[second:after].reshape(d * n, d * b), np.zeros((d * b, d * b), dtype=dtype), after
-            if flat is None:
-                fill_blocks(own, border, local, rows.indptr, rows.indices, rows.blocks, F11, F12, F21)
-            else:
-                fill(own, border, local, rows.indptr, rows.indices, *flat, d, F11, F12, F21)
-            for place, S in children:
-                extend_add(S, place, n, d, F11, F12, F21, F22)
-            if n:
-                lu, own_pivots, info = getrf(F11.T, overwrite_a=True)  # in place: the array is stored by columns
-                if info != 0:
-                    raise SingularMatrix(f"the block of {n} contacts is singular: zero pivot {info}")
-                if b:
-                    least = max(1, OPERATIONS_A_PIECE // (d * n * d * (n + b)))
-                    own_rows = pieces(len(F21), least)
-                    side_by_side([partial(self._eliminate, lu, own_pivots, F12, F21[i:j], F22[i:j]) for i, j in own_rows])
-                sizes.append((d * n, d * b))
-                pivots.append(own_pivots)
-                borders.append(dofs_of(beyond, d))
-            assembly.pass_on(F22)
-        none = [np.empty(0, dtype=np.int64)]
-        lists = (np.concatenate([*none, *each]).astype(np.int64) for each in (pivots, borders))
-        self._by_fronts = (values, np.array(sizes, dtype=np.int64).reshape(-1, 2), *lists)
-
-    def _eliminate(
-        self,
-        lu: NDArray[np.floating],
-        pivots: IntArray,
-        F12: NDArray[np.floating],
-        F21: NDArray[np.floating],
-        F22: NDArray[np.floating],
-    ) -> None:
-        """Some rows of F21 F11^-1 and of the complement F22 - F21 F11^-1 F12, in the place of those of F21 and F22."""
-        own = pivots.copy()  # SciPy counts them from 1 while LAPACK works, in place
-        F21[:] = self._getrs(lu, own, F21.T, overwrite_b=True)[0].T
-        F22 -= F21 @ F12
-
-    def solve(self, rhs: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Return x (k, d) of the active contacts for rhs (k, d), both in the order of `contacts`."""
-        x = rhs.astype(self._dtype).ravel()
-        solve_by_fronts(*self._by_fronts, x)
-        return x.reshape(rhs.shape)
 
 
 def _complement(rows: BlockRows, assembly: _Assembly, local: IntArray, dtype: DTypeLike) -> NDArray[np.floating]:

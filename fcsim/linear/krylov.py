@@ -60,7 +60,7 @@ def gmres(
         hopeless = j + 1 >= patience and np.log(left / beta) * HOPE * limit > np.log(target / beta) * (j + 1)
         if hopeless or size == 0:
             return None
-        basis.append(w / size)
+        basis.append(w, size)
     return None
 
 
@@ -74,8 +74,9 @@ class _Basis:
     def last(self) -> FloatArray:
         return self._vectors[-1]
 
-    def append(self, v: FloatArray) -> None:
-        self._vectors.append(v)
+    def append(self, w: FloatArray, size: float) -> None:
+        """Add w / size."""
+        self._vectors.append(w / size)
 
     def orthogonalised(self, w: FloatArray) -> tuple[list[float], FloatArray, float]:
         """w's components along the vectors, what is left of it, and the length of that."""
@@ -94,17 +95,18 @@ class _LargeBasis:
         self._pieces = pieces(len(first), NUMBERS_A_PIECE)
         self._blocks: list[FloatArray] = []  # of GROWTH vectors each, by rows
         self._count = 0
-        self.append(first)
+        self.append(first, 1.0)
 
     @property
     def last(self) -> FloatArray:
         vector: FloatArray = self._blocks[-1][(self._count - 1) % GROWTH]
         return vector
 
-    def append(self, v: FloatArray) -> None:
+    def append(self, w: FloatArray, size: float) -> None:
+        """Add w / size."""
         if self._count % GROWTH == 0:
-            self._blocks.append(np.empty((GROWTH, len(v))))
-        self._blocks[-1][self._count % GROWTH] = v
+            self._blocks.append(np.empty((GROWTH, len(w))))
+        np.divide(w, size, out=self._blocks[-1][self._count % GROWTH])
         self._count += 1
 
     def orthogonalised(self, w: FloatArray) -> tuple[list[float], FloatArray, float]:
@@ -178,8 +180,15 @@ def flat(defects: Sequence[float]) -> bool:
 
 
 def combined(y: FloatArray, vectors: Sequence[NDArray[np.floating]]) -> FloatArray:
-    """sum of y_i times vector i (n,), in double precision, without a copy of all of them."""
-    total: FloatArray = y[0] * vectors[0]
-    for factor, vector in zip(y[1:], vectors[1:], strict=True):
-        total += factor * vector
+    """sum of y_i times vector i, (n,) or (n, d), in double precision, without a copy of all of them, by pieces that the cache holds."""
+    total = np.empty(vectors[0].shape)
+
+    def add_up(i: int, j: int) -> None:
+        part = total[i:j]
+        np.multiply(vectors[0][i:j], y[0], out=part)
+        for factor, vector in zip(y[1:], vectors[1:], strict=True):
+            part += factor * vector[i:j]
+
+    rows = NUMBERS_A_PIECE * len(total) // max(total.size, 1)
+    side_by_side([partial(add_up, i, j) for i, j in pieces(len(total), rows)])
     return total

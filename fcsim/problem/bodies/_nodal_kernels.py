@@ -106,15 +106,26 @@ def gather_nodal_forces(first, contacts, begins, unknowns, weights, row, nodal, 
 
 
 @njit(cache=True, nogil=True)
+def nodes_by_contacts(begins, starts, pairs, nodal, begin, end, begins_here, frame_here, nodes_here, shapes_here):
+    """Write which frame, nodes and shape values the pairs of the contacts begin, ..., end - 1 have once more, in the order of `pairs`: those
+    of pair pairs[i] from begins_here[i] on. What is read contact by contact then stands one after the other."""
+    _, frame_of, nodes, shapes = nodal
+    for i in range(starts[begin], starts[end]):
+        first = begins[pairs[i]] // 3
+        frame_here[i] = frame_of[pairs[i]]
+        for e in range(begins_here[i + 1] - begins_here[i]):
+            nodes_here[begins_here[i] + e], shapes_here[begins_here[i] + e] = nodes[first + e], shapes[first + e]
+
+
+@njit(cache=True, nogil=True)
 def spread_nodal_velocities(begins, unknowns, weights, starts, pairs, rows, nodal, begin, end, velocities, u):
-    """`spread_velocities`; nodal: as in `gather_nodal_forces`."""
-    frames, frame_of, nodes, shapes = nodal
+    """`spread_velocities`; nodal: frames and, by contacts, begins, which frame, nodes and shape values, see `nodes_by_contacts`."""
+    frames, begins_here, frame_here, nodes, shapes = nodal
     for a in range(begin, end):
         u0, u1, u2 = u[3 * a], u[3 * a + 1], u[3 * a + 2]
         for i in range(starts[a], starts[a + 1]):
-            p = pairs[i]
-            if frame_of[p] < 0:
-                v = velocities[rows[i] :]
+            if frame_here[i] < 0:
+                v, p = velocities[rows[i] :], pairs[i]
                 for e in range(begins[p], begins[p + 1]):
                     value = v[unknowns[e]]
                     u0 += weights[e, 0] * value
@@ -122,13 +133,21 @@ def spread_nodal_velocities(begins, unknowns, weights, starts, pairs, rows, noda
                     u2 += weights[e, 2] * value
                 continue
             v0, v1, v2 = 0.0, 0.0, 0.0
-            for e in range(begins[p] // 3, begins[p + 1] // 3):
+            for e in range(begins_here[i], begins_here[i + 1]):
                 s, j = shapes[e], nodes[e]
                 v0 += s * velocities[j]
                 v1 += s * velocities[j + np.uint32(1)]
                 v2 += s * velocities[j + np.uint32(2)]
-            F = frames[frame_of[p]]
+            F = frames[frame_here[i]]
             u0 += F[0] * v0 + F[3] * v1 + F[6] * v2
             u1 += F[1] * v0 + F[4] * v1 + F[7] * v2
             u2 += F[2] * v0 + F[5] * v1 + F[8] * v2
         u[3 * a], u[3 * a + 1], u[3 * a + 2] = u0, u1, u2
+
+
+@njit(cache=True, nogil=True)
+def spread_nodal_velocities_of(which, begins, unknowns, weights, starts, pairs, rows, nodal, velocities, u):
+    """`spread_nodal_velocities` of the contacts that `which` (nc,) says."""
+    for a in range(len(which)):
+        if which[a]:
+            spread_nodal_velocities(begins, unknowns, weights, starts, pairs, rows, nodal, a, a + 1, velocities, u)

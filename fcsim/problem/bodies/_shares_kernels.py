@@ -91,6 +91,28 @@ def spread_velocities(begins, unknowns, weights, starts, pairs, rows, begin, end
 
 
 @njit(cache=True, nogil=True)
+def spread_velocities_of(which, begins, unknowns, weights, starts, pairs, rows, velocities, u):
+    """`spread_velocities` of the contacts that `which` (nc,) says."""
+    for a in range(len(which)):
+        if which[a]:
+            spread_velocities(begins, unknowns, weights, starts, pairs, rows, a, a + 1, velocities, u)
+
+
+@njit(cache=True, nogil=True)
+def contacts_moved(first, contacts, x):
+    """Which contacts (nc,) are on a body that x (3 nc,) pushes at some contact."""
+    moved = np.zeros(len(x) // 3, dtype=np.bool_)
+    for b in range(len(first) - 1):
+        own, pushed = contacts[first[b] : first[b + 1]], False
+        for a in own:
+            pushed |= x[3 * a] != 0.0 or x[3 * a + 1] != 0.0 or x[3 * a + 2] != 0.0
+        if pushed:
+            for a in own:
+                moved[a] = True
+    return moved
+
+
+@njit(cache=True, nogil=True)
 def diagonal_of_shares(first, contacts, begins, unknowns, weights, begin, C, kind, blocks):
     """Add the contacts' own blocks of h C h^T, the lower triangle mirrored, to blocks (nc, 3, 3)."""
     for b in range(len(kind)):
@@ -117,6 +139,25 @@ def diagonal_of_shares(first, contacts, begins, unknowns, weights, begin, C, kin
 
 
 @njit(cache=True, nogil=True)
+def add_rows(C, begin, end, unknowns, weights, i, row):
+    """Write the sum of the rows C[unknowns[e]] times weights[e, i] for begin <= e < end to `row`, one term after the other; four of them
+    while the row is at hand."""
+    row[:] = 0.0
+    e = begin
+    while e + 4 <= end:
+        a, b, c, d = C[unknowns[e]], C[unknowns[e + 1]], C[unknowns[e + 2]], C[unknowns[e + 3]]
+        p, q, s, t = weights[e, i], weights[e + 1, i], weights[e + 2, i], weights[e + 3, i]
+        for j in range(len(row)):
+            row[j] = (((row[j] + p * a[j]) + q * b[j]) + s * c[j]) + t * d[j]
+        e += 4
+    while e < end:
+        a, p = C[unknowns[e]], weights[e, i]
+        for j in range(len(row)):
+            row[j] += p * a[j]
+        e += 1
+
+
+@njit(cache=True, nogil=True)
 def rows_of_shares(first, contacts, begins, unknowns, weights, begin, C, kind, some, wanted, place, lower, values):
     """Add h C h^T of the contacts a with wanted[a] >= 0 as rows and b with place[b] >= 0 as columns to `values`, those of the bodies
     begin + b for b in `some`; lower: only of columns up to the row's own place."""
@@ -128,13 +169,8 @@ def rows_of_shares(first, contacts, begins, unknowns, weights, begin, C, kind, s
             at = 3 * wanted[contacts[p]]
             if at < 0:
                 continue
-            rows[:] = 0
-            for e in range(begins[p], begins[p + 1]):
-                source = own[unknowns[e]]
-                for i in range(3):
-                    row, w = rows[i], weights[e, i]
-                    for j in range(n):
-                        row[j] += w * source[j]
+            for i in range(3):
+                add_rows(own, begins[p], begins[p + 1], unknowns, weights, i, rows[i])
             row0, row1, row2 = rows[0], rows[1], rows[2]
             for q in range(first[begin + b], first[begin + b + 1]):
                 column = 3 * place[contacts[q]]

@@ -12,9 +12,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.problem.bodies._nodal_kernels import gather_nodal_forces, nodes_of_pairs, spread_nodal_velocities
-from fcsim.problem.bodies._shares_kernels import gather_forces, pairs_of_contacts, spread_velocities
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.problem.bodies._nodal_kernels import (
+    gather_nodal_forces,
+    nodes_by_contacts,
+    nodes_of_pairs,
+    spread_nodal_velocities,
+    spread_nodal_velocities_of,
+)
+from fcsim.problem.bodies._shares_kernels import contacts_moved, gather_forces, pairs_of_contacts, spread_velocities, spread_velocities_of
 from fcsim.problem.bodies.shares import BodyShares
 from fcsim.threads import pieces, pieces_by_work, side_by_side
 
@@ -27,6 +33,9 @@ WEIGHTS_A_PIECE, CONTACTS_A_PIECE = 100_000, 4000
 """Entries of h, and contacts with some thirty of them, that one thread goes through in as much time."""
 NODAL = 0.5
 """Share of h's entries that are shape values times frames from which products read these."""
+
+type _Nodal = tuple[FloatArray, NDArray[np.int32], NDArray[np.uint32], FloatArray]
+"""Frames, which of them is each pair's, nodes and shape values."""
 
 
 class ShareProduct:
@@ -47,8 +56,9 @@ class ShareProduct:
         self._of_bodies = pieces_by_work(shares.begins[shares.first], WEIGHTS_A_PIECE)
         self._of_contacts = pieces(shares.nc, CONTACTS_A_PIECE)
         self._nodal = self._nodes()
+        self._nodal_by_contacts = None if self._nodal is None else self._by_contacts(self._nodal)
 
-    def _nodes(self) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint32], FloatArray] | None:
+    def _nodes(self) -> _Nodal | None:
         """Frames, which frame is each pair's, and nodes and shape values in the place of h, see `_nodal_kernels`; None where few are
         these."""
         s, entries = self._shares, int(self._shares.begins[-1])
@@ -60,9 +70,19 @@ class ShareProduct:
             return None
         return frames.reshape(-1, 9), frame_of, nodes, shapes
 
+    def _by_contacts(self, nodal: _Nodal) -> tuple[FloatArray, IntArray, NDArray[np.int32], NDArray[np.uint32], FloatArray]:
+        """What `spread_nodal_velocities` takes."""
+        s = self._shares
+        begins = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(np.diff(s.begins)[self._pairs] // 3)])
+        frame_of, nodes, shapes = np.empty_like(nodal[1]), np.empty(begins[-1], dtype=np.uint32), np.empty(begins[-1])
+        given = s.begins, self._starts, self._pairs, nodal
+        side_by_side([partial(nodes_by_contacts, *given, i, j, begins, frame_of, nodes, shapes) for i, j in self._of_contacts])
+        return nodal[0], begins, frame_of, nodes, shapes
+
     def bodies_of(self, contacts: IntArray) -> IntArray:
         """The bodies that these contacts are on, ascending."""
-        begin, counts = self._starts[contacts], np.diff(self._starts)[contacts]
+        begin = self._starts[contacts]
+        counts = self._starts[contacts + 1] - begin
         place = np.repeat(begin - np.cumsum(counts) + counts, counts) + np.arange(int(counts.sum()))
         found: IntArray = np.unique(self._bodies[place])
         return found
@@ -74,13 +94,21 @@ class ShareProduct:
 
     def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
         """W x + q (m,) for x and q (m,)."""
+        u = self._shares.by_three(q)
+        return self._added(x, u.copy() if u is q else u)
+
+    def times(self, x: FloatArray) -> FloatArray:
+        """W x (m,) for x (m,)."""
+        return self._added(x, np.zeros(3 * self._shares.nc))
+
+    def _added(self, x: FloatArray, u: FloatArray) -> FloatArray:
+        """W x + u for u (3 nc,), which is written to."""
         s = self._shares
-        x, u = s.by_three(x), s.by_three(q)
-        u = u.copy() if u is q else u
+        x = s.by_three(x)
         forces, velocities = np.zeros(self._size), np.empty(self._size)
         h = (s.begins, s.unknowns, s.weights)
-        gather, spread, nodal = self._ways
-        side_by_side([partial(gather, s.first, s.contacts, *h, self._row, *nodal, i, j, x, forces) for i, j in self._of_bodies])
+        gather, spread, by_bodies, by_contacts = self._ways
+        side_by_side([partial(gather, s.first, s.contacts, *h, self._row, *by_bodies, i, j, x, forces) for i, j in self._of_bodies])
         products = list(self._products(forces, velocities))
         if self.operations < 2 * OPERATIONS_A_PIECE:
             for product in products:
@@ -88,37 +116,32 @@ class ShareProduct:
         else:
             side_by_side(products)
         places = (self._starts, self._pairs, self._rows)
-        side_by_side([partial(spread, *h, *places, *nodal, i, j, velocities, u) for i, j in self._of_contacts])
+        side_by_side([partial(spread, *h, *places, *by_contacts, i, j, velocities, u) for i, j in self._of_contacts])
         return s.by_dimension(u)
 
     @property
-    def _ways(self) -> tuple[Callable[..., None], Callable[..., None], tuple[object, ...]]:
-        """What takes h^T x and h v, and what they take of nodes and frames."""
+    def _ways(self) -> tuple[Callable[..., None], Callable[..., None], tuple[object, ...], tuple[object, ...]]:
+        """What takes h^T x and h v, and what each takes of nodes and frames."""
         if self._nodal is None:
-            return gather_forces, spread_velocities, ()
-        return gather_nodal_forces, spread_nodal_velocities, (self._nodal,)
+            return gather_forces, spread_velocities, (), ()
+        return gather_nodal_forces, spread_nodal_velocities, (self._nodal,), (self._nodal_by_contacts,)
 
     def of_few(self, x: FloatArray) -> FloatArray:
         """W x (m,) for x (m,) that is zero but at few contacts: by their bodies alone, and at the contacts of these."""
         s = self._shares
         x, u = s.by_three(x), np.zeros(3 * s.nc)
-        pushed = x.reshape(-1, 3).any(axis=1)
-        touched = np.zeros(s.count, dtype=bool)
-        touched[self._bodies[np.repeat(pushed, np.diff(self._starts))]] = True
         forces, velocities = np.zeros(self._size), np.zeros(self._size)
         h = (s.begins, s.unknowns, s.weights)
-        gather, spread, nodal = self._ways
-        for i, j in _ranges(touched):
-            gather(s.first, s.contacts, *h, self._row, *nodal, i, j, x, forces)
+        gather, _, by_bodies, by_contacts = self._ways
+        gather(s.first, s.contacts, *h, self._row, *by_bodies, 0, s.count, x, forces)  # which passes contacts by that are not pushed
         for begin, end, C in self._alike:
             n = C.shape[-1]
             Y, Z = forces[begin:end].reshape(-1, n), velocities[begin:end].reshape(-1, n)
             own = np.flatnonzero(Y.any(axis=1))
             Z[own] = Y[own] @ C if C.ndim == 2 else np.matmul(Y[own, None], C[own])[:, 0]
-        moved = np.zeros(s.nc, dtype=bool)
-        moved[s.contacts[np.repeat(touched, np.diff(s.first))]] = True
-        for i, j in _ranges(moved):
-            spread(*h, self._starts, self._pairs, self._rows, *nodal, i, j, velocities, u)
+        spread = spread_velocities_of if self._nodal is None else spread_nodal_velocities_of
+        moved = contacts_moved(s.first, s.contacts, x)
+        spread(moved, *h, self._starts, self._pairs, self._rows, *by_contacts, velocities, u)
         return s.by_dimension(u)
 
     def _products(self, forces: FloatArray, velocities: FloatArray) -> Iterator[Callable[[], object]]:
@@ -135,12 +158,6 @@ class ShareProduct:
                     yield partial(np.matmul, Y[i:j], C, out=Z[i:j])
                 else:
                     yield partial(np.matmul, Y[i:j, None], C[i:j], out=Z[i:j, None])
-
-
-def _ranges(which: BoolArray) -> list[tuple[int, int]]:
-    """(begin, end) of each run of True in `which` (n,)."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], which, [False]])))
-    return [(int(i), int(j)) for i, j in ends.reshape(-1, 2)]
 
 
 def _alike(shares: BodyShares) -> Iterator[tuple[IntArray, FloatArray]]:

@@ -53,6 +53,28 @@ def disk_equations(u, r, mu, rho, jean_moreau):
     return F, A, B
 
 
+@njit(cache=True, nogil=True)
+def disk_misses(u, r, mu, rho, weight):
+    """||weight F||^2 (nc,) of each contact for F of `formulations.alart_curnier`, as `disk_equations` has it."""
+    nc, d = u.shape
+    squares, y = np.empty(nc), np.empty(d)
+    for a in range(nc):
+        norm2 = 0.0
+        for i in range(d):
+            y[i] = r[a, i] - rho[a, i] * u[a, i]
+            if i > 0:
+                norm2 += y[i] * y[i]
+        norm, radius = np.sqrt(norm2), mu[a] * max(y[0], 0.0)
+        missed = weight[a] * (r[a, 0] - max(y[0], 0.0))
+        total, scale = missed * missed, 1.0 / norm if norm > 0.0 else 1.0
+        holds = norm <= radius and radius > 0.0
+        for i in range(1, d):
+            missed = weight[a] * (r[a, i] - (y[i] if holds else radius * (y[i] * scale)))
+            total += missed * missed
+        squares[a] = total
+    return squares
+
+
 @njit(cache=True)
 def split_compliances(W):
     """W_NN and lambda_max(W_TT) (nc, d) of one-contact matrices W (nc, d, d), the latter for each tangent, from W_TT's lower triangle;

@@ -10,8 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear.elimination_tree import joint_count, joints
 from fcsim.linear.factors import SingularMatrix
-from fcsim.linear.fronts import Multifrontal, MultifrontalCholesky
+from fcsim.linear.fronts import MultifrontalCholesky
 from fcsim.linear.joints import BlockRows, joint_rows
+from fcsim.linear.multifrontal.lu import Multifrontal
 from fcsim.problem import Delassus
 from fcsim.solvers.newton.systems.multifrontal import ACCURACY, MultifrontalSystem
 
@@ -100,6 +101,41 @@ def test_lu_of_the_matrix_itself(d: int) -> None:
     x = np.empty((n, d))
     x[factor.contacts] = factor.solve(rhs[factor.contacts])
     assert_allclose(W @ x.ravel(), rhs.ravel(), rtol=0, atol=1e-12)
+
+
+def test_fronts_below_which_nothing_changes_are_taken_over() -> None:
+    """The factor of a changed matrix, of which most fronts are those before: its solutions are right, its bits those of a new factor, and
+    the earlier factor still solves with the earlier matrix."""
+    d, rng = 3, np.random.default_rng(4)
+    pattern, joint = wall(6, 6, 3, 2, 1)
+    n = len(joint)
+    row = np.repeat(np.arange(n), np.diff(pattern.indptr))
+    blocks = rng.standard_normal((len(pattern.indices), d, d))
+    blocks[row == pattern.indices] += 8 * np.sqrt(n) * np.eye(d)
+    every, rhs = np.ones(n, dtype=bool), rng.standard_normal((n, d))
+
+    def rows(values: np.ndarray) -> BlockRows:
+        return BlockRows(sp.bsr_array((values, pattern.indices, pattern.indptr), shape=(n * d, n * d)), d)
+
+    def missed(factor: Multifrontal, values: np.ndarray) -> float:
+        x = np.empty((n, d))
+        x[factor.contacts] = factor.solve(rhs[factor.contacts])
+        return float(np.abs(rows(values).W @ x.ravel() - rhs.ravel()).max())
+
+    first = Multifrontal(rows(blocks), None, every, lasting=True)
+    assert first.following(rows(blocks), np.empty(0, dtype=int)) is first
+    factor, before = first, blocks
+    for contact in (first.contacts[0], first.contacts[n // 2], first.contacts[-1]):
+        entries = np.flatnonzero((row == contact) | (pattern.indices == contact))
+        after = before.copy()
+        after[entries] *= 1.5
+        assert 0 < np.count_nonzero(factor._plan.with_others(pattern.indptr, pattern.indices, entries)) < len(factor._plan.fronts)
+        following, anew = factor.following(rows(after), entries), Multifrontal(rows(after), None, every)
+        assert missed(following, after) < 1e-13 < 1e-4 < missed(following, before)
+        for own, new in zip(following._by_fronts, anew._by_fronts, strict=True):
+            assert_array_equal(own, new)
+        assert missed(factor, before) < 1e-13
+        factor, before = following, after
 
 
 @pytest.mark.parametrize("share", [0.1, 0.7, 1.0])

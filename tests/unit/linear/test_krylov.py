@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear import krylov
-from fcsim.linear.krylov import gmres
+from fcsim.linear.krylov import combined, gmres
 
 
 @pytest.mark.parametrize("target", [1e-2, 1e-8])
@@ -92,3 +92,18 @@ def test_classical_gram_schmidt_of_large_vectors_gives_the_same(monkeypatch: pyt
     assert_allclose(vectors @ vectors.T, np.eye(len(vectors)), rtol=0, atol=1e-5)
     w = vectors[3] + 1e-3 * np.arange(60.0)  # what cancels by a hundred is taken twice
     assert_allclose(vectors @ bases[0].orthogonalised(w)[1], 0, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(50,), (50, 3), (0, 3)])
+@pytest.mark.parametrize("precision", [np.float64, np.float32])
+def test_steps_are_added_up_in_double_precision_in_any_number_of_pieces(
+    shape: tuple[int, ...], precision: type, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same bits in one piece and in several; vectors and blocks of contacts."""
+    rng = np.random.default_rng(7)
+    vectors, y = [rng.standard_normal(shape).astype(precision) for _ in range(5)], rng.standard_normal(5)
+    whole = combined(y, vectors)
+    assert whole.dtype == np.float64
+    assert_allclose(whole, np.tensordot(y, np.array(vectors, dtype=float), 1), rtol=0, atol=1e-14)
+    monkeypatch.setattr(krylov, "NUMBERS_A_PIECE", 7)
+    assert_array_equal(combined(y, vectors), whole)

@@ -9,9 +9,9 @@ from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.linear.factors import SingularMatrix
-from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
 from fcsim.linear.krylov import gmres
+from fcsim.linear.multifrontal.lu import Multifrontal
 from fcsim.problem import Delassus
 from fcsim.solvers.newton.systems.direct import SparseSystem
 

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from fcsim.linear._front_kernels import dot
+from fcsim.solvers.newton.systems.two_level._joint_kernels import diagonal_alone
 
 
 @njit(cache=True)
@@ -33,6 +34,18 @@ def put_blocks(values, starts, which, blocks):
         at += n
 
 
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def three_dots(a, b, c, x):
+    """a . x, b . x, c . x, each as `dot` sums it: rows of joints are short, and three at once wait for each other's sums no more than one
+    does."""
+    first = second = third = a.dtype.type(0)
+    for i in range(len(x)):
+        first += a[i] * x[i]
+        second += b[i] * x[i]
+        third += c[i] * x[i]
+    return first, second, third
+
+
 @njit(cache=True, nogil=True)
 def solve_joints(Q, Q_starts, cuts, begins, wide, G, first, last, x, z, sums):
     """z of the own contacts of the joints first, ..., last - 1: Q x; sums (joints, 2 k): G_o^T z. x, z (nc, d) and G of Q's precision."""
@@ -47,11 +60,19 @@ def solve_joints(Q, Q_starts, cuts, begins, wide, G, first, last, x, z, sums):
         for i in range(len(own)):
             for p in range(d):
                 given[i * d + p] = x[own[i], p]
-        at, total = Q_starts[k], sums[k]
+        at, total, there = Q_starts[k], sums[k], given[:n]
         total[:] = 0
         for a in range(cuts[k], cuts[k + 1]):
+            if d == 3:
+                x0, x1, x2 = three_dots(Q[at : at + n], Q[at + n : at + 2 * n], Q[at + 2 * n : at + 3 * n], there)
+                motions0, motions1, motions2 = G[a, 0], G[a, 1], G[a, 2]
+                z[a, 0], z[a, 1], z[a, 2] = x0, x1, x2
+                for c in range(len(total)):
+                    total[c] = ((total[c] + motions0[c] * x0) + motions1[c] * x1) + motions2[c] * x2
+                at += 3 * n
+                continue
             for p in range(d):
-                value, motions = dot(Q[at : at + n], given[:n]), G[a, p]
+                value, motions = dot(Q[at : at + n], there), G[a, p]
                 z[a, p] = value
                 for c in range(len(total)):
                     total[c] += motions[c] * value
@@ -93,8 +114,45 @@ def less_motions(R, R_starts, cuts, body_begins, listed, c, first, last, z, orde
         for i in range(len(bodies)):
             for j in range(k):
                 given[i * k + j] = c[bodies[i], j]
-        at = R_starts[joint]
+        at, there = R_starts[joint], given[:n]
         for a in range(cuts[joint], cuts[joint + 1]):
+            to = order[a]
+            if d == 3:
+                x0, x1, x2 = three_dots(R[at : at + n], R[at + n : at + 2 * n], R[at + 2 * n : at + 3 * n], there)
+                out[to, 0], out[to, 1], out[to, 2] = z[a, 0] - x0, z[a, 1] - x1, z[a, 2] - x2
+                at += 3 * n
+                continue
             for p in range(d):
-                out[order[a], p] = z[a, p] - dot(R[at : at + n], given[:n])
+                out[to, p] = z[a, p] - dot(R[at : at + n], there)
                 at += n
+
+
+@njit(cache=True, nogil=True)
+def diagonals(A, B):
+    """Which contacts (nc,) have a diagonal A and no B, and A's diagonal (nc, d)."""
+    nc, d = len(A), A.shape[1]
+    alone, diagonal = np.empty(nc, dtype=np.bool_), np.empty((nc, d))
+    for a in range(nc):
+        alone[a] = diagonal_alone(A[a], B[a])
+        for i in range(d):
+            diagonal[a, i] = A[a, i, i]
+    return alone, diagonal
+
+
+@njit(cache=True, nogil=True)
+def apply_most_diagonal(A, B, alone, diagonal, y, x, first, last, z):
+    """z = A y + B x (nc, d) of the contacts first, ..., last - 1, as `apply_blocks`; alone and diagonal: see `diagonals`. The blocks of A
+    and B, six times what is written, are read for few."""
+    d = x.shape[1]
+    for a in range(first, last):
+        if alone[a]:
+            for i in range(d):
+                z[a, i] = diagonal[a, i] * y[a, i]
+            continue
+        for i in range(d):
+            s = A[a, i, 0] * y[a, 0]
+            for j in range(1, d):
+                s += A[a, i, j] * y[a, j]
+            for j in range(d):
+                s += B[a, i, j] * x[a, j]
+            z[a, i] = s

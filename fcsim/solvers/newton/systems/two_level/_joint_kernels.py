@@ -194,6 +194,55 @@ def add_joints(T, T_starts, places, place_begins, body_begins, S):
                     block[p, q] += T[at + p * columns * k + q]
 
 
+@njit(cache=True, nogil=True)
+def is_within(x, before, bound):
+    """Whether all entries of x (d, d) are numbers and within `bound` of those of `before`."""
+    within = True
+    for i in range(len(x)):
+        for j in range(len(x)):
+            within &= abs(x[i, j] - before[i, j]) <= bound
+    return within
+
+
+@njit(cache=True, nogil=True)
+def changed_contacts(A, B, order, share, A_before, B_before, first, last, far):
+    """Write to far[a], first <= a < last, whether A of the contact order[a] has changed by more than `share` of its largest entry or its B
+    by more than `share`, and then A and B over A_before[a] and B_before[a], which are none at first."""
+    d = A.shape[1]
+    for a in range(first, last):
+        own_A, own_B, largest = A[order[a]], B[order[a]], 0.0
+        for i in range(d):
+            for j in range(d):
+                largest = max(largest, abs(own_A[i, j]))
+        far[a] = not (is_within(own_A, A_before[a], share * largest) and is_within(own_B, B_before[a], share))
+        if far[a]:
+            for i in range(d):
+                for j in range(d):
+                    A_before[a, i, j], B_before[a, i, j] = own_A[i, j], own_B[i, j]
+
+
+@njit(cache=True, nogil=True)
+def moved(diagonal, before, share):
+    """Whether a contact's `diagonal` (nc, d) has changed by more than `share` of the largest entry that it had `before`."""
+    for a in range(len(diagonal)):
+        change, largest = 0.0, 0.0
+        for i in range(diagonal.shape[1]):
+            change, largest = max(change, abs(diagonal[a, i] - before[a, i])), max(largest, before[a, i])
+        if change > share * largest:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def diagonal_alone(A, B):
+    """Whether A (d, d) has a regular diagonal and no other entry, and B none, as the equations of a contact that sticks."""
+    alone = True
+    for i in range(len(A)):
+        for j in range(len(A)):
+            alone &= B[i, j] == 0 and (A[i, j] != 0) == (i == j)
+    return alone
+
+
 @njit(cache=True)
 def normalised(A, B, rhs, compliance):
     """(A c + B)^-1 times A, B (nc, d, d) and rhs (nc, d), contact by contact, for the compliances c (nc,): Gauss' elimination with pivots.
@@ -204,6 +253,11 @@ def normalised(A, B, rhs, compliance):
     A, B, rhs = A.copy(), B.copy(), rhs.copy()
     rows = np.empty((d, 3 * d + 1))
     for a in range(nc):
+        if diagonal_alone(A[a], B[a]):  # most contacts stick: what the elimination comes to
+            for i in range(d):
+                pivot = A[a, i, i] * compliance[a]
+                A[a, i, i], rhs[a, i] = A[a, i, i] / pivot, rhs[a, i] / pivot
+            continue
         for i in range(d):
             for j in range(d):
                 rows[i, j] = A[a, i, j] * compliance[a] + B[a, i, j]

@@ -28,7 +28,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
-from fcsim.solvers.newton._formulation_kernels import disk_equations
+from fcsim.solvers.newton._formulation_kernels import disk_misses
 from fcsim.solvers.newton.systems.held import dense_part
 from fcsim.solvers.newton.systems.two_level import _settling_kernels as kernels
 from fcsim.threads import pieces, side_by_side
@@ -90,8 +90,7 @@ def missed_by_joints(
     joints: JointsOfPatches, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray
 ) -> FloatArray:
     """||weight F|| (joints,) on the contacts of each joint."""
-    F = weight[:, None] * disk_equations(u, r, mu, rho, False)[0]
-    missed: FloatArray = np.sqrt(np.add.reduceat(np.einsum("ai,ai->a", F, F)[joints.order], joints.cuts[:-1]))
+    missed: FloatArray = np.sqrt(np.add.reduceat(disk_misses(u, r, mu, rho, weight)[joints.order], joints.cuts[:-1]))
     return missed
 
 

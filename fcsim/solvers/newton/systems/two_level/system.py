@@ -42,14 +42,13 @@ import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
-from fcsim.linear.fronts import Multifrontal
 from fcsim.linear.joints import BlockRows
 from fcsim.linear.krylov import combined, gmres
 from fcsim.linear.late.late_rows import source_of
+from fcsim.linear.multifrontal.lu import Multifrontal
 from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
-from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 from fcsim.solvers.newton.systems.two_level import _block_kernels as block_kernels
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
@@ -96,6 +95,7 @@ class Preconditioner:
         self._blocks = TakenOver((Q, R, np.empty(joints.T_starts[-1])), (joints.Q_starts, joints.R_starts, joints.T_starts))
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
         self._contacts = pieces(len(joints.order), CONTACTS_A_PIECE)
+        self._coarse: Multifrontal | None = None  # of the last update
 
     @property
     def joints(self) -> Joints:
@@ -109,7 +109,8 @@ class Preconditioner:
     def update(self, A: FloatArray, B: FloatArray) -> None:
         """Make it the one of A and B, but for changes up to CHANGED."""
         joints = self._joints
-        changed = self._changed(A[joints.order], B[joints.order])
+        earlier, self._coarse = self._coarse, None  # known again where all that follows succeeds
+        changed = self._changed(A, B)
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
         Q, R, T = self._blocks.to_write(np.flatnonzero(changed))
         out = (Q, joints.Q_starts, R, joints.R_starts, T, joints.T_starts)
@@ -118,17 +119,21 @@ class Preconditioner:
             side_by_side([partial(kernels.invert_joints, *given, out, own) for own in which if len(own)])
         except np.linalg.LinAlgError:
             raise SingularMatrix("a joint's block is singular") from None
-        self._coarse = self._motions(T)
+        self._coarse = self._motions(T, changed, earlier)
 
-    def _motions(self, T: Numbers) -> Multifrontal:
-        """The factor of I + G^T Q A G."""
+    def _motions(self, T: Numbers, changed: BoolArray, earlier: Multifrontal | None) -> Multifrontal:
+        """The factor of I + G^T Q A G; earlier: before the joints `changed` (joints,) did, None: not known."""
         joints, k, n = self._joints, MOTIONS, self._joints.count
         S = np.zeros((len(joints.coarse_columns), k, k))
         S[joints.diagonal] = np.eye(k)
         kernels.add_joints(T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
         coarse = BlockRows(sp.bsr_array((S, joints.coarse_columns, joints.coarse_begins), shape=(n * k, n * k)), k, joints.coarse_pattern)
         joints.coarse_pattern = coarse.pattern
-        return Multifrontal(coarse, None, np.ones(n, dtype=bool), np.float32)
+        if earlier is None:
+            return Multifrontal(coarse, None, np.ones(n, dtype=bool), np.float32, lasting=True)
+        entries = np.zeros(len(S), dtype=bool)
+        entries[joints.places[np.repeat(changed, np.diff(joints.place_begins))]] = True
+        return earlier.following(coarse, np.flatnonzero(entries))
 
     def following(self, shares: BodyShares, bodies: IntArray, diagonal: FloatArray) -> Preconditioner | None:
         """The same for the W of a later step, a value of its own; None where W's bodies (nc, 2) or diagonal (nc, d) are not nearly
@@ -138,7 +143,7 @@ class Preconditioner:
             return None
         if np.any(joints.bodies != bodies[joints.order]):
             return None
-        if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
+        if kernels.moved(diagonal, joints.diagonal_of_W, CHANGED):
             return None
         other = copy(self)
         other._A, other._B, other._blocks = self._A.copy(), self._B.copy(), self._blocks.following()
@@ -147,13 +152,14 @@ class Preconditioner:
 
     def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
         """Take over A and B of contacts that have changed; which joints have one of these among theirs or their neighbours."""
-        far = np.abs(A - self._A).max((1, 2)) <= CHANGED * np.abs(A).max((1, 2))
-        far = ~(far & (np.abs(B - self._B).max((1, 2)) <= CHANGED))  # at first nothing compares
-        self._A[far], self._B[far] = A[far], B[far]
-        return np.logical_or.reduceat(far[self._joints.wide], self._joints.begins[:-1])
+        joints, far = self._joints, np.empty(len(A), dtype=bool)
+        given = (A, B, joints.order, CHANGED, self._A, self._B)
+        side_by_side([partial(kernels.changed_contacts, *given, i, j, far) for i, j in self._contacts])
+        return np.logical_or.reduceat(far[joints.wide], joints.begins[:-1])
 
     def __call__(self, x: FloatArray) -> FloatArray:
-        joints, x = self._joints, x.reshape(-1, self._joints.d)
+        joints, x, coarse = self._joints, x.reshape(-1, self._joints.d), self._coarse
+        assert coarse is not None
         Q, R, _ = self._blocks.to_read()
         given, z = np.empty((2, *x.shape), dtype=np.float32)
         c = np.zeros((joints.count, MOTIONS), dtype=np.float32)
@@ -162,8 +168,7 @@ class Preconditioner:
         blocks = Q, joints.Q_starts, joints.cuts, joints.begins, joints.wide, joints.G32
         side_by_side([partial(block_kernels.solve_joints, *blocks, i, j, given, z, sums) for i, j in self._ranges])
         block_kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
-        order = self._coarse.contacts
-        c[order] = self._coarse.solve(c[order])
+        c[coarse.contacts] = coarse.solve(c[coarse.contacts])
         motions = R, joints.R_starts, joints.cuts, joints.body_begins, joints.listed, c
         side_by_side([partial(block_kernels.less_motions, *motions, i, j, z, joints.order, step) for i, j in self._ranges])
         return step.ravel()
@@ -229,7 +234,7 @@ class TwoLevelSystem:
 
     def _product(self, x: FloatArray) -> FloatArray:
         """W x (m,)."""
-        return self._by_bodies.affine(x, np.zeros_like(x))
+        return self._by_bodies.times(x)
 
     def solve(
         self, A: FloatArray, B: FloatArray, rhs: FloatArray, needed: float = 0.0, foreseen: bool = False
@@ -279,9 +284,14 @@ class TwoLevelSystem:
         except SingularMatrix:
             return None
 
+        alone, diagonal = block_kernels.diagonals(A, B)
+        parts = pieces(len(rhs), CONTACTS_A_PIECE)
+
         def product(x: FloatArray) -> FloatArray:
             images.append(self._product(x))
-            return apply_blocks(A, images[-1].reshape(shape), B, x.reshape(shape)).ravel()
+            given, image = (A, B, alone, diagonal, images[-1].reshape(shape), x.reshape(shape)), np.empty(shape)
+            side_by_side([partial(block_kernels.apply_most_diagonal, *given, i, j, image) for i, j in parts])
+            return image.ravel()
 
         size = float(np.linalg.norm(rhs))
         accuracy, plateau = (size * limit for limit in limits)

@@ -1,0 +1,1 @@
+"""Multifrontal LU of A W + B by block rows."""
