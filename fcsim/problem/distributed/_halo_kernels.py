@@ -1,4 +1,4 @@
-"""Sums of what ranks have of a vector, compiled.
+"""Sums of what ranks have of a vector, and their shares of products, compiled.
 
 every: what came from the ranks, one after the other: `count` numbers, and d values of each row that a rank sends; places (k, 2): numbers
 of rows, counted through all ranks, and their ranks.
@@ -28,3 +28,26 @@ def products(every, count, d, first, second):
         for i in range(d):
             total += every[a + i] * every[b + i]
     return total
+
+
+@njit(cache=True, nogil=True)
+def rows_of(x, place, out):
+    """out[a] = x[place[a]] (n, d), in the precision of `out`."""
+    for a in range(len(place)):
+        for i in range(x.shape[1]):
+            out[a, i] = x[place[a], i]
+
+
+@njit(cache=True, nogil=True)
+def apply_blocks(A, y, here, B, x, own, out):
+    """out[a] = A[a] y[here[a]] (n, d), and B[a] x[a] more for a < own; A, B: blocks (d, d)."""
+    d = x.shape[1]
+    for a in range(len(here)):
+        for i in range(d):
+            s = 0.0
+            for j in range(d):
+                s += A[a, i, j] * y[here[a], j]
+            if a < own:
+                for j in range(d):
+                    s += B[a, i, j] * x[a, j]
+            out[a, i] = s

@@ -81,18 +81,24 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     P = PreconditionerOverRanks(joints, W.layout)
     P.update(A[joints.order], B[joints.order])
     wide = x[joints.halo.contacts].astype(np.float32).ravel()
-    first = parts.whole(P(wide).reshape(own.shape))
+    first = P(wide).reshape(-1, 3)
     kept = P.following(bodies, joints.diagonal_of_W)
     assert kept is not None
     changed_A, changed_B = A.copy(), B.copy()
     changed_A[::7], changed_B[::7] = 0, np.eye(3)
     kept.update(changed_A[joints.order], changed_B[joints.order])
-    joined = joints.halo.joined(joints.shares.of(W, own)[1].ravel(), np.array([1.0, parts.world.number]))
+    after = kept(wide).reshape(-1, 3)
+    there = x[np.concatenate([parts.own, joints.shares.foreign])]
+    share = joints.shares.applied(
+        2 * np.tile(np.eye(3), (len(there), 1, 1)), np.tile(np.eye(3), (len(there), 1, 1)), joints.shares.of(W, there), there
+    )
+    joined = joints.halo.joined(share.ravel(), np.array([1.0, parts.world.number]))
     solved = [TwoLevelOverRanks(W, behind).solve(A, B, x, needed) for needed in (NEAR, FAR)]
     return {
         "product": parts.whole(joints.shares.product(W, own)).ravel().tolist(),
-        "preconditioned": first.ravel().tolist(),
-        "changed": parts.whole(kept(wide).reshape(own.shape)).ravel().tolist(),
+        "preconditioned": parts.whole(first[: len(own)]).ravel().tolist(),
+        "changed": parts.whole(after[: len(own)]).ravel().tolist(),
+        "of others": [joints.shares.foreign.tolist(), first[len(own) :].tolist(), after[len(own) :].tolist()],
         "given away": [P.given_away, P.following(bodies, joints.diagonal_of_W) is None, kept.given_away],
         "solved": [[part.tolist() for part in found] for found in solved if found is not None],
         "own": parts.own.tolist(),

@@ -14,14 +14,16 @@ from fcsim.linear._front_kernels import dot
 
 
 @njit(cache=True)
-def separators(begins, columns, rank):
-    """Return which bodies (n,) are to be taken away so that none is next to one of another rank: again and again the one that is next to
-    most of these, of equal ones the first (V. Chvatal, Math. Oper. Res. 4, 1979). begins, columns: of a symmetric pattern; rank (n,)."""
+def separators(begins, columns, rank, first):
+    """Return which bodies (n,) are to be taken away so that none is next to one of another rank: those that are `first` (n,), then again
+    and again the one that is next to most of these, of equal ones the one before (V. Chvatal, Math. Oper. Res. 4, 1979).
+    begins, columns: of a symmetric pattern; rank (n,)."""
     n = len(begins) - 1
-    taken, beside = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.int64)  # of other ranks that are not taken
+    taken, beside = first.copy(), np.zeros(n, dtype=np.int64)  # of other ranks that are not taken
     for b in range(n):
-        for e in range(begins[b], begins[b + 1]):
-            beside[b] += rank[columns[e]] != rank[b]
+        if not taken[b]:
+            for e in range(begins[b], begins[b + 1]):
+                beside[b] += rank[columns[e]] != rank[b] and not taken[columns[e]]
     while True:
         most = np.argmax(beside)
         if beside[most] == 0:
