@@ -51,7 +51,7 @@ class Halo:
         d, count = self._d, len(numbers) + 1
         own = np.empty(count + d * len(self._sent))
         own[: count - 1], own[count - 1] = numbers, share @ share
-        own[count:].reshape(-1, d)[:] = share.reshape(-1, d)[self._sent]
+        np.take(share.reshape(-1, d), self._sent, axis=0, out=own[count:].reshape(-1, d), mode="clip")
         every = self._world.gathered(own, [count + size for size in self._lengths])
         sums, w, begin = np.zeros(count), np.empty(d * len(self.contacts)), 0
         for size in self._lengths:

@@ -19,6 +19,7 @@ from fcsim.linear.elimination_tree import elimination_tree
 from fcsim.linear.factors import SingularMatrix
 from fcsim.ranks import World
 from fcsim.solvers.newton.systems.two_level.over_ranks import _coarse_kernels as kernels
+from fcsim.solvers.newton.systems.two_level.over_ranks.guests import Guests
 
 PADDING = 0.15
 """Share of zeros in a front."""
@@ -94,29 +95,25 @@ class CoarseFactor:
         self._known = dofs_of(known, k), self._order[dofs_of(known, k)]
         self._heard = self._order[dofs_of(np.concatenate(pattern.told), k)]
 
-    def solve(
-        self, c: NDArray[np.float32], given: NDArray[np.float32], counts: list[int]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def solve(self, c: NDArray[np.float32], z: NDArray[np.float32], guests: Guests) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """S^-1 c (n, k) on this rank's bodies, those between ranks, and those that it wants, for c the sum of what the ranks have; and what
-        they have `given` one another, counts[rank] numbers each."""
+        they have told one another of their z (contacts, d), where `guests` finds it."""
         world, top = self._pattern.world, len(self._of_top)
-        x = c.reshape(-1)[self._order].astype(np.float64)
-        kernels.forward(*self._fronts, x)
-        solution = np.zeros_like(c)
-        numbers, received = solution.reshape(-1), given
+        solution, x, total = np.zeros_like(c), np.empty(c.size), np.empty(top)
+        numbers, every, told = solution.reshape(-1), np.empty(0, dtype=np.float32), np.empty(len(self._told), dtype=np.float32)
+        lengths = guests.lengths(2 * top)
+        sent = np.empty(lengths[world.number], dtype=np.float32)
+        left = sent[: 2 * top].view(np.float64)
+        kernels.eliminated(c.reshape(-1), self._order, self._fronts, self._of_top, z, guests.rows, x, left, sent[2 * top :])
         if top:
-            sent = np.empty(2 * top + len(given), dtype=np.float32)
-            sent[: 2 * top].view(np.float64)[:] = x[self._of_top]
-            sent[2 * top :] = given
-            lengths = [2 * top + count for count in counts]
-            parts = np.split(world.gathered(sent, lengths), np.cumsum(lengths)[:-1])
-            total = np.zeros(top)
-            for part in parts:
-                total += part[: 2 * top].copy().view(np.float64)
-            x[self._of_top] = sla.lapack.dgetrs(self._lu, self._pivots, total, trans=1)[0]
-            received = np.concatenate([part[2 * top :] for part in parts])
-        kernels.backward(*self._fronts, x)
+            every = world.gathered(sent, lengths)
+            wide, begin = every.view(np.float64), 0
+            total[:] = 0.0
+            for length in lengths:
+                total += wide[begin : begin + top]
+                begin += length // 2
+            total = sla.lapack.dgetrs(self._lu, self._pivots, total, trans=1, overwrite_b=True)[0]
+        kernels.solved(self._fronts, x, self._of_top, total, *self._known, self._told, numbers, told)
         if top:
-            numbers[self._heard] = world.gathered(x[self._told].astype(np.float32), self._counts)
-        numbers[self._known[1]] = x[self._known[0]]
-        return solution, received
+            numbers[self._heard] = world.gathered(told, self._counts)
+        return solution, every

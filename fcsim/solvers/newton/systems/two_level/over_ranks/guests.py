@@ -11,7 +11,7 @@ from fcsim.solvers.newton.systems.two_level import _block_kernels as kernels
 
 
 class Guests:
-    """z - R c on the contacts of others that this rank's bodies are at: R is sent once a system, z with what an application exchanges at any
+    """z - R c on the contacts of others that this rank is at: R is sent once a system, z with what an application exchanges at any
     rate, and c is known; the owner's bits, by the owner's operations."""
 
     def __init__(
@@ -36,13 +36,15 @@ class Guests:
         lengths = world.gathered(np.array([len(sizes), len(self.rows), len(bodies)]), [3] * world.size).reshape(-1, 3)
         sizes = world.gathered(sizes.ravel(), 2 * lengths[:, 0]).reshape(-1, 2)
         every, bodies = world.gathered(contacts[self.rows], lengths[:, 1]), world.gathered(bodies, lengths[:, 2])
-        self.counts = [d * int(count) for count in lengths[:, 1]]  # of z, that each rank sends
+        self._counts = [d * int(count) for count in lengths[:, 1]]  # of z, that each rank sends
+        self._d, self._lengths = d, list[int]()
         cuts, begins, starts = _ends(sizes[:, 0]), _ends(sizes[:, 1]), _ends(d * k * sizes[:, 0] * sizes[:, 1])
         rank = np.repeat(np.arange(world.size), lengths[:, 0])
         which = np.flatnonzero((rank != world.number) & np.isin(every[cuts[:-1]], foreign))
         self._sent, self._which, self._starts = between, which, starts
         self._R_counts = np.bincount(rank, np.diff(starts), minlength=world.size).astype(np.int64)
         self._here = _of(cuts, which)  # of what is received
+        self._rank = np.repeat(rank[which], np.diff(cuts)[which])
         self._place = np.searchsorted(foreign, every[self._here])
         self.listed = bodies[_of(begins, which)]
         ends_here = (_ends(np.diff(of)[which]) for of in (starts, cuts, begins))
@@ -54,9 +56,18 @@ class Guests:
         received = self._world.gathered(kernels.blocks_of(R, starts, self._sent), self._R_counts)
         self._R = kernels.blocks_of(received, self._starts, self._which)
 
+    def lengths(self, before: int) -> list[int]:
+        """Of what each rank sends, an even number: so many others `before` its z."""
+        if not self._lengths:
+            self._lengths = [before + count + count % 2 for count in self._counts]
+            rows = np.cumsum(self._counts) - self._counts
+            begins = np.cumsum(self._lengths) - self._lengths + before - rows
+            self._at = (begins[self._rank] + self._d * self._here)[:, None] + np.arange(self._d)
+        return self._lengths
+
     def put(self, received: NDArray[np.float32], c: NDArray[np.float32], out: NDArray[np.float32]) -> None:
-        """Write z - R c of the guests' contacts to out (foreign, d), which are in this order; received: z that each rank has sent."""
-        z = received.reshape(-1, out.shape[1])[self._here]
+        """Write z - R c of the guests' contacts to out (foreign, d), which are in this order; received: what ranks have sent."""
+        z = received[self._at]
         motions = self._R, self._R_starts, self._cuts, self._begins, self.listed, c
         kernels.less_motions(*motions, 0, len(self._which), z, self._place, out)
 

@@ -94,7 +94,7 @@ class PreconditionerOverRanks:
         blocks = (self._Q, joints.Q_starts, joints.cuts, joints.begins, self._wide, joints.G32)
         side_by_side([partial(block_kernels.solve_joints, *blocks, i, j, wide, z, sums) for i, j in self._ranges])
         block_kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
-        c, received = self._coarse.solve(c, z[guests.rows].ravel(), guests.counts)
+        c, received = self._coarse.solve(c, z, guests)
         motions = (self._R, joints.R_starts, joints.cuts, joints.body_begins, joints.listed, c)
         side_by_side([partial(block_kernels.less_motions, *motions, i, j, z, own, z) for i, j in self._ranges])
         guests.put(received, c, z[len(own) :])
