@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,11 +96,16 @@ class SharesByParts:
         kernels.rows_of(x, self._place, wide)
         return W.own_product(wide.ravel()).reshape(wide.shape)
 
-    def applied(self, A: FloatArray, B: FloatArray, image: FloatArray, x: NDArray[np.floating]) -> FloatArray:
-        """This rank's share (k, d) of A W x + B x on its part and the `foreign` contacts, from x there and the `image` of `of`; A, B
-        (k or more, d, d). B x is its owner's alone."""
-        share = np.empty((len(self._here), x.shape[1]))
-        kernels.apply_blocks(A, image, self._here, B, x, self._own, share)
+    def applied(self, A: FloatArray, B: FloatArray) -> Callable[[FloatArray, NDArray[np.floating]], FloatArray]:
+        """What makes this rank's share (k, d) of A W x + B x on its part and the `foreign` contacts from the `image` of `of` and x there;
+        A, B (k or more, d, d). B x is its owner's alone."""
+        given = A, B, kernels.diagonals(A), kernels.alone(A, B, self._own)
+
+        def share(image: FloatArray, x: NDArray[np.floating]) -> FloatArray:
+            out = np.empty((len(self._here), x.shape[1]))
+            kernels.apply_blocks(*given, image, self._here, x, self._own, out)
+            return out
+
         return share
 
     def joined(self, image: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from fcsim.solvers.newton.systems.two_level.over_ranks._coarse_kernels import se
 from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_part
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll, chosen_for_ranks, solvers_of
 from tests.unit.ranks.conftest import Program
-from tests.unit.ranks.two_level import WORST, unsolved
+from tests.unit.ranks.two_level import WORST, blocks_of_all, unsolved
 from tests.unit.ranks.walls import simulation
 from tests.unit.solvers.newton.systems.test_two_level import linearisation
 
@@ -86,10 +86,11 @@ def test_products_are_those_of_W(shared: Any, ranks: int) -> None:
 
 @pytest.mark.parametrize("ranks", RANKS)
 def test_copies_of_what_ranks_sum_have_the_bits_of_their_owners(shared: Any, ranks: int) -> None:
-    """2 W x + x on each rank's own contacts and those around them, its length and other sums by the same exchange."""
+    """A W x + B x on each rank's own contacts and those around them, its length and other sums by the same exchange."""
     W, _ = alone()
     x = given(W)[2]
-    image = 2 * (W @ x.ravel()).reshape(-1, 3) + x
+    A, B = blocks_of_all(len(x))
+    image = np.einsum("aij,aj->ai", A, (W @ x.ravel()).reshape(-1, 3)) + np.einsum("aij,aj->ai", B, x)
     of_owners = np.full(image.shape, np.nan)
     answers = shared(ranks)
     for answer in answers:

@@ -48,6 +48,13 @@ def unsolved(diagonal: FloatArray) -> tuple[tuple[FloatArray, ...], list[float]]
     return given, [1e-6 * total, 0.9 * float(np.linalg.norm(missed[WORST])), 2 * total]
 
 
+def blocks_of_all(nc: int) -> tuple[FloatArray, FloatArray]:
+    """A and B (nc, 3, 3), some of which are a diagonal alone and nothing."""
+    A, B = np.tile(2 * np.eye(3), (nc, 1, 1)), np.tile(np.eye(3), (nc, 1, 1))
+    A[1::3, 0, 1], B[::3] = 1.0, 0.0
+    return A, B
+
+
 def in_patches(W: DistributedDelassus, A: FloatArray, B: FloatArray, rhs: FloatArray) -> dict[str, object]:
     """What patches that are solved move by, before a system was solved, after it, and where all of W is used."""
     system = SystemOverRanks(Delassus(W, 3), lambda whole: pytest.fail("the ranks' system is enough"))
@@ -88,10 +95,9 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     changed_A[::7], changed_B[::7] = 0, np.eye(3)
     kept.update(changed_A[joints.order], changed_B[joints.order])
     after = kept(wide).reshape(-1, 3)
-    there = x[np.concatenate([parts.own, joints.shares.foreign])]
-    share = joints.shares.applied(
-        2 * np.tile(np.eye(3), (len(there), 1, 1)), np.tile(np.eye(3), (len(there), 1, 1)), joints.shares.of(W, there), there
-    )
+    of_bodies = np.concatenate([parts.own, joints.shares.foreign])
+    blocks = blocks_of_all(len(x))
+    share = joints.shares.applied(*(every[of_bodies] for every in blocks))(joints.shares.of(W, x[of_bodies]), x[of_bodies])
     joined = joints.halo.joined(share.ravel(), np.array([1.0, parts.world.number]))
     solved = [TwoLevelOverRanks(W, behind).solve(A, B, x, needed) for needed in (NEAR, FAR)]
     return {

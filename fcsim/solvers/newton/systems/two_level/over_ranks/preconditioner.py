@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem.distributed import ContactLayout
+from fcsim.runtime import threads
 from fcsim.solvers.newton.systems.two_level import _block_kernels as block_kernels
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import MOTIONS
@@ -31,6 +32,8 @@ class PreconditionerOverRanks:
         self._T = np.empty(joints.T_starts[-1])
         self._coarse: CoarseFactor | None = None
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
+        if threads() == 1:
+            self._ranges = [(0, len(joints.cuts) - 1)]  # each call takes some microseconds
         self._own, self._wide = np.arange(len(joints.parts.own)), joints.in_halo[joints.wide]
 
     @property

@@ -104,6 +104,7 @@ class TwoLevelOverRanks:
         except SingularMatrix:
             return None
         d = rhs.shape[1]
+        share_of = joints.shares.applied(A, B)
         images, products = list[FloatArray](), 0  # what this rank's bodies make of the steps; how many there were
 
         def product(x: NDArray[np.floating]) -> FloatArray:
@@ -114,7 +115,7 @@ class TwoLevelOverRanks:
                 images.append(image)
             else:
                 images.clear()
-            return joints.shares.applied(A, B, image, x.reshape(-1, d)).ravel()
+            return share_of(image, x.reshape(-1, d)).ravel()
 
         with parts.world.unasked("GMRES over ranks"):
             found = gmres_over_ranks(product, precondition, rhs.ravel(), halo, *limits, ITERATIONS, ENOUGH)
