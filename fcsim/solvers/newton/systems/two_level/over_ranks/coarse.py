@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.block_rows import dofs_of
@@ -63,15 +63,15 @@ class CoarsePattern:
 
 
 class CoarseFactor:
-    """S^-1 by fronts, in double precision: beside the stiffness of joints, inertia is round-off in single precision."""
+    """S^-1 by fronts, made in double precision: beside the stiffness of joints, inertia is round-off in single precision."""
 
-    def __init__(self, pattern: CoarsePattern, S: FloatArray) -> None:
+    def __init__(self, pattern: CoarsePattern, S: FloatArray, dtype: DTypeLike = np.float64) -> None:
         """S (blocks, k, k): the blocks in the pattern's order, whole where a rank needs them, else its share; SingularMatrix, on all ranks,
-        where a front is singular."""
+        where a front is singular. dtype: of what is kept, the precision of solutions."""
         self._pattern, self._k = pattern, S.shape[1]
         world, k, most = pattern.world, S.shape[1], len(pattern.places)
         own, border = k * pattern.sizes.T
-        self._values = np.empty(int(np.sum(own * (own + 2 * border))))
+        self._values = np.empty(int(np.sum(own * (own + 2 * border))), dtype=dtype)
         T = np.zeros((k * most, k * most))
         with world.together("motions of bodies"):
             which, row, column = pattern.blocks_of_top
@@ -99,7 +99,7 @@ class CoarseFactor:
         """S^-1 c (n, k) on this rank's bodies, those between ranks, and those that it wants, for c the sum of what the ranks have; and what
         they have told one another of their z (contacts, d), where `guests` finds it."""
         world, top = self._pattern.world, len(self._of_top)
-        solution, x, total = np.zeros_like(c), np.empty(c.size), np.empty(top)
+        solution, x, total = np.zeros_like(c), np.empty(c.size, dtype=self._values.dtype), np.empty(top)
         numbers, every, told = solution.reshape(-1), np.empty(0, dtype=np.float32), np.empty(len(self._told), dtype=np.float32)
         lengths = guests.lengths(2 * top)
         sent = np.empty(lengths[world.number], dtype=np.float32)

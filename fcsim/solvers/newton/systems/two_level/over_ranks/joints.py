@@ -56,6 +56,9 @@ class OwnJoints:
         first = np.zeros(self.count, dtype=bool)
         first[bodies[(whose >= 0) & (whose != parts.owner[:, None])]] = True  # on which others' joints are
         self._find_coarse(behind.rank, first)
+        fewest = self.d * int(np.unique(numbers_of_pairs(bodies, self.count), return_counts=True)[1].min(initial=MOTIONS))
+        # where contacts of a joint do not tell a body's motions apart, single precision loses some of them
+        self.precision = np.float32 if fewest > MOTIONS else np.float64
 
     @cached_property
     def of_all(self) -> JointsOfAll:

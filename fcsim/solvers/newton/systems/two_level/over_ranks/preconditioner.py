@@ -61,7 +61,7 @@ class PreconditionerOverRanks:
         S[joints.coarse_between] = between.reshape(-1, k, k)
         S[joints.coarse.diagonal] += np.eye(k)
         self._coarse = None  # the old one makes room for the new
-        self._coarse = CoarseFactor(joints.coarse, S)
+        self._coarse = CoarseFactor(joints.coarse, S, joints.precision)
 
     def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
         """As in `Preconditioner`."""
