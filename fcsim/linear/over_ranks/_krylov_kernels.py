@@ -31,3 +31,17 @@ def less_combination(V, y, w):
                 sums[i] += factor * row[i]
         for i in range(m):
             w[begin + i] -= sums[i]
+
+
+@njit(cache=True, nogil=True)
+def take_divided(w, size, own, v):
+    """Write w / size (n,) to v, in its precision, and return the sum of the squares of v's first `own` entries, in double precision."""
+    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    for i in range(len(w)):
+        v[i] = w[i] / size
+    for i in range(0, own - 3, 4):
+        p, q, r, s = np.float64(v[i]), np.float64(v[i + 1]), np.float64(v[i + 2]), np.float64(v[i + 3])
+        a, b, c, d = a + p * p, b + q * q, c + r * r, d + s * s
+    for i in range(own - own % 4, own):
+        a += np.float64(v[i]) * np.float64(v[i])
+    return (a + b) + (c + d)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
 from fcsim.linear.krylov import LeastSquares, combined, flat
-from fcsim.linear.over_ranks._krylov_kernels import less_combination
+from fcsim.linear.over_ranks._krylov_kernels import less_combination, take_divided
 
 GROWTH = 32
 """Vectors by which the basis grows."""
@@ -33,7 +33,7 @@ class Ranks(Protocol):
 
 
 def gmres_over_ranks(
-    product: Callable[[FloatArray], FloatArray],
+    product: Callable[[NDArray[np.floating]], FloatArray],
     precondition: Callable[[NDArray[np.float32]], NDArray[np.floating]],
     rhs: FloatArray,
     ranks: Ranks,
@@ -48,25 +48,24 @@ def gmres_over_ranks(
     those before, and two sums more where it cancels. With one the length of what is left follows from Pythagoras' theorem, to a part of
     1e-5 in single precision; each vector's own is summed with the next one's products, so that this does not add up.
 
-    product: this rank's own part of x -> what its share of A makes of that, (ranks.shared,). precondition: v (k,) with the copies -> this
-    rank's own part of x, kept as it comes, in single precision where it is. Return this rank's part of x with ||rhs - A x|| <= accuracy
-    ||rhs||, in the recurrence's norm, on a plateau (see `fcsim.linear.krylov`) with <= plateau ||rhs||, or after `limit` iterations with
-    <= enough ||rhs||, and by what factors the preconditioner's answers are summed to it; None where they do not get there.
+    precondition: v (k,) with the copies -> this rank's own part of x, and after it what else `product` takes, kept as it comes, in single
+    precision where it is. product: that -> what this rank's share of A makes of x, (ranks.shared,). Return this rank's part of x with
+    ||rhs - A x|| <= accuracy ||rhs||, in the recurrence's norm, on a plateau (see `fcsim.linear.krylov`) with <= plateau ||rhs||, or after
+    `limit` iterations with <= enough ||rhs||, and by what factors the preconditioner's answers are summed to it; None where they do not get
+    there.
     """
     own, shared = ranks.own, ranks.shared
     beta = math.sqrt(float(ranks.summed(np.array([rhs[:own] @ rhs[:own]]))[0]))
     if beta == 0:
         return np.zeros(own), np.empty(0)
     basis = _Basis(len(rhs))
-    basis.append(rhs / beta)
+    square = basis.append(rhs, beta, own)
     steps: list[NDArray[np.floating]] = []
     small = LeastSquares(beta)
     for j in range(limit):
-        last = basis.last
-        steps.append(precondition(last))
-        share = product(steps[-1].astype(np.float64, copy=False))
-        own_last = last[:own].astype(np.float64)
-        w, whole, along = ranks.joined(share, np.append(basis.along(share[:shared]), own_last @ own_last))
+        steps.append(precondition(basis.last))
+        share = product(steps[-1])
+        w, whole, along = ranks.joined(share, np.append(basis.along(share[:shared]), square))
         basis.squares.append(float(along[-1]))
         column = along[:-1] / basis.squares
         basis.take_from(w, column)
@@ -86,10 +85,10 @@ def gmres_over_ranks(
         if left <= accuracy * beta or (left <= plateau * beta and flat(small.defects)) or (j + 1 == limit and left <= enough * beta):
             # from the very steps that A was applied to: what single precision rounds of them is large in what A makes of it
             y = small.coefficients()
-            return combined(y, steps), y
+            return combined(y, [step[:own] for step in steps]), y
         if size == 0:
             return None
-        basis.append(w / size)
+        square = basis.append(w, size, own)
     return None
 
 
@@ -102,11 +101,13 @@ class _Basis:
         self.squares: list[float] = []  # of the vectors' lengths, which are 1 to round-off
         self._blocks: list[NDArray[np.float32]] = []
 
-    def append(self, v: FloatArray) -> None:
+    def append(self, w: FloatArray, size: float, own: int) -> float:
+        """Take w / size for the next vector; the sum of the squares of its first `own` entries, as they are kept."""
         if self._count == GROWTH * len(self._blocks):
             self._blocks.append(np.empty((GROWTH, self._size), dtype=np.float32))
-        self._blocks[-1][self._count % GROWTH] = v
         self._count += 1
+        square: float = take_divided(w, size, own, self.last)
+        return square
 
     @property
     def last(self) -> NDArray[np.float32]:

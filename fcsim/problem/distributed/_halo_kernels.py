@@ -1,4 +1,4 @@
-"""Sums of what ranks have of a vector, compiled.
+"""Sums of what ranks have of a vector, and their shares of products, compiled.
 
 every: what came from the ranks, one after the other: `count` numbers, and d values of each row that a rank sends; places (k, 2): numbers
 of rows, counted through all ranks, and their ranks.
@@ -7,6 +7,7 @@ of rows, counted through all ranks, and their ranks.
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 
@@ -28,3 +29,53 @@ def products(every, count, d, first, second):
         for i in range(d):
             total += every[a + i] * every[b + i]
     return total
+
+
+@njit(cache=True, nogil=True)
+def rows_of(x, place, out):
+    """out[a] = x[place[a]] (n, d), in the precision of `out`."""
+    for a in range(len(place)):
+        for i in range(x.shape[1]):
+            out[a, i] = x[place[a], i]
+
+
+@njit(cache=True, nogil=True)
+def alone(A, B, own):
+    """Which blocks A (n, d, d) have a diagonal alone, where that of B (n, d, d), which counts for the first `own` of them, is zero."""
+    n, d = len(A), A.shape[1]
+    found = np.ones(n, dtype=np.bool_)
+    for a in range(n):
+        for i in range(d):
+            for j in range(d):
+                found[a] &= (i == j or A[a, i, j] == 0) and (a >= own or B[a, i, j] == 0)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def diagonals(A):
+    """Those of A (n, d, d): (n, d)."""
+    n, d = len(A), A.shape[1]
+    found = np.empty((n, d))
+    for a in range(n):
+        for i in range(d):
+            found[a, i] = A[a, i, i]
+    return found
+
+
+@njit(cache=True, nogil=True)
+def apply_blocks(A, B, diagonal, is_alone, y, here, x, own, out):
+    """out[a] = A[a] y[here[a]] (n, d), and B[a] x[a] more for a < own; A, B: blocks (d, d), not read where A has its diagonal alone."""
+    d = x.shape[1]
+    for a in range(len(here)):
+        if is_alone[a]:
+            for i in range(d):
+                out[a, i] = diagonal[a, i] * y[here[a], i]
+            continue
+        for i in range(d):
+            s = 0.0
+            for j in range(d):
+                s += A[a, i, j] * y[here[a], j]
+            if a < own:
+                for j in range(d):
+                    s += B[a, i, j] * x[a, j]
+            out[a, i] = s

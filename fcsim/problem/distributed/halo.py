@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.problem.distributed import _halo_kernels as kernels
@@ -32,6 +35,7 @@ class Halo:
         self._sent = np.concatenate([np.flatnonzero(wanted[own]), len(own) + np.arange(len(shared))])
         begins = np.concatenate([[0], np.cumsum([len(some) for some in sent])])
         self._sizes = np.diff(begins)
+        self._lengths = [d * int(size) for size in self._sizes]
         here, of_owner = np.full(nc, -1), np.empty((nc, 2), dtype=np.int64)
         here[self.contacts] = np.arange(len(self.contacts))
         every, rank = np.concatenate(sent), np.repeat(np.arange(world.size), self._sizes)
@@ -47,13 +51,15 @@ class Halo:
 
         An entry is the sum of at most two numbers, so that it has the same bits on all ranks that have it."""
         d, count = self._d, len(numbers) + 1
-        own = np.concatenate([numbers, [share @ share], share.reshape(-1, d).take(self._sent, axis=0).ravel()])
-        lengths = count + d * self._sizes
-        every = self._world.gathered(own, lengths)
-        sums, w = np.zeros(count), np.zeros(d * len(self.contacts))
-        for begin in (np.cumsum(lengths) - lengths).tolist():
+        own = np.empty(count + d * len(self._sent))
+        own[: count - 1], own[count - 1] = numbers, share @ share
+        np.take(share.reshape(-1, d), self._sent, axis=0, out=own[count:].reshape(-1, d), mode="clip")
+        every = self._world.gathered(own, [count + size for size in self._lengths])
+        sums, w, begin = np.zeros(count), np.empty(d * len(self.contacts)), 0
+        for size in self._lengths:
             sums += every[begin : begin + count]
-        w[: len(share)] = share
+            begin += count + size
+        w[: len(share)], w[len(share) :] = share, 0.0
         kernels.add_received(every, count, d, self._places, self._to, w)
         whole = float(sums[-1]) + 2 * kernels.products(every, count, d, self._first, self._second)
         return w, whole, sums[:-1]
@@ -83,18 +89,31 @@ class SharesByParts:
         self._here, self._own = place[here], len(parts.own)
         self._needed = Needed(parts, self.foreign)
 
-    def of(self, W: DistributedDelassus, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """x, and what this rank's own bodies make of it, both on its part and, after it, on the `foreign` contacts; x (k, d): the part."""
-        wide = np.concatenate([x, self._needed.of(x)])
-        image = W.own_product(wide.take(self._place, axis=0).ravel()).reshape(wide.shape)
-        return wide, image.take(self._here, axis=0)
+    def of(self, W: DistributedDelassus, x: NDArray[np.floating]) -> FloatArray:
+        """What this rank's own bodies make of x (k, d), on their contacts in the order of the layout; x: on this rank's part and, after it,
+        on the `foreign` contacts."""
+        wide = np.empty((len(self._place), x.shape[1]))
+        kernels.rows_of(x, self._place, wide)
+        return W.own_product(wide.ravel()).reshape(wide.shape)
 
-    def joined(self, share: FloatArray) -> FloatArray:
+    def applied(self, A: FloatArray, B: FloatArray) -> Callable[[FloatArray, NDArray[np.floating]], FloatArray]:
+        """What makes this rank's share (k, d) of A W x + B x on its part and the `foreign` contacts from the `image` of `of` and x there;
+        A, B (k or more, d, d). B x is its owner's alone."""
+        given = A, B, kernels.diagonals(A), kernels.alone(A, B, self._own)
+
+        def share(image: FloatArray, x: NDArray[np.floating]) -> FloatArray:
+            out = np.empty((len(self._here), x.shape[1]))
+            kernels.apply_blocks(*given, image, self._here, x, self._own, out)
+            return out
+
+        return share
+
+    def joined(self, image: FloatArray) -> FloatArray:
         """The sum of what the ranks have, as `of` gives it, on this rank's part."""
-        own = share[: self._own].copy()
-        self._needed.to_owners(own, share[self._own :])
+        own = image[self._here[: self._own]]
+        self._needed.to_owners(own, image[self._here[self._own :]])
         return own
 
     def product(self, W: DistributedDelassus, x: FloatArray) -> FloatArray:
-        """W x (k, d)."""
-        return self.joined(self.of(W, x)[1])
+        """W x (k, d) for x on this rank's part."""
+        return self.joined(self.of(W, np.concatenate([x, self._needed.of(x)])))

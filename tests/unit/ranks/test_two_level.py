@@ -20,7 +20,7 @@ from fcsim.solvers.newton.systems.two_level.over_ranks._coarse_kernels import se
 from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_part
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll, chosen_for_ranks, solvers_of
 from tests.unit.ranks.conftest import Program
-from tests.unit.ranks.two_level import WORST, unsolved
+from tests.unit.ranks.two_level import WORST, blocks_of_all, unsolved
 from tests.unit.ranks.walls import simulation
 from tests.unit.solvers.newton.systems.test_two_level import linearisation
 
@@ -86,9 +86,11 @@ def test_products_are_those_of_W(shared: Any, ranks: int) -> None:
 
 @pytest.mark.parametrize("ranks", RANKS)
 def test_copies_of_what_ranks_sum_have_the_bits_of_their_owners(shared: Any, ranks: int) -> None:
-    """W x on each rank's own contacts and those around them, its length and other sums by the same exchange."""
+    """A W x + B x on each rank's own contacts and those around them, its length and other sums by the same exchange."""
     W, _ = alone()
-    image = (W @ given(W)[2].ravel()).reshape(-1, 3)
+    x = given(W)[2]
+    A, B = blocks_of_all(len(x))
+    image = np.einsum("aij,aj->ai", A, (W @ x.ravel()).reshape(-1, 3)) + np.einsum("aij,aj->ai", B, x)
     of_owners = np.full(image.shape, np.nan)
     answers = shared(ranks)
     for answer in answers:
@@ -117,6 +119,16 @@ def test_the_preconditioner_is_that_of_one_process(shared: Any, ranks: int) -> N
             assert np.linalg.norm(answer[name] - expected) <= 1e-4 * np.linalg.norm(expected)
         assert answer["given away"] == [True, True, False]
         assert answer["refused"]
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+def test_ranks_have_the_preconditioner_s_answer_at_their_bodies_with_its_owner_s_bits(shared: Any, ranks: int) -> None:
+    assert any(answer["of others"][0] for answer in shared(ranks))
+    for answer in shared(ranks):
+        contacts, first, changed = answer["of others"]
+        assert not set(contacts) & set(answer["own"])
+        for name, values in (("preconditioned", first), ("changed", changed)):
+            assert np.array_equal(np.reshape(answer[name], (-1, 3))[contacts], np.reshape(values, (-1, 3)))
 
 
 @pytest.mark.parametrize("ranks", RANKS)
@@ -214,12 +226,15 @@ def test_one_body_beside_many_separates_ranks_in_their_place() -> None:
     graph[5, 6] = True
     rank = np.array([1] + 5 * [0] + 5 * [1])
     graph |= graph.T
-    taken = separators(np.concatenate([[0], np.cumsum(graph.sum(axis=1))]), np.nonzero(graph)[1], rank)
-    assert np.flatnonzero(taken).tolist() == [0, 5]
+    nothing, of_graph = np.zeros(11, dtype=bool), (np.concatenate([[0], np.cumsum(graph.sum(axis=1))]), np.nonzero(graph)[1])
+    assert np.flatnonzero(separators(*of_graph, rank, nothing)).tolist() == [0, 5]
+    assert np.flatnonzero(separators(*of_graph, rank, np.arange(11) == 6)).tolist() == [0, 6]  # which leaves nothing to 5
     rng = np.random.default_rng(4)
     graph, rank = rng.random((60, 60)) < 0.05, rng.integers(0, 3, 60)
     graph = graph | graph.T | np.eye(60, dtype=bool)
-    taken = separators(np.concatenate([[0], np.cumsum(graph.sum(axis=1))]), np.nonzero(graph)[1], rank)
+    first = rng.random(60) < 0.1
+    taken = separators(np.concatenate([[0], np.cumsum(graph.sum(axis=1))]), np.nonzero(graph)[1], rank, first)
+    assert np.all(taken[first])
     row, column = np.nonzero(graph)
     assert 0 < taken.sum() < 60
     assert np.all((rank[row] == rank[column]) | taken[row] | taken[column])

@@ -48,6 +48,13 @@ def unsolved(diagonal: FloatArray) -> tuple[tuple[FloatArray, ...], list[float]]
     return given, [1e-6 * total, 0.9 * float(np.linalg.norm(missed[WORST])), 2 * total]
 
 
+def blocks_of_all(nc: int) -> tuple[FloatArray, FloatArray]:
+    """A and B (nc, 3, 3), some of which are a diagonal alone and nothing."""
+    A, B = np.tile(2 * np.eye(3), (nc, 1, 1)), np.tile(np.eye(3), (nc, 1, 1))
+    A[1::3, 0, 1], B[::3] = 1.0, 0.0
+    return A, B
+
+
 def in_patches(W: DistributedDelassus, A: FloatArray, B: FloatArray, rhs: FloatArray) -> dict[str, object]:
     """What patches that are solved move by, before a system was solved, after it, and where all of W is used."""
     system = SystemOverRanks(Delassus(W, 3), lambda whole: pytest.fail("the ranks' system is enough"))
@@ -81,18 +88,23 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     P = PreconditionerOverRanks(joints, W.layout)
     P.update(A[joints.order], B[joints.order])
     wide = x[joints.halo.contacts].astype(np.float32).ravel()
-    first = parts.whole(P(wide).reshape(own.shape))
+    first = P(wide).reshape(-1, 3)
     kept = P.following(bodies, joints.diagonal_of_W)
     assert kept is not None
     changed_A, changed_B = A.copy(), B.copy()
     changed_A[::7], changed_B[::7] = 0, np.eye(3)
     kept.update(changed_A[joints.order], changed_B[joints.order])
-    joined = joints.halo.joined(joints.shares.of(W, own)[1].ravel(), np.array([1.0, parts.world.number]))
+    after = kept(wide).reshape(-1, 3)
+    of_bodies = np.concatenate([parts.own, joints.shares.foreign])
+    blocks = blocks_of_all(len(x))
+    share = joints.shares.applied(*(every[of_bodies] for every in blocks))(joints.shares.of(W, x[of_bodies]), x[of_bodies])
+    joined = joints.halo.joined(share.ravel(), np.array([1.0, parts.world.number]))
     solved = [TwoLevelOverRanks(W, behind).solve(A, B, x, needed) for needed in (NEAR, FAR)]
     return {
         "product": parts.whole(joints.shares.product(W, own)).ravel().tolist(),
-        "preconditioned": first.ravel().tolist(),
-        "changed": parts.whole(kept(wide).reshape(own.shape)).ravel().tolist(),
+        "preconditioned": parts.whole(first[: len(own)]).ravel().tolist(),
+        "changed": parts.whole(after[: len(own)]).ravel().tolist(),
+        "of others": [joints.shares.foreign.tolist(), first[len(own) :].tolist(), after[len(own) :].tolist()],
         "given away": [P.given_away, P.following(bodies, joints.diagonal_of_W) is None, kept.given_away],
         "solved": [[part.tolist() for part in found] for found in solved if found is not None],
         "own": parts.own.tolist(),

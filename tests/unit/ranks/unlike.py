@@ -94,7 +94,7 @@ def failing(kind: str, rank: int, folder: Path) -> None:
     error = {"MemoryError": MemoryError("no room"), "SingularMatrix": SingularMatrix("a pivot is zero")}[kind]
     product, count = SharesByParts.of, iter(range(1000))
 
-    def spoiled(self: SharesByParts, W: DistributedDelassus, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def spoiled(self: SharesByParts, W: DistributedDelassus, x: np.ndarray) -> np.ndarray:
         if rank == FAILING and next(count) == 4:
             folder.joinpath("failed").touch()
             raise error

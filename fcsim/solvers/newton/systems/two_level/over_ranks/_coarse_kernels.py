@@ -14,14 +14,16 @@ from fcsim.linear._front_kernels import dot
 
 
 @njit(cache=True)
-def separators(begins, columns, rank):
-    """Return which bodies (n,) are to be taken away so that none is next to one of another rank: again and again the one that is next to
-    most of these, of equal ones the first (V. Chvatal, Math. Oper. Res. 4, 1979). begins, columns: of a symmetric pattern; rank (n,)."""
+def separators(begins, columns, rank, first):
+    """Return which bodies (n,) are to be taken away so that none is next to one of another rank: those that are `first` (n,), then again
+    and again the one that is next to most of these, of equal ones the one before (V. Chvatal, Math. Oper. Res. 4, 1979).
+    begins, columns: of a symmetric pattern; rank (n,)."""
     n = len(begins) - 1
-    taken, beside = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.int64)  # of other ranks that are not taken
+    taken, beside = first.copy(), np.zeros(n, dtype=np.int64)  # of other ranks that are not taken
     for b in range(n):
-        for e in range(begins[b], begins[b + 1]):
-            beside[b] += rank[columns[e]] != rank[b]
+        if not taken[b]:
+            for e in range(begins[b], begins[b + 1]):
+                beside[b] += rank[columns[e]] != rank[b] and not taken[columns[e]]
     while True:
         most = np.argmax(beside)
         if beside[most] == 0:
@@ -136,3 +138,29 @@ def backward(values, sizes, firsts, borders, x):
         for i in range(n):
             below[i] = dot(values[inverse + i * n : inverse + (i + 1) * n], own)
         own[:] = below
+
+
+@njit(cache=True, nogil=True)
+def eliminated(c, order, fronts, of_top, z, rows, x, left, sent):
+    """x = c (n,) in the `order` of elimination after `forward`; what is `left` of_top; to `sent` the rows of z (k, d) that go with it."""
+    for i in range(len(order)):
+        x[i] = c[order[i]]
+    forward(*fronts, x)
+    for i in range(len(of_top)):
+        left[i] = x[of_top[i]]
+    d = z.shape[1]
+    for i in range(len(rows)):
+        for p in range(d):
+            sent[i * d + p] = z[rows[i], p]
+
+
+@njit(cache=True, nogil=True)
+def solved(fronts, x, of_top, total, known, to, told, solution, sent):
+    """`backward` from x and its part `total` of the top; x at the places `known` to the numbers `to` of the solution, `told` to `sent`."""
+    for i in range(len(of_top)):
+        x[of_top[i]] = total[i]
+    backward(*fronts, x)
+    for i in range(len(known)):
+        solution[to[i]] = x[known[i]]
+    for i in range(len(told)):
+        sent[i] = x[told[i]]

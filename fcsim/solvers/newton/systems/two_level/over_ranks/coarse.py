@@ -2,20 +2,24 @@
 
 Some of the bodies that are next to another rank's separate all others of one rank from the others' (J. S. Przemieniecki, AIAA J. 1, 1963):
 a platen in the place of all bricks below it. What is left on these, a dense matrix T, is summed over the ranks and factored by all.
+
+Bodies of others on which a rank's joints lie are among these, so that no sum is needed before a rank eliminates its own. What the joints
+between ranks have to tell one another comes with what is left: an application takes two exchanges.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.block_rows import dofs_of
 from fcsim.linear.elimination_tree import elimination_tree
 from fcsim.linear.factors import SingularMatrix
 from fcsim.ranks import World
 from fcsim.solvers.newton.systems.two_level.over_ranks import _coarse_kernels as kernels
+from fcsim.solvers.newton.systems.two_level.over_ranks.guests import Guests
 
 PADDING = 0.15
 """Share of zeros in a front."""
@@ -24,15 +28,15 @@ PADDING = 0.15
 class CoarsePattern:
     """Where S (n k, n k) has blocks (k, k), in which order and by whom they are eliminated."""
 
-    def __init__(self, columns: IntArray, begins: IntArray, rank: IntArray, world: World) -> None:
+    def __init__(self, columns: IntArray, begins: IntArray, rank: IntArray, world: World, first: BoolArray, wanted: BoolArray) -> None:
         """columns (blocks,): ascending, those of row i from begins[i] on, a symmetric pattern with the diagonal; rank (n,): whose each body
-        is. needed (ranks, blocks): which of the blocks a rank's fronts take."""
+        is; first (n,): which are between ranks at any rate; wanted (ranks, n): of which each rank wants the solution, besides its own.
+        needed (ranks, blocks): which of the blocks a rank's fronts take."""
         self.columns, self.begins, self.world = columns, begins, world
         n = len(begins) - 1
         row = np.repeat(np.arange(n), np.diff(begins))
-        self.diagonal = np.flatnonzero(row == columns)
         self.mirror = np.searchsorted(row * n + columns, columns * n + row)
-        between = kernels.separators(begins, columns, rank)
+        between = kernels.separators(begins, columns, rank, first)
         tree = elimination_tree(begins, columns, PADDING, last=between)
         self.tree = (tree.order, tree.first, tree.starts, tree.rows)
         of_all = np.logical_or.reduceat(between[tree.order], tree.first[:-1])  # fronts with a body between ranks
@@ -47,26 +51,31 @@ class CoarsePattern:
         self.by_rank = [np.flatnonzero(owner == number) for number in range(world.size)]  # places that a rank eliminates
         whose = owner[np.argsort(tree.order)]  # by bodies
         self.needed = np.stack([(whose[row] == k) | (whose[columns] == k) for k in range(world.size)])
-        self.needed[0] |= (whose[row] == world.size) & (whose[columns] == world.size)
+        mine = whose == world.number
+        if world.number == 0:
+            mine |= whose == world.size
+        self.diagonal = np.flatnonzero((row == columns) & mine[row])  # where this rank adds I
+        asked = wanted[:, tree.order]  # by places
+        self.told = [places[np.delete(asked, k, axis=0)[:, places].any(axis=0)] for k, places in enumerate(self.by_rank)]
         number = self.top[np.argsort(tree.order)]
         of_top = np.flatnonzero((number[row] >= 0) & (number[columns] >= 0))
         self.blocks_of_top = of_top, number[row[of_top]], number[columns[of_top]]
 
 
 class CoarseFactor:
-    """S^-1 by fronts, in double precision: beside the stiffness of joints, inertia is round-off in single precision."""
+    """S^-1 by fronts, made in double precision: beside the stiffness of joints, inertia is round-off in single precision."""
 
-    def __init__(self, pattern: CoarsePattern, S: FloatArray) -> None:
-        """S (blocks, k, k): the blocks in the pattern's order; SingularMatrix, on all ranks, where a front is singular."""
+    def __init__(self, pattern: CoarsePattern, S: FloatArray, dtype: DTypeLike = np.float64) -> None:
+        """S (blocks, k, k): the blocks in the pattern's order, whole where a rank needs them, else its share; SingularMatrix, on all ranks,
+        where a front is singular. dtype: of what is kept, the precision of solutions."""
         self._pattern, self._k = pattern, S.shape[1]
         world, k, most = pattern.world, S.shape[1], len(pattern.places)
         own, border = k * pattern.sizes.T
-        self._values = np.empty(int(np.sum(own * (own + 2 * border))))
+        self._values = np.empty(int(np.sum(own * (own + 2 * border))), dtype=dtype)
         T = np.zeros((k * most, k * most))
         with world.together("motions of bodies"):
-            if world.number == 0:
-                which, row, column = pattern.blocks_of_top
-                T.reshape(most, k, most, k)[row, :, column] = S[which]
+            which, row, column = pattern.blocks_of_top
+            T.reshape(most, k, most, k)[row, :, column] = S[which]
             try:
                 matrix = (pattern.begins, pattern.columns, pattern.mirror, S)
                 kernels.eliminate(pattern.tree, pattern.which, *matrix, pattern.top, self._values, T)
@@ -79,24 +88,32 @@ class CoarseFactor:
             raise SingularMatrix("the bodies' motions on their joints are singular")
         self._lu: FloatArray = lu
         self._fronts = self._values, k * pattern.sizes, k * pattern.firsts, dofs_of(pattern.borders, k)
-        self._own, self._of_top = dofs_of(pattern.by_rank[world.number], k), dofs_of(pattern.places, k)
-        self._counts = [k * len(places) for places in pattern.by_rank]
+        self._of_top, self._told = dofs_of(pattern.places, k), dofs_of(pattern.told[world.number], k)
+        self._counts = [k * len(places) for places in pattern.told]
         self._order = dofs_of(pattern.tree[0], k)  # of c, in the order of elimination
-        self._eliminated, self._left = self._order[dofs_of(np.concatenate(pattern.by_rank), k)], self._order[self._of_top]
+        known = np.concatenate([pattern.by_rank[world.number], pattern.places])
+        self._known = dofs_of(known, k), self._order[dofs_of(known, k)]
+        self._heard = self._order[dofs_of(np.concatenate(pattern.told), k)]
 
-    def solve(self, c: NDArray[np.float32]) -> NDArray[np.float32]:
-        """S^-1 c (n, k), on all ranks."""
-        world = self._pattern.world
-        own, x = self._own, c.reshape(-1)[self._order].astype(np.float64)
-        given = x[self._of_top]
-        x[self._of_top] = 0
-        kernels.forward(*self._fronts, x)
-        if len(given):
-            others = world.gathered(x[self._of_top], [len(given)] * world.size).reshape(world.size, -1).sum(axis=0)
-            x[self._of_top] = sla.lapack.dgetrs(self._lu, self._pivots, given + others, trans=1)[0]
-        kernels.backward(*self._fronts, x)
-        solution = np.empty_like(c)
-        numbers = solution.reshape(-1)
-        numbers[self._eliminated] = world.gathered(x[own], self._counts)
-        numbers[self._left] = x[self._of_top]
-        return solution
+    def solve(self, c: NDArray[np.float32], z: NDArray[np.float32], guests: Guests) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """S^-1 c (n, k) on this rank's bodies, those between ranks, and those that it wants, for c the sum of what the ranks have; and what
+        they have told one another of their z (contacts, d), where `guests` finds it."""
+        world, top = self._pattern.world, len(self._of_top)
+        solution, x, total = np.zeros_like(c), np.empty(c.size, dtype=self._values.dtype), np.empty(top)
+        numbers, every, told = solution.reshape(-1), np.empty(0, dtype=np.float32), np.empty(len(self._told), dtype=np.float32)
+        lengths = guests.lengths(2 * top)
+        sent = np.empty(lengths[world.number], dtype=np.float32)
+        left = sent[: 2 * top].view(np.float64)
+        kernels.eliminated(c.reshape(-1), self._order, self._fronts, self._of_top, z, guests.rows, x, left, sent[2 * top :])
+        if top:
+            every = world.gathered(sent, lengths)
+            wide, begin = every.view(np.float64), 0
+            total[:] = 0.0
+            for length in lengths:
+                total += wide[begin : begin + top]
+                begin += length // 2
+            total = sla.lapack.dgetrs(self._lu, self._pivots, total, trans=1, overwrite_b=True)[0]
+        kernels.solved(self._fronts, x, self._of_top, total, *self._known, self._told, numbers, told)
+        if top:
+            numbers[self._heard] = world.gathered(told, self._counts)
+        return solution, every

@@ -10,13 +10,14 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.problem.bodies.shares import EIGEN_UP_TO, compliant_motions
 from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Halo, SharesByParts
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as own_kernels
 from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarsePattern
+from fcsim.solvers.newton.systems.two_level.over_ranks.guests import Guests
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll
 from fcsim.threads import pieces_by_work, side_by_side
 
@@ -48,7 +49,16 @@ class OwnJoints:
             G = self.modes[0]
             left = self.diagonal_of_W[self.order[own]] - np.einsum("aij,aij->ai", G[own], G[own])
         self.shift = SHIFT * float(parts.summed(np.array([np.abs(left).sum()]))[0]) / self.diagonal_of_W.size
-        self._find_coarse(behind.rank)
+        whose = np.where(bodies >= 0, behind.rank[bodies], -1)
+        between = np.flatnonzero(np.any((whose >= 0) & (whose != world.number), axis=1)[parts.own][self.cuts[:-1]])
+        ends = self.cuts, self.body_begins
+        self.guests = Guests(world, parts.own, ends, self.listed, between, self.shares.foreign, self.d, MOTIONS)
+        first = np.zeros(self.count, dtype=bool)
+        first[bodies[(whose >= 0) & (whose != parts.owner[:, None])]] = True  # on which others' joints are
+        self._find_coarse(behind.rank, first)
+        fewest = self.d * int(np.unique(numbers_of_pairs(bodies, self.count), return_counts=True)[1].min(initial=MOTIONS))
+        # where contacts of a joint do not tell a body's motions apart, single precision loses some of them
+        self.precision = np.float32 if fewest > MOTIONS else np.float64
 
     @cached_property
     def of_all(self) -> JointsOfAll:
@@ -92,8 +102,9 @@ class OwnJoints:
         self.ranges = pieces_by_work(self.starts, WORK_A_PIECE)
         side_by_side([partial(own_kernels.joint_blocks_of_bodies, *given, begin, end, self.E) for begin, end in self.ranges])
 
-    def _find_coarse(self, rank: IntArray) -> None:
-        """The coarse matrix by blocks, of all ranks' joints: their (own body, body), and the diagonal; rank (bodies,): whose each is."""
+    def _find_coarse(self, rank: IntArray, first: BoolArray) -> None:
+        """The coarse matrix by blocks, of all ranks' joints: their (own body, body), and the diagonal; rank (bodies,): whose each is; first
+        (bodies,): see `CoarsePattern`."""
         world, count = self.parts.world, self.count
         listed = np.diff(self.body_begins)
         number = np.sum(self.bodies[self.cuts[:-1]] >= 0, axis=1) * listed
@@ -106,7 +117,10 @@ class OwnJoints:
         counts = world.gathered(np.array([len(keys)]), np.ones(world.size, dtype=np.int64))
         key = np.unique(np.concatenate([world.gathered(keys, counts), np.arange(count) * (count + 1)]))  # a symmetric pattern
         self.places = np.searchsorted(key, row * count + column)
-        self.coarse = CoarsePattern(key % count, np.searchsorted(key, count * np.arange(count + 1)), rank, world)
+        wants = np.zeros(count, dtype=np.int8)
+        wants[self.listed] = wants[self.guests.listed] = 1
+        wanted = world.gathered(wants, [count] * world.size).reshape(-1, count)
+        self.coarse = CoarsePattern(key % count, np.searchsorted(key, count * np.arange(count + 1)), rank, world, first, wanted > 0)
         own = np.unique(self.places)
         counts = world.gathered(np.array([len(own)]), np.ones(world.size, dtype=np.int64))
         made = np.zeros((world.size, len(key)), dtype=bool)

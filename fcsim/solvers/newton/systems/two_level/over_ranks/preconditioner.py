@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem.distributed import ContactLayout
+from fcsim.runtime import threads
 from fcsim.solvers.newton.systems.two_level import _block_kernels as block_kernels
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import MOTIONS
@@ -31,6 +32,9 @@ class PreconditionerOverRanks:
         self._T = np.empty(joints.T_starts[-1])
         self._coarse: CoarseFactor | None = None
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
+        if threads() == 1:
+            self._ranges = [(0, len(joints.cuts) - 1)]  # each call takes some microseconds
+        self._own, self._wide = np.arange(len(joints.parts.own)), joints.in_halo[joints.wide]
 
     @property
     def earlier(self) -> bool:
@@ -51,12 +55,13 @@ class PreconditionerOverRanks:
             except np.linalg.LinAlgError:
                 raise SingularMatrix("a joint's block is singular") from None
             kernels.add_joints(self._T, joints.T_starts, joints.places, joints.place_begins, joints.body_begins, S)
+        joints.guests.take(self._R, joints.R_starts)
         between = S[joints.coarse_between].ravel()
         joints.parts.world.summed("motions of bodies on joints", between)
         S[joints.coarse_between] = between.reshape(-1, k, k)
         S[joints.coarse.diagonal] += np.eye(k)
         self._coarse = None  # the old one makes room for the new
-        self._coarse = CoarseFactor(joints.coarse, S)
+        self._coarse = CoarseFactor(joints.coarse, S, joints.precision)
 
     def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
         """As in `Preconditioner`."""
@@ -83,15 +88,17 @@ class PreconditionerOverRanks:
         return other
 
     def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
-        """P^-1 x on this rank's own contacts for x on those of the joints' halo."""
-        joints, own = self.joints, np.arange(len(self.joints.parts.own))
+        """P^-1 x on this rank's own contacts, and after them on those of others at its bodies, for x on those of the joints' halo."""
+        joints, own, guests = self.joints, self._own, self.joints.guests
         assert self._coarse is not None  # of the last update
-        wide, z = x.reshape(-1, joints.d).take(joints.in_halo, axis=0), np.empty((len(own), joints.d), dtype=np.float32)
+        wide = x.reshape(-1, joints.d)
+        z = np.empty((len(own) + len(joints.shares.foreign), joints.d), dtype=np.float32)
         sums, c = np.empty((len(joints.cuts) - 1, 2 * MOTIONS), dtype=np.float32), np.zeros((joints.count, MOTIONS), dtype=np.float32)
-        blocks = (self._Q, joints.Q_starts, joints.cuts, joints.begins, joints.wide, joints.G32)
+        blocks = (self._Q, joints.Q_starts, joints.cuts, joints.begins, self._wide, joints.G32)
         side_by_side([partial(block_kernels.solve_joints, *blocks, i, j, wide, z, sums) for i, j in self._ranges])
         block_kernels.add_to_bodies(sums, joints.cuts, joints.bodies, c)
-        c = self._coarse.solve(joints.parts.summed(c.ravel()).reshape(c.shape))
+        c, received = self._coarse.solve(c, z, guests)
         motions = (self._R, joints.R_starts, joints.cuts, joints.body_begins, joints.listed, c)
         side_by_side([partial(block_kernels.less_motions, *motions, i, j, z, own, z) for i, j in self._ranges])
+        guests.put(received, c, z[len(own) :])
         return z.ravel()

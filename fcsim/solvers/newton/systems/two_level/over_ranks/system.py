@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.krylov import combined
 from fcsim.linear.over_ranks.krylov import gmres_over_ranks
 from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus
-from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
@@ -104,31 +104,29 @@ class TwoLevelOverRanks:
         except SingularMatrix:
             return None
         d = rhs.shape[1]
-        shared_A, own_B = A[: halo.shared // d], B[: halo.shared // d]
-        own_B[halo.own // d :] = 0.0  # B r is its owner's
-        images, products = list[FloatArray](), 0  # this rank's shares of W times the steps; how many there were
+        share_of = joints.shares.applied(A, B)
+        images, products = list[FloatArray](), 0  # what this rank's bodies make of the steps; how many there were
 
-        def product(x: FloatArray) -> FloatArray:
+        def product(x: NDArray[np.floating]) -> FloatArray:
             nonlocal products
-            x, image = joints.shares.of(self._W, x.reshape(-1, d))
+            image = joints.shares.of(self._W, x.reshape(-1, d))
             products += 1
             if products <= KEPT:
                 images.append(image)
             else:
                 images.clear()
-            share: FloatArray = apply_blocks(shared_A, image, own_B, x)
-            return share.ravel()
+            return share_of(image, x.reshape(-1, d)).ravel()
 
         with parts.world.unasked("GMRES over ranks"):
             found = gmres_over_ranks(product, precondition, rhs.ravel(), halo, *limits, ITERATIONS, ENOUGH)
             if found is None:
                 return None
             step, y = found
-            step = step.reshape(-1, d)
+            step = step.reshape(-1, d)[: len(parts.own)]
             if not len(y):
                 image = np.zeros_like(step)
             elif images:
-                image = joints.shares.joined(combined(y, images))
+                image = joints.shares.joined(combined(y, images).reshape(-1, d))
             else:
                 image = joints.shares.product(self._W, step)
             return parts.whole(step).ravel(), parts.whole(image).ravel()
