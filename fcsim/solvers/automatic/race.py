@@ -34,7 +34,8 @@ class ShareOfMonitor(Monitor):
     """The monitor of one method in a race: counts its own iterations and its own best, and tells the race's monitor.
 
     speed: ||u + g(u)|| / ||q|| of the velocities that the method believes in, infinite where it says nothing of them; paths: of an
-    interior point, the root of tau after each iteration along each of its central paths.
+    interior point, the root of tau after each iteration along each of its central paths; taken_up: the error of another method's iterate
+    from which it has just begun anew, infinite where it goes on from its own.
     """
 
     def __init__(self, whole: Monitor) -> None:
@@ -46,7 +47,7 @@ class ShareOfMonitor(Monitor):
             memory=whole.memory,
         )
         self.whole, self.scale, self._told = whole, whole.scale, 0
-        self.speed = float("inf")
+        self.speed = self.taken_up = float("inf")
         self.paths: list[list[float]] = []
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
@@ -125,6 +126,7 @@ class Runner:
         self.result: Iterate | None = None
         self._course = [(0.0, min(race.monitor.best, 1e3))]
         self._speeds = [(0.0, float("inf"))]
+        self._since = 0
 
     @property
     def spent(self) -> float:
@@ -133,7 +135,8 @@ class Runner:
 
     def work(self, amount: float) -> None:
         """Take turns until about so much is spent, one at least, or one without an iteration says that something new would begin."""
-        until = self.spent + amount
+        begun = self.spent
+        until = begun + amount
         while self.result is None:
             done = self.monitor.iterations
             try:
@@ -143,6 +146,10 @@ class Runner:
             if self.spent >= until or self.monitor.iterations == done:
                 break
         self.monitor.tell()
+        if np.isfinite(self.monitor.taken_up):  # what another brought the error down by says nothing of this one's rate
+            self._since = len(self._course)
+            self._course.append((begun, self.monitor.taken_up))
+            self.monitor.taken_up = float("inf")
         best = min(self._course[-1][1], self.monitor.best)
         self._course.append((self.spent, best))
         self._speeds.append((self.spent, self.monitor.speed))
@@ -165,10 +172,11 @@ class Runner:
         return float(np.log10(known[0] / max(known[-1], 1e-300))) if known and known[0] > 0 else 0.0
 
     def needs(self) -> float:
-        """What it will spend until it arrives, at the rate of the second half of what it has spent; infinite where that made no better."""
-        spent, best = self._course[-1]
-        half = next(i for i in range(len(self._course) - 1, -1, -1) if self._course[i][0] <= 0.5 * spent)
-        earlier, before = self._course[half]
+        """What it will spend until it arrives, at the rate of the second half of what it has spent since it began, or took up another's
+        iterate; infinite where that made no better."""
+        own = self._course[self._since :]
+        spent, best = own[-1]
+        earlier, before = next(point for point in reversed(own) if point[0] - own[0][0] <= 0.5 * (spent - own[0][0]))
         if not 0 < best < before or spent <= earlier:
             return float("inf")
         return float(np.log(best / self.monitor.tol) / np.log(before / best)) * (spent - earlier)

@@ -11,6 +11,8 @@ from fcsim.solvers.base import Options, choice
 METRICS = ("identity", "compliance")
 STRATEGIES = ("prox", "regularisation")
 COUNTS = ("steps", "internal iterations")
+FORGOTTEN = 0.7
+"""Share of the alpha that failed below which the adaptive rule tries anew after a step that succeeded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +28,8 @@ class ProximalOptions(Options):
     alpha_rule           "constant"; "error": sigma error^nu; "adaptive": divided by sigma after a step whose inner problem was easy
                          (within `easy` internal iterations)
     relaxation           omega of r_k+1 = r_k + omega (new - r_k)
+    forgotten            share of the alpha that failed below which the adaptive rule tries anew after a step that succeeded, this share of
+                         a share after two
     internal_error_ratio inner problems are solved to error / ratio
     patience             proximal steps without a better error before giving up
 
@@ -45,6 +49,7 @@ class ProximalOptions(Options):
     sigma: float = 5.0
     nu: float = 1.0
     easy: int = 8
+    forgotten: float = FORGOTTEN
     relaxation: float = 1.0
     internal_error_ratio: float = 10.0
     patience: int = 50
@@ -58,6 +63,8 @@ class ProximalOptions(Options):
                 raise InputError(f"option {name}: expected a number > 0, got {getattr(self, name)}")
         if not self.nu >= 0:
             raise InputError(f"option nu: expected a number >= 0, got {self.nu}")
+        if not 0 < self.forgotten <= 1:
+            raise InputError(f"option forgotten: expected a number in (0, 1], got {self.forgotten}")
         if not 0 < self.relaxation < 2:
             raise InputError(f"option relaxation: expected a number in (0, 2), got {self.relaxation}")
         for name, least in (("easy", 1), ("patience", 1)):
@@ -87,8 +94,6 @@ ALPHA_RULES: dict[str, Callable[[float, float, int, ProximalOptions], float]] = 
 
 RISE = 10.0
 """Factor of alpha where an inner problem fails."""
-FORGOTTEN = 0.7
-"""Share of the alpha that failed below which the adaptive rule tries anew after a step that succeeded, this share of a share after two."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,9 @@ class Regularisation:
     def after_success(self, error: float, iterations: int, options: ProximalOptions) -> Regularisation:
         """After an inner problem that was solved within so many iterations."""
         alpha = max(ALPHA_RULES[options.alpha_rule](self.alpha, error, iterations, options), self.least)
-        return Regularisation(alpha, max(FORGOTTEN * self.least, options.alpha_least) if options.alpha_rule == "adaptive" else self.least)
+        return Regularisation(
+            alpha, max(options.forgotten * self.least, options.alpha_least) if options.alpha_rule == "adaptive" else self.least
+        )
 
     def after_failure(self, options: ProximalOptions) -> Regularisation:
         """After one that was not; the adaptive rule finds its way down again by itself, but not at once to what failed."""

@@ -78,16 +78,17 @@ def test_steps_of_the_adaptive_rule() -> None:
     assert_allclose(found[1:], found[:-1] * alpha / (1 + alpha), rtol=1e-5, atol=1e-12)
 
 
-def test_what_failed_is_tried_again_step_by_step() -> None:
+@pytest.mark.parametrize(("given", "share"), [({}, 0.7), ({"forgotten": 0.5}, 0.5)])
+def test_what_failed_is_tried_again_step_by_step(given: dict[str, Any], share: float) -> None:
     """After a failure at alpha the adaptive rule stays above it, then above 0.7 of it, 0.49 of it, down to the least of the options."""
-    options = ProximalOptions(alpha=1.0, sigma=5.0)
+    options = ProximalOptions(alpha=1.0, sigma=5.0, **given)
     failed = Regularisation.first(1.0, options).after_failure(options)
     assert (failed.alpha, failed.least) == (10.0, 1.0)
     alphas, rule = [], failed
     for _ in range(100):
         rule = rule.after_success(1e-3, 1, options)
         alphas.append(rule.alpha)
-    assert_allclose(alphas[:4], [2.0, 0.7, 0.7**2, 0.7**3])
+    assert_allclose(alphas[:4], [2.0, share, share**2, share**3])
     assert alphas[-1] == options.alpha_least
     constant = replace(options, alpha_rule="error")
     assert Regularisation.first(1.0, constant).after_failure(constant).least == 10 * 5.0
@@ -235,6 +236,8 @@ def test_the_way_may_lead_through_larger_errors(natural_map_error) -> None:
         {"easy": 0},
         {"relaxation": 2.0},
         {"internal_error_ratio": 0.0},
+        {"forgotten": 0.0},
+        {"forgotten": 1.1},
         {"patience": 0},
         {"max_iterations": -1},
     ],

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fcsim.problem import LocalProblem
+from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.race import Race, Runner, ShareOfMonitor, Stage, run
 from fcsim.solvers.automatic.stages import AutomaticOptions
@@ -82,6 +84,40 @@ def test_the_rate_predicts_what_is_needed() -> None:
     left = np.log(1e-8) / np.log(0.9) - runner.monitor.iterations
     assert runner.needs() == pytest.approx(left, rel=0.05)
     assert runner.decades() == pytest.approx(-runner.monitor.iterations * np.log10(0.9))
+
+
+@pytest.mark.parametrize(
+    ("own", "after"),  # after sixty iterations of its own it takes up an iterate of error 1e-6
+    [(lambda k: 1e-6 * 0.99 ** (k - 60), np.log(1e-8 / (1e-6 * 0.99**20)) / np.log(0.99)), (lambda k: 2e-6, np.inf)],
+    ids=["slowly", "no better"],
+)
+def test_what_another_method_found_is_no_rate_of_one_s_own(own: Callable[[int], float], after: float) -> None:
+    """It took 60 iterations for 0.99^60 and then 20 from an error of 1e-6: not 14 of these, as if it had come there itself."""
+    _, the_race = race([method("near", lambda k: 1e-6)], max_iterations=5)
+
+    def turns(race: Race, monitor: ShareOfMonitor) -> Turns:
+        for k in range(1, 81):
+            if k == 61:
+                monitor.taken_up = 1e-6
+            monitor.iterations += 1
+            r = np.array([1 - (0.99**k if k <= 60 else own(k)), 0, 0])
+            monitor.record(r, r + PROBLEM.q)
+            yield
+        return Iterate(r, Status.STAGNATED)
+
+    runner = Runner(Stage("taker", "Test.", enters=lambda race: True, turns=turns, price=lambda race: 1.0), the_race)
+    for _ in range(8):
+        runner.work(10.0)
+    assert runner.monitor.iterations == 80
+    assert runner.needs() == pytest.approx(after, rel=0.05)
+    assert runner.monitor.taken_up == np.inf
+
+
+@pytest.mark.parametrize(("own", "told"), [(1.01e-5, True), (0.99e-5, False)])
+def test_an_iterate_is_taken_up_where_it_is_ten_times_as_good(own: float, told: bool) -> None:
+    monitor = SimpleNamespace(best=own, taken_up=np.inf)
+    assert methods.overtaken(SimpleNamespace(best=1e-6), monitor) is told  # type: ignore[arg-type]
+    assert monitor.taken_up == (1e-6 if told else np.inf)
 
 
 def test_what_a_method_believes_is_checked() -> None:

@@ -231,6 +231,11 @@ def test_sweeps_enter(changes: dict[str, Any], over: tuple[str, ...], enters: bo
         ({"holds": FACES_HELD}, False, sweeping(600.1, spent=40.0), True),
         ({"holds": EDGES_HELD, "dimension": 2}, False, sweeping(600.1, spent=40.0), True),
         ({"in_velocities": False}, True, sweeping(600.1, spent=40.0), True),
+        ({"in_velocities": False, "dimension": 2}, True, sweeping(600.1, spent=600.0), True),  # of discs what 60 iterations cost
+        ({"in_velocities": False, "dimension": 2}, True, sweeping(600.1, spent=599.0), False),
+        ({"in_velocities": False, "dimension": 2, "warm": True}, True, sweeping(600.1, spent=599.0), True),
+        ({"dimension": 2}, True, sweeping(600.1, spent=150.0), True),  # in the bodies' velocities as grains in 3D
+        ({"dimension": 2}, True, sweeping(600.1, spent=149.0), False),
         ({"regular": True}, True, sweeping(600.1, spent=40.0), True),
         ({"warm": True}, True, sweeping(1.0), True),
         ({"joints": object()}, True, sweeping(1.0), True),
