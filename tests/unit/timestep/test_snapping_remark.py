@@ -7,10 +7,12 @@ from numpy.testing import assert_allclose
 from fcsim.assembly.loads import BodyForce
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Everything
+from fcsim.contact_detection import Detector, Everything, SurfacePair
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_law import Compliant, Springs
 from fcsim.mesh import Body, Part
 from fcsim.mesh.blocks import rectangle, rigid_rectangle
-from fcsim.mesh.material import saint_venant_kirchhoff
+from fcsim.mesh.material import Material, saint_venant_kirchhoff
 from fcsim.timestep.limits import Limits
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation
@@ -81,3 +83,21 @@ def test_a_body_that_is_carried_along_says_nothing(unit: float, E: float, densit
     assert not [remark for step in steps for remark in step.remarks if "released" in remark]
     moved = model.positions(steps[-1].state.x)[: len(part.points)] - part.points
     assert_allclose(moved, np.broadcast_to([6e-3 * unit, 0.0], moved.shape), atol=1e-9 * unit)
+
+
+def test_what_dashpots_of_a_joint_take_is_none_of_it() -> None:
+    """Blocks pressed together at 1e-4 m a unit of time on k = 1e8 Pa/m and c = 1e9 Pa s/m: k x + c x'."""
+    stiff = Material(1e12, 0.0, 1000.0)
+    lower = Body("lower", rectangle("lower", (1.0, 1.0), (1, 1), stiff), translation=np.array([0.0, -1.0]))
+    upper = Body("upper", rectangle("upper", (1.0, 1.0), (1, 1), stiff))
+    supports = [
+        Support("lower", ("x", "y"), "y-"),
+        Support("upper", ("y",), "y+", displacement=lambda t: -1e-4 * t),
+        Support("upper", ("x",), "y+"),
+    ]
+    model = build_model([lower, upper], supports=supports)
+    pair = SurfacePair(contact_surface(model, [("upper", "y-")]), contact_surface(model, [("lower", "y+")]), 0.5, 0.05, "faces")
+    law = Compliant(Springs(normal=1e8, tangential=1e8, normal_damping=1e9))
+    steps = list(Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(1.0, law=law), 4, witness=None))
+    assert_allclose(steps[-1].contact_force_on(1)[1], 1e8 * 4e-4 + 1e9 * 1e-4, rtol=1e-3)
+    assert not [remark for step in steps for remark in step.remarks if "released" in remark]

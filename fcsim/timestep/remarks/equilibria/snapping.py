@@ -9,8 +9,10 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
+from fcsim.contact_law import Springs
 from fcsim.timestep.energy import pushing
 from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.remarks.of_laws.known_laws import single_laws
 from fcsim.timestep.step import Step
 
 SHARE = 0.1
@@ -26,6 +28,12 @@ def _round_off(model: Model, dx: FloatArray) -> float:
     force = model.elastic.largest_force.sum()
     size = float(np.ptp(model.reference, axis=0).max())
     return float(np.finfo(float).eps * force * (size + np.abs(dx[: model.n_elastic]).max(initial=0.0)))
+
+
+def _damped(scheme: QuasiStatic) -> bool:
+    """Whether joints of a law have dashpots along their normals."""
+    springs = (getattr(law, "springs", None) for law in single_laws(scheme.law))
+    return any(isinstance(each, Springs) and each.normal_damping > 0 for each in springs)
 
 
 class _Loaded(NamedTuple):
@@ -47,8 +55,8 @@ class Snapping:
 
     is of third order in the length of a step along one path of equilibria. Where bodies leave it, through a snap or as a contact lets them
     go, R is what they release, which only motion could carry away. It is named where it exceeds `SHARE` E_0 and |(f_1 - f_0) . dx| / 2,
-    which along a path is of second order, and round-off. Friction counts twice, since it is known at the end of the step only. Statics
-    regularised by the mass and bodies held by links are not asked.
+    which along a path is of second order, and round-off. Friction counts twice, since it is known at the end of the step only; so do
+    dashpots of joints. Statics regularised by the mass and bodies held by links are not asked.
     """
 
     def __init__(self) -> None:
@@ -66,6 +74,7 @@ class Snapping:
             return {}
         dx = x - before.x
         taken = energy.material_dissipation + 2 * max(energy.tangential_dissipation, 0.0)
+        taken += 2 * max(energy.normal_dissipation, 0.0) if _damped(scheme) else 0.0
         work = 0.5 * float((before.force + force) @ dx)
         released = work - (self._before.stored - before.stored) - taken
         along = 0.5 * abs(float((force - before.force) @ dx))
