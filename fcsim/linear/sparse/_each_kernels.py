@@ -10,7 +10,7 @@ from numba import njit
 @njit(cache=True, nogil=True)
 def times_rows(indptr, indices, data, X, begin, end, Y, lanes):
     """Y[b] = A X[b] for begin <= b < end, A (n, m) by rows; sums in the order of its entries. lanes: so many vectors go through A
-    together, their numbers of one column side by side; a number that the compiler knew would have it unroll the sums, which takes half more."""
+    together, their numbers of one column side by side; one that the compiler knew would take half more time."""
     n, m = len(indptr) - 1, X.shape[1]
     x, sums = np.empty((m, lanes)), np.empty(lanes)
     for first in range(begin, end, lanes):
