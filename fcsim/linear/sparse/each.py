@@ -9,25 +9,20 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.linear.over_ranks.rows import RowsOverRanks
+from fcsim.linear.sparse._each_kernels import times_rows
 from fcsim.threads import pieces, side_by_side
 
-NUMBERS_AT_ONCE, VECTORS_A_PIECE = 50_000, 500
-"""Of the vectors that are multiplied at once, which a core's own cache holds with what comes out (half the time of all at once for 2565
-bricks of 675 unknowns); vectors that one thread takes."""
+FEW, VECTORS_A_PIECE, LANES = 50_000, 500, 32
+"""Numbers of vectors up to twice which SciPy multiplies them at once, all in a core's own cache; vectors that one thread takes, and that
+go through the matrix together."""
 
 
 def times_each(A: sp.csr_array | RowsOverRanks, X: FloatArray) -> FloatArray:
     """A x (k, n) for each row x of X (k, m); entries are summed as in A @ X^T."""
-    at_once = max(1, NUMBERS_AT_ONCE // max(1, A.shape[1]))
-    if len(X) <= 2 * at_once or not isinstance(A, sp.csr_array):
+    if len(X) <= 2 * max(1, FEW // max(1, A.shape[1])) or not isinstance(A, sp.csr_array):
         product: FloatArray = (A @ X.T).T
         return product
     out = np.empty((len(X), A.shape[0]))
-
-    def some(begin: int, end: int) -> None:
-        for i in range(begin, end, at_once):
-            j = min(i + at_once, end)
-            out[i:j] = (A @ np.ascontiguousarray(X[i:j].T)).T
-
-    side_by_side([partial(some, begin, end) for begin, end in pieces(len(X), VECTORS_A_PIECE)])
+    work = [partial(times_rows, A.indptr, A.indices, A.data, X, begin, end, out, LANES) for begin, end in pieces(len(X), VECTORS_A_PIECE)]
+    side_by_side(work)
     return out

@@ -13,7 +13,7 @@ from fcsim.linear.sparse import each
 @pytest.mark.parametrize("count", [0, 1, 7, 1500])
 def test_each_vector_has_its_own_product(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The last bit too: entries are summed in the matrix' order."""
-    monkeypatch.setattr(each, "NUMBERS_AT_ONCE", 30 * 20)
+    monkeypatch.setattr(each, "FEW", 30 * 20)
     rng = np.random.default_rng(0)
     A, X = sp.csr_array(sp.random_array((40, 30), density=0.3, rng=rng)), rng.standard_normal((count, 30))
     assert_array_equal(each.times_each(A, X), (A @ X.T).T)
