@@ -107,8 +107,8 @@ def gather_nodal_forces(first, contacts, begins, unknowns, weights, row, nodal, 
 
 @njit(cache=True, nogil=True)
 def nodes_by_contacts(begins, starts, pairs, nodal, begin, end, begins_here, frame_here, nodes_here, shapes_here):
-    """Write which frame, nodes and shape values the pairs of the contacts begin, ..., end - 1 have once more, in the order of `pairs`: those
-    of pair pairs[i] from begins_here[i] on. What is read contact by contact then stands one after the other."""
+    """Write once more which frame, nodes and shape values the pairs of the contacts begin, ..., end - 1 have, those of pairs[i] from
+    begins_here[i] on: what is read contact by contact then stands one after the other."""
     _, frame_of, nodes, shapes = nodal
     for i in range(starts[begin], starts[end]):
         first = begins[pairs[i]] // 3

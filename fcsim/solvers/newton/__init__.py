@@ -9,7 +9,7 @@ To follow NSN-AC on a step of a wall, ten files, in this order:
 5. solvers/newton/systems/choice.py        which linear algebra serves
 6. solvers/newton/systems/condensed.py     (A W + B) dr = -F by what is held from iteration to iteration and from step to step
 7. solvers/newton/systems/held.py          the factor of W on the held contacts
-8. linear/fronts.py                        ... by fronts of the joints' contacts
+8. linear/fronts.py                        ... by fronts of the joints' contacts (linear/multifrontal: LU)
 9. solvers/newton/systems/border.py        the contacts whose status has changed since
 10. solvers/newton/systems/remainder.py    what is left to be solved on them
 
