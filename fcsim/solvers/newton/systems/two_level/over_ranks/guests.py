@@ -53,8 +53,9 @@ class Guests:
 
     def take(self, R: NDArray[np.float32], starts: IntArray) -> None:
         """R of this rank's joints, each from its start on, has changed: hear of the guests'."""
-        received = self._world.gathered(kernels.blocks_of(R, starts, self._sent), self._R_counts)
-        self._R = kernels.blocks_of(received, self._starts, self._which)
+        with self._world.unasked("joints between ranks"):
+            received = self._world.gathered(kernels.blocks_of(R, starts, self._sent), self._R_counts)
+            self._R = kernels.blocks_of(received, self._starts, self._which)
 
     def lengths(self, before: int) -> list[int]:
         """Of what each rank sends, an even number: so many others `before` its z."""
