@@ -11,8 +11,8 @@ from fcsim.solvers.newton.systems.two_level import _block_kernels as kernels
 
 
 class Guests:
-    """z - R c on others' contacts at this rank's bodies: R is sent once a system, z with what an application exchanges at any rate, and c is
-    known; the owner's bits, by the owner's operations."""
+    """z - R c on others' contacts at this rank's bodies: R is sent once a system, z with what each application exchanges, and c is known;
+    the owner's bits, by the owner's operations."""
 
     def __init__(
         self,
