@@ -11,8 +11,8 @@ from fcsim.solvers.newton.systems.two_level import _block_kernels as kernels
 
 
 class Guests:
-    """z - R c on the contacts of others that this rank is at: R is sent once a system, z with what an application exchanges at any
-    rate, and c is known; the owner's bits, by the owner's operations."""
+    """z - R c on others' contacts at this rank's bodies: R is sent once a system, z with what each application exchanges, and c is known;
+    the owner's bits, by the owner's operations."""
 
     def __init__(
         self,
@@ -53,8 +53,9 @@ class Guests:
 
     def take(self, R: NDArray[np.float32], starts: IntArray) -> None:
         """R of this rank's joints, each from its start on, has changed: hear of the guests'."""
-        received = self._world.gathered(kernels.blocks_of(R, starts, self._sent), self._R_counts)
-        self._R = kernels.blocks_of(received, self._starts, self._which)
+        with self._world.unasked("joints between ranks"):
+            received = self._world.gathered(kernels.blocks_of(R, starts, self._sent), self._R_counts)
+            self._R = kernels.blocks_of(received, self._starts, self._which)
 
     def lengths(self, before: int) -> list[int]:
         """Of what each rank sends, an even number: so many others `before` its z."""
