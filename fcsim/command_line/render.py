@@ -37,6 +37,10 @@ def _render(options: argparse.Namespace) -> int:
             exaggeration=options.exaggeration,
             progress=lambda what, done, total: bar.update(done, total, what=what),
         )
+        if not any(path.parent.name == "pictures" for path in written):
+            bar.say(
+                "no pictures and no film: the run has no VTK files, which fcsim run writes every 10th step and after the last (--vtk-every)"
+            )
     for path in written:
         say(path)
     return EXIT_OK

@@ -189,6 +189,9 @@ def _matrix(group: Group, shape: tuple[int, int], vectors: str) -> tuple[sp.csc_
         raise InputError(f"{group.name}/x: expected finite numbers, got NaN or infinity")
 
     if nz >= 0:
+        lengths = [len(_array(group, name, "fiu", "a vector of numbers")) for name in ("p", "i", "x")]
+        if len(set(lengths)) > 1:  # a compressed matrix whose nz is damaged would be read as a few of its entries
+            raise InputError(f"{group.name}: expected {nz} triplets (nz), of which p, i and x are of one length, got lengths {lengths}")
         matrix = sp.coo_array((values, (indices, pointers)), shape=(rows, columns)).tocsc()
     else:
         matrix = compressed((values, indices, pointers), shape=(rows, columns))

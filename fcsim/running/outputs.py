@@ -78,7 +78,8 @@ class Outputs:
         self._table = StepTable(directory / "steps.csv", case.sensors, start)
         self._series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
         self._compressor = Compressor()
-        self._about = f"{case.description}; fcsim {__version__}; parameters: {asdict(parameters)}"  # type: ignore[call-overload]
+        about = (case.description, f"fcsim {__version__}", f"parameters: {asdict(parameters)}")  # type: ignore[call-overload]
+        self._about = "; ".join(filter(None, about))
         self._beside: ThreadPoolExecutor | None = None
         self._writing: deque[Future[None]] = deque()  # steps on their way, in their order
         self._failed = False

@@ -119,6 +119,14 @@ def test_triplet_indices_out_of_range_are_refused(tmp_path, name, values, messag
         read_fclib(path)
 
 
+def test_a_compressed_matrix_that_says_it_has_triplets_is_refused(path):
+    """nz = 1 beside the pointers of columns: it would be read as one of its entries, another problem."""
+    with h5py.File(path, "r+") as file:
+        put(file, "fclib_global/H/nz", [1])
+    with pytest.raises(InputError, match=r"fclib_global/H: expected 1 triplets \(nz\), of which p, i and x are of one length, got lengths"):
+        read_fclib(path)
+
+
 def test_constraints_of_a_local_problem_are_all_there_or_none(tmp_path):
     path = write_fclib(tmp_path / "a.hdf5", LocalProblem(np.eye(3), np.ones(3), np.ones(1), np.ones((3, 1)), np.eye(1), np.ones(1)))
     with h5py.File(path, "r+") as file:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from fcsim.command_line.main import main
 from fcsim.running.case import load_case
 from fcsim.running.run import RunOptions, run_case
 from fcsim.view import render
@@ -51,3 +52,15 @@ def test_odd_runs_are_drawn_without_a_warning(tmp_path: Path, given: dict[str, s
         files = render(run, film=None, page=True)
     assert {path.name for path in files if path.parent.name == "pictures"} == drawn
     assert files[-1] == run / "page.html" and files[-1].stat().st_size > 1e6
+
+
+def test_a_run_without_a_series_says_why_there_are_no_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "ball"
+    folder.mkdir()
+    (folder / "ball.py").write_text(SCRIPT)
+    run_case(load_case(folder), {"steps": "1"}, folder / "run", RunOptions(export_every=0, vtk_every=0))
+    assert main(["render", str(folder / "run")]) == 0
+    said = capsys.readouterr()
+    assert "no pictures and no film: the run has no VTK files" in said.err and "plots" in said.out
+    assert main(["render", str(folder / "run"), "--quiet"]) == 0
+    assert capsys.readouterr().err == ""
