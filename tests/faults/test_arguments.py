@@ -180,6 +180,12 @@ def test_what_a_function_raises_later_in_the_run_is_one_line_too(more: dict[str,
         list(Simulation(model, Everything(model, mu=0.3), Theta(0.1), 10))
 
 
+@pytest.mark.parametrize("members", [("block", "z-"), "block", None, 3, [("block",)], [("block", 1)], [["block", "z-", "z+"]]], ids=str)
+def test_surfaces_of_another_form_are_refused_in_one_line(members: Any) -> None:
+    with pytest.raises(fcsim.InputError, match=r"contact_surface: expected a list of \(body, surface\), as .*, got "):
+        contact_surface(_model(), members)
+
+
 def test_numbers_of_every_kind_that_is_one_are_taken() -> None:
     for value in (1, 1.0, np.float32(1.0), np.int64(1), np.array(1.0)):
         assert is_number(value)

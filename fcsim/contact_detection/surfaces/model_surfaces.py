@@ -8,6 +8,7 @@ import numpy as np
 
 from fcsim.arrays import IntArray
 from fcsim.assembly.model import Model
+from fcsim.brief import shown
 from fcsim.contact_detection.surfaces import parents
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
@@ -19,9 +20,12 @@ def contact_surface(model: Model, members: Iterable[tuple[str, str]]) -> Contact
     """Return the union of named surfaces, members (body name, surface name), as one contact surface of the model. Facets of second order
     are cut at their nodes into linear ones, which know their `Parents`.
 
-    InputError: an unknown body or surface, or no member at all.
+    InputError: an unknown body or surface, what is no pair of names, or no member at all.
     """
-    members = list(members)
+    members = list(members) if isinstance(members, Iterable) and not isinstance(members, str) else [members]
+    for member in members:
+        if not (isinstance(member, tuple | list) and len(member) == 2 and all(isinstance(name, str) for name in member)):
+            raise InputError(f"contact_surface: expected a list of (body, surface), as [('block', 'z-')], got {shown(member)} in it")
     if not members:
         raise InputError("contact_surface: expected at least one (body, surface), got none")
     facets = [model.facets(body, surface) for body, surface in members]
