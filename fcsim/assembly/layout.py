@@ -78,6 +78,11 @@ class BodyLayout:
         """Nodes (n_nodes, d) [m] in the reference configuration."""
         return np.concatenate([body.points for body in self.bodies])
 
+    @property
+    def bounded_points(self) -> FloatArray:
+        """Those of `reference` that are not of planes, whose points are those of a picture of any size."""
+        return np.concatenate([np.zeros((0, self.dimension)), *(body.points for body in self.bodies if not endless(body))])
+
     @cached_property
     def dof_of_node(self) -> IntArray:
         """(n_nodes, d), -1 for the nodes of rigid bodies, which have none of their own."""

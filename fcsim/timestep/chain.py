@@ -89,7 +89,9 @@ class SolverSettings:
     times in a row begins the next 25 chains, see `Lead`; `Step.attempts` says what was tried.
 
     name       of the table of solvers, `fcsim.SOLVERS`; options: those of the method, by name
-    tol        on the scaled error of each step's problem; floor [m/s; quasi-statics: m]: see `fcsim.problem.error`
+    tol        on the scaled error of each step's problem
+    floor      [m/s; quasi-statics: m] what counts as motion at least, see `fcsim.problem.error`; None: a millionth of the model's size
+               in a step, so that answers are alike in all units, see `settings_of_model`
     fallback   names that follow, see above; (): none
     loop       how a step with turning or nonlinear bodies goes to its answer: "sequence", friction problems that are solved one after the
                other; "one", one linearisation of the bodies an iteration of the contacts, with the nonsmooth Newton methods (see
@@ -101,7 +103,7 @@ class SolverSettings:
 
     name: str = "auto"
     tol: float = 1e-8
-    floor: float = 1e-3
+    floor: float | None = None
     options: Mapping[str, object] = field(default_factory=dict)
     fallback: tuple[str, ...] = ("NSN-AC", "NSN-NM", "NSN-AC-HYBRID", "auto")
     loop: str = "auto"
@@ -118,8 +120,33 @@ class SolverSettings:
         if not (is_number(self.tol) and 0 < self.tol < 1):  # from 1 on r = 0 would do
             raise InputError(f"tol: expected a number > 0 and < 1, got {shown(self.tol)}")
         choice("loop", self.loop, ("auto", "one", "sequence"))
-        if not (is_number(self.floor) and self.floor >= 0):
-            raise InputError(f"floor: expected a number >= 0, got {shown(self.floor)}")
+        if self.floor is not None and not (is_number(self.floor) and self.floor >= 0):
+            raise InputError(f"floor: expected a number >= 0 or None (of the model's size), got {shown(self.floor)}")
+
+    @property
+    def least_motion(self) -> float:
+        """The floor as a number [unit of q]: 0 where none is set, neither here nor by `settings_of_model`."""
+        return self.floor or 0.0
+
+
+SMALL_MOTION = 1e-6
+"""Of the model's size: motions in a step of which `tol` passes for none, where `SolverSettings.floor` is None."""
+
+DIGITS = 16 * float(np.finfo(np.float64).eps)
+"""Of the largest coordinate: what gaps that are differences of coordinates are known to."""
+
+
+def settings_of_model(settings: SolverSettings, reference: FloatArray, advance: float) -> SolverSettings:
+    """The settings with a floor for the model whose nodes lie at `reference` (n_nodes, d) [m], where they have none.
+
+    floor = max(1e-6 L, 16 eps X / tol) / advance, with L the model's size, X its largest coordinate and `advance` what turns q into a
+    motion in a step [s; statics: 1]. Errors of tol floor then lie at round-off of gaps, and a model in other units has the same answers.
+    """
+    if settings.floor is not None:
+        return settings
+    least = DIGITS / settings.tol * float(np.abs(reference).max(initial=0.0))
+    size = float(np.ptp(reference, axis=0).max(initial=0.0)) if len(reference) else 0.0
+    return replace(settings, floor=max(SMALL_MOTION * size, least) / advance)
 
 
 def solve_chain(
@@ -146,7 +173,7 @@ def solve_chain(
     solved: Callable[..., Result] = solve  # which checks the options
     for k, (name, start, options) in enumerate(chain):
         r = warm if start == "previous steps" else None
-        result = solved(reduction, name, r, tol=tol, floor=settings.floor, memory=kept, **options)
+        result = solved(reduction, name, r, tol=tol, floor=settings.least_motion, memory=kept, **options)
         kept = result.memory
         attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol, k == 0 and lead.steps > 0))
         if result.solved:
@@ -183,7 +210,7 @@ def solve_rolling_chain(
     for name, options in (*own, *ROLLING):
         if not options and name != settings.name:
             r, start = np.zeros_like(warm), "zero"
-        result = solved(reduction, name, r, tol=tol, floor=settings.floor, **options)
+        result = solved(reduction, name, r, tol=tol, floor=settings.least_motion, **options)
         attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol))
         if result.solved:
             return result

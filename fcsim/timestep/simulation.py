@@ -24,8 +24,8 @@ from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
 from fcsim.timestep.beginning.first_half import passes, refuse_going_through
 from fcsim.timestep.beginning.impact import remark, struck
-from fcsim.timestep.chain import Attempt, Clock, SolverSettings, given_up, not_converged
-from fcsim.timestep.creation import refuse_creation
+from fcsim.timestep.chain import Attempt, Clock, SolverSettings, given_up, not_converged, settings_of_model
+from fcsim.timestep.creation import energy_at_rest, refuse_creation
 from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
@@ -133,14 +133,13 @@ class Simulation:
         return proportions(self.model)
 
     @cached_property
-    def _free_mass(self) -> float:
-        """Mass [kg] of what no support drives."""
-        model = self.model
-        along = np.zeros(model.n_dofs)
-        along[np.setdiff1d(model.dof_of_node[:, 0], -1)] = 1.0
-        model.rigid_part(along)[:, 0] = 1.0
-        along -= model.driven_share(along)
-        return float(along @ model.apply_mass(along))
+    def _rest(self) -> float:
+        return energy_at_rest(self.model, self._settings.least_motion, self._extent, max(self.steps, 1) * self.scheme.h)
+
+    @cached_property
+    def _settings(self) -> SolverSettings:
+        """The solver's, with a floor."""
+        return settings_of_model(self.solver, self.model.bounded_points, self.scheme.h if self.scheme.timing.moving else 1.0)
 
     @cached_property
     def _measure(self) -> DeformationMeasure:
@@ -169,7 +168,7 @@ class Simulation:
 
     def _opening(self, state: State) -> tuple[str, ...]:
         """Remarks as a run begins."""
-        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage, self.solver.floor)
+        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage, self.solver.least_motion)
         return (*locking_parts(self.model), *own)
 
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
@@ -222,8 +221,7 @@ class Simulation:
             part.previous.forget()
             part = replace(part, last=last, ledger=moment.ledger.after(last))
             if self.scheme.timing.moving:
-                # what moves slower than the solvers' floor is at rest
-                refuse_creation(part, self.created, 0.5 * self._free_mass * self.solver.floor**2, self._extent)
+                refuse_creation(part, self.created, self._rest, self._extent)
             position, substeps, impact = position + (end >> cuts), substeps + 1, impact or part.struck
             if cuts and position % (end >> (cuts - 1)) == 0:
                 cuts -= 1
@@ -242,7 +240,7 @@ class Simulation:
             return None
 
         def solve(equation: Equation, past: Past) -> tuple[Answer | None, Past]:
-            return solve_equation(equation, self.solver, self._extent, past, attempts, Clock())
+            return solve_equation(equation, self._settings, self._extent, past, attempts, Clock())
 
         made = struck(self.model, self.detector, scheme, start, self._proportions, self.linkage, self.system, solve)
         return (start, None) if made is None else (replace(start, state=made.state), made.energy)
@@ -295,7 +293,7 @@ class Simulation:
         borne = borne_at_first(model, self.detector, scheme, met)
         while True:
             equation = Equation(scheme, model, state, met, factor, rest, driven, elastic, 0.5**cuts, links.rows, borne=borne)
-            answer, past = solve_settled(equation, self.solver, self._extent, past, attempts, clock, partial(self._anew, start))
+            answer, past = solve_settled(equation, self._settings, self._extent, past, attempts, clock, partial(self._anew, start))
             if kept is not None and past.serving is not None:
                 kept[cuts] = past.serving
             if answer is None:

@@ -58,7 +58,7 @@ def falling_column(
     sides, top = contact_surface(model, [("column", "y-"), ("column", "x+")]), contact_surface(model, [("floor", "y+")])
     detector = Detector([SurfacePair(sides, top, 2.0, 5e-3 / length)], model.n_nodes)
     start = State(0.0, np.zeros(model.n_dofs), v)
-    settings = SolverSettings(tol=1e-9, floor=SolverSettings().floor / length)
+    settings = SolverSettings(tol=1e-9)
     angles = []
     for step in Simulation(model, detector, Theta(2e-3), round(seconds / 2e-3), settings, start):
         X = model.reference[nodes] - model.reference[nodes].mean(axis=0)

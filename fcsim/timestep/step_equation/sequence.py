@@ -62,10 +62,10 @@ def _solved(
         problem = equation.problem(load)
         reduction = Reduction(problem, compliance)
         rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
-        tol = max(_tolerance(settings.tol, reduction, extent, equation), _rough(equation, reduction, settings.floor))
+        tol = max(_tolerance(settings.tol, reduction, extent, equation), _rough(equation, reduction, settings.least_motion))
         first = len(attempts)
         if start is None:
-            enough = tol * max(float(np.linalg.norm(reduction.q)), settings.floor)
+            enough = tol * max(float(np.linalg.norm(reduction.q)), settings.least_motion)
             begins = method(lead.solver if lead.steps else settings.name)
             start = r = _start(reduction, rolling, equation.met, past.reactions, enough, isinstance(begins.options, NewtonOptions))
             clock.lap("assembly")  # W, which may have been summed beside what a start needs

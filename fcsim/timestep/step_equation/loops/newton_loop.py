@@ -39,7 +39,7 @@ def looped(settings: SolverSettings, equation: Equation, done: int, allowed: flo
 def contacts_once(reduction: Reduction, equation: Equation, v: FloatArray, r: FloatArray, settings: SolverSettings, tol: float) -> Result:
     """One iteration of the contacts from the iterate v (n_dofs,), r (m,), with the bodies as they are linearised there."""
     u = equation.met.scaled_H.T @ v + equation.met.w
-    return solve_by(one_iteration(u), reduction, "one loop", r, tol=tol, floor=settings.floor)
+    return solve_by(one_iteration(u), reduction, "one loop", r, tol=tol, floor=settings.least_motion)
 
 
 def looped_attempt(result: Result, done: int, share: float, tol: float) -> Attempt:

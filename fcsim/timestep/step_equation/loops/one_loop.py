@@ -125,10 +125,10 @@ def solve_followed(
     what is `allowed` for the last linearisation: the first, far from the motion, may have a q of another size."""
     solved: Callable[..., Result] = solve  # which checks the options
     tol = allowed(problem.reduction)
-    result = solved(problem, settings.name, r, tol=tol, floor=settings.floor, memory=kept, **settings.options)
+    result = solved(problem, settings.name, r, tol=tol, floor=settings.least_motion, memory=kept, **settings.options)
     if result.solved:
         residual = natural_map_residual(result.r, result.u, problem.mu, problem.dimension, problem.compliance)
-        error = relative(residual, max(float(np.linalg.norm(problem.reduction.q)), settings.floor))
+        error = relative(residual, max(float(np.linalg.norm(problem.reduction.q)), settings.least_motion))
         tol = allowed(problem.reduction)
         result = replace(result, error=error, scaled_error=error)
     within = result.solved and problem.settled and result.error <= tol
