@@ -10,6 +10,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, is_number
 from fcsim.brief import shown
+from fcsim.contact_law.law import Timing
 from fcsim.errors import InputError, NotConverged
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import RollingReduction
@@ -90,8 +91,8 @@ class SolverSettings:
 
     name       of the table of solvers, `fcsim.SOLVERS`; options: those of the method, by name
     tol        on the scaled error of each step's problem
-    floor      [m/s; quasi-statics: m] what counts as motion at least, see `fcsim.problem.error`; None: a millionth of the model's size
-               in a step, so that answers are alike in all units, see `settings_of_model`
+    floor      [m/s; quasi-statics: m] what counts as motion at least, see `fcsim.problem.error`; None: a part of the model's size, so that
+               answers are alike in all units, see `settings_of_model`
     fallback   names that follow, see above; (): none
     loop       how a step with turning or nonlinear bodies goes to its answer: "sequence", friction problems that are solved one after the
                other; "one", one linearisation of the bodies an iteration of the contacts, with the nonsmooth Newton methods (see
@@ -129,24 +130,21 @@ class SolverSettings:
         return self.floor or 0.0
 
 
-SMALL_MOTION = 1e-6
-"""Of the model's size: motions in a step of which `tol` passes for none, where `SolverSettings.floor` is None."""
-
-DIGITS = 16 * float(np.finfo(np.float64).eps)
-"""Of the largest coordinate: what gaps that are differences of coordinates are known to."""
+SMALL_WAY, SMALL_MOTION = 1e-6, 1e-9
+"""Of the model's size: motions in a step, of statics and of dynamics, of which `tol` passes for none where no floor is given."""
 
 
-def settings_of_model(settings: SolverSettings, reference: FloatArray, advance: float) -> SolverSettings:
-    """The settings with a floor for the model whose nodes lie at `reference` (n_nodes, d) [m], where they have none.
+def settings_of_model(settings: SolverSettings, points: FloatArray, timing: Timing) -> SolverSettings:
+    """The settings with a floor for the model of `points` (n, d) [m], where they have none: 1e-6 L in statics, 1e-9 L / h in dynamics.
 
-    floor = max(1e-6 L, 16 eps X / tol) / advance, with L the model's size, X its largest coordinate and `advance` what turns q into a
-    motion in a step [s; statics: 1]. Errors of tol floor then lie at round-off of gaps, and a model in other units has the same answers.
+    L is the model's size. Errors of `tol` floor then lie at or below round-off of gaps, L eps, and a model in other units of length
+    and time has the same answers. In dynamics velocities, which carry less round-off than gaps, decide; a step of 1 us of a body of 1 m
+    has a floor of 1 mm/s.
     """
     if settings.floor is not None:
         return settings
-    least = DIGITS / settings.tol * float(np.abs(reference).max(initial=0.0))
-    size = float(np.ptp(reference, axis=0).max(initial=0.0)) if len(reference) else 0.0
-    return replace(settings, floor=max(SMALL_MOTION * size, least) / advance)
+    size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    return replace(settings, floor=SMALL_MOTION * size / timing.h if timing.moving else SMALL_WAY * size)
 
 
 def solve_chain(

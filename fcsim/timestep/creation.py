@@ -19,18 +19,13 @@ NO_HEIGHT = 1e-6
 """Share of the model's size through which loads do work that counts as none: bodies set down with the round-off of a mesh file."""
 
 
-SMALL_TRAVEL = 1e-3
-"""Of the model's size: what moves through less in a whole run is at rest."""
-
-
-def energy_at_rest(model: Model, floor: float, extent: float, duration: float) -> float:
-    """Kinetic energy [J] that counts as none: of all that no support drives, slower than the solvers' `floor` [m/s] and too slow to move
-    through a thousandth of the model's size, `extent` [m], in the run's `duration` [s]."""
+def energy_at_rest(model: Model, floor: float) -> float:
+    """Kinetic energy [J] that counts as none: of all that no support drives, slower than the solvers' `floor` [m/s]."""
     along = np.zeros(model.n_dofs)
     along[np.setdiff1d(model.dof_of_node[:, 0], -1)] = 1.0
     model.rigid_part(along)[:, 0] = 1.0
     along -= model.driven_share(along)
-    return 0.5 * float(along @ model.apply_mass(along)) * min(floor, SMALL_TRAVEL * extent / duration) ** 2
+    return 0.5 * float(along @ model.apply_mass(along)) * floor**2
 
 
 def refuse_creation(step: Step, share: float, rest: float, extent: float) -> None:

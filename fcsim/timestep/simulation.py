@@ -134,12 +134,12 @@ class Simulation:
 
     @cached_property
     def _rest(self) -> float:
-        return energy_at_rest(self.model, self._settings.least_motion, self._extent, max(self.steps, 1) * self.scheme.h)
+        return energy_at_rest(self.model, self._settings.least_motion)
 
     @cached_property
     def _settings(self) -> SolverSettings:
         """The solver's, with a floor."""
-        return settings_of_model(self.solver, self.model.bounded_points, self.scheme.h if self.scheme.timing.moving else 1.0)
+        return settings_of_model(self.solver, self.model.bounded_points, self.scheme.timing)
 
     @cached_property
     def _measure(self) -> DeformationMeasure:
