@@ -91,8 +91,8 @@ class SolverSettings:
 
     name       of the table of solvers, `fcsim.SOLVERS`; options: those of the method, by name
     tol        on the scaled error of each step's problem
-    floor      [m/s; quasi-statics: m] what counts as motion at least, see `fcsim.problem.error`; None: a part of the model's size, so that
-               answers are alike in all units, see `settings_of_model`
+    floor      [m/s; quasi-statics: m] what counts as motion at least, see `fcsim.problem.error`; None: of which `tol` is what gaps
+               are known to, see `settings_of_model`
     fallback   names that follow, see above; (): none
     loop       how a step with turning or nonlinear bodies goes to its answer: "sequence", friction problems that are solved one after the
                other; "one", one linearisation of the bodies an iteration of the contacts, with the nonsmooth Newton methods (see
@@ -130,21 +130,20 @@ class SolverSettings:
         return self.floor or 0.0
 
 
-SMALL_WAY, SMALL_MOTION = 1e-6, 1e-9
-"""Of the model's size: motions in a step, of statics and of dynamics, of which `tol` passes for none where no floor is given."""
+DIGITS = 4 * float(np.finfo(np.float64).eps)
+"""Of the largest coordinate: what gaps, differences of coordinates, are known to."""
 
 
 def settings_of_model(settings: SolverSettings, points: FloatArray, timing: Timing) -> SolverSettings:
-    """The settings with a floor for the model of `points` (n, d) [m], where they have none: 1e-6 L in statics, 1e-9 L / h in dynamics.
+    """The settings with a floor for the model of `points` (n, d) [m], where they have none: 4 eps X / tol in statics, by h in dynamics.
 
-    L is the model's size. Errors of `tol` floor then lie at or below round-off of gaps, L eps, and a model in other units of length
-    and time has the same answers. In dynamics velocities, which carry less round-off than gaps, decide; a step of 1 us of a body of 1 m
-    has a floor of 1 mm/s.
+    X is the largest of coordinates and size. Errors of `tol` floor are then what gaps have of round-off, 1e-15 X, and a model in other
+    units of length and time has the same answers.
     """
-    if settings.floor is not None:
+    if settings.floor is not None or not len(points):
         return settings
-    size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
-    return replace(settings, floor=SMALL_MOTION * size / timing.h if timing.moving else SMALL_WAY * size)
+    known = DIGITS * max(float(np.abs(points).max()), float(np.ptp(points, axis=0).max()))
+    return replace(settings, floor=known / settings.tol / (timing.h if timing.moving else 1.0))
 
 
 def solve_chain(

@@ -19,13 +19,17 @@ NO_HEIGHT = 1e-6
 """Share of the model's size through which loads do work that counts as none: bodies set down with the round-off of a mesh file."""
 
 
-def energy_at_rest(model: Model, floor: float) -> float:
-    """Kinetic energy [J] that counts as none: of all that no support drives, slower than the solvers' `floor` [m/s]."""
+REST = 1e-9
+"""Of the model's size: what moves by less in a step is at rest."""
+
+
+def energy_at_rest(model: Model, speed: float) -> float:
+    """Kinetic energy [J] that counts as none: of all that no support drives, slower than `speed` [m/s]."""
     along = np.zeros(model.n_dofs)
     along[np.setdiff1d(model.dof_of_node[:, 0], -1)] = 1.0
     model.rigid_part(along)[:, 0] = 1.0
     along -= model.driven_share(along)
-    return 0.5 * float(along @ model.apply_mass(along)) * floor**2
+    return 0.5 * float(along @ model.apply_mass(along)) * speed**2
 
 
 def refuse_creation(step: Step, share: float, rest: float, extent: float) -> None:

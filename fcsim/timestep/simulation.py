@@ -25,7 +25,7 @@ from fcsim.solvers import Memory
 from fcsim.timestep.beginning.first_half import passes, refuse_going_through
 from fcsim.timestep.beginning.impact import remark, struck
 from fcsim.timestep.chain import Attempt, Clock, SolverSettings, given_up, not_converged, settings_of_model
-from fcsim.timestep.creation import energy_at_rest, refuse_creation
+from fcsim.timestep.creation import REST, energy_at_rest, refuse_creation
 from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
@@ -134,7 +134,7 @@ class Simulation:
 
     @cached_property
     def _rest(self) -> float:
-        return energy_at_rest(self.model, self._settings.least_motion)
+        return energy_at_rest(self.model, min(self._settings.least_motion, REST * self._extent / self.scheme.h))
 
     @cached_property
     def _settings(self) -> SolverSettings:
@@ -168,7 +168,7 @@ class Simulation:
 
     def _opening(self, state: State) -> tuple[str, ...]:
         """Remarks as a run begins."""
-        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage, self.solver.least_motion)
+        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage, self.solver, self._settings)
         return (*locking_parts(self.model), *own)
 
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:

@@ -13,6 +13,7 @@ from fcsim.contact_detection import Detection, Detector
 from fcsim.contact_detection.never_touching import never_touching
 from fcsim.linkage import Linkage
 from fcsim.mesh.part import Body
+from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.remarks.falling import falling
 from fcsim.timestep.remarks.locked_joints import locked_joints
 from fcsim.timestep.remarks.over_time.lost_pulses import lost_pulses
@@ -36,18 +37,22 @@ _MANY = 2000
 """Bodies from which on pairs of them are not compared."""
 
 
+UNRESOLVED = 1e-2
+"""Errors that pass for none, relative to the fall in a step, from which on it is said."""
+
+
 def opening_remarks(
-    model: Model, detector: Detection, scheme: Scheme, state: State, steps: int, linkage: Linkage | None, floor: float = 0.0
+    model: Model, detector: Detection, scheme: Scheme, state: State, steps: int, linkage: Linkage | None, *settings: SolverSettings
 ) -> tuple[str, ...]:
-    """Remarks on a simulation before its first step at `state`; linkage: its links, which hold and join bodies too; floor: of the
-    solvers' errors, see `SolverSettings`."""
+    """Remarks on a simulation before its first step at `state`; linkage: its links, which hold and join bodies too; settings:
+    the solver's as they were given and as they are with a floor."""
     linked = linkage is not None
     positions = model.positions(state.x)
     seen = _gravities(model, state.t, state.t + steps * scheme.h)
     gravity = max(seen, key=lambda g: float(np.linalg.norm(g)))
     upwards = tuple(_upwards(model, positions, gravity, linked))
     found: list[Iterable[str]] = [_units(model, gravity), upwards, _long_steps(model, scheme, gravity)]
-    found += [_coarse_floor(model, scheme, floor), steep_friction(detector), fast_turning(model, scheme, state.t, steps)]
+    found += [_coarse_floor(model, scheme, gravity, *settings), steep_friction(detector), fast_turning(model, scheme, state.t, steps)]
     found += [diagonal_pull(model, scheme, state.t, steps), undersampled(model, scheme, state.t, steps)]
     found.append(lost_pulses(model, scheme, state.t, steps))
     found += [restitution_of_points(model, scheme), growing(model, scheme, linked)]
@@ -148,15 +153,24 @@ def _long_steps(model: Model, scheme: Scheme, gravity: FloatArray) -> Iterator[s
         )
 
 
-def _coarse_floor(model: Model, scheme: Scheme, floor: float) -> Iterator[str]:
-    """A floor of the errors beside which bodies are small: motions of tol times it pass for none."""
+def _coarse_floor(model: Model, scheme: Scheme, gravity: FloatArray, *settings: SolverSettings) -> Iterator[str]:
+    """A floor of the errors beside which bodies are small: motions of tol times it pass for none. One beside which their fall is small."""
+    if not settings:
+        return
+    (given, used), moving = settings, scheme.timing.moving
     extents = [float(np.ptp(points, axis=0).max()) for points in _points(model, model.reference) if len(points)]
-    smallest, moving = min(extents, default=np.inf), scheme.timing.moving
-    passed, unit = floor * (scheme.h if moving else 1.0), "m/s" if moving else "m"
-    if passed > smallest > 0:
+    smallest, unit = min(extents, default=np.inf), "m/s" if moving else "m"
+    passed = used.least_motion * (scheme.h if moving else 1.0)
+    if given.floor is not None and passed > smallest > 0:
         yield (
-            f"errors of solvers are measured against motions of at least {passed:.3g} m a step (SolverSettings.floor = {floor:g} {unit}), "
-            f"and the smallest body is {smallest:.3g} m: give a floor of a thousandth of the motion in a step, in {unit}"
+            f"errors of solvers are measured against motions of at least {passed:.3g} m a step (SolverSettings.floor = {given.floor:g} "
+            f"{unit}), and the smallest body is {smallest:.3g} m: leave floor out, or give a thousandth of the motion in a step, in {unit}"
+        )
+    fall, none = float(np.linalg.norm(gravity)) * scheme.h**2, used.tol * passed
+    if moving and none > UNRESOLVED * fall > 0:
+        yield (
+            f"in one step of h = {scheme.h:.3g} s a body at rest falls by {fall:.3g} m, and errors of {none:.2g} m pass for none, so that "
+            f"forces of bodies at rest are known to {100 * min(none / fall, 1.0):.2g} %: choose a larger h"
         )
 
 

@@ -20,6 +20,7 @@ from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from fcsim.running.case import load_case
+from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.remarks.over_time.undersampled import undersampled
 from fcsim.timestep.remarks.unlikely import restitution_of_points
@@ -39,6 +40,7 @@ def pile(
     h: float = 1e-3,
     pairs: tuple[tuple[str, str], ...] = (("one", "base"), ("two", "one")),
     scheme: Any = None,
+    floor: float | None = None,
 ) -> tuple[str, ...]:
     """What is said of two blocks, one on the other, on a held base; lengths are in `unit`s."""
     part = brick("brick", (0.2 * unit, 0.1 * unit, 0.1 * unit), (1, 1, 1), Material(E, 0.2, density))
@@ -49,7 +51,7 @@ def pile(
         SurfacePair(contact_surface(model, [(a, "z-")]), contact_surface(model, [(b, "z+")]), 0.5, 2e-3 * unit, "nodes", f"{a} on {b}")
         for a, b in pairs
     ]
-    simulation = Simulation(model, Detector(rules, model.n_nodes), scheme or Theta(h), 10)
+    simulation = Simulation(model, Detector(rules, model.n_nodes), scheme or Theta(h), 10, SolverSettings(floor=floor))
     return simulation._opening(at_rest(model, h=h))
 
 
@@ -126,11 +128,21 @@ def test_it_is_shown_once_by_the_run() -> None:
 
 def test_a_floor_of_errors_beside_which_bodies_are_small() -> None:
     """1e-3 is m/s in dynamics and m in statics: blocks of micrometres would be at rest up to "round-off" whatever they do."""
-    said = pile(unit=1e-5, gravity=0.0, scheme=QuasiStatic(1.0, eta=1e-6))
+    statics = QuasiStatic(1.0, eta=1e-6)
+    said = pile(unit=1e-5, gravity=0.0, scheme=statics, floor=1e-3)
     assert len(said) == 1 and re.search(
-        r"at least 0.001 m a step .*floor = 0.001 m\), and the smallest body is 2e-06 m: give a floor", said[0]
+        r"at least 0.001 m a step .*floor = 0.001 m\), and the smallest body is 2e-06 m: leave floor", said[0]
     )
-    assert pile(unit=1e-5, gravity=0.0, h=1e-6) == ()
+    assert pile(unit=1e-5, gravity=0.0, scheme=statics) == pile(unit=1e-5, gravity=0.0, h=1e-6, floor=1e-3) == ()
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_steps_so_short_that_round_off_hides_a_fall(unit: float) -> None:
+    """g h^2 = 1e-15 m of a base of 1 m, whose gaps are known to 4 eps = 9e-16 m."""
+    said = pile(unit=unit, gravity=-10.0 * unit, h=1e-8)
+    (hidden,) = (line for line in said if "a body at rest falls by" in line)
+    assert "known to 89 %" in hidden and ("1e-15 m" if unit == 1.0 else "1e-12 m") in hidden
+    assert not any("a body at rest falls by" in line for line in pile(unit=unit, gravity=-10.0 * unit, h=1e-6))
 
 
 @pytest.mark.parametrize(("change", "message"), [(lambda v: v * np.nan, "got NaN"), (lambda v: v[:-1], r"\(12,\), got shape \(11,\)")])
