@@ -41,12 +41,14 @@ def closed(race: Race) -> int:
 def held(race: Race) -> float:
     """Velocities that the closed contacts hold, over those that the bodies have; 0 where these are not known, or W is regular.
 
-    A sticking contact holds all of its velocity, a sliding one its normal one at least.
+    A sticking contact holds all of its velocity, a sliding one its normal one at least. At r = 0 those hold that are about to close,
+    q_N < 0, as Newton's first iteration has them: sticking where |q_T| < mu |q_N|.
     """
     motion = race.problem.delassus.motion
     if motion is None or motion.own is not None:
         return 0.0
-    velocities = velocities_held(race.best_r(), race.problem.mu, 1 - STICKING, race.problem.dimension)
+    r = race.best_r()
+    velocities = velocities_held(r if np.any(r) else -race.problem.q, race.problem.mu, 1 - STICKING, race.problem.dimension)
     return float(velocities) / motion.M.shape[0]
 
 

@@ -7,7 +7,8 @@ d unknowns a contact, nc contacts, m = d nc; entries: those of W that are not ze
                            `PASSES` times: rows scaled, copied, eliminated, multiplied
     Newton, sparse         LU by the elimination tree's count; the entries are gathered and scattered `SCATTERS` times; of both c / m
     Newton, joints         the same on large fronts, at the dense rate
-    ADMM                   one Cholesky factor (half an LU), then solves that read the factor twice and W once an iteration
+    ADMM                   one Cholesky factor (half an LU) and W's norm (`NORMED` reads of W), then solves that read the factor twice and
+                           W once an iteration
     proximal Newton        Newton's iterations, each with its own factor; where few degrees of freedom are behind W, an LU in the bodies'
                            velocities by its own count
 """
@@ -34,6 +35,9 @@ ONE_CONTACT = 100 * SCALAR
 """Operations of a one-contact Newton solve in 3D: about an iteration of 150, and next to none where a contact stays open."""
 SWEPT, IN_CACHE = 0.6 * ONE_CONTACT, 0.8
 """Operations a contact of sweeps, since not all are closed; and the time of a number that they read over that of the memory's rate."""
+UNSOLVED = 60 * ONE_CONTACT
+"""Operations of a one-contact problem that is not solved within its 20 iterations, as Painlevé's where it has no solution: 2.2 to 2.9
+microseconds, measured."""
 IRREGULAR = 2.0
 """Times the dense rate's time that an operation takes on the small fronts and indirect addresses of sparse elimination."""
 PASSES, SCATTERS = 4, 16
@@ -46,6 +50,8 @@ RUNNING_STEPS = 80
 since it mostly needs more iterations than expected."""
 OWN, OWN_COMPILED = 25_000, 7500
 """Operations of a contact's own equations in such an iteration in the bodies' velocities, as measured: 1 and 0.3 microseconds."""
+NORMED = 40
+"""How often W is read for its norm, by 20 to 30 products from Python, before ADMM's first iteration."""
 SHARES, PRODUCTS = 8, 3
 """How often an iteration in the bodies' velocities reads or writes the contacts' shares of their matrix, and W."""
 PIECE = {2: 0.4, 3: 0.2}
@@ -86,6 +92,11 @@ class Prices:
     def sweep(self) -> float:
         """A Gauss-Seidel sweep."""
         return self.machine.seconds(sweep(self.entries / self.problem.dimension**2, self.problem.nc))
+
+    @cached_property
+    def unsolved_contact(self) -> float:
+        """A one-contact problem that is not solved, beside its sweep's price."""
+        return self.machine.seconds(Work(UNSOLVED))
 
     @cached_property
     def flops(self) -> float:
@@ -182,11 +193,16 @@ class Prices:
 
     def splitting(self, iterations: int) -> float:
         """ADMM's factor and so many iterations."""
-        return self.machine.seconds(Work(0.5 * self.flops, steps=ADMM_BEGINS) + self._gather) + iterations * self.admm
+        return self.machine.seconds(Work(0.5 * self.flops) + self._admm_begins) + iterations * self.admm
 
     def least_splitting(self, iterations: int) -> float:
         """The same with a factor that takes no operations and fills in nothing."""
-        return self.machine.seconds(Work(steps=ADMM_BEGINS) + self._gather) + iterations * self.least_admm
+        return self.machine.seconds(self._admm_begins) + iterations * self.least_admm
+
+    @property
+    def _admm_begins(self) -> Work:
+        """What ADMM does before its first iteration beside its factor."""
+        return Work(bytes=NORMED * REAL * self.entries, steps=ADMM_BEGINS) + self._gather
 
     def least_squares(self, closed: int) -> float:
         """An iteration of Levenberg-Marquardt: the singular values of the matrix of the unknowns of contacts that are not open."""

@@ -10,11 +10,12 @@ from fcsim.arrays import FloatArray
 from fcsim.problem import Followed
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic.costs import Prices
+from fcsim.solvers.automatic.first import newton_first
 from fcsim.solvers.automatic.methods import newton_options
 from fcsim.solvers.automatic.over_ranks import newton_over_ranks
 from fcsim.solvers.automatic.pause import paused, tried
 from fcsim.solvers.automatic.race import Race
-from fcsim.solvers.automatic.stages import AutomaticOptions, newton_first
+from fcsim.solvers.automatic.stages import AutomaticOptions
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.newton.iterations import local_turns
 from fcsim.solvers.newton.options import NewtonOptions

@@ -31,6 +31,9 @@ PROOF_AFTER = 2.0
 STUCK, FRESH = 100, 250
 """Iterations of proximal Newton after which it may be stuck, and those after which a fresh start is due where it is."""
 
+REACH = 3.0
+"""Times the tolerance below which the best iterate is about to be good enough: who begins at zero has farther to go."""
+
 EFFORT = 15_000
 """Iterations of proximal Newton whose cost a race may spend where paths of blocks are followed: steps of rigid masonry in motion
 that have an answer took up to 6000; 504 blocks had none after 7000."""
@@ -44,6 +47,12 @@ def exhausted(race: Race) -> bool:
     return race.warm or held_as_blocks(race)
 
 
+def within_reach(race: Race) -> bool:
+    """Whether the best iterate is within a small factor of the tolerance, and proximal Newton has not ended or stood still for long."""
+    runner = race.runners.get("proximal Newton")
+    return race.best < REACH * race.monitor.tol and runner is not None and not stuck_for_long(runner)
+
+
 def in_place_of_sweeps(race: Race) -> bool:
     """Whether ADMM is to do what sweeps do not: these stand still in a bed of grains whose contacts nearly hold the bodies, as where
     friction is large, and proximal Newton is past the iterations that are its own and the cost of ADMM's first ones."""
@@ -51,6 +60,8 @@ def in_place_of_sweeps(race: Race) -> bool:
         return False
     runner = race.runners.get("proximal Newton")
     if runner is None or (runner.result is None and at_first(runner)):
+        return False
+    if within_reach(race):
         return False
     return runner.spent >= race.prices.splitting(race.options.splitting) and nearly_held(race) and not held_as_blocks(race)
 
@@ -67,7 +78,7 @@ def enter_interior(race: Race) -> bool:
         return False
     if held_as_blocks(race):
         return race.best > BESIDE and runner.needs() > INTERIOR_OF_BLOCKS * race.prices.interior
-    return runner.spent > INTERIOR_OF_BEDS * race.prices.interior
+    return runner.spent > INTERIOR_OF_BEDS * race.prices.interior and not within_reach(race)
 
 
 def beside_interior(race: Race) -> bool:

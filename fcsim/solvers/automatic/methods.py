@@ -118,12 +118,13 @@ def conjugate_sweeps(race: Race, monitor: ShareOfMonitor, rows: ContactRows) -> 
             reaction = embed_vector(race.best_r(), d)
             start, direction, last = reaction.copy(), np.zeros_like(reaction), 0.0
         turn = max(race.options.probe, min(monitor.iterations // TURN, LONGEST_TURN))
-        last, size, done = one.sweep_conjugate(
+        last, size, done, failed = one.sweep_conjugate(
             *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order, reaction, frozen),
             *(start, direction, last, SWEEPS.local_tolerance, SWEEPS.local_iterations, SWEEPS.relaxation),
             *(min(turn, most - monitor.iterations), awaited),
         )
         monitor.iterations += done
+        monitor.beside += failed * race.prices.unsolved_contact
         r = reaction[:, :d].flatten()
         error = monitor.record(r, rows.velocity(reaction)[:, :d].flatten())
         if error <= monitor.tol:

@@ -35,7 +35,8 @@ class ShareOfMonitor(Monitor):
 
     speed: ||u + g(u)|| / ||q|| of the velocities that the method believes in, infinite where it says nothing of them; paths: of an
     interior point, the root of tau after each iteration along each of its central paths; taken_up: the error of another method's iterate
-    from which it has just begun anew, infinite where it goes on from its own.
+    from which it has just begun anew, infinite where it goes on from its own; beside: what it has spent beside its iterations, in
+    seconds on the reference machine.
     """
 
     def __init__(self, whole: Monitor) -> None:
@@ -49,6 +50,7 @@ class ShareOfMonitor(Monitor):
         self.whole, self.scale, self._told = whole, whole.scale, 0
         self.speed = self.taken_up = float("inf")
         self.paths: list[list[float]] = []
+        self.beside = 0.0
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         return self.whole.error(r, u)
@@ -130,8 +132,8 @@ class Runner:
 
     @property
     def spent(self) -> float:
-        """Seconds on the reference machine."""
-        return self.monitor.iterations * self.price
+        """Seconds on the reference machine; who has ended in its first iteration has spent that."""
+        return max(self.monitor.iterations, self.result is not None) * self.price + self.monitor.beside
 
     def work(self, amount: float) -> None:
         """Take turns until about so much is spent, one at least, or one without an iteration says that something new would begin."""

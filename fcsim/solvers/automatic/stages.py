@@ -16,7 +16,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
@@ -25,7 +24,8 @@ from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.expected import FAR, NEWTON, at_first, dearer_than_newton, dearer_than_proximal, opening, sweeps_lead_on, swept
+from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, dearer_than_proximal, opening, sweeps_lead_on, swept
+from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, splitting_first
 from fcsim.solvers.automatic.later import (
     BESIDE,
     beside_interior,
@@ -45,8 +45,6 @@ from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Run
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.turns import Turns
 
-JOINTS_SHARE = 100
-"""ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
 SWEEPS_BESIDE = 0.1
 """What sweeps spend beside proximal Newton where edges or faces hold one another: of 400 such problems they solved 7 once that had
 begun."""
@@ -90,34 +88,6 @@ def _share(race: Race) -> int:
     return race.options.splitting if race.joints is None else JOINTS_SHARE
 
 
-def newton_first(race: Race) -> bool:
-    """Whether Newton is the first stage: in joints, be it between rigid blocks, and from a warm start."""
-    if not race.options.patience or singular_here(race):
-        return False
-    return race.joints is not None or on_springs(race) or (race.warm and not _sweeps_are_cheap(race))
-
-
-def _sweeps_are_cheap(race: Race) -> bool:
-    """Whether a probe of sweeps costs less than one elimination of a sparse W, as that of a thousand rigid boxes (62 000 rows: 5 s)."""
-    if "sweeps" in race.options.without or not sp.issparse(race.problem.W):
-        return False
-    probe = race.options.probe * race.prices.sweep
-    held = closed(race)
-    return probe < race.prices.least(held) or probe < race.prices.newton(held)
-
-
-def _splitting_first(race: Race) -> bool:
-    """ADMM and Newton from its iterate cost clearly less than Newton from afar: many bodies in joints, whose LU is dear. Not so of bodies
-    whose velocities are few: proximal Newton in these costs less than ADMM's own iterations, and ends what Newton begins."""
-    if race.joints is None or race.warm or not race.options.splitting:
-        return False
-    prices = race.prices
-    if prices.in_velocities and NEWTON.far * prices.proximal(0) < prices.splitting(JOINTS_SHARE):
-        return False
-    newton = prices.newton(0)
-    return prices.splitting(JOINTS_SHARE) + NEWTON.near * newton < 0.7 * NEWTON.far * newton
-
-
 def _enter_splitting(race: Race) -> bool:
     if not race.options.splitting:
         return False
@@ -125,7 +95,7 @@ def _enter_splitting(race: Race) -> bool:
         return True
     if race.best <= FAR:
         return False
-    if _splitting_first(race):
+    if splitting_first(race):
         return True
     if _proximal_before_splitting(race):
         return False
@@ -162,19 +132,21 @@ def _on_track(race: Race, runner: Runner) -> bool:
 def _enter_sweeps(race: Race) -> bool:
     if on_springs(race) and newton_first(race):  # sweeps have not solved one of 300 such problems
         return race.over("Newton") and race.over("proximal Newton")
-    return race.over("Newton") or race.over("splitting") if newton_first(race) or _splitting_first(race) else True
+    if proximal_first(race):
+        return race.over("proximal Newton") or ("proximal Newton" in race.runners and not at_first(race.runners["proximal Newton"]))
+    return race.over("Newton") or race.over("splitting") if newton_first(race) or splitting_first(race) else True
 
 
 def _enter_newton(race: Race) -> bool:
     if not race.options.patience or singular_here(race):
         return False
-    if _splitting_first(race):
+    if splitting_first(race):
         return race.over("splitting")
     return newton_first(race) or dearer_than_newton(race, swept(race))
 
 
 def _enter_proximal(race: Race) -> bool:
-    if race.over("sweeps") and (race.over("Newton") or singular_here(race)):
+    if proximal_first(race) or (race.over("sweeps") and (race.over("Newton") or singular_here(race))):
         return True
     if not race.over("Newton"):
         return singular_here(race) and dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)

@@ -52,21 +52,24 @@ def sweep_conjugate(
 ):  # fmt: skip
     """At most `sweeps` steps in place on reaction, start, direction (nc, 3), ended by ||change|| <= enough ||reaction||.
 
-    Arguments as in `_sweep_kernels.sweep` and `follow_direction`; return ||g||^2 and ||reaction||^2 of the last, and how many there were.
+    Arguments as in `_sweep_kernels.sweep` and `follow_direction`; return ||g||^2 and ||reaction||^2 of the last, how many there
+    were, and how many one-contact problems were not solved in all of them.
     """
     size = 0.0
     done = 0
+    failures = 0
     while done < sweeps:
         done += 1
         reaction[:] = start
-        one_sweep(  # noqa: F821
+        swept = one_sweep(  # noqa: F821
             indptr, indices, blocks, diagonal, shift, q, mu, rho, order, reaction, frozen, tolerance, iterations, relaxation, False, 0,
             0.0, 1, 0.0,
         )  # fmt: skip
+        failures += swept[2]
         last, size = follow_direction(start, reaction, direction, last)
         if not last > enough * enough * size:  # NaN ends it too
             break
-    return last, size, done
+    return last, size, done, failures
 
 
 def compiled(name, sweep):

@@ -38,7 +38,7 @@ def nncg(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: SweepO
 
     def sweep(tolerance: float, tau: float, count: int) -> tuple[float, int]:
         nonlocal last
-        last, size, done = solver.sweep_conjugate(
+        last, size, done, _ = solver.sweep_conjugate(
             *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order(), reaction, frozen),
             *(start, direction, last, tolerance, options.local_iterations, options.relaxation),
             *(count if options.shuffle != "each sweep" else 1, tau if options.error_evaluation == "light" else 0.0),

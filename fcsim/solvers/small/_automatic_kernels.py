@@ -154,7 +154,7 @@ def solve_automatically(
         price, elsewhere = newton_price(best, d, velocities, many)
         allowed = of_newton if turn else first * price
         while sweeping and not far and not least <= tol:
-            change, size, swept = sweep_conjugate(
+            change, size, swept, _ = sweep_conjugate(
                 starts, columns, blocks, diagonal, shift, q3, mu, rho, order, r3, frozen, from_here, direction, last, local_tolerance,
                 local_iterations, 1.0, look, awaited,
             )  # fmt: skip

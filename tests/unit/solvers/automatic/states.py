@@ -59,6 +59,7 @@ class State:
     point, 100 ADMM's factor and 2 an iteration."""
 
     best: float = AFAR
+    tol: float = 1e-8
     holds: float = LOOSE
     dimension: int = 3
     warm: bool = False
@@ -98,6 +99,10 @@ class State:
             **dict.fromkeys(("splitting", "least_splitting"), lambda iterations: 100.0 + 2.0 * iterations),
             least_squares=lambda held: 25.0,
         )
+
+    @property
+    def monitor(self) -> Any:
+        return SimpleNamespace(tol=self.tol)
 
     def best_r(self) -> np.ndarray:
         return np.ones(self.nc * self.dimension)

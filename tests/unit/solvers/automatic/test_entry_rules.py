@@ -36,6 +36,9 @@ pytestmark = pytest.mark.usefixtures("what_is_held_is_written_down")
         ({"warm": True}, STILL, newton(), False),
         ({"joints": object()}, STILL, newton(), False),
         ({"in_velocities": False}, STILL, newton(), False),
+        ({"tol": 0.34 * NEAR}, STILL, newton(), False),  # within three times the tolerance
+        ({"tol": 0.33 * NEAR}, STILL, newton(), True),
+        ({"tol": 0.34 * NEAR}, STILL, newton(result=ENDED), True),
     ],
 )
 def test_admm_comes_in_the_place_of_sweeps_that_stand_still(
@@ -107,6 +110,12 @@ def test_paths_enter(changes: dict[str, Any], proximal: Shown | None, others: fl
         ({"best": AFAR}, newton(spent=301.0), False),
         ({"best": AFAR, "without": ("proof",)}, newton(spent=301.0), True),
         ({"in_velocities": False}, newton(spent=301.0), True),
+        ({"tol": 0.34 * NEAR}, newton(spent=301.0), False),  # within three times the tolerance
+        ({"tol": 0.33 * NEAR}, newton(spent=301.0), True),
+        ({"tol": 0.34 * NEAR}, newton(spent=301.0, iterations=250, fell=1.1), True),  # where proximal Newton stands still
+        ({"tol": 0.34 * NEAR}, newton(spent=301.0, iterations=249, fell=1.1), False),
+        ({"tol": 0.34 * NEAR}, newton(spent=301.0, iterations=250, fell=1.12), False),
+        ({"tol": 0.34 * NEAR}, newton(spent=301.0, result=ENDED), True),
         ({"holds": FACES_HELD, "best": 1.1e-4}, newton(needed=151.0), True),  # ten of its iterations in blocks
         ({"holds": FACES_HELD, "best": 1.1e-4}, newton(needed=150.0), False),
         ({"holds": FACES_HELD, "best": 1e-4}, newton(needed=151.0), False),

@@ -54,6 +54,22 @@ def test_a_method_that_never_arrives_costs_about_what_the_one_that_does(dear: fl
     assert the_race.runners["stuck"].spent <= 1.25 * 200 + 2 * dear
 
 
+def test_what_is_spent_beside_iterations_counts_and_an_end_in_the_first_one_as_that() -> None:
+    _, the_race = race([method("one", lambda k: 0.0 if k == 3 else 0.5, 2.0)])
+    runner = the_race.runners["one"]
+    runner.monitor.beside = 0.25
+    assert runner.spent == 3 * 2.0 + 0.25
+
+    def ends(race: Race, monitor: ShareOfMonitor) -> Turns:
+        yield from ()
+        return Iterate(np.zeros(3), Status.SINGULAR)
+
+    runner = Runner(replace(method("ends", stuck, 2.0), turns=ends), the_race)
+    assert runner.spent == 0
+    runner.work(1.0)
+    assert runner.result is not None and runner.monitor.iterations == 0 and runner.spent == 2
+
+
 def test_a_stage_spends_no_more_than_its_share_beside_others() -> None:
     little = replace(method("stuck", stuck), share=lambda race: 0.1)
     iterate, the_race = race([little, method("sudden", lambda k: 0.0 if k == 200 else 0.9)])

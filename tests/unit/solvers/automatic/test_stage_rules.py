@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from fcsim.solvers.automatic import methods, stages
+from fcsim.solvers.automatic import first, methods, stages
 from fcsim.solvers.automatic.race import LITTLE, Stage
 from tests.unit.solvers.automatic.states import (
     AFAR,
@@ -75,7 +75,7 @@ def test_admm_waits_for_proximal_newton_in_the_bodies_velocities(changes: dict[s
 
 
 @pytest.mark.parametrize(
-    ("changes", "first"),
+    ("changes", "is_first"),
     [
         ({"newton_price": 43.0}, True),  # 100 iterations of ADMM cost 300: 300 + 7 n < 14 n
         ({"newton_price": 42.0}, False),
@@ -85,22 +85,45 @@ def test_admm_waits_for_proximal_newton_in_the_bodies_velocities(changes: dict[s
         ({"newton_price": 43.0, "joints": None}, False),
     ],
 )
-def test_in_joints_admm_is_first_where_newton_is_dear(changes: dict[str, Any], first: bool) -> None:
+def test_in_joints_admm_is_first_where_newton_is_dear(changes: dict[str, Any], is_first: bool) -> None:
     race = state(**{**JOINTS, **changes})
-    assert stages._splitting_first(race) is first
+    assert first.splitting_first(race) is is_first
     if race.joints is not None and race.splitting:
-        assert stage("splitting").enters(race) is first
+        assert stage("splitting").enters(race) is is_first
         assert stage("sweeps").enters(race) is False
-        assert stage("Newton").enters(race) is not first
+        assert stage("Newton").enters(race) is not is_first
         race.runners["splitting"] = Shown(result=ENDED)
         assert stage("Newton").enters(race) and stage("sweeps").enters(race)
 
 
+@pytest.mark.parametrize(
+    ("changes", "is_first"),
+    [
+        ({"holds": 1.1}, True),
+        ({"holds": 1.0}, False),
+        ({"holds": 1.1, "in_velocities": False}, False),
+        ({"holds": 1.1, "warm": True}, False),
+        ({"holds": 1.1, "without": ("proximal Newton",)}, False),
+        ({"holds": 1.1, "joints": None}, False),
+    ],
+)
+def test_in_joints_proximal_newton_is_first_where_newton_s_matrix_is_singular(changes: dict[str, Any], is_first: bool) -> None:
+    """Sweeps enter after the iterations that are its own, or where it has ended; Newton does not."""
+    race = state(**{"joints": object(), **changes})
+    assert first.proximal_first(race) is is_first
+    if race.joints is not None and not race.warm and not race.without:
+        assert stage("proximal Newton").enters(race) is is_first and (not is_first or not stage("sweeps").enters(race))
+        assert stage("Newton").enters(race) is (race.holds <= 1)
+        for shown, sweeps in ((Shown(iterations=19), False), (Shown(iterations=20), True), (Shown(iterations=3, result=ENDED), True)):
+            race.runners["proximal Newton"] = shown
+            assert not is_first or stage("sweeps").enters(race) is sweeps
+
+
 def test_not_where_proximal_newton_in_velocities_costs_less_than_admm_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """20 of its iterations for 300."""
-    monkeypatch.setattr(stages, "NEWTON", stages.NEWTON.__class__(far=20, near=0))
-    assert stages._splitting_first(state(joints=object(), newton_price=22.0, in_velocities=True))
-    assert not stages._splitting_first(state(joints=object(), newton_price=14.9, in_velocities=True))
+    monkeypatch.setattr(first, "NEWTON", first.NEWTON.__class__(far=20, near=0))
+    assert first.splitting_first(state(joints=object(), newton_price=22.0, in_velocities=True))
+    assert not first.splitting_first(state(joints=object(), newton_price=14.9, in_velocities=True))
 
 
 @pytest.mark.parametrize(

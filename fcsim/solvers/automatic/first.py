@@ -1,0 +1,49 @@
+"""Which method is the first of `auto`, before any other has shown what it does."""
+
+from __future__ import annotations
+
+import scipy.sparse as sp
+
+from fcsim.solvers.automatic.closed import closed, on_springs, singular_here
+from fcsim.solvers.automatic.expected import NEWTON
+from fcsim.solvers.automatic.race import Race
+
+JOINTS_SHARE = 100
+"""ADMM's iterations that must bring the error down tenfold where contacts come in joints of many bodies."""
+
+
+def newton_first(race: Race) -> bool:
+    """Whether Newton is the first stage: in joints, be it between rigid blocks, and from a warm start."""
+    if not race.options.patience or singular_here(race):
+        return False
+    return race.joints is not None or on_springs(race) or (race.warm and not _sweeps_are_cheap(race))
+
+
+def _sweeps_are_cheap(race: Race) -> bool:
+    """Whether a probe of sweeps costs less than one elimination of a sparse W, as that of a thousand rigid boxes (62 000 rows: 5 s)."""
+    if "sweeps" in race.options.without or not sp.issparse(race.problem.W):
+        return False
+    probe = race.options.probe * race.prices.sweep
+    held = closed(race)
+    return probe < race.prices.least(held) or probe < race.prices.newton(held)
+
+
+def splitting_first(race: Race) -> bool:
+    """ADMM and Newton from its iterate cost clearly less than Newton from afar: many bodies in joints, whose LU is dear. Not so of bodies
+    whose velocities are few: proximal Newton in these costs less than ADMM's own iterations, and ends what Newton begins."""
+    if race.joints is None or race.warm or not race.options.splitting:
+        return False
+    prices = race.prices
+    if prices.in_velocities and NEWTON.far * prices.proximal(0) < prices.splitting(JOINTS_SHARE):
+        return False
+    newton = prices.newton(0)
+    return prices.splitting(JOINTS_SHARE) + NEWTON.near * newton < 0.7 * NEWTON.far * newton
+
+
+def proximal_first(race: Race) -> bool:
+    """Whether proximal Newton is the first stage: in joints of rigid bodies whose contacts hold more velocities than these have, be it only
+    those that close, so that Newton's matrix is singular, be it at r = 0. Its first iterations there cost no more than a probe of sweeps
+    that begin anew, as they do in joints, and bring more."""
+    if race.joints is None or race.warm or not race.prices.in_velocities or "proximal Newton" in race.options.without:
+        return False
+    return singular_here(race)
