@@ -6,18 +6,21 @@ Source: W. W. Hager, SIAM Review 31, 1989 (the inverse of a matrix that was chan
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear.block_factors._lu_kernels import factorise
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem import Delassus
 from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
 from fcsim.solvers.newton.systems.velocity import bodies_of
 from fcsim.solvers.proximal._inner_kernels import product
+
+Arrays = tuple[IntArray, FloatArray, IntArray, FloatArray, tuple[IntArray, ...], tuple[Any, ...], tuple[Any, ...]]
+"""unknowns, h, places, M in the pattern, the pattern, the fronts' arrays, M by rows: see `follow_in_velocities`."""
 
 
 class Pieces(Protocol):
@@ -77,11 +80,11 @@ class InVelocities:
     @cached_property
     def eliminated(self) -> tuple[object, ...]:
         """What Newton's method reads in one compiled call, where it puts its factors, and the factor of M: see `newton_on_pieces`."""
-        *read, masses, pattern, factor, _ = self.arrays
+        unknowns, h, places, masses, pattern, factor, _ = cast(Arrays, self.arrays)
         of_mass = *factor[:8], np.empty_like(factor[8]), np.empty_like(factor[9])
         if not factorise(*pattern, masses.reshape(-1, 1, 1), *of_mass):
             raise SingularMatrix("the bodies' M is singular")
-        return *read, masses, pattern, factor, of_mass
+        return unknowns, h, places, masses, pattern, factor, of_mass
 
     def factor(self, K: FloatArray) -> None:
         self.K, self._before = K.copy(), K
