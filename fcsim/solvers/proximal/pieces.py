@@ -6,7 +6,7 @@ Source: W. W. Hager, SIAM Review 31, 1989 (the inverse of a matrix that was chan
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, Protocol, cast
+from typing import Protocol, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,7 +19,9 @@ from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
 from fcsim.solvers.newton.systems.velocity import bodies_of
 from fcsim.solvers.proximal._inner_kernels import product
 
-Arrays = tuple[IntArray, FloatArray, IntArray, FloatArray, tuple[IntArray, ...], tuple[Any, ...], tuple[Any, ...]]
+Arrays = tuple[
+    IntArray, FloatArray, IntArray, FloatArray, tuple[IntArray, ...], tuple[FloatArray | IntArray, ...], tuple[IntArray | FloatArray, ...]
+]
 """unknowns, h, places, M in the pattern, the pattern, the fronts' arrays, M by rows: see `follow_in_velocities`."""
 
 
