@@ -66,7 +66,12 @@ def eliminated_dense(size: int, entries: int, steps: int = STEPS) -> bool:
     if size > DENSE_UP_TO:
         return False
     sparse = Work(bytes=PASSES * REAL * entries, steps=steps)
-    return entries >= FILLED * size**2 or REFERENCE.seconds(Work(flops=2 / 3 * size**3)) <= REFERENCE.seconds(sparse)
+    return fills_in(size, entries) or REFERENCE.seconds(Work(flops=2 / 3 * size**3)) <= REFERENCE.seconds(sparse)
+
+
+def fills_in(size: int, entries: int) -> bool:
+    """Whether elimination fills in most of a matrix of that size with so many entries, and a dense factor is affordable."""
+    return size <= DENSE_UP_TO and entries >= FILLED * size**2
 
 
 def summed_dense(size: int, entries: int) -> bool:

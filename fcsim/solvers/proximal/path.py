@@ -29,6 +29,7 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.proximal import _path_kernels as kernels
 from fcsim.solvers.proximal._following_kernels import ARRIVED, SHORT, follow_in_velocities
+from fcsim.solvers.proximal._inner_kernels import FOUND, newton_on_pieces
 from fcsim.solvers.proximal.pieces import InVelocities, Pieces
 
 TURN = 1.0
@@ -62,7 +63,19 @@ class Regularised:
         return float(np.linalg.norm(self.pieces.product(F))) / (self.monitor.scale or 1.0)
 
     def newton(self, z: FloatArray, r: FloatArray, target: float, most: int) -> FloatArray | None:
-        """P(z) of the solution to a rest of target, by Newton's method from z = c - rho (W r + q); None after so many iterations."""
+        """P(z) of the solution to a rest of target, by Newton's method from z = c - rho (W r + q); None after so many iterations. Compiled
+        in the bodies' velocities."""
+        if not isinstance(self.pieces, InVelocities):
+            return self.newton_by_pieces(z, r, target, most)
+        if self.monitor.out_of_time():
+            return None
+        least = target * (self.monitor.scale or 1.0)
+        ended, count, found = newton_on_pieces(*self.pieces.eliminated, z, r, self.mu, self.rho, least, RUNAWAY, most)
+        self.monitor.iterations += count
+        return found if ended == FOUND else None
+
+    def newton_by_pieces(self, z: FloatArray, r: FloatArray, target: float, most: int) -> FloatArray | None:
+        """`newton` by the pieces, whatever they are."""
         first = np.inf
         for k in range(most + 1):
             found, K = kernels.law(z, self.mu, self.rho, kernels.statuses(z, self.mu))

@@ -6,16 +6,23 @@ Source: W. W. Hager, SIAM Review 31, 1989 (the inverse of a matrix that was chan
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
-from fcsim.linear.factors import DenseLU
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.linear.block_factors._lu_kernels import factorise
+from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem import Delassus
 from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
 from fcsim.solvers.newton.systems.velocity import bodies_of
+from fcsim.solvers.proximal._inner_kernels import product
+
+Arrays = tuple[
+    IntArray, FloatArray, IntArray, FloatArray, tuple[IntArray, ...], tuple[FloatArray | IntArray, ...], tuple[IntArray | FloatArray, ...]
+]
+"""unknowns, h, places, M in the pattern, the pattern, the fronts' arrays, M by rows: see `follow_in_velocities`."""
 
 
 class Pieces(Protocol):
@@ -61,7 +68,6 @@ class InVelocities:
 
     def __init__(self, operator: Delassus) -> None:
         self._bodies, self._shape = bodies_of(operator), (operator.nc, operator.dimension)
-        self._inverse_mass, _ = self._bodies.factored(np.zeros((*self._shape, operator.dimension)))
         self.K, self.sign = np.empty(0), 1
         assert operator.motion is not None
         self._mass = sp.csr_array(operator.motion.M)
@@ -72,6 +78,15 @@ class InVelocities:
         """What paths read that are followed in one compiled call, and where they put their factors: see `follow_in_velocities`."""
         mass = self._mass.indptr, self._mass.indices, self._mass.data
         return *self._bodies.fronts(self._mass), mass
+
+    @cached_property
+    def eliminated(self) -> tuple[object, ...]:
+        """What Newton's method reads in one compiled call, where it puts its factors, and the factor of M: see `newton_on_pieces`."""
+        unknowns, h, places, masses, pattern, factor, _ = cast(Arrays, self.arrays)
+        of_mass = *factor[:8], np.empty_like(factor[8]), np.empty_like(factor[9])
+        if not factorise(*pattern, masses.reshape(-1, 1, 1), *of_mass):
+            raise SingularMatrix("the bodies' M is singular")
+        return unknowns, h, places, masses, pattern, factor, of_mass
 
     def factor(self, K: FloatArray) -> None:
         self.K, self._before = K.copy(), K
@@ -112,8 +127,9 @@ class InVelocities:
         return rhs - np.einsum("aij,aj->ai", self.K, Wdr), Wdr
 
     def product(self, r: FloatArray) -> FloatArray:
-        product: FloatArray = self._bodies.HT @ self._inverse_mass(self._bodies.H @ r.ravel())
-        return product.reshape(self._shape)
+        unknowns, h, _, _, _, _, of_mass = self.eliminated
+        found: FloatArray = product(unknowns, h, of_mass, r)
+        return found
 
 
 class InReactions:

@@ -188,6 +188,33 @@ def test_the_compiled_path_is_that_of_the_pieces(d: int, changes: int, monkeypat
     assert reached >= 6 and max(pieces) > 20  # some contacts change twice
 
 
+@pytest.mark.parametrize("d", [2, 3])
+def test_compiled_newton_is_that_of_the_pieces(d: int) -> None:
+    """Iterations, what they find and where they give up; what is found solves the regularised problem."""
+    found_some = not_found = 0
+    for seed in range(40):
+        rng, W, nc = np.random.default_rng(seed), operator(d, 20, 12, seed), 20
+        q, mu, rho = rng.standard_normal((nc, d)), rng.choice([0.0, 0.6, 2.0], nc), np.full(nc, 10.0)
+        monitor = Monitor(q.ravel(), mu, d, 1e-10)
+        inner = Regularised(InVelocities(W), q, mu, rho, monitor)
+        centre = kernels.law(states(nc, d, rng), mu, rho, np.ones(nc, dtype=np.int64))[0]
+        z, ends, counts = centre - rho[:, None] * (inner.pieces.product(centre) + q), [], []
+        for way in (inner.newton_by_pieces, inner.newton):
+            before = monitor.iterations
+            ends.append(way(z, centre, 1e-9, 8))
+            counts.append(monitor.iterations - before)
+        assert counts[0] == counts[1]
+        assert (ends[0] is None) == (ends[1] is None)
+        if ends[0] is None or ends[1] is None:
+            not_found += counts[0] == 8
+            continue
+        assert_allclose(ends[1], ends[0], rtol=1e-7, atol=1e-7)
+        z = centre - rho[:, None] * ((W.W @ ends[1].ravel()).reshape(nc, d) + q)
+        assert_allclose(kernels.law(z, mu, rho, kernels.statuses(z, mu))[0], ends[1], atol=1e-5)
+        found_some += counts[0] > 1
+    assert found_some >= 2 and not_found >= 1
+
+
 def test_a_change_is_taken_apart_by_its_rank() -> None:
     rng = np.random.default_rng(2)
     for rank in range(4):
