@@ -99,7 +99,10 @@ class DenseLU:
 
     def __init__(self, A: NDArray[np.floating], overwrite: bool = False) -> None:
         getrf, self._getrs = sla.lapack.get_lapack_funcs(("getrf", "getrs"), (A,))
-        self._lu, self._pivots, info = getrf(A, overwrite_a=overwrite)
+        if A.size:
+            self._lu, self._pivots, info = getrf(A, overwrite_a=overwrite)
+        else:  # LAPACK complains on the terminal
+            self._lu, self._pivots, info = A, np.empty(0, dtype=np.int32), 0
         if info != 0:
             raise SingularMatrix(f"matrix of size {len(A)} is singular: zero pivot {info}")
 
@@ -110,12 +113,12 @@ class DenseLU:
         return -1 if turned % 2 else 1
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs)[0]
+        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs)[0] if self._lu.size else rhs.copy()
         return solution
 
     def solve_transposed(self, rhs: FloatArray) -> FloatArray:
         """Return A^-T rhs: with DenseLU(J.T, overwrite=True) a C-ordered J is factored in place, and this solves J x = rhs."""
-        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs, trans=1)[0]
+        solution: FloatArray = self._getrs(self._lu, self._pivots, rhs, trans=1)[0] if self._lu.size else rhs.copy()
         return solution
 
 

@@ -142,7 +142,7 @@ def _triangles(what: str, x: FloatArray, face: Sequence[int] | IntArray) -> IntA
     cut = mapbox_earcut.triangulate_float64(flat, np.array([len(corners)], dtype=np.uint32)).astype(np.int64).reshape(-1, 3)
     a, b, c = flat[cut[:, 0]], flat[cut[:, 1]], flat[cut[:, 2]]
     left = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    if not np.isclose(np.abs(left).sum() / 2, area, rtol=1e-6):
+    if not np.isclose(np.abs(left).sum() / 2, area, rtol=1e-6, atol=0.0):
         raise InputError(f"{what}: expected faces that do not cross themselves, got {face!r}")
     if (np.abs(left) <= STRAIGHT * size**2).any():  # corners of different edges in one line, as the shoulders of a T
         rounder = with_corners_on_edges(p, normal)

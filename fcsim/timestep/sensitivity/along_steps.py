@@ -218,9 +218,10 @@ def _refuse_changes(step: Step, made: tuple[Assembled, Assembled], name: str, re
             )
     both = np.repeat(below.present & above.present, step.contacts.dimension)
     share = SECOND_ORDER * relative**2 + SAME
+    held = (step.scheme.right_hand_side(step.model, step.previous), step.support_impulse)  # what f is the difference of where nothing moves
     for what, (lower, upper), expected, sizes in (
         ("velocities", (below.velocity[both], above.velocity[both]), step.result.u[both], (step.result.u, step.reduction.q)),
-        ("forces", (below.residual, above.residual), 0.0, (step.problem.f, step.problem.H @ step.result.r)),
+        ("forces", (below.residual, above.residual), 0.0, (step.problem.f, step.problem.H @ step.result.r, *held)),
     ):
         apart = float(np.abs(0.5 * (lower + upper) - expected).max(initial=0.0))
         size = max(float(np.abs(x).max(initial=0.0)) for x in (*sizes, lower, upper))

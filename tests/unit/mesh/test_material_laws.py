@@ -183,6 +183,7 @@ def test_hardening() -> None:
         (lambda: ogden([1.0], [0.0], 1.0, 1.0), "exponents alpha that are not 0"),
         (lambda: neo_hooke(1.0, 0.5, 1.0), "neo_hooke: expected Poisson's ratio -1 < nu < 0.5, got 0.5"),
         (lambda: OfStretches(lambda l, p: l[0] ** 2 + l[1] + l[2], 1.0), "the same for all orders"),
+        (lambda: OfStretches(lambda l, p: 1e-9 * ((l[0] - 1) ** 2 + 2 * (l[1] - 1) ** 2), 1.0), "the same for all orders"),
         (lambda: Hyperelastic(lambda F, p: F, 1.0), "expected a scalar in UFL"),
         (lambda: PointFunction(lambda F, b, a: F, 1.0).respond(np.eye(3)[None], np.empty((1, 0)), None, True), "expected \\(stress"),  # type: ignore[arg-type]
         (lambda: Variable("largest strain"), "expected a name of letters"),

@@ -172,3 +172,15 @@ def test_a_cube_of_rubber_drawn_on_all_faces() -> None:
     assert not said([first])
     (text,) = said([second])
     assert "softens" in text
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_body_that_supports_drive_at_every_node(dimension: int) -> None:
+    """A single cell, stretched by 1e-4 while its sides are held: Hooke's law for the force; nothing is left that could buckle."""
+    material = Material(E, 0.3, 1000.0)
+    cell = rectangle("cell", (1, 1), (1, 1), material) if dimension == 2 else brick("cell", (1, 1, 1), (1, 1, 1), material)
+    *sides, up = ("x", "y", "z")[:dimension]
+    drawn = Support("cell", (up,), f"{up}+", velocity=1e-4)
+    model = build_model([Body("cell", cell)], supports=[Support("cell", tuple(sides)), Support("cell", (up,), f"{up}-"), drawn])
+    (step,) = Simulation(model, Everything(model, mu=0.0), QuasiStatic(1.0), 1)
+    assert_allclose(step.support_force(drawn)[-1], 1e-4 * E * 0.7 / 1.3 / 0.4, rtol=1e-9)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from fcsim.assembly.loads import FollowerPressure
 from fcsim.assembly.model import build_model
@@ -15,6 +16,7 @@ from fcsim.mesh import brick, rectangle, rigid_box, rigid_rectangle, rigid_spher
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.sensitivity import sensitivities
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State
@@ -78,3 +80,22 @@ def test_against_whole_runs(build: Callable[..., Simulation], parameters: Mappin
             own = getattr(found[name].state, of)
             assert np.abs(expected).max() > 0
             assert np.abs(own - expected).max() <= allowed * np.abs(expected).max(), (name, of)
+
+
+def test_steps_in_which_nothing_moves_any_more() -> None:
+    """A block that hangs from its upper side, its weight all there from the first step on: dx/dE = -x/E after every step. Of an end that is
+    moved and then stays, what f is made of is in the supports' force alone, and E moves nothing."""
+
+    def hung(E: float, weight: float, way: float) -> Simulation:
+        part = rectangle("block", (0.2, 0.1), (2, 2), Material(E, 0.2, 1000.0))
+        supports = [Support("block", ("x", "y"), "y+")]
+        if way:
+            supports.append(Support("block", ("y",), "y-", displacement=lambda t: -way * min(t, 0.5)))
+        model = build_model([Body("block", part)], supports=supports, gravity=lambda t: (0, -weight))
+        return Simulation(model, Everything(model, 0.3), QuasiStatic(0.5), 3, EXACT)
+
+    E = 1e7
+    for step, found in sensitivities(lambda E: hung(E, 9.81, 0.0), {"E": E}):
+        assert_allclose(found["E"].state.x, -step.state.x / E, atol=1e-9 * np.abs(step.state.x).max() / E)
+    for step, found in sensitivities(lambda E: hung(E, 0.0, 1e-3), {"E": E}):
+        assert np.abs(found["E"].state.x).max() < 1e-9 * np.abs(step.state.x).max() / E

@@ -59,7 +59,7 @@ class Buckled:
         of_laws = _of_laws(step)
         for group in model.groups:
             own = [int(b) for b in group.members if b not in (self._free or ()) and found.strain[b] > STRAINED]
-            if (group.laws is not None and group.rotates) or group.over_ranks or not own:
+            if (group.laws is not None and group.rotates) or group.over_ranks or not own or group.driven.all():
                 continue
             prestress = self._prestress.setdefault(id(group), Prestress(group))
             for body in own:

@@ -52,6 +52,15 @@ def test_faces_of_any_orientation_are_turned_outwards(wrong: list[int]) -> None:
     assert (np.einsum("fd,fd->f", normal, corners - 0.5) > 0).all()
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-5])
+def test_a_face_that_crosses_itself_is_refused_in_any_unit(unit: float) -> None:
+    flat = [(0, 0), (3, 0), (1, 2), (2, 2)]
+    points = unit * np.array([(x, y, z) for z in (0.0, 1.0) for x, y in flat])
+    sides = [(k, (k + 1) % 4, (k + 1) % 4 + 4, k + 4) for k in range(4)]
+    with pytest.raises(InputError, match="faces that do not cross themselves"):
+        closed_surface("bow", points, [(3, 2, 1, 0), (4, 5, 6, 7), *sides])
+
+
 def test_corners_of_the_same_place_become_one() -> None:
     points = np.concatenate([CUBE[list(face)] for face in HEX])  # as STL holds them
     surface = closed_surface("cube", points, [tuple(range(4 * k, 4 * k + 4)) for k in range(6)])
